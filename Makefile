@@ -1,0 +1,81 @@
+# crosstrack: `make demo` and `make test` do all the set-up a fresh machine needs.
+# They want python3 (3.11 or later) with its venv module, and make.
+
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := $(BIN)/pip --disable-pip-version-check --quiet
+INSTALL := PYTHONWARNINGS=ignore $(PIP) install --no-build-isolation -c constraints.txt
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint types check docs bench slow format pins clean
+
+help:  ## Show this list
+	@sed -n 's/^\([a-z]*\):.*  ## /\1\t/p' $(MAKEFILE_LIST) | while IFS="$$(printf '\t')" read -r name text; do \
+		printf '  make %-8s %s\n' "$$name" "$$text"; done
+
+# -- set-up: one environment, filled step by step -------------------------------------------------
+
+.venv/runtime.stamp: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "crosstrack needs Python 3.11 or later")'
+	$(PYTHON) -m venv .venv
+	$(PIP) install -c constraints.txt pip setuptools
+	$(INSTALL) -e '.[all]'
+	mkdir -p .venv/link
+	ln -sfn ../.. .venv/link/crosstrack
+	@touch $@
+
+.venv/test.stamp: .venv/runtime.stamp
+	$(INSTALL) -e '.[test]'
+	@touch $@
+
+.venv/docs.stamp: .venv/runtime.stamp
+	$(INSTALL) -e '.[docs]'
+	@touch $@
+
+.venv/benchmark.stamp: .venv/runtime.stamp
+	$(INSTALL) -e '.[benchmark]'
+	@touch $@
+
+# -- what people type -----------------------------------------------------------------------------
+
+demo: .venv/runtime.stamp  ## Solve a 327-point instance with every algorithm, compare, draw the route
+	$(BIN)/crosstrack demo
+
+test: lint types check  ## Linter, formatter, type checker and all tests
+
+lint: .venv/test.stamp  ## Linter and formatter only
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: .venv/test.stamp  ## Type checker only
+	$(BIN)/mypy
+
+check: .venv/test.stamp  ## Tests only, those marked slow left out
+	$(BIN)/pytest tests -n 2
+
+slow: .venv/test.stamp  ## Tests marked slow
+	$(BIN)/pytest tests -n 2 -m slow
+
+bench: .venv/benchmark.stamp  ## Benchmarks; nothing else should run meanwhile
+	$(BIN)/pytest tests/benchmarks -s
+
+docs: .venv/docs.stamp  ## The site, into docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -j auto -b html docs docs/_build/html
+
+format: .venv/test.stamp  ## Format the code and apply the linter's safe fixes
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+pins:  ## Renew constraints.txt from the newest versions that fit
+	rm -rf build/pins
+	$(PYTHON) -m venv build/pins
+	build/pins/bin/pip install --quiet --upgrade pip setuptools
+	build/pins/bin/pip install --quiet '.[test,docs,benchmark]'
+	sed -n '/^#/p' constraints.txt > build/constraints.txt
+	build/pins/bin/pip freeze --all --exclude crosstrack | sort -f >> build/constraints.txt
+	mv build/constraints.txt constraints.txt
+
+clean:  ## Remove everything that was built, the environment included
+	rm -rf .venv build dist crosstrack.egg-info docs/_build docs/gallery docs/generated docs/sg_execution_times.rst
+	rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks tests/.pytest_cache tests/.benchmarks
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,266 @@
+"""What the site makes at build time from crosstrack itself, so that nobody types it.
+
+Directives, all for MyST pages:
+
+* ``crosstrack-backends``: the table of :func:`crosstrack.backends`;
+* ``crosstrack-options``: the backends' own options;
+* ``crosstrack-help``: the real ``--help`` of the command line and of every subcommand;
+* ``crosstrack-paper-table 1|2|3``: the paper's tables from the catalogue's settings;
+* ``crosstrack-formulations KIND``: the formulations of a model, with the size of an instance;
+* ``crosstrack-api MODULE``: every public name of a module, except those documented elsewhere.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import os
+import subprocess
+import sys
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from docutils import nodes
+from docutils.parsers.rst import directives
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+
+def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table in Markdown."""
+
+    def line(cells: Iterable[Any]) -> str:
+        return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
+
+    return "\n".join([line(columns), line("---" for _ in columns), *map(line, rows)])
+
+
+def code(names: Iterable[str]) -> str:
+    """Return names as code, separated by commas."""
+    return ", ".join(f"`{name}`" for name in names)
+
+
+class Made(SphinxDirective):
+    """A directive whose content is Markdown that a function makes."""
+
+    has_content = False
+    wide = False
+
+    def run(self) -> list[nodes.Node]:
+        made = self.parse_text_to_nodes(self.make(), allow_section_headings=True)
+        return [nodes.container("", *made, classes=["wide"])] if self.wide else made
+
+    def make(self) -> str:
+        raise NotImplementedError
+
+
+class Backends(Made):
+    """The backends of this installation."""
+
+    wide = True
+
+    def make(self) -> str:
+        import crosstrack
+
+        return markdown_table(
+            ("backend", "", "accepts", "proves", "understands", "version", "install"),
+            [
+                (
+                    f"`{s.name}`",
+                    s.summary,
+                    f"`{s.accepts}`",
+                    s.guarantee,
+                    ", ".join(s.features),
+                    s.version or "",
+                    f"`{install}`" if (install := self.install(s.name)) else "with crosstrack",
+                )
+                for s in crosstrack.backends()
+            ],
+        )
+
+    @staticmethod
+    def install(name: str) -> str:
+        from crosstrack.solvers import find_backend
+
+        extra = find_backend(name).extra
+        return f"crosstrack[{extra}]" if extra else ""
+
+
+class Options(Made):
+    """The options that are a backend's own."""
+
+    def make(self) -> str:
+        from crosstrack.solvers import backend_names, find_backend
+
+        parts = []
+        for backend in map(find_backend, backend_names()):
+            rows = [
+                (f"`{name}`", repr(option.default), option.help)
+                for name, option in backend.options.items()
+            ]
+            if rows:
+                parts += [f"`{backend.name}`\n", markdown_table(("option", "default", ""), rows), ""]
+        return "\n".join(parts)
+
+
+class Help(Made):
+    """The command line's own help."""
+
+    def make(self) -> str:
+        from crosstrack.__main__ import cli
+
+        parts = [self.block([])]
+        for name in cli.commands:
+            parts += [f"## `crosstrack {name}`", self.block([name])]
+        return "\n\n".join(parts)
+
+    @staticmethod
+    def block(arguments: list[str]) -> str:
+        environment = {**os.environ, "COLUMNS": "88", "NO_COLOR": "1"}
+        command = [sys.executable, "-P", "-m", "crosstrack", *arguments, "--help"]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+        return f"```text\n{done.stdout.rstrip()}\n```"
+
+
+class PaperTable(Made):
+    """A table as the paper prints it, from the settings that the catalogue uses."""
+
+    required_arguments = 1
+
+    def make(self) -> str:
+        from crosstrack.instances.error_correction import settings
+
+        def figure(value: float) -> str:
+            return f"{value:,.0f}".replace(",", " ") if value >= 1000 else f"{value:g}"
+
+        which = self.arguments[0]
+        if which == "1":
+            columns = ("row", "points", "horizontal", "vertical", "α1", "α2", "β1", "β2", "θ")
+            rows: list[Sequence[Any]] = [
+                (s.row, s.n, s.horizontal, s.vertical, *(f"{t:g}" for t in s.thresholds))
+                for s in settings.SETTINGS.values()
+            ]
+            notes = [f"Row {s.row}: {s.misprint}" for s in settings.SETTINGS.values() if s.misprint]
+            return "\n\n".join([markdown_table(columns, rows), *notes])
+        if which == "2":
+            return markdown_table(
+                ("row", "optimum (m)", "Gurobi 8.0 (s)", "two-stage (s)"),
+                [
+                    (row, figure(f.optimum), figure(f.gurobi), figure(f.two_stage))
+                    for row, f in settings.TABLE_2.items()
+                ],
+            )
+        return markdown_table(
+            ("row", "stage 1 (s)", "stage 2 (s)", "two-stage (s)", "pulse (s)", "DP (s)"),
+            [
+                (
+                    row,
+                    *map(
+                        figure,
+                        (f.stage_1, f.stage_2, f.two_stage, f.pulse, f.dynamic_programming),
+                    ),
+                )
+                for row, f in settings.TABLE_3.items()
+            ],
+        )
+
+
+class Formulations(Made):
+    """The formulations of a model, with the size of the program of one instance."""
+
+    required_arguments = 1
+
+    def make(self) -> str:
+        import crosstrack
+
+        model = crosstrack.load(self.arguments[0])
+        rows = []
+        for name in model.formulations:
+            written = model.formulate(name)
+            program = written.program
+            rows.append((f"`{name}`", written.summary, program.row_count, program.size))
+        columns = ("formulation", "", f"rows for `{model.name}`", "columns")
+        return markdown_table(columns, rows)
+
+
+class Api(Made):
+    """Every public name of a module with its docstring, those in ``:not:`` excepted."""
+
+    required_arguments = 1
+    option_spec = {"not": directives.unchanged, "only": directives.unchanged}
+
+    def make(self) -> str:
+        name = self.arguments[0]
+        module = importlib.import_module(name)
+        left_out = set(self.options.get("not", "").replace(",", " ").split())
+        only = self.options.get("only", "").replace(",", " ").split()
+        names = [n for n in (only or module.__all__) if n not in left_out and not n.startswith("__")]
+        lines = ["```{eval-rst}", f".. currentmodule:: {name}", "", ".. autosummary::", ""]
+        lines += [f"   {n}" for n in names]
+        for n in names:
+            value = getattr(module, n)
+            if inspect.isclass(value):
+                lines += ["", f".. autoclass:: {n}", "   :show-inheritance:"]
+                if not issubclass(value, BaseException):
+                    lines += ["   :members:"]
+            elif inspect.isroutine(value):
+                lines += ["", f".. autofunction:: {n}"]
+            else:
+                lines += ["", f".. autodata:: {n}"]
+        return "\n".join([*lines, "", "```"])
+
+
+class _Pictures:
+    """Saves the figures that a block of an example has made.
+
+    :func:`crosstrack.plot` returns a figure of its own, which no global state knows.
+    """
+
+    def __repr__(self) -> str:
+        return "crosstrack_site"
+
+    def __call__(self, block: Any, block_vars: Any, gallery_conf: Any) -> str:
+        from matplotlib.figure import Figure
+        from sphinx_gallery.scrapers import figure_rst
+
+        saved = []
+        for value in block_vars["example_globals"].values():
+            if isinstance(value, Figure) and not hasattr(value, "crosstrack_saved"):
+                path = next(block_vars["image_path_iterator"])
+                value.savefig(path, dpi=110)
+                value.crosstrack_saved = True  # type: ignore[attr-defined]
+                saved.append(path)
+        return figure_rst(saved, gallery_conf["src_dir"])
+
+
+_pictures = _Pictures()
+
+
+def _formula(self: Any, node: nodes.math | nodes.math_block) -> None:
+    """Write a formula as plain HTML, which needs no script, no special font and no network."""
+    from docutils.utils.math.math2html import math2html
+
+    made = math2html(node.astext()).strip()
+    if isinstance(node, nodes.math_block):
+        self.body.append(f'<div class="formula">{made}</div>')
+    else:
+        self.body.append(f'<span class="formula">{made}</span>')
+    raise nodes.SkipNode
+
+
+def _get_sg_image_scraper() -> _Pictures:
+    return _pictures
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the directives."""
+    app.add_html_math_renderer(
+        "plain", inline_renderers=(_formula, None), block_renderers=(_formula, None)
+    )
+    app.add_directive("crosstrack-backends", Backends)
+    app.add_directive("crosstrack-options", Options)
+    app.add_directive("crosstrack-help", Help)
+    app.add_directive("crosstrack-paper-table", PaperTable)
+    app.add_directive("crosstrack-formulations", Formulations)
+    app.add_directive("crosstrack-api", Api)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,66 @@
+"""Settings of the site. Building it reads nothing from the network."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE / "_ext"))
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+import crosstrack  # noqa: E402
+
+project = "crosstrack"
+author = "the crosstrack contributors"
+project_copyright = author
+version = release = crosstrack.__version__
+
+extensions = [
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx_gallery.gen_gallery",
+    "crosstrack_site",
+]
+
+exclude_patterns = ["_build", "_ext", "examples", "gallery/**.ipynb", "gallery/**.py", "**.zip"]
+nitpicky = False
+suppress_warnings = ["config.cache"]
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+autosummary_generate = False
+numpydoc_show_class_members = False
+numpydoc_xref_param_type = False
+
+html_math_renderer = "plain"
+html_theme = "furo"
+html_title = f"crosstrack {version}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+templates_path: list[str] = []
+
+sphinx_gallery_conf = {
+    "examples_dirs": "examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"/plot_",
+    "image_scrapers": ("crosstrack_site",),
+    "download_all_examples": False,
+    "show_memory": False,
+    "show_signature": False,
+    "remove_config_comments": True,
+    "min_reported_time": 10**6,
+    "abort_on_example_error": True,
+    "nested_sections": False,
+    "write_computation_times": False,
+    # A picture is the value of its block, and not printed.
+    "capture_repr": (),
+}

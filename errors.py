@@ -1,0 +1,88 @@
+"""The exceptions of crosstrack, one tree.
+
+::
+
+    CrosstrackError
+    ├── InvalidData            a model, plan or file holds a value that is not allowed
+    ├── UnknownName            no model, instance, backend or formulation bears this name
+    ├── BackendMissing         the backend's package is not installed
+    ├── BackendBroken          the package is installed, yet cannot be used
+    ├── UnsupportedOption      the backend or formulation does not know the option or its value
+    └── UnsupportedFormulation the formulation does not cover what the model asks for
+
+Every message names the field, the value and what is allowed.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+__all__ = [
+    "BackendBroken",
+    "BackendMissing",
+    "CrosstrackError",
+    "InvalidData",
+    "UnknownName",
+    "UnsupportedFormulation",
+    "UnsupportedOption",
+]
+
+
+class CrosstrackError(Exception):
+    """Base of every exception that crosstrack raises on purpose."""
+
+
+class InvalidData(CrosstrackError, ValueError):
+    """A model, a plan or a file holds a value that is not allowed.
+
+    Parameters
+    ----------
+    message : str
+        Field, value and what is allowed.
+    field : str, optional
+        The field at fault, for programs that want to point at it.
+    """
+
+    def __init__(self, message: str, *, field: str | None = None) -> None:
+        super().__init__(message)
+        self.field = field
+
+
+class UnknownName(CrosstrackError, LookupError):
+    """No model, instance, backend or formulation bears this name.
+
+    Parameters
+    ----------
+    what : str
+        The kind of thing that was looked up, such as ``"backend"``.
+    name : str
+        The name that was not found.
+    known : iterable of str
+        The names that exist; the nearest are suggested.
+    """
+
+    def __init__(self, what: str, name: str, known: Iterable[str]) -> None:
+        names = sorted(known)
+        near = difflib.get_close_matches(name, names, n=3)
+        hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+        listed = ", ".join(names) if names else "none"
+        super().__init__(f"unknown {what} {name!r}: {hint}known: {listed}")
+        self.what = what
+        self.name = name
+
+
+class BackendMissing(CrosstrackError, ImportError):
+    """The backend's package is not installed; the message says what to install."""
+
+
+class BackendBroken(CrosstrackError, RuntimeError):
+    """The backend's package is installed, yet it cannot be used; the message gives the cause."""
+
+
+class UnsupportedOption(CrosstrackError, ValueError):
+    """The backend or formulation does not know the option, or not this value of it."""
+
+
+class UnsupportedFormulation(CrosstrackError, ValueError):
+    """The formulation does not cover what the model asks for."""

@@ -1,0 +1,196 @@
+"""The instances that crosstrack knows by name, and the one verb that finds any instance."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from ..errors import InvalidData, UnknownName
+from ..models.model import Model, resolve
+
+__all__ = ["CatalogueEntry", "Provenance", "entries", "entry", "load", "register_entry"]
+
+#: Functions that return the entries of a problem, loaded when first asked for.
+_PROBLEMS: dict[str, str] = {
+    "error-correction": ".instances.error_correction.listing:catalogue_entries",
+}
+
+#: Entries of users, by name.
+_REGISTERED: dict[str, CatalogueEntry] = {}
+
+#: Entries of crosstrack, by problem and name, once loaded.
+_LOADED: dict[str, dict[str, CatalogueEntry]] = {}
+
+_NAME = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*/[A-Za-z0-9][A-Za-z0-9._-]*")
+
+
+class Provenance(StrEnum):
+    """Where the data of an instance comes from."""
+
+    #: Printed in the paper.
+    PAPER = "paper"
+    #: Printed in the paper but for something that is left open, which is ours.
+    COMPLETED = "completed"
+    #: Ours, drawn by a fixed seed with the paper's sizes.
+    SEEDED = "seeded"
+    #: Published elsewhere.
+    PUBLIC = "public"
+
+
+@dataclass(frozen=True)
+class CatalogueEntry:
+    """An instance with a name, and what its paper says of it.
+
+    Parameters
+    ----------
+    name : str
+        ``"<problem>/<instance>"``, such as ``"error-correction/7"``.
+    model : str
+        The model's JSON name.
+    title : str
+        What it is, in a line.
+    paper : str
+        The citation.
+    provenance : Provenance
+        Whether the data is the paper's, completed by us, ours by seed, or public.
+    builder : callable or str
+        Returns the model; lazily as ``"module:function"``.
+    published : mapping
+        The paper's figures for it, as JSON data: optimum, seconds by algorithm, table.
+    note : str
+        What to mind when figures are compared.
+
+    Raises
+    ------
+    InvalidData
+        The name is not of the form ``<problem>/<instance>``.
+    """
+
+    name: str
+    model: str
+    title: str
+    paper: str
+    provenance: Provenance
+    builder: Callable[[], Model[Any]] | str = field(repr=False, compare=False)
+    published: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
+            raise InvalidData(
+                f"name must be <problem>/<instance>, such as 'error-correction/7', "
+                f"got {self.name!r}",
+                field="name",
+            )
+        object.__setattr__(self, "provenance", Provenance(self.provenance))
+        object.__setattr__(self, "published", dict(self.published))
+
+    def build(self) -> Model[Any]:
+        """Return the model, which bears the entry's name."""
+        builder: Any = self.builder
+        model: Model[Any] = resolve(builder)()
+        return model if model.name == self.name else dataclasses.replace(model, name=self.name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry as JSON data, without the instance itself."""
+        return {
+            "name": self.name,
+            "model": self.model,
+            "title": self.title,
+            "paper": self.paper,
+            "provenance": self.provenance.value,
+            "published": dict(self.published),
+            "note": self.note,
+        }
+
+
+def register_entry(new: CatalogueEntry) -> CatalogueEntry:
+    """Put a user's entry into the catalogue of this session; a name that exists raises."""
+    if new.name in _all():
+        raise InvalidData(f"the catalogue has an entry {new.name!r} already", field="name")
+    _REGISTERED[new.name] = new
+    return new
+
+
+def entries() -> tuple[CatalogueEntry, ...]:
+    """Return all entries, numbers in names in the order of their values."""
+    return tuple(sorted(_all().values(), key=lambda one: _natural(one.name)))
+
+
+def entry(name: str) -> CatalogueEntry:
+    """Return the entry called `name`; ``UnknownName`` with suggestions where there is none."""
+    found = _find(name)
+    if found is None:
+        raise UnknownName("instance", name, _all())
+    return found
+
+
+def load(source: str | os.PathLike[str]) -> Model[Any]:
+    """Return an instance: by its name in the catalogue, or from a JSON file.
+
+    Parameters
+    ----------
+    source : str or path-like
+        A catalogue name such as ``"error-correction/7"``, or the path of an instance file. A
+        string that is both means the catalogue's: write ``"./error-correction/7"`` for the file.
+
+    Raises
+    ------
+    UnknownName
+        The string is neither a name nor an existing file.
+    InvalidData
+        The file cannot be read or does not hold an instance; the message names the place.
+    """
+    if isinstance(source, str):
+        found = _find(source)
+        if found is not None:
+            return found.build()
+        if "\0" in source or not Path(source).exists():
+            raise UnknownName("instance (and there is no such file)", source, _all())
+    file = Path(source)
+    if file.is_dir():
+        raise InvalidData(f"{file}: a folder, where an instance file was expected")
+    if file.suffix.casefold() == ".csv":
+        raise InvalidData(
+            f"{file}: a CSV file holds points and no thresholds. Write an instance file beside it, "
+            f'{{"model": "error-correction", "data": {{"points": "{file.name}", "alpha1": …, '
+            '"alpha2": …, "beta1": …, "beta2": …, "theta": …, "delta": …}}, or call '
+            "crosstrack.instances.read_csv(path, alpha1=…, …)"
+        )
+    from .storage import read_model
+
+    return read_model(file)
+
+
+def _find(name: str) -> CatalogueEntry | None:
+    problem = name.partition("/")[0]
+    if problem in _PROBLEMS:
+        found = _problem(problem).get(name)
+        if found is not None:
+            return found
+    return _REGISTERED.get(name)
+
+
+def _all() -> dict[str, CatalogueEntry]:
+    return {
+        name: one
+        for table in (*map(_problem, _PROBLEMS), _REGISTERED)
+        for name, one in table.items()
+    }
+
+
+def _problem(problem: str) -> dict[str, CatalogueEntry]:
+    if problem not in _LOADED:
+        _LOADED[problem] = {one.name: one for one in resolve(_PROBLEMS[problem])()}
+    return _LOADED[problem]
+
+
+def _natural(name: str) -> list[tuple[int, int, str]]:
+    parts = re.split(r"([0-9]+)", name)
+    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts if part]

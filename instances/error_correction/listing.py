@@ -1,0 +1,87 @@
+"""What the catalogue holds of error-correction routing."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from ...models.error_correction import ErrorCorrectionRouting
+from ..catalogue import CatalogueEntry, Provenance
+from .examples import example_1
+from .generator import generate
+from .settings import (
+    BOX,
+    DELTA,
+    EXAMPLE_1_OPTIMUM,
+    PAPER,
+    SETTINGS,
+    TIGHT,
+    Setting,
+    published,
+)
+
+__all__ = ["catalogue_entries", "setting_model"]
+
+_OURS = (
+    "The paper's coordinates are not published: ours are seeded and share sizes and thresholds, "
+    "so lengths are not comparable with the paper's, and seconds only in their order."
+)
+
+
+def setting_model(row: int) -> ErrorCorrectionRouting:
+    """Return our instance for a row of the paper's table 1, by the seed in its setting."""
+    setting = SETTINGS[row]
+    return generate(
+        setting.horizontal,
+        setting.vertical,
+        setting.thresholds,
+        seed=setting.seed,
+        delta=DELTA,
+        box=BOX,
+        planted_under=_planted_under(setting),
+        name=f"error-correction/{row}",
+    )
+
+
+def _planted_under(setting: Setting) -> tuple[float, ...] | None:
+    # Rows 7 to 9 and 10 to 12 share their points, so one route must suit all three.
+    return TIGHT if setting.row >= 7 else None
+
+
+def catalogue_entries() -> tuple[CatalogueEntry, ...]:
+    """Return example 1 and the rows of table 1."""
+    example = CatalogueEntry(
+        name="error-correction/example-1",
+        model="error-correction",
+        title="Example 1: the shorter way to a point may lead nowhere",
+        paper=PAPER,
+        provenance=Provenance.COMPLETED,
+        published={"example": 1, "optimum": EXAMPLE_1_OPTIMUM, "route": [1, 2, 3, 5]},
+        note=(
+            "The paper gives four distances and the thresholds; the coordinates, which have "
+            "these distances, and the place of point 4 are ours."
+        ),
+        builder=example_1,
+    )
+    return (example, *map(_row_entry, SETTINGS.values()))
+
+
+def _row_entry(setting: Setting) -> CatalogueEntry:
+    limits = ", ".join(f"{value:g}" for value in setting.thresholds)
+    notes = [_OURS]
+    if setting.contest_optimum is not None:
+        notes.append(
+            "The paper's points are those of a public contest; on them the optimum is "
+            f"{setting.contest_optimum:.3f} m."
+        )
+    if setting.misprint:
+        notes.append(setting.misprint)
+    return CatalogueEntry(
+        name=f"error-correction/{setting.row}",
+        model="error-correction",
+        title=f"Table 1, row {setting.row}: {setting.n} points, thresholds {limits}",
+        paper=PAPER,
+        provenance=Provenance.SEEDED,
+        published=published(setting.row),
+        note=" ".join(notes),
+        builder=partial(setting_model, setting.row),
+    )

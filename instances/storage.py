@@ -1,0 +1,136 @@
+"""Instance files: models read from JSON and written to it, whatever their kind.
+
+A file holds ``{"model": kind, "name": …, "data": {…}}``. Where a problem keeps part of its data in
+a file beside it, as ``"points": "file.csv"``, the function registered for its kind puts the content
+in the place of the reference.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import secrets
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import InvalidData
+from ..models.model import Model, parse_json, resolve
+
+__all__ = ["read_model", "read_text", "register_references", "write_model", "write_text"]
+
+#: Puts the content of referenced files into the ``data`` of an instance: (data, folder) -> data.
+References = Callable[[Mapping[str, Any], Path], dict[str, Any]]
+
+#: Functions of that type, or where to find them, by model kind; loaded when first needed.
+_REFERENCES: dict[str, Any] = {
+    "error-correction": ".instances.error_correction.files:resolve_references",
+}
+
+
+def register_references(kind: str, function: References) -> References:
+    """Let instance files of the model `kind` refer to other files.
+
+    Parameters
+    ----------
+    kind : str
+        The model's JSON name.
+    function : callable
+        Takes ``data`` as it stands in the file and the file's folder; returns the ``data`` that
+        the model understands.
+    """
+    _REFERENCES[kind] = function
+    return function
+
+
+def read_model(path: str | os.PathLike[str]) -> Model[Any]:
+    """Return the model in a JSON file; file names in it are relative to its folder.
+
+    Raises
+    ------
+    InvalidData
+        Naming the file, and in it the field, the row and the value at fault.
+    """
+    file = Path(path)
+    text = read_text(file)
+    try:
+        content = parse_json(text)
+        if isinstance(content, Mapping):
+            kind, data = content.get("model"), content.get("data")
+            if isinstance(kind, str) and isinstance(data, Mapping) and kind in _REFERENCES:
+                data = resolve(_REFERENCES[kind])(data, file.parent)
+                content = {**content, "data": data}
+        return Model.from_dict(content)
+    except InvalidData as error:
+        raise InvalidData(f"{file}: {error}", field=error.field) from None
+    except RecursionError:
+        raise InvalidData(f"{file}: nested too deeply for an instance") from None
+
+
+def write_model(model: Model[Any], path: str | os.PathLike[str]) -> Path:
+    """Write `model` as JSON, exactly and in one step; return the path.
+
+    Reading the file back gives the same digest. A reader never sees half a file.
+    """
+    return write_text(path, pretty(model.to_dict()))
+
+
+def pretty(content: Mapping[str, Any]) -> str:
+    """Return the JSON of an instance with one line a field, and one a row of a matrix."""
+
+    def plain(value: Any) -> str:
+        return json.dumps(value, allow_nan=False, ensure_ascii=False)
+
+    def field(value: Any) -> str:
+        if not isinstance(value, list) or not value or not isinstance(value[0], list):
+            return plain(value)
+        return "[\n      " + ",\n      ".join(map(plain, value)) + "\n    ]"
+
+    data = ",\n    ".join(f"{plain(k)}: {field(v)}" for k, v in content["data"].items())
+    head = [f"{plain(k)}: {plain(v)}" for k, v in content.items() if k != "data"]
+    return "{\n  " + ",\n  ".join([*head, f'"data": {{\n    {data}\n  }}']) + "\n}\n"
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """Return the UTF-8 text of a file, without its byte-order mark; lines end as they stand."""
+    file = Path(path)
+    try:
+        raw = file.read_bytes()
+    except FileNotFoundError:
+        raise InvalidData(f"{file}: no such file") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InvalidData(f"{file}: cannot be read: {reason}") from None
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InvalidData(
+            f"{file}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8: "
+            "save the file as UTF-8"
+        ) from None
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> Path:
+    """Write `text` as UTF-8 in one step: whoever reads sees the old content or the new."""
+    file = Path(path)
+    try:
+        raw = text.encode()
+    except UnicodeEncodeError as error:
+        raise InvalidData(f"{file}: {text[error.start]!r} cannot be written as UTF-8") from None
+    # A link stays a link: what it points at is replaced.
+    target = Path(os.path.realpath(file))
+    partial = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
+    try:
+        with partial.open("xb") as stream:
+            stream.write(raw)
+            stream.flush()
+            os.fsync(stream.fileno())
+        partial.replace(target)
+    except OSError as error:
+        raise InvalidData(f"{file}: cannot be written: {error.strerror}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+    return file

@@ -1,0 +1,81 @@
+"""WHAT is asked: models, their formulations as programs, and the check of a plan."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .builder import ProgramBuilder
+    from .error_correction import ErrorCorrectionRouting, Route
+    from .formulation import Formulation
+    from .model import Model
+    from .programs import Block, MixedIntegerProgram, Program
+    from .verification import Check, Verification
+
+__all__ = [
+    "Block",
+    "Check",
+    "ErrorCorrectionRouting",
+    "Formulation",
+    "MixedIntegerProgram",
+    "Model",
+    "Program",
+    "ProgramBuilder",
+    "Route",
+    "Verification",
+    "model_type",
+    "model_types",
+    "register_model",
+]
+
+_HOMES = {
+    "Block": "programs",
+    "Check": "verification",
+    "ErrorCorrectionRouting": "error_correction",
+    "Formulation": "formulation",
+    "MixedIntegerProgram": "programs",
+    "Model": "model",
+    "Program": "programs",
+    "ProgramBuilder": "builder",
+    "Route": "error_correction",
+    "Verification": "verification",
+}
+
+#: Model types by their JSON name, loaded when first asked for.
+_TYPES: dict[str, str | type[Model[Any]]] = {
+    "error-correction": ".models.error_correction:ErrorCorrectionRouting",
+    "mixed-integer-program": ".models.programs:MixedIntegerProgram",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
+def model_types() -> tuple[str, ...]:
+    """Return the JSON names of all model types."""
+    return tuple(_TYPES)
+
+
+def model_type(kind: str) -> type[Model[Any]]:
+    """Return the model type with the JSON name `kind`; ``UnknownName`` where there is none."""
+    from ..errors import UnknownName
+    from .model import resolve
+
+    if kind not in _TYPES:
+        raise UnknownName("model", kind, _TYPES)
+    found: type[Model[Any]] = resolve(_TYPES[kind])
+    return found
+
+
+def register_model(cls: type[Model[Any]]) -> type[Model[Any]]:
+    """Make a user's model type readable from JSON by its ``kind``; usable as a decorator."""
+    _TYPES[cls.kind] = cls
+    return cls

@@ -1,0 +1,155 @@
+"""Programs written for other tools: free MPS, LP format, CVXPY.
+
+Numbers are written with all their digits, so another tool reads the very same program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import cvxpy
+
+    from .programs import MixedIntegerProgram
+
+__all__ = ["cvxpy_problem", "lp", "mps"]
+
+
+def _senses(program: MixedIntegerProgram) -> list[str]:
+    low, high = program.row_lower, program.row_upper
+    equal = low == high
+    kinds = np.where(
+        equal, "E", np.where(np.isfinite(low), "G", np.where(np.isfinite(high), "L", "N"))
+    )
+    return [str(kind) for kind in kinds]
+
+
+def mps(program: MixedIntegerProgram) -> str:
+    """Return `program` as free MPS; a row with two bounds is a G row with a range."""
+    return "\n".join(_mps_lines(program)) + "\n"
+
+
+def _mps_lines(program: MixedIntegerProgram) -> Iterator[str]:
+    low, high = program.row_lower.tolist(), program.row_upper.tolist()
+    senses = _senses(program)
+    yield "NAME crosstrack"
+    yield "ROWS"
+    yield " N cost"
+    for row, sense in enumerate(senses):
+        yield f" {sense} r{row}"
+    yield "COLUMNS"
+    by_column = program.matrix.tocsc()
+    indptr, indices, data = (a.tolist() for a in (by_column.indptr, by_column.indices, by_column.data))
+    cost, integral = program.cost.tolist(), program.integral.tolist()
+    marked = False
+    for column in range(program.size):
+        if integral[column] != marked:
+            marked = integral[column]
+            yield f" MARKER 'MARKER' '{'INTORG' if marked else 'INTEND'}'"
+        # The objective is written even when 0, so that a column without rows exists.
+        yield f" x{column} cost {cost[column]!r}"
+        for k in range(indptr[column], indptr[column + 1]):
+            yield f" x{column} r{indices[k]} {data[k]!r}"
+    if marked:
+        yield " MARKER 'MARKER' 'INTEND'"
+    yield "RHS"
+    if program.offset:
+        yield f" rhs cost {-program.offset!r}"
+    for row, sense in enumerate(senses):
+        value = high[row] if sense == "L" else low[row]
+        if sense != "N" and value:
+            yield f" rhs r{row} {value!r}"
+    yield "RANGES"
+    for row, sense in enumerate(senses):
+        if sense == "G" and high[row] < np.inf:
+            yield f" range r{row} {high[row] - low[row]!r}"
+    yield "BOUNDS"
+    for column, (lower, upper) in enumerate(
+        zip(program.column_lower.tolist(), program.column_upper.tolist(), strict=True)
+    ):
+        if lower == -np.inf and upper == np.inf:
+            yield f" FR bound x{column}"
+            continue
+        yield f" MI bound x{column}" if lower == -np.inf else f" LO bound x{column} {lower!r}"
+        yield f" PL bound x{column}" if upper == np.inf else f" UP bound x{column} {upper!r}"
+    yield "ENDATA"
+
+
+def lp(program: MixedIntegerProgram) -> str:
+    """Return `program` in LP format."""
+    return "\n".join(_lp_lines(program)) + "\n"
+
+
+def _sum(columns: list[int], values: list[float]) -> str:
+    terms = [f"{'-' if v < 0 else '+'} {abs(v)!r} x{c}" for c, v in zip(columns, values, strict=True)]
+    # Readers of the format limit a line's length.
+    return "\n  ".join(" ".join(terms[k : k + 8]) for k in range(0, len(terms), 8)) or "0 x0"
+
+
+def _lp_lines(program: MixedIntegerProgram) -> Iterator[str]:
+    yield "Minimize"
+    objective = _sum(list(range(program.size)), program.cost.tolist())
+    yield f" cost: {objective}" + (f" {program.offset:+r}" if program.offset else "")
+    yield "Subject To"
+    matrix = program.matrix
+    for row, (low, high) in enumerate(
+        zip(program.row_lower.tolist(), program.row_upper.tolist(), strict=True)
+    ):
+        part = slice(matrix.indptr[row], matrix.indptr[row + 1])
+        terms = _sum(matrix.indices[part].tolist(), matrix.data[part].tolist())
+        if low == high:
+            yield f" r{row}: {terms} = {low!r}"
+        else:
+            # A range becomes two rows: not every reader knows ranges in this format.
+            if low > -np.inf:
+                yield f" r{row}{'l' if high < np.inf else ''}: {terms} >= {low!r}"
+            if high < np.inf:
+                yield f" r{row}{'u' if low > -np.inf else ''}: {terms} <= {high!r}"
+    yield "Bounds"
+    for column, (lower, upper) in enumerate(
+        zip(program.column_lower.tolist(), program.column_upper.tolist(), strict=True)
+    ):
+        if lower == -np.inf and upper == np.inf:
+            yield f" x{column} free"
+        else:
+            left = "-inf" if lower == -np.inf else repr(lower)
+            right = "+inf" if upper == np.inf else repr(upper)
+            yield f" {left} <= x{column} <= {right}"
+    if program.integral.any():
+        yield "General"
+        yield from (f" x{column}" for column in np.flatnonzero(program.integral))
+    yield "End"
+
+
+def cvxpy_problem(program: MixedIntegerProgram) -> tuple[cvxpy.Problem, cvxpy.Variable]:
+    """Return `program` as a ``cvxpy.Problem`` with its variable.
+
+    The constraints stand in the order: equal rows, rows from below, rows from above, columns from
+    below, columns from above; each only where it has entries.
+    """
+    import cvxpy
+
+    made: Any = cvxpy  # its functions are not typed
+    if program.integral.any():
+        x = made.Variable(program.size, integer=[np.flatnonzero(program.integral)], name="x")
+    else:
+        x = made.Variable(program.size, name="x")
+    constraints: list[Any] = []
+    matrix, low, high = program.matrix, program.row_lower, program.row_upper
+    equal = low == high
+    builders: tuple[tuple[Any, Callable[[Any, Any], Any]], ...] = (
+        (equal, lambda a, k: a @ x == low[k]),
+        (~equal & np.isfinite(low), lambda a, k: a @ x >= low[k]),
+        (~equal & np.isfinite(high), lambda a, k: a @ x <= high[k]),
+    )
+    for take, build in builders:
+        if take.any():
+            constraints.append(build(matrix[np.flatnonzero(take)], take))
+    for bound, sign in ((program.column_lower, 1), (program.column_upper, -1)):
+        take = np.isfinite(bound)
+        if take.any():
+            constraints.append(sign * x[np.flatnonzero(take)] >= sign * bound[take])
+    return made.Problem(made.Minimize(program.cost @ x + program.offset), constraints), x

@@ -1,0 +1,274 @@
+"""Declared fields of a model: how a value is coerced, checked, frozen and written as JSON.
+
+A model declares each field with a :class:`Spec`; :class:`~crosstrack.models.model.Model` applies
+them. Strings are no numbers, NaN is never a value, and infinity only where the spec allows it
+(JSON then writes ``null``).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InvalidData
+
+__all__ = ["Array", "Flag", "Optional", "Real", "Spec", "Text", "declared", "frozen", "show"]
+
+
+def show(value: Any) -> str:
+    """Return `value` for an error message, cut to a readable length."""
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def frozen(array: NDArray[Any]) -> NDArray[Any]:
+    """Return `array` made read-only."""
+    array.setflags(write=False)
+    return array
+
+
+class Spec(ABC):
+    """How one field is checked on the way in and written on the way out."""
+
+    #: Whether the field is part of the content that the digest identifies.
+    content: bool = True
+
+    @abstractmethod
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Any:
+        """Return the checked, coerced and frozen value, or raise :class:`InvalidData`.
+
+        `sizes` collects the named dimensions met so far, each with the field that fixed it.
+        """
+
+    def encode(self, value: Any) -> Any:
+        """Return what JSON holds for `value`."""
+        return value
+
+    def feed(self, value: Any) -> Iterable[bytes]:
+        """Yield the bytes that identify `value` in a digest."""
+        yield repr(value).encode()
+
+    def refreeze(self, value: Any) -> Any:
+        """Return `value` as it must be after unpickling."""
+        return value
+
+
+def declared(spec: Spec, **options: Any) -> Any:
+    """Return a dataclass field that carries `spec`; `options` go to ``dataclasses.field``."""
+    return dataclasses.field(metadata={"spec": spec}, **options)
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool | np.bool_ | str | bytes) or not isinstance(
+        value, int | float | np.number | np.ndarray
+    ):
+        raise InvalidData(f"{name} must be a number, got {show(value)}", field=name)
+    if isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "iuf"):
+        raise InvalidData(f"{name} must be a single number, got {show(value)}", field=name)
+    try:
+        return float(value)
+    except (TypeError, OverflowError):
+        raise InvalidData(f"{name} must be a real number, got {show(value)}", field=name) from None
+
+
+@dataclass(frozen=True)
+class Real(Spec):
+    """A finite real number, at least `lower` (greater than it when `strict`).
+
+    Parameters
+    ----------
+    lower, upper : float, optional
+        The range allowed.
+    strict : bool
+        Exclude `lower` itself.
+    unit : str
+        Named in messages.
+    """
+
+    lower: float | None = None
+    upper: float | None = None
+    strict: bool = False
+    unit: str = ""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> float:
+        number = _number(name, value)
+        unit = f" {self.unit}" if self.unit else ""
+        if not math.isfinite(number):
+            raise InvalidData(f"{name} must be finite, got {number}", field=name)
+        if self.lower is not None and (number < self.lower or (self.strict and number == self.lower)):
+            sign = ">" if self.strict else ">="
+            raise InvalidData(f"{name} must be {sign} {self.lower:g}{unit}, got {number:g}", field=name)
+        if self.upper is not None and number > self.upper:
+            raise InvalidData(f"{name} must be <= {self.upper:g}{unit}, got {number:g}", field=name)
+        return number + 0.0
+
+
+@dataclass(frozen=True)
+class Flag(Spec):
+    """True or False; numbers and strings are neither."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> bool:
+        if not isinstance(value, bool | np.bool_):
+            raise InvalidData(f"{name} must be true or false, got {show(value)}", field=name)
+        return bool(value)
+
+
+@dataclass(frozen=True)
+class Text(Spec):
+    """A string."""
+
+    content: bool = True
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> str:
+        if not isinstance(value, str):
+            raise InvalidData(f"{name} must be a string, got {show(value)}", field=name)
+        return value
+
+
+@dataclass(frozen=True)
+class Optional(Spec):
+    """Either None or what `spec` allows."""
+
+    spec: Spec
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "content", self.spec.content)
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Any:
+        return None if value is None else self.spec.coerce(name, value, sizes)
+
+    def encode(self, value: Any) -> Any:
+        return None if value is None else self.spec.encode(value)
+
+    def feed(self, value: Any) -> Iterable[bytes]:
+        return [b"none"] if value is None else self.spec.feed(value)
+
+    def refreeze(self, value: Any) -> Any:
+        return None if value is None else self.spec.refreeze(value)
+
+
+@dataclass(frozen=True)
+class Array(Spec):
+    """A numeric array of a declared shape.
+
+    Parameters
+    ----------
+    shape : tuple of int or str
+        One entry a dimension: a length, or a name that must mean the same length in all fields.
+    dtype : type
+        ``float``, ``int`` or ``bool``.
+    lower, upper : float, optional
+        The range allowed.
+    infinity : {0, -1, 1}
+        Whether -inf (-1) or inf (1) is a value; JSON writes it as null.
+    """
+
+    shape: tuple[int | str, ...]
+    dtype: type = float
+    lower: float | None = None
+    upper: float | None = None
+    infinity: int = 0
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
+        array = self._numbers(name, value)
+        array = self._shaped(name, array, sizes)
+        if self.dtype is float:
+            bad = ~np.isfinite(array)
+            if self.infinity:
+                bad &= array != self.infinity * math.inf
+            self._refuse(name, array, bad, "must be finite")
+            array = array + 0.0  # a copy, with -0.0 made 0.0
+        if self.lower is not None:
+            self._refuse(name, array, array < self.lower, f"must be >= {self.lower:g}")
+        if self.upper is not None:
+            self._refuse(name, array, array > self.upper, f"must be <= {self.upper:g}")
+        return frozen(np.ascontiguousarray(array))
+
+    def _numbers(self, name: str, value: Any) -> NDArray[Any]:
+        if isinstance(value, str | bytes | dict | set):
+            raise InvalidData(f"{name} must be an array of numbers, got {show(value)}", field=name)
+        try:
+            raw = np.asarray(value)
+        except (ValueError, TypeError):
+            raise InvalidData(f"{name} {self._ragged(value)}", field=name) from None
+        kinds = {float: "iuf", int: "iu", bool: "b"}[self.dtype]
+        if raw.dtype.kind in kinds or raw.size == 0:
+            return np.array(raw, dtype=self.dtype)
+        if self.dtype is int and raw.dtype.kind == "f":
+            with np.errstate(invalid="ignore"):
+                whole = np.isfinite(raw) & (raw == np.floor(raw))
+            self._refuse(name, raw, ~whole, "must be whole numbers")
+            return raw.astype(int)
+        # Strings turn a whole array into strings: find the entry at fault among the originals.
+        objects = np.asarray(value, dtype=object)
+        for place in np.ndindex(objects.shape):
+            entry = objects[place]
+            if entry is None and self.infinity:
+                objects[place] = self.infinity * math.inf
+                continue
+            if not isinstance(entry, int | float | np.number) or isinstance(entry, bool):
+                raise InvalidData(f"{_at(name, place)} must be a number, got {show(entry)}", field=name)
+        return objects.astype(self.dtype)
+
+    def _ragged(self, value: Any) -> str:
+        if len(self.shape) == 2 and isinstance(value, list | tuple):
+            for row, entry in enumerate(value):
+                size = len(entry) if isinstance(entry, list | tuple) else None
+                if size is None or (isinstance(self.shape[1], int) and size != self.shape[1]):
+                    return f"row {row} must hold {self.shape[1]} numbers, got {show(entry)}"
+        return f"must be an array of shape {self._shape_text()}, got {show(value)}"
+
+    def _shaped(
+        self, name: str, array: NDArray[Any], sizes: dict[str, tuple[int, str]]
+    ) -> NDArray[Any]:
+        if array.size == 0 and array.ndim == 1 and len(self.shape) > 1:
+            array = array.reshape([0, *[d if isinstance(d, int) else 0 for d in self.shape[1:]]])
+        wrong = array.ndim != len(self.shape) or any(
+            isinstance(want, int) and have != want
+            for have, want in zip(array.shape, self.shape, strict=False)
+        )
+        if wrong:
+            raise InvalidData(
+                f"{name} must have shape {self._shape_text()}, got {array.shape}", field=name
+            )
+        for have, want in zip(array.shape, self.shape, strict=True):
+            if isinstance(want, str):
+                known, source = sizes.setdefault(want, (have, name))
+                if known != have:
+                    raise InvalidData(
+                        f"{name} has {have} entries where {source} has {known}", field=name
+                    )
+        return array
+
+    def _shape_text(self) -> str:
+        return "(" + ", ".join(map(str, self.shape)) + ("," if len(self.shape) == 1 else "") + ")"
+
+    def _refuse(self, name: str, array: NDArray[Any], bad: NDArray[Any], rule: str) -> None:
+        if bad.any():
+            place = tuple(int(k) for k in np.argwhere(bad)[0])
+            raise InvalidData(f"{_at(name, place)} {rule}, got {array[place]}", field=name)
+
+    def encode(self, value: NDArray[Any]) -> Any:
+        if self.infinity and not np.isfinite(value).all():
+            objects = value.astype(object)
+            objects[~np.isfinite(value)] = None
+            return objects.tolist()
+        return value.tolist()
+
+    def feed(self, value: NDArray[Any]) -> Iterable[bytes]:
+        yield repr((value.dtype.str, value.shape)).encode()
+        yield value.tobytes()
+
+    def refreeze(self, value: NDArray[Any]) -> NDArray[Any]:
+        return frozen(value)
+
+
+def _at(name: str, place: tuple[int, ...]) -> str:
+    return f"{name}[{', '.join(map(str, place))}]" if place else name

@@ -1,0 +1,86 @@
+"""A formulation: a model written as a solver-neutral program, and the way back."""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UnsupportedOption
+
+if TYPE_CHECKING:
+    from .model import Model
+    from .programs import Program
+
+__all__ = ["Formulation"]
+
+ModelT = TypeVar("ModelT", bound="Model[Any]")
+PlanT = TypeVar("PlanT")
+
+
+@dataclass(frozen=True, eq=False)
+class Formulation(ABC, Generic[ModelT, PlanT]):
+    """A model as a program, with plans encoded into its columns and decoded from them.
+
+    Subclasses are frozen dataclasses; their fields after `model` are the typed options, checked
+    in ``__post_init__`` with :class:`~crosstrack.errors.UnsupportedOption`, and what of the model
+    they do not cover with :class:`~crosstrack.errors.UnsupportedFormulation`.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    """
+
+    model: ModelT
+
+    name: ClassVar[str]
+    program_type: ClassVar[type[Program]]
+    summary: ClassVar[str] = ""
+
+    @classmethod
+    def of(cls, model: ModelT, options: Mapping[str, Any]) -> Self:
+        """Return the formulation of `model` with `options`; an unknown one raises."""
+        known = [field.name for field in dataclasses.fields(cls) if field.name != "model"]
+        for name in options:
+            if name not in known:
+                raise UnsupportedOption(
+                    f"formulation {cls.name!r} has no option {name!r}; "
+                    f"its options: {', '.join(known) or 'none'}"
+                )
+        return cls(model, **options)
+
+    @cached_property
+    def program(self) -> Program:
+        """The program, built at the first use."""
+        return self.build()
+
+    @abstractmethod
+    def build(self) -> Program:
+        """Return the program."""
+
+    @abstractmethod
+    def encode(self, plan: PlanT) -> NDArray[np.float64]:
+        """Return the program's column vector for `plan`.
+
+        Any plan that satisfies the model satisfies the program's rows once encoded, so encoding
+        cross-checks a plan of any backend against the paper's equations; it is also a warm start.
+        """
+
+    @abstractmethod
+    def decode(self, point: NDArray[np.float64]) -> PlanT:
+        """Return the plan that a column vector stands for; ``InvalidData`` where it has none."""
+
+    def bounded(self, objective: float) -> Self:
+        """Return a formulation that may leave out plans worse than a verified `objective`.
+
+        The dispatcher calls it with the objective of a verified warm start. The default keeps
+        the program as it is.
+        """
+        return self

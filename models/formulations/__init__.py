@@ -1,0 +1,1 @@
+"""The models' formulations as programs, one file each."""

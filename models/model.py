@@ -1,0 +1,271 @@
+"""The base of every model: declared data, exact JSON, a digest, formulations and a verification.
+
+A model says WHAT is asked, and nothing of how it is answered.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import importlib
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
+
+from ..errors import InvalidData, UnknownName, UnsupportedFormulation
+from .fields import Spec, Text, declared, show
+from .verification import TOLERANCE, Verification
+
+if TYPE_CHECKING:
+    from .formulation import Formulation
+
+__all__ = ["Model", "library_version", "resolve"]
+
+PlanT = TypeVar("PlanT")
+
+
+def library_version() -> str:
+    """Return the version of crosstrack."""
+    from .. import __version__
+
+    return __version__
+
+
+def resolve(target: str | type[Any]) -> Any:
+    """Return what a ``"module:object"`` string names; anything else as it is.
+
+    A module that begins with a dot is taken from within crosstrack.
+    """
+    if not isinstance(target, str):
+        return target
+    module, _, name = target.partition(":")
+    package = __package__.rpartition(".")[0]
+    return getattr(importlib.import_module(module, package), name)
+
+
+@dataclass(frozen=True, eq=False)
+class Model(ABC, Generic[PlanT]):
+    """A planning problem: its data, and how a plan for it is written and verified.
+
+    Subclasses are frozen dataclasses with ``eq=False`` whose fields are declared with a
+    :class:`~crosstrack.models.fields.Spec`; the base copies, coerces, checks and freezes them.
+
+    Parameters
+    ----------
+    name : str
+        A label for people; no part of the content.
+
+    Attributes
+    ----------
+    kind : str
+        The model's name in JSON and on the command line.
+    formulations : dict of str to (str or type)
+        Formulation classes by name, lazily as ``"module:class"``; ``"paper"`` is the paper's own.
+    default_formulation : str
+        The one taken when none is named.
+    objective_unit : str
+        Unit of the objective, which is always minimised.
+    """
+
+    name: str = declared(Text(content=False), default="", kw_only=True)
+
+    kind: ClassVar[str] = ""
+    formulations: ClassVar[dict[str, str | type[Formulation[Any, Any]]]] = {}
+    default_formulation: ClassVar[str] = ""
+    objective_unit: ClassVar[str] = ""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.formulations = dict(cls.formulations)
+
+    # -- data in ---------------------------------------------------------------------------------
+
+    def __post_init__(self) -> None:
+        sizes: dict[str, tuple[int, str]] = {}
+        for name, spec in self._specs():
+            object.__setattr__(self, name, spec.coerce(name, getattr(self, name), sizes))
+        self.check()
+
+    def check(self) -> None:
+        """Raise :class:`~crosstrack.errors.InvalidData` where fields contradict one another."""
+
+    @classmethod
+    def _specs(cls) -> Iterator[tuple[str, Spec]]:
+        for field in dataclasses.fields(cls):
+            if "spec" in field.metadata:
+                yield field.name, field.metadata["spec"]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        specs = dict(self._specs())
+        for name, value in state.items():
+            object.__setattr__(self, name, specs[name].refreeze(value) if name in specs else value)
+
+    # -- JSON ------------------------------------------------------------------------------------
+
+    def data(self) -> dict[str, Any]:
+        """Return the content as JSON data (no NaN, no infinity)."""
+        return {
+            name: spec.encode(getattr(self, name)) for name, spec in self._specs() if name != "name"
+        }
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any], *, name: str = "") -> Self:
+        """Return the model that :meth:`data` wrote; unknown and missing keys raise."""
+        if not isinstance(data, Mapping):
+            raise InvalidData(f"data must be an object, got {show(data)}", field="data")
+        known = {f.name: f for f in dataclasses.fields(cls) if f.init and f.name != "name"}
+        extra = cls.input_names()
+        for key in data:
+            if key not in known and key not in extra:
+                allowed = ", ".join(sorted({*known, *extra}))
+                raise InvalidData(
+                    f"unknown key {key!r} in the data of model {cls.kind!r}; allowed: {allowed}",
+                    field=str(key),
+                )
+        for key, field in known.items():
+            required = (
+                field.default is dataclasses.MISSING
+                and field.default_factory is dataclasses.MISSING
+            )
+            if required and key not in data:
+                raise InvalidData(f"key {key!r} is missing in the data of model {cls.kind!r}", field=key)
+        return cls(**{str(key): value for key, value in data.items()}, name=name)
+
+    @classmethod
+    def input_names(cls) -> frozenset[str]:
+        """Return further names that the constructor takes beside the fields."""
+        return frozenset()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return ``{"model": kind, "name": …, "data": {…}}``."""
+        return {"model": self.kind, "name": self.name, "data": self.data()}
+
+    def to_json(self, *, indent: int | None = None) -> str:
+        """Return the model as exact JSON: reading it gives the same digest."""
+        return json.dumps(self.to_dict(), indent=indent, allow_nan=False, ensure_ascii=False)
+
+    @staticmethod
+    def from_dict(data: Any) -> Model[Any]:
+        """Return the model of any kind that :meth:`to_dict` wrote."""
+        from . import model_type
+
+        if not isinstance(data, Mapping):
+            raise InvalidData(f"a model must be an object, got {show(data)}", field="model")
+        for key in data:
+            if key not in ("model", "name", "data"):
+                raise InvalidData(
+                    f"unknown key {key!r} beside the model's data; allowed: model, name, data",
+                    field=str(key),
+                )
+        for key in ("model", "data"):
+            if key not in data:
+                raise InvalidData(f"key {key!r} is missing: a model is {{'model', 'data'}}", field=key)
+        if not isinstance(data["model"], str):
+            raise InvalidData(f"model must be a string, got {show(data['model'])}", field="model")
+        name = data.get("name", "")
+        if not isinstance(name, str):
+            raise InvalidData(f"name must be a string, got {show(name)}", field="name")
+        return model_type(data["model"]).from_data(data["data"], name=name)
+
+    @staticmethod
+    def from_json(text: str) -> Model[Any]:
+        """Return the model of any kind that :meth:`to_json` wrote."""
+        return Model.from_dict(parse_json(text))
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the content, in hexadecimal; the name is no part of it."""
+        hasher = hashlib.sha256(self.kind.encode())
+        for name, spec in sorted(self._specs()):
+            if spec.content:
+                hasher.update(f"\0{name}\0".encode())
+                for chunk in spec.feed(getattr(self, name)):
+                    hasher.update(chunk)
+        return hasher.hexdigest()
+
+    # -- plans -----------------------------------------------------------------------------------
+
+    @abstractmethod
+    def verify(self, plan: PlanT, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return the objective and every constraint, recomputed from the raw data.
+
+        Parameters
+        ----------
+        plan : PlanT
+            A plan for this model, from anywhere.
+        tolerance : float
+            Largest violation accepted, relative to ``max(1, right-hand side)``.
+        """
+
+    @abstractmethod
+    def plan_to_data(self, plan: PlanT) -> Any:
+        """Return `plan` as JSON data."""
+
+    @abstractmethod
+    def plan_from_data(self, data: Any) -> PlanT:
+        """Return the plan that :meth:`plan_to_data` wrote; bad data raises ``InvalidData``."""
+
+    # -- formulations ----------------------------------------------------------------------------
+
+    def lower(self) -> Model[Any] | None:
+        """Return the more general model that this one is a case of, None where there is none."""
+        return None
+
+    @classmethod
+    def formulation_type(cls, name: str | None = None) -> type[Formulation[Any, Any]]:
+        """Return the formulation class called `name`, the default one for None."""
+        if not cls.formulations:
+            raise UnsupportedFormulation(f"model {cls.kind!r} has no formulation as a program")
+        name = cls.default_formulation if name is None else name
+        if name not in cls.formulations:
+            raise UnknownName(f"formulation of model {cls.kind!r}", name, cls.formulations)
+        found: type[Formulation[Any, Any]] = resolve(cls.formulations[name])
+        return found
+
+    def formulate(self, name: str | None = None, **options: Any) -> Formulation[Any, Any]:
+        """Return this model's formulation called `name`, with its typed `options`.
+
+        Raises
+        ------
+        UnknownName
+            No formulation bears the name.
+        UnsupportedOption
+            The formulation does not know an option.
+        UnsupportedFormulation
+            The formulation does not cover what this model asks for.
+        """
+        return self.formulation_type(name).of(self, options)
+
+    def __repr__(self) -> str:
+        label = f" {self.name!r}" if self.name else ""
+        return f"<{type(self).__name__}{label} {self.describe()}>"
+
+    def describe(self) -> str:
+        """Return the size of the model in a few words."""
+        return f"digest {self.digest[:12]}"
+
+
+def parse_json(text: str) -> Any:
+    """Return the JSON value in `text`; NaN, infinities and doubled keys raise ``InvalidData``."""
+
+    def constant(word: str) -> Any:
+        raise InvalidData(f"{word} is no JSON number: write null where infinity is meant")
+
+    def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for key, value in items:
+            if key in found:
+                raise InvalidData(f"key {key!r} stands twice in one object", field=key)
+            found[key] = value
+        return found
+
+    try:
+        return json.loads(text, parse_constant=constant, object_pairs_hook=pairs)
+    except json.JSONDecodeError as error:
+        raise InvalidData(f"no valid JSON: {error}") from None

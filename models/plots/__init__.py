@@ -1,0 +1,83 @@
+"""Pictures of models and their plans; matplotlib is imported only when one is drawn."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from ...errors import BackendMissing, UnknownName, UnsupportedOption
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..model import Model
+
+__all__ = ["plot", "register_plot"]
+
+#: Functions (model, plan, **options) -> Figure by model kind, loaded when first asked for.
+_PICTURES: dict[str, Any] = {
+    "error-correction": ".models.plots.error_correction:draw",
+}
+
+
+def register_plot(kind: str, function: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw models of a user's `kind` with ``function(model, plan, **options)``."""
+    _PICTURES[kind] = function
+    return function
+
+
+def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
+    """Draw `model`, and `plan` where one is given.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    plan : optional
+        A plan for it, valid or not; None draws the data only.
+    **options
+        Those of the model's picture: for error-correction routing
+        :func:`crosstrack.models.plots.error_correction.draw`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Tied to no window and no pyplot state: ``plot(…).savefig("route.png")``.
+
+    Raises
+    ------
+    UnknownName
+        There is no picture for this kind of model.
+    UnsupportedOption
+        The picture does not know an option.
+    BackendMissing
+        Matplotlib is not installed.
+    """
+    from ..model import resolve
+
+    if model.kind not in _PICTURES:
+        raise UnknownName("picture of the model", model.kind, _PICTURES)
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise BackendMissing(
+            f"pictures need matplotlib, which is not installed ({error}): "
+            "pip install 'crosstrack[plot]'"
+        ) from error
+    draw: Callable[..., Figure] = resolve(_PICTURES[model.kind])
+    _refuse_unknown(model.kind, draw, options)
+    return draw(model, plan, **options)
+
+
+def _refuse_unknown(kind: str, draw: Callable[..., Any], options: dict[str, Any]) -> None:
+    parameters = list(inspect.signature(draw).parameters.values())[2:]
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+        return
+    known = [parameter.name for parameter in parameters]
+    for name in options:
+        if name not in known:
+            raise UnsupportedOption(
+                f"the picture of {kind!r} has no option {name!r}; "
+                f"its options: {', '.join(known) or 'none'}"
+            )

@@ -1,0 +1,148 @@
+"""What the independent check of a plan found: one :class:`Check` a constraint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = ["ROUNDING", "TOLERANCE", "Check", "Verification"]
+
+#: Largest violation that rounding explains, for a constraint whose right-hand side is 1 or less.
+ROUNDING = 1e-9
+#: Largest violation that a solver's feasibility tolerance excuses, scaled alike.
+TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Check:
+    """One constraint of the model, measured on one plan.
+
+    Parameters
+    ----------
+    name : str
+        What is checked, in the words of the paper.
+    equation : str
+        The paper's equation, empty where it has none.
+    worst : float
+        Largest violation, in `unit`; 0 when the constraint holds everywhere.
+    unit : str
+        Unit of `worst` and `tolerance`.
+    tolerance : float
+        Largest violation accepted.
+    where : str
+        The place of the largest violation, or of the least slack.
+    rounding : float
+        Largest violation that rounding alone explains.
+    """
+
+    name: str
+    equation: str
+    worst: float
+    unit: str
+    tolerance: float
+    where: str
+    rounding: float = ROUNDING
+
+    @property
+    def ok(self) -> bool:
+        """Whether the violation is accepted (never, when it is not a number)."""
+        return bool(self.worst <= self.tolerance)
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether it is accepted although it is more than rounding.
+
+        An objective may hang on such a violation, so the plan contradicts nobody.
+        """
+        return self.ok and self.worst > self.rounding
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the check as JSON data."""
+        return {
+            "name": self.name,
+            "equation": self.equation,
+            "worst": self.worst if self.worst < float("inf") else None,
+            "unit": self.unit,
+            "tolerance": self.tolerance,
+            "where": self.where,
+            "ok": self.ok,
+            "within_tolerance": self.within_tolerance,
+            "rounding": self.rounding,
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Check:
+        """Return the check that :meth:`to_dict` wrote."""
+        return cls(
+            name=data["name"],
+            equation=data["equation"],
+            worst=float("inf") if data["worst"] is None else data["worst"],
+            unit=data["unit"],
+            tolerance=data["tolerance"],
+            where=data["where"],
+            rounding=data.get("rounding", ROUNDING),
+        )
+
+    def __str__(self) -> str:
+        state = "within tolerance" if self.within_tolerance else "ok" if self.ok else "VIOLATED"
+        equation = f" (eq. {self.equation})" if self.equation else ""
+        unit = f" {self.unit}" if self.unit else ""
+        place = f" at {self.where}" if self.where else ""
+        return f"{self.name}{equation}: {state}, worst {self.worst:.3g}{unit}{place}"
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The objective and every constraint of a model, recomputed from its raw data for one plan.
+
+    Parameters
+    ----------
+    objective : float, optional
+        The recomputed objective; None where the plan is too broken to have one.
+    checks : tuple of Check
+        One a constraint.
+    """
+
+    objective: float | None
+    checks: tuple[Check, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether the plan has an objective and every check is accepted."""
+        return self.objective is not None and all(check.ok for check in self.checks)
+
+    @property
+    def within_tolerance(self) -> tuple[Check, ...]:
+        """The checks that are accepted although they are off by more than rounding."""
+        return tuple(check for check in self.checks if check.within_tolerance)
+
+    @property
+    def violated(self) -> tuple[Check, ...]:
+        """The checks that are not accepted."""
+        return tuple(check for check in self.checks if not check.ok)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the verification as JSON data."""
+        return {
+            "ok": self.ok,
+            "objective": self.objective,
+            "checks": [check.to_dict() for check in self.checks],
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Verification:
+        """Return the verification that :meth:`to_dict` wrote."""
+        return cls(data["objective"], tuple(Check.from_dict(check) for check in data["checks"]))
+
+    def summary(self) -> str:
+        """Return one word and, where it is not plain ok, the checks that say why."""
+        if self.ok:
+            near = self.within_tolerance
+            return "ok" if not near else "within tolerance: " + "; ".join(c.name for c in near)
+        return "violated: " + ("; ".join(c.name for c in self.violated) or "no objective")
+
+    def __str__(self) -> str:
+        head = "verified" if self.ok else "NOT verified"
+        objective = "" if self.objective is None else f", objective {self.objective:.10g}"
+        return "\n".join([head + objective, *(f"  {check}" for check in self.checks)])

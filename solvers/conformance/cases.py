@@ -1,0 +1,217 @@
+"""What a conformance case is, and how an answer is judged: by computing again, not by trust."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.programs import MixedIntegerProgram
+from ..backend import Answer, Feature, Limit, Request, Termination
+
+__all__ = ["Case", "Expectation", "Run"]
+
+#: Relative slack of every comparison with a known value: solvers work to 1e-6 at best.
+SLACK = 1e-6
+#: Seconds that a solver may need beyond its time limit or a stop, on a busy machine.
+GRACE = 3.0
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """What is known of a case.
+
+    Parameters
+    ----------
+    termination : tuple of Termination
+        The right ends.
+    objective : float, optional
+        The optimum, where it is known and exists.
+    best_known, floor : float, optional
+        For programs nobody solves: the objective of a plan that exists, which no dual bound may
+        exceed, and a proven lower bound, below which no plan may lie.
+    point : tuple of float, optional
+        The optimal column vector, where it is the only one.
+    duals : tuple of float, optional
+        The row multipliers, where they are the only ones.
+    limit : Limit, optional
+        The limit that must be named.
+    """
+
+    termination: tuple[Termination, ...]
+    objective: float | None = None
+    best_known: float | None = None
+    floor: float | None = None
+    point: tuple[float, ...] | None = None
+    duals: tuple[float, ...] | None = None
+    limit: Limit | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run of a backend on a case, with what was seen from outside.
+
+    Parameters
+    ----------
+    answer : Answer
+        What the backend returned.
+    request : Request
+        What it was asked.
+    features : frozenset of Feature
+        What it declares.
+    incumbents : tuple of (float, float, object)
+        Seconds, objective and point of each incumbent reported.
+    seconds, cpu : float
+        Wall-clock and processor time of the run.
+    again : Answer, optional
+        The answer to the same request asked again.
+    """
+
+    answer: Answer
+    request: Request
+    features: frozenset[Feature]
+    incumbents: tuple[tuple[float, float, Any], ...] = ()
+    seconds: float = 0.0
+    cpu: float = 0.0
+    again: Answer | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A small program of which everything that matters is known.
+
+    Parameters
+    ----------
+    name : str
+        What it tries.
+    program : MixedIntegerProgram
+        What is asked.
+    expectation : Expectation
+        What is known.
+    needs : frozenset of Feature
+        Features without which the case says nothing of a backend.
+    arguments : mapping
+        Arguments of the :class:`Request`.
+    stop_after : float, optional
+        Seconds after which the control asks the run to stop; 0 stops it before it starts.
+    twice : bool
+        Whether to ask twice.
+    further : callable, optional
+        ``further(case, run)`` judges what only this case looks at.
+    """
+
+    name: str
+    program: MixedIntegerProgram
+    expectation: Expectation
+    needs: frozenset[Feature] = frozenset()
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    stop_after: float | None = None
+    twice: bool = False
+    further: Callable[[Case, Run], str | None] | None = None
+
+    def judge(self, run: Run) -> str | None:
+        """Return why `run` fails the case, None when it passes."""
+        for judge in (_termination, _point, _bounds, _duals, _time):
+            reason = judge(self, run)
+            if reason is not None:
+                return reason
+        return None if self.further is None else self.further(self, run)
+
+
+def _slack(value: float) -> float:
+    return SLACK * max(1.0, abs(value))
+
+
+def _termination(case: Case, run: Run) -> str | None:
+    answer, expected = run.answer, case.expectation
+    if answer.termination not in expected.termination:
+        allowed = " or ".join(expected.termination)
+        return f"ended {answer.termination}, expected {allowed}; {answer.message}".rstrip("; ")
+    if answer.limit is not expected.limit:
+        return f"named the limit {answer.limit}, expected {expected.limit}"
+    return None
+
+
+def _point(case: Case, run: Run) -> str | None:
+    answer, expected = run.answer, case.expectation
+    has_plan = answer.termination in (Termination.OPTIMAL, Termination.FEASIBLE)
+    if not has_plan:
+        return None if answer.point is None else f"ended {answer.termination}, yet has a point"
+    if answer.point is None or answer.primal_bound is None:
+        return f"ended {answer.termination} without a point and its objective"
+    point = np.asarray(answer.point, float)
+    if point.shape != (case.program.size,):
+        return f"the point has shape {point.shape}, expected ({case.program.size},)"
+    found = case.program.verify(point, tolerance=run.request.tolerance)
+    if not found.ok or found.objective is None:
+        return f"the point fails verification: {found.summary()}"
+    value = found.objective
+    if abs(value - answer.primal_bound) > _slack(value):
+        return f"claims the objective {answer.primal_bound!r}, its point has {value!r}"
+    least = expected.objective if expected.objective is not None else expected.floor
+    if least is not None and value < least - _slack(least):
+        return f"the point has the objective {value!r}, below the proven bound {least!r}"
+    if answer.termination is not Termination.OPTIMAL:
+        return None
+    if expected.objective is not None:
+        most = expected.objective + run.request.gap * abs(value) + _slack(expected.objective)
+        if value > most:
+            return f"called {value!r} optimal, the optimum is {expected.objective!r}"
+    if expected.point is not None and not np.allclose(point, expected.point, rtol=0, atol=1e-5):
+        return f"found {point.tolist()}, the only optimum is {list(expected.point)}"
+    return None
+
+
+def _bounds(case: Case, run: Run) -> str | None:
+    answer, expected = run.answer, case.expectation
+    bound = answer.dual_bound
+    known = expected.objective if expected.objective is not None else expected.best_known
+    if bound is not None:
+        if not np.isfinite(bound):
+            return f"the dual bound is {bound!r}; None says that there is none"
+        if Feature.DUAL_BOUND not in run.features:
+            return "claims a dual bound without declaring the feature"
+        if answer.termination in (Termination.INFEASIBLE, Termination.UNBOUNDED):
+            return f"ended {answer.termination}, yet claims a dual bound"
+        if known is not None and bound > known + _slack(known):
+            return f"claims the dual bound {bound!r}, yet a plan has {known!r}"
+    if answer.termination is Termination.OPTIMAL and Feature.DUAL_BOUND in run.features:
+        if bound is None or answer.primal_bound is None:
+            return "ended optimal without a dual bound"
+        gap = (answer.primal_bound - bound) / max(abs(answer.primal_bound), 1.0)
+        if gap > run.request.gap + SLACK:
+            return f"ended optimal with a gap of {gap:.3g}, asked for {run.request.gap:g}"
+    return None
+
+
+def _duals(case: Case, run: Run) -> str | None:
+    answer, program, expected = run.answer, case.program, case.expectation
+    if Feature.DUALS not in case.needs or answer.termination is not Termination.OPTIMAL:
+        return None
+    if answer.duals is None:
+        return "declares duals, returned none"
+    duals = np.asarray(answer.duals, float)
+    if duals.shape != (program.row_count,):
+        return f"the duals have shape {duals.shape}, expected ({program.row_count},)"
+    optimum = expected.objective
+    if optimum is not None and not abs(program.dual_bound(duals) - optimum) <= _slack(optimum):
+        return (
+            f"the duals {duals.tolist()} prove the bound {program.dual_bound(duals)!r}, "
+            f"the optimum is {optimum!r}"
+        )
+    if expected.duals is not None and not np.allclose(duals, expected.duals, rtol=0, atol=1e-5):
+        return f"the duals are {duals.tolist()}, the only ones are {list(expected.duals)}"
+    return None
+
+
+def _time(case: Case, run: Run) -> str | None:
+    limits = [v for v in (run.request.time_limit, case.stop_after) if v is not None]
+    if limits and run.seconds > min(limits) + GRACE:
+        return f"took {run.seconds:.2f} s, was to stop after {min(limits):g} s"
+    negative = {part: s for part, s in run.answer.seconds.items() if not s >= 0}
+    return f"counts negative seconds: {negative}" if negative else None

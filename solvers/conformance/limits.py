@@ -1,0 +1,174 @@
+"""Conformance cases: a program nobody finishes, for limits, stops, gaps and warm starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...models.programs import MixedIntegerProgram
+from ..backend import Feature, Limit, Termination
+from .cases import GRACE, Case, Expectation, Run
+from .linear import program
+
+__all__ = ["limit_cases"]
+
+#: The best plan of a long search, its objective, and the bound that search proved.
+_BEST = (
+    0, 1, 2, 5, 9, 12, 13, 14, 16, 17, 21, 22, 23, 24, 25, 26, 31, 32, 33, 39, 44, 46, 48, 50, 52,
+    54, 55, 57, 59, 60, 61, 62, 64, 65, 66, 67, 68, 71, 72, 73, 74, 81, 86, 88, 89,
+)  # fmt: skip
+_BEST_KNOWN, _FLOOR = -38851.0, -38985.0
+
+
+def limit_cases() -> tuple[Case, ...]:
+    """Return the cases."""
+    hard = _hard()
+    start = np.zeros(hard.size)
+    start[list(_BEST)] = 1.0
+    # A solver that found nothing in time has kept the rules: not the start, but the limit, is tried.
+    stopped = (Termination.FEASIBLE, Termination.NO_SOLUTION)
+
+    def expect(limit: Limit | None, *termination: Termination) -> Expectation:
+        return Expectation(termination, best_known=_BEST_KNOWN, floor=_FLOOR, limit=limit)
+
+    return (
+        Case(
+            "limit: time",
+            hard,
+            expect(Limit.TIME, Termination.FEASIBLE),
+            arguments={"time_limit": 0.5},
+            further=_knows_a_bound,
+        ),
+        Case(
+            "limit: no time at all",
+            hard,
+            expect(Limit.TIME, *stopped),
+            arguments={"time_limit": 0.0},
+        ),
+        Case(
+            "stop: while it runs",
+            hard,
+            expect(Limit.INTERRUPTED, *stopped),
+            frozenset({Feature.INTERRUPT}),
+            {"time_limit": 30.0},
+            stop_after=0.4,
+        ),
+        Case(
+            "stop: before it starts",
+            hard,
+            expect(Limit.INTERRUPTED, *stopped),
+            arguments={"time_limit": 30.0},
+            stop_after=0.0,
+        ),
+        Case(
+            "gap: a wide one ends the run",
+            hard,
+            expect(None, Termination.OPTIMAL),
+            frozenset({Feature.GAP, Feature.DUAL_BOUND}),
+            {"gap": 0.2, "time_limit": 30.0},
+        ),
+        Case(
+            "gap: measured with the offset",
+            _hard(offset=1e6),
+            Expectation((Termination.OPTIMAL,), best_known=_BEST_KNOWN + 1e6, floor=_FLOOR + 1e6),
+            frozenset({Feature.GAP, Feature.DUAL_BOUND}),
+            {"gap": 0.005, "time_limit": 30.0},
+        ),
+        Case(
+            "warm start: kept",
+            hard,
+            expect(Limit.TIME, Termination.FEASIBLE),
+            frozenset({Feature.WARM_START}),
+            {"time_limit": 0.5, "warm_start": start},
+            further=_no_worse,
+        ),
+        Case(
+            "warm start: with its own cutoff",
+            hard,
+            expect(Limit.TIME, Termination.FEASIBLE),
+            frozenset({Feature.WARM_START, Feature.CUTOFF}),
+            {"time_limit": 0.5, "warm_start": start, "cutoff": _BEST_KNOWN},
+            further=_no_worse,
+        ),
+        Case(
+            "incumbents: each better and feasible",
+            hard,
+            expect(Limit.TIME, Termination.FEASIBLE),
+            frozenset({Feature.INCUMBENTS}),
+            {"time_limit": 0.5},
+            further=_monotone,
+        ),
+        Case(
+            "threads: one is one",
+            hard,
+            expect(Limit.TIME, Termination.FEASIBLE),
+            frozenset({Feature.THREADS}),
+            {"time_limit": 0.6, "threads": 1},
+            further=_one_core,
+        ),
+    )
+
+
+def _hard(offset: float = 0.0) -> MixedIntegerProgram:
+    """Return a knapsack in twelve dimensions, from a generator that no library can change."""
+    size, rows = 90, 12
+    draw = _numbers(1)
+    weights = np.array([[10 + next(draw) % 991 for _ in range(size)] for _ in range(rows)], float)
+    cost = -np.round(weights.mean(axis=0)) - np.array([next(draw) % 500 for _ in range(size)])
+    return program(
+        cost.tolist(),
+        weights,
+        row_upper=np.floor(weights.sum(axis=1) / 2),
+        upper=1,
+        integral=True,
+        offset=offset,
+    )
+
+
+def _numbers(seed: int) -> Iterator[int]:
+    while True:
+        seed = (seed * 1103515245 + 12345) % 2**31
+        yield seed >> 16
+
+
+def _knows_a_bound(case: Case, run: Run) -> str | None:
+    if Feature.DUAL_BOUND in run.features and run.answer.dual_bound is None:
+        return "stopped without a dual bound"
+    return None
+
+
+def _no_worse(case: Case, run: Run) -> str | None:
+    value = run.answer.primal_bound
+    if value is None or value > _BEST_KNOWN + 1e-6 * abs(_BEST_KNOWN):
+        return f"started from a plan of {_BEST_KNOWN!r}, ended with {value!r}"
+    return None
+
+
+def _monotone(case: Case, run: Run) -> str | None:
+    if not run.incumbents:
+        return "reported no incumbents"
+    best = np.inf
+    for seconds, objective, point in run.incumbents:
+        found = case.program.verify(np.asarray(point, float))
+        if not found.ok or found.objective is None:
+            return f"the incumbent at {seconds:.3f} s fails verification: {found.summary()}"
+        if abs(found.objective - objective) > 1e-6 * max(1.0, abs(objective)):
+            return f"an incumbent claims {objective!r} and has {found.objective!r}"
+        if not objective < best:
+            return f"an incumbent of {objective!r} follows one of {best!r}"
+        if not 0 <= seconds <= run.seconds + GRACE:
+            return f"an incumbent came after {seconds:.3f} s of {run.seconds:.3f} s"
+        best = objective
+    final = run.answer.primal_bound
+    if final is not None and final > best + 1e-6 * max(1.0, abs(best)):
+        return f"returned {final!r}, worse than its incumbent {best!r}"
+    return None
+
+
+def _one_core(case: Case, run: Run) -> str | None:
+    if run.cpu > 1.4 * run.seconds + 0.1:
+        return (
+            f"asked for one thread, used {run.cpu:.2f} s of processor time in {run.seconds:.2f} s"
+        )
+    return None

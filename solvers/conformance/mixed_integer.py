@@ -1,0 +1,279 @@
+"""Conformance cases: mixed-integer programs with known value, and what makes solvers stumble."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...models.programs import MixedIntegerProgram
+from ..backend import Feature, Termination
+from .cases import Case, Expectation, Run
+from .linear import program
+
+__all__ = ["integer_cases"]
+
+INF = np.inf
+
+
+def integer_cases() -> tuple[Case, ...]:
+    """Return the cases that solvers finish at once."""
+    return (*_solvable(), *_unsolvable(), *_cutoffs())
+
+
+def _optimal(objective: float, point: tuple[float, ...] | None = None) -> Expectation:
+    return Expectation((Termination.OPTIMAL,), objective, point=point)
+
+
+def _solvable() -> list[Case]:
+    assignment = np.array([[9, 2, 7, 8], [6, 4, 3, 7], [5, 8, 1, 8], [7, 6, 9, 4]], float)
+    each = np.vstack([np.kron(np.eye(4), np.ones(4)), np.kron(np.ones(4), np.eye(4))])
+    return [
+        Case("integer: knapsack", _knapsack(), _optimal(-15, (0, 1, 1, 1, 1))),
+        Case(
+            "integer: assignment",
+            program(assignment.ravel().tolist(), each, 1, 1, upper=1, integral=True),
+            _optimal(13),
+        ),
+        Case(
+            "integer: general columns",
+            program([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6], upper=9, integral=True),
+            _optimal(-20, (4, 0)),
+        ),
+        Case(
+            "integer: general columns, infinite bounds",
+            program([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6], integral=True),
+            _optimal(-20, (4, 0)),
+        ),
+        Case(
+            "integer: negative columns",
+            program([3, 2], [[2, 3]], row_lower=[-7.5], lower=-10, upper=10, integral=True),
+            _optimal(-20, (-10, 5)),
+        ),
+        Case(
+            "integer: fractional bounds",
+            program([1, -1], [[1, 1]], row_upper=[9], lower=0.5, upper=3.5, integral=True),
+            _optimal(-2, (1, 3)),
+        ),
+        Case(
+            "integer: two-sided rows and an offset",
+            program(
+                [4, 3, 5, 2],
+                [[1, 1, 1, 1], [1, -1, 1, -1]],
+                [3, -1],
+                [4, 1],
+                upper=2,
+                integral=True,
+                offset=-100,
+            ),
+            _optimal(-92, (1, 0, 0, 2)),
+        ),
+        Case(
+            "integer: decimal coefficients",
+            program(
+                [-0.3, -0.7, -0.5],
+                [[0.1, 0.25, 0.2]],
+                row_upper=[0.6],
+                upper=3,
+                integral=True,
+            ),
+            _optimal(-1.7, (1, 2, 0)),
+        ),
+        Case(
+            "integer: equality with one solution",
+            program([1, 1], [[7, 11]], [100], [100], upper=20, integral=True),
+            _optimal(12, (8, 4)),
+        ),
+        Case(
+            "integer: empty objective",
+            program([0, 0], [[3, 5]], [11], [11], upper=9, integral=True, offset=2),
+            _optimal(2, (2, 1)),
+        ),
+        Case(
+            "integer: no rows",
+            program([1, -1], np.zeros((0, 2)), lower=-2, upper=3, integral=True),
+            _optimal(-5, (-2, 3)),
+        ),
+        Case(
+            "integer: empty rows",
+            program([1, -2], [[0, 0], [1, 1]], [-1, -INF], [1, 3], upper=2, integral=True),
+            _optimal(-4, (0, 2)),
+        ),
+        Case(
+            "mixed: facility location",
+            program(
+                # Two sites (open at 4 and 3), three customers of demand 1, served in part.
+                [4, 3, 1, 2, 3, 3, 2, 1],
+                [
+                    [0, 0, 1, 0, 0, 1, 0, 0],
+                    [0, 0, 0, 1, 0, 0, 1, 0],
+                    [0, 0, 0, 0, 1, 0, 0, 1],
+                    [3, 0, -1, -1, -1, 0, 0, 0],
+                    [0, 2, 0, 0, 0, -1, -1, -1],
+                ],
+                [1, 1, 1, 0, 0],
+                [1, 1, 1, INF, INF],
+                upper=[1, 1, *[INF] * 6],
+                integral=[True, True, *[False] * 6],
+            ),
+            _optimal(10),
+        ),
+        Case(
+            "mixed: continuous part decides",
+            program(
+                [-1, -1],
+                [[2, 2], [1, 0]],
+                row_upper=[5, 2.25],
+                integral=[True, False],
+                upper=[9, INF],
+            ),
+            _optimal(-2.5),
+        ),
+        Case("mixed: a switch below the tolerance", _switch(), _optimal(1)),
+        Case(
+            "mixed: tight tolerance",
+            program(
+                [1, 1, 1],
+                [[3, 0, 1], [0, 7, 1]],
+                row_lower=[1, 1],
+                upper=[INF, INF, 5],
+                integral=[False, False, True],
+                offset=0.5,
+            ),
+            _optimal(0.5 + 1 / 3 + 1 / 7, (1 / 3, 1 / 7, 0)),
+            arguments={"tolerance": 1e-8},
+        ),
+        Case(
+            "integer: same seed, same answer",
+            _staircase(),
+            Expectation((Termination.OPTIMAL,)),
+            needs=frozenset({Feature.SEED}),
+            arguments={"seed": 7},
+            twice=True,
+            further=_same,
+        ),
+    ]
+
+
+def _knapsack(offset: float = 0.0) -> MixedIntegerProgram:
+    return program(
+        [-4, -2, -1, -10, -2],
+        [[12, 2, 1, 4, 1]],
+        row_upper=[15],
+        upper=1,
+        integral=True,
+        offset=offset,
+    )
+
+
+def _switch() -> MixedIntegerProgram:
+    # x <= 10**6 * open and x >= 1/2: open = 5e-7 is "whole" to a solver's usual tolerance, and
+    # half a million times cheaper than the truth.
+    return program(
+        [1, 0], [[1e6, -1]], row_lower=[0], lower=[0, 0.5], upper=[1, 10], integral=[True, False]
+    )
+
+
+def _staircase() -> MixedIntegerProgram:
+    size = 16
+    k = np.arange(size)
+    weights = np.array([(17 * k + 5 * k * k) % 61 + 20, (29 * k + 3 * k * k) % 53 + 20])
+    cost = -(weights.sum(axis=0) + (7 * k) % 11)
+    return program(
+        cost.tolist(), weights, row_upper=weights.sum(axis=1) // 2, upper=1, integral=True
+    )
+
+
+def _same(case: Case, run: Run) -> str | None:
+    first, second = run.answer, run.again
+    if second is None or first.point is None or second.point is None:
+        return "has no two points to compare"
+    if not np.array_equal(first.point, second.point):
+        return "two runs with one seed found different points"
+    if dict(first.statistics) != dict(second.statistics):
+        return f"two runs with one seed differ: {first.statistics} and {second.statistics}"
+    return None
+
+
+def _unsolvable() -> list[Case]:
+    infeasible = Expectation((Termination.INFEASIBLE,))
+    unbounded = Expectation((Termination.UNBOUNDED,))
+    return [
+        Case(
+            "integer: infeasible, its relaxation feasible",
+            program([1, 1], [[2, 4]], [7], [7], upper=10, integral=True),
+            infeasible,
+        ),
+        Case(
+            "integer: no whole number within the bounds",
+            program([1, 1], [[1, 1]], row_lower=[0], lower=[0.3, 0], upper=[0.7, 4], integral=True),
+            infeasible,
+        ),
+        Case(
+            "integer: infeasible by search",
+            # The first row is even on the left and odd on the right.
+            program(
+                [1] * 5,
+                [[2, 4, 6, 8, 10], [1, -1, 1, -1, 1]],
+                [21, -3],
+                [21, 3],
+                upper=4,
+                integral=True,
+            ),
+            infeasible,
+        ),
+        Case(
+            "mixed: infeasible, its relaxation unbounded",
+            program(
+                [0, 0, -1],
+                [[2, -2, 0], [1, 1, 0]],
+                [1, 1],
+                [1, INF],
+                upper=[3, 3, INF],
+                integral=[True, True, False],
+            ),
+            infeasible,
+        ),
+        Case(
+            "integer: unbounded",
+            program([-1, 0], [[1, -1]], row_upper=[0.5], integral=True),
+            unbounded,
+        ),
+        Case(
+            "mixed: unbounded",
+            program([1, -1], [[1, 0]], row_lower=[1], upper=[4, INF], integral=[True, False]),
+            unbounded,
+        ),
+    ]
+
+
+def _cutoffs() -> list[Case]:
+    needs = frozenset({Feature.CUTOFF})
+    found = Expectation((Termination.OPTIMAL,), 985, point=(0, 1, 1, 1, 1))
+    nothing = Expectation((Termination.NO_SOLUTION,), 985)
+    return [
+        Case("cutoff: at the optimum", _knapsack(1000), found, needs, {"cutoff": 985.0}),
+        Case("cutoff: above the optimum", _knapsack(1000), found, needs, {"cutoff": 987.5}),
+        Case(
+            "cutoff: nothing below",
+            _knapsack(1000),
+            nothing,
+            needs,
+            {"cutoff": 984.5},
+            further=_cutoff_is_bound,
+        ),
+        Case(
+            "cutoff: linear program",
+            program([1, 1], [[1, 1]], row_lower=[5], offset=10),
+            Expectation((Termination.NO_SOLUTION,), 15),
+            needs,
+            {"cutoff": 14.0},
+        ),
+    ]
+
+
+def _cutoff_is_bound(case: Case, run: Run) -> str | None:
+    cutoff, bound = run.request.cutoff, run.answer.dual_bound
+    if Feature.DUAL_BOUND not in run.features or cutoff is None:
+        return None
+    if bound is None or abs(bound - cutoff) > 1e-6 * abs(cutoff):
+        return f"nothing lies below the cutoff {cutoff!r}, yet the dual bound is {bound!r}"
+    return None

@@ -1,0 +1,57 @@
+"""The routing problem as plain arrays: what every kernel of this folder works on.
+
+A visited point wipes out one of the two errors, so a single number survives: the vertical error
+at a horizontal correction point, the horizontal error at a vertical one. A partial route is
+therefore described by its length and one *surviving error*.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.error_correction import END, HORIZONTAL, START, VERTICAL, ErrorCorrectionRouting
+
+__all__ = ["END", "HORIZONTAL", "START", "VERTICAL", "Airspace", "airspace"]
+
+
+class Airspace(NamedTuple):
+    """Points, thresholds and rates.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n, 3)
+        Coordinates in metres.
+    kinds : ndarray of int8, shape (n,)
+        ``START``, ``HORIZONTAL``, ``VERTICAL`` or ``END``.
+    start, end : int
+        Indices of the start A and the end B.
+    limits : ndarray, shape (4, 2)
+        Largest vertical (column 0) and horizontal (column 1) error on arrival, a row for each
+        kind of point, slack included; the row of ``START`` is -1, as nobody arrives there.
+    rates : ndarray, shape (2,)
+        Vertical and horizontal error that a metre of flight adds.
+    """
+
+    points: NDArray[np.float64]
+    kinds: NDArray[np.int8]
+    start: int
+    end: int
+    limits: NDArray[np.float64]
+    rates: NDArray[np.float64]
+
+
+def airspace(model: ErrorCorrectionRouting) -> Airspace:
+    """Return the arrays of `model`, whose limits hold what rounding excuses."""
+    limits = np.ascontiguousarray(model.rounded_limits[:, ::-1])
+    limits[START] = -1.0
+    return Airspace(
+        model.points,
+        model.codes,
+        model.start,
+        model.end,
+        limits,
+        np.array([model.vertical_rate, model.horizontal_rate]),
+    )

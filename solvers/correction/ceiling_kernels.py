@@ -1,0 +1,196 @@
+"""The search of ``label-setting`` where revisits are allowed: A* under a rising ceiling.
+
+Labels leave the heap in the order of ``length + distance to B``. The bound depends on the point
+only and obeys the triangle inequality, so the labels of one point leave in the order of their
+lengths, and a label is dominated exactly when its surviving error is not below the smallest one
+that left at its point. An arc between points of different kinds renews the state: after it the
+surviving error is what the arc itself adds. The first label that fits such an arc therefore gives
+its best use, and later labels of the tail take only those arcs that no earlier one could.
+
+Nothing above the ceiling is stored, and points through which every way is longer do not enter the
+grid. Where the ceiling is reached without B, it rises; the last search alone counts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
+from .grid import Grid, build, near
+from .heap import pop, push
+from .jit import kernel
+from .steps import REFUSED, arrive, distances_to, radius_of, trace
+
+__all__ = ["FOUND", "NOTHING", "STOPPED", "climb"]
+
+FOUND, NOTHING, STOPPED = 1, 0, -1
+
+#: First ceiling above the straight line, and the factor by which it rises, in shares of the line.
+FIRST, RISE = 0.004, 2.2
+
+
+@kernel
+def climb(
+    space: Airspace, cutoff: float, flag: NDArray[np.int8]
+) -> tuple[int, NDArray[np.int64], float, float, int, int]:
+    """Return the shortest walk from A to B.
+
+    Parameters
+    ----------
+    space : Airspace
+        The problem.
+    cutoff : float
+        Length (m) above which nothing is wanted; inf for none.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the search.
+
+    Returns
+    -------
+    status : int
+        ``FOUND``, ``NOTHING`` (there is none up to the cutoff) or ``STOPPED``.
+    route : ndarray
+        Points from A to B, empty without one.
+    length, bound : float
+        Length of the route (inf without one), and a lower bound on every route's.
+    made, settled : int
+        Labels made and labels that left the heap, over all ceilings.
+    """
+    points = space.points
+    n = len(points)
+    from_start = np.empty(n)
+    to_end = np.empty(n)
+    for i in range(n):
+        a = b = 0.0
+        for axis in range(3):
+            a += (points[i, axis] - points[space.start, axis]) ** 2
+            b += (points[i, axis] - points[space.end, axis]) ** 2
+        from_start[i] = np.sqrt(a)
+        to_end[i] = np.sqrt(b)
+    straight = from_start[space.end]
+    share = FIRST
+    made = settled = 0
+    bound = straight
+    keep = np.empty(n, np.bool_)
+    while True:
+        ceiling = straight * (1.0 + share) if straight > 0.0 else np.inf
+        if share > 4.0 or ceiling >= cutoff:
+            ceiling = cutoff
+        left_out = 0
+        for i in range(n):
+            keep[i] = from_start[i] + to_end[i] <= ceiling
+            left_out += not keep[i]
+        grid = build(space, keep)
+        status, route, length, labels, gone, pruned = under(space, grid, ceiling, flag)
+        made += labels
+        settled += gone
+        if status == FOUND:
+            return FOUND, route, length, length, made, settled
+        if status == STOPPED:
+            return STOPPED, route, np.inf, max(bound, length), made, settled
+        if (left_out == 0 and pruned == 0) or ceiling >= cutoff:
+            # Every way was tried, or every one up to the cutoff.
+            return NOTHING, route, np.inf, np.inf if pruned + left_out == 0 else cutoff, made, settled
+        bound = ceiling
+        share *= RISE
+
+
+@kernel
+def under(
+    space: Airspace, grid: Grid, ceiling: float, flag: NDArray[np.int8]
+) -> tuple[int, NDArray[np.int64], float, int, int, int]:
+    """Return the shortest walk no longer than `ceiling`; see :func:`climb`.
+
+    The third value is the smallest key in the heap where the search was stopped; the last one
+    counts what the ceiling pruned.
+    """
+    count = len(grid.x)
+    start, end = count - 2, count - 1
+    to_end = distances_to(grid, end)
+    smallest = np.full(count, np.inf)
+    found = np.empty(count, np.int64)
+    away = np.empty(count)
+    room = 1024
+    slots = np.empty(room, np.int64)
+    parents = np.empty(room, np.int64)
+    lengths = np.empty(room)
+    errors = np.empty(room)
+    keys = np.empty(room)
+    items = np.empty(room, np.int64)
+    slots[0], parents[0], lengths[0], errors[0] = start, -1, 0.0, 0.0
+    labels, settled, pruned = 1, 0, 0
+    size = push(keys, items, 0, to_end[start], 0)
+    nothing = np.empty(0, np.int64)
+    while size > 0:
+        key, label = keys[0], items[0]
+        size = pop(keys, items, size)
+        here = slots[label]
+        if here == end:
+            return FOUND, trace(slots, parents, grid.ids, label), lengths[label], labels, settled, pruned
+        error = errors[label]
+        before = smallest[here]
+        if error >= before:
+            continue
+        if flag[0] != 0:
+            return STOPPED, nothing, key, labels, settled, pruned
+        smallest[here] = error
+        settled += 1
+        length = lengths[label]
+        kind = grid.kinds[here]
+        if labels + count >= room:
+            room = 2 * (labels + count)
+            slots = _grown(slots, room)
+            parents = _grown(parents, room)
+            items = _grown(items, room)
+            lengths = _grown_floats(lengths, room)
+            errors = _grown_floats(errors, room)
+            keys = _grown_floats(keys, room)
+        # B first: its label is one among the others.
+        if arrive(space, kind, END, error, to_end[here]) != REFUSED:
+            total = length + to_end[here]
+            if total <= ceiling:
+                slots[labels], parents[labels] = end, label
+                lengths[labels], errors[labels] = total, 0.0
+                size = push(keys, items, size, total, labels)
+                labels += 1
+            else:
+                pruned += 1
+        for head in (HORIZONTAL, VERTICAL):
+            radius = radius_of(space, kind, head, error)
+            renews = head != kind and kind != START
+            # What an earlier label of this point, with more error, could reach is done.
+            done = radius_of(space, kind, head, before) if renews and before < np.inf else -1.0
+            if radius <= done:
+                continue
+            k = near(grid, here, head, radius, found, away)
+            for m in range(k):
+                there = found[m]
+                d = away[m]
+                if d <= done:
+                    continue
+                total = length + d
+                if total + to_end[there] > ceiling:
+                    pruned += 1
+                    continue
+                left = arrive(space, kind, head, error, d)
+                if left == REFUSED or left >= smallest[there]:
+                    continue
+                slots[labels], parents[labels] = there, label
+                lengths[labels], errors[labels] = total, left
+                size = push(keys, items, size, total + to_end[there], labels)
+                labels += 1
+    return NOTHING, nothing, np.inf, labels, settled, pruned
+
+
+@kernel
+def _grown(array: NDArray[np.int64], room: int) -> NDArray[np.int64]:
+    grown = np.empty(room, np.int64)
+    grown[: len(array)] = array
+    return grown
+
+
+@kernel
+def _grown_floats(array: NDArray[np.float64], room: int) -> NDArray[np.float64]:
+    grown = np.empty(room)
+    grown[: len(array)] = array
+    return grown

@@ -1,0 +1,77 @@
+"""Why an error-correction instance has no route: the points at which every extension dies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...models.error_correction import ErrorCorrectionRouting
+from ..backend import Termination
+from ..diagnosis import Diagnosis, Finding
+from ..dispatch import solve
+from .reachability import Refusal, reachable, refusals
+
+__all__ = ["diagnose_routing"]
+
+_METHOD = "search for the points that any walk from A can reach"
+
+
+def diagnose_routing(model: ErrorCorrectionRouting) -> Diagnosis:
+    """Return which points stop every extension, and by how much the thresholds miss.
+
+    Where B cannot be reached even with revisits, every point that is reached is named with the step
+    beyond that misses by least. Where it can, and only the ban on revisits is in the way, the
+    points are named that a route would have to visit twice.
+    """
+    least = reachable(model)
+    reached = np.flatnonzero(np.isfinite(least))
+    if not np.isfinite(least[model.end]):
+        found = refusals(model, least)
+        summary = (
+            f"no route: {reached.size} of {len(model.points)} points can be reached, "
+            "and from each of them a threshold refuses every step beyond"
+        )
+        return Diagnosis(model.name, False, _METHOD, summary, tuple(_finding(model, r) for r in found))
+    answer = solve(model, "label-setting")
+    if answer.plan is not None:
+        summary = f"a route exists: {answer.plan}, {answer.primal_bound:.10g} m"
+        return Diagnosis(model.name, True, "label-setting", summary)
+    if answer.termination is not Termination.INFEASIBLE:
+        return Diagnosis(model.name, None, "label-setting", f"not settled: {answer.termination}")
+    walk = solve(replace(model, revisits=True), "label-setting").plan
+    assert walk is not None, "B is reachable by a walk"
+    points, times = np.unique(walk.route, return_counts=True)
+    twice = points[times > 1].tolist()
+    names = ", ".join(model.label(point) for point in twice)
+    finding = Finding(
+        f"the shortest walk {walk} visits point {names} more than once, which revisits=False forbids",
+        "4-5",
+        f"point {names}",
+        {"points": twice, "walk": list(walk.route)},
+    )
+    return Diagnosis(
+        model.name,
+        False,
+        "label-setting with and without revisits",
+        "no route: B can only be reached by visiting a point more than once",
+        (finding,),
+    )
+
+
+def _finding(model: ErrorCorrectionRouting, refusal: Refusal) -> Finding:
+    tail, head = model.label(refusal.tail), model.label(refusal.head)
+    text = (
+        f"point {tail} ({model.kinds[refusal.tail]}): the nearest step beyond, to point {head} "
+        f"({model.kinds[refusal.head]}), arrives with {refusal.error} {refusal.arrival:.6g} > "
+        f"{refusal.threshold} {refusal.limit:.6g}, over by {refusal.excess:.4g}"
+    )
+    data = {
+        "point": refusal.tail,
+        "next": refusal.head,
+        "threshold": refusal.threshold,
+        "arrival": refusal.arrival,
+        "limit": refusal.limit,
+        "excess": refusal.excess,
+    }
+    return Finding(text, refusal.equation, f"point {tail}", data)

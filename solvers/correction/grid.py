@@ -1,0 +1,205 @@
+"""A uniform spatial grid over the correction points, and the search for points within a radius.
+
+The points are sorted by kind and cell, cells along the longest side of the bounding box being
+neighbours in memory: a ball is scanned as a few contiguous runs, one a row of cells.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .airspace import HORIZONTAL, VERTICAL, Airspace
+from .jit import kernel
+
+__all__ = ["Grid", "build", "near", "reach"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+#: Points that a cell holds on average, at least: fewer would cost more in rows than they save.
+CROWD = 4
+#: Cells along the largest reach: finer cells enclose a ball more tightly, coarser ones are fewer.
+FINENESS = 3.0
+#: Slack of cell borders in cell widths: a point must not be missed because of rounding.
+BORDER = 1e-9
+
+
+class Grid(NamedTuple):
+    """Points by *slot*: correction points in the order of the grid, then A, then B.
+
+    Attributes
+    ----------
+    x, y, z : ndarray, shape (m + 2,)
+        Coordinates by slot; `x` is the axis along which the bounding box is longest.
+    kinds : ndarray of int8, shape (m + 2,)
+        Kind by slot.
+    ids : ndarray, shape (m + 2,)
+        Index of the point by slot.
+    first : ndarray
+        First slot of each (kind, cell), closed by the number of correction points.
+    shape : ndarray, shape (3,)
+        Cells along each axis.
+    origin, width : ndarray, shape (3,)
+        Corner of the first cell, and size of a cell.
+    span : float
+        Diameter of the bounding box; no two points are further apart.
+    """
+
+    x: Floats
+    y: Floats
+    z: Floats
+    kinds: NDArray[np.int8]
+    ids: Integers
+    first: Integers
+    shape: Integers
+    origin: Floats
+    width: Floats
+    span: float
+
+
+@kernel
+def reach(space: Airspace, kind: int) -> float:
+    """Return the length of the longest arc by which a point of `kind` may be reached at all.
+
+    It is generous by rounding: whoever uses it tests the thresholds afterwards.
+    """
+    longest = np.inf
+    for error in range(2):
+        limit = space.limits[kind, error]
+        if space.rates[error] > 0.0 or limit < 0.0:
+            longest = min(longest, limit / space.rates[error])
+    return longest * (1.0 + 1e-9)
+
+
+@kernel
+def cell(coordinate: float, origin: float, width: float, count: int) -> int:
+    """Return the cell along one axis that holds `coordinate`, the outermost ones beyond the box."""
+    where = (coordinate - origin) / width
+    if not where > 0.0:
+        return 0
+    if where >= count:
+        return count - 1
+    return int(where)
+
+
+@kernel
+def build(space: Airspace, keep: NDArray[np.bool_]) -> Grid:
+    """Return the grid of the correction points marked in `keep`, with A and B."""
+    points, kinds = space.points, space.kinds
+    n = len(points)
+    low = np.minimum(points[space.start], points[space.end])
+    high = np.maximum(points[space.start], points[space.end])
+    m = 0
+    for i in range(n):
+        if keep[i] and (kinds[i] == HORIZONTAL or kinds[i] == VERTICAL):
+            m += 1
+            for axis in range(3):
+                low[axis] = min(low[axis], points[i, axis])
+                high[axis] = max(high[axis], points[i, axis])
+    extent = high - low
+    run = int(np.argmax(extent))
+    axes = np.array([run, (run + 1) % 3, (run + 2) % 3])
+    span = np.sqrt((extent * extent).sum()) * (1.0 + 1e-9)
+
+    # Cells of a fraction of the reach, doubled until each holds a few points on average.
+    size = min(max(reach(space, HORIZONTAL), reach(space, VERTICAL)), span) / FINENESS
+    size = max(size, span * 1e-3)
+    shape = np.ones(3, np.int64)
+    while size > 0.0:
+        for axis in range(3):
+            shape[axis] = int(extent[axes[axis]] / size) + 1
+        if shape[0] * shape[1] * shape[2] * CROWD <= max(m, CROWD):
+            break
+        size *= 1.25
+    origin = np.empty(3)
+    width = np.empty(3)
+    for axis in range(3):
+        origin[axis] = low[axes[axis]]
+        width[axis] = max(extent[axes[axis]] / shape[axis], 1e-300)
+
+    # Counting sort by (kind, cell).
+    per_kind = shape[0] * shape[1] * shape[2]
+    first = np.zeros(2 * per_kind + 1, np.int64)
+    home = np.empty(n, np.int64)
+    for i in range(n):
+        if keep[i] and (kinds[i] == HORIZONTAL or kinds[i] == VERTICAL):
+            cx = cell(points[i, axes[0]], origin[0], width[0], shape[0])
+            cy = cell(points[i, axes[1]], origin[1], width[1], shape[1])
+            cz = cell(points[i, axes[2]], origin[2], width[2], shape[2])
+            home[i] = (((kinds[i] - HORIZONTAL) * shape[2] + cz) * shape[1] + cy) * shape[0] + cx
+            first[home[i] + 1] += 1
+        else:
+            home[i] = -1
+    for c in range(2 * per_kind):
+        first[c + 1] += first[c]
+    ids = np.empty(m + 2, np.int64)
+    filled = first[:-1].copy()
+    for i in range(n):
+        if home[i] >= 0:
+            ids[filled[home[i]]] = i
+            filled[home[i]] += 1
+    ids[m] = space.start
+    ids[m + 1] = space.end
+    x, y, z = np.empty(m + 2), np.empty(m + 2), np.empty(m + 2)
+    slot_kinds = np.empty(m + 2, np.int8)
+    for s in range(m + 2):
+        x[s] = points[ids[s], axes[0]]
+        y[s] = points[ids[s], axes[1]]
+        z[s] = points[ids[s], axes[2]]
+        slot_kinds[s] = kinds[ids[s]]
+    return Grid(x, y, z, slot_kinds, ids, first, shape, origin, width, span)
+
+
+@kernel
+def gap(coordinate: float, origin: float, width: float, index: int) -> float:
+    """Return the distance along one axis between `coordinate` and cell `index`, or less."""
+    low = origin + (index - BORDER) * width
+    high = origin + (index + 1 + BORDER) * width
+    return max(low - coordinate, coordinate - high, 0.0)
+
+
+@kernel
+def near(
+    grid: Grid, slot: int, kind: int, radius: float, found: Integers, away: Floats
+) -> int:
+    """Collect the points of `kind` within `radius` of `slot`, itself excluded.
+
+    Slots go to `found`, distances to `away` (both with room for all slots); returns how many.
+    """
+    if radius < 0.0:
+        return 0
+    radius = min(radius, grid.span)
+    x, y, z = grid.x[slot], grid.y[slot], grid.z[slot]
+    square = radius * radius * (1.0 + 1e-12)
+    nx, ny, nz = grid.shape
+    ox, oy, oz = grid.origin
+    wx, wy, wz = grid.width
+    z_low = cell(z - radius - BORDER * wz, oz, wz, nz)
+    z_high = cell(z + radius + BORDER * wz, oz, wz, nz)
+    y_low = cell(y - radius - BORDER * wy, oy, wy, ny)
+    y_high = cell(y + radius + BORDER * wy, oy, wy, ny)
+    count = 0
+    for cz in range(z_low, z_high + 1):
+        gap_z = gap(z, oz, wz, cz)
+        for cy in range(y_low, y_high + 1):
+            gap_y = gap(y, oy, wy, cy)
+            left = square - gap_y * gap_y - gap_z * gap_z
+            if left < 0.0:
+                continue
+            half = np.sqrt(left) + BORDER * wx
+            row = (((kind - HORIZONTAL) * nz + cz) * ny + cy) * nx
+            begin = grid.first[row + cell(x - half, ox, wx, nx)]
+            stop = grid.first[row + cell(x + half, ox, wx, nx) + 1]
+            for s in range(begin, stop):
+                dx, dy, dz = grid.x[s] - x, grid.y[s] - y, grid.z[s] - z
+                d = dx * dx + dy * dy + dz * dz
+                # Always written, kept only if near: no branch in the innermost loop.
+                found[count] = s
+                away[count] = d
+                count += int(d <= square and s != slot)
+    for k in range(count):
+        away[k] = np.sqrt(away[k])
+    return count

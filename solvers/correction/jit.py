@@ -1,0 +1,21 @@
+"""One decorator for all compiled loops, so that they are all compiled alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+
+__all__ = ["kernel"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(function: F) -> F:
+    """Compile `function` when first called; ``.py_func`` stays the plain Python meaning.
+
+    The compiled code is cached on disk, divides as NumPy does, and runs without the interpreter's
+    lock, so that a timer or Ctrl-C can set the stop flag meanwhile.
+    """
+    return cast(F, numba.njit(cache=True, error_model="numpy", nogil=True)(function))

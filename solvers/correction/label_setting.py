@@ -1,0 +1,53 @@
+"""``label-setting``: our own exact search, best-first, from coordinates to a proven route."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..backend import Request
+from .native import RoutingBackend
+
+if TYPE_CHECKING:
+    from .airspace import Airspace
+    from .elementary import Found
+
+__all__ = ["LabelSetting"]
+
+
+class LabelSetting(RoutingBackend):
+    """A* with dominance on length and the one error that survives a correction.
+
+    With revisits allowed the search is exact as it is, and polynomial; without them, the walk it
+    finds is accepted if it is simple, and otherwise the points it repeats become critical (see
+    :mod:`.elementary`), because dominance that ignores visited points would discard a longer way
+    that has not yet used a point which the shorter one needs again.
+    """
+
+    name = "label-setting"
+    summary = "best-first label setting with dominance on the surviving error; ours"
+
+    def search(
+        self, space: Airspace, revisits: bool, ceiling: float, request: Request
+    ) -> tuple[Found, Mapping[str, Any]]:
+        """Search under a rising ceiling, then with critical points where a walk repeats some."""
+        from .ceiling_kernels import climb
+        from .elementary import Found, elementary
+        from .grid import build
+        from .slots import critical_bits
+        from .steps import distances_to
+        from .sweep_kernels import best_first
+
+        flag = request.control.flag
+
+        def searched(critical: np.ndarray[Any, np.dtype[np.int64]]) -> Found:
+            if critical.size == 0:
+                return Found(*climb(space, ceiling, flag))
+            grid = build(space, np.ones(len(space.points), np.bool_))
+            ahead = distances_to(grid, len(grid.x) - 1)
+            bits, words = critical_bits(grid, critical)
+            return Found(*best_first(space, grid, ahead, bits, words, ceiling, flag))
+
+        return elementary(searched, revisits=revisits), {}

@@ -1,0 +1,92 @@
+"""What the native routing backends share: preparation, timing, and the answer's form."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from ...models.error_correction import ErrorCorrectionRouting, Route
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+
+if TYPE_CHECKING:
+    from .airspace import Airspace
+    from .elementary import Found
+
+__all__ = ["TINY", "RoutingBackend"]
+
+#: An instance whose shortest walk visits point 1 twice, so that searches for simple routes run too.
+TINY: dict[str, Any] = {
+    "points": [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [2.2, 0, 0]],
+    "kinds": ["A", "horizontal", "vertical", "B"],
+    "alpha1": 1.6,
+    "alpha2": 1.6,
+    "beta1": 1.6,
+    "beta2": 1.6,
+    "theta": 1.75,
+    "delta": 1.0,
+}
+
+
+class RoutingBackend(Backend):
+    """Base of the exact native algorithms; a subclass only searches.
+
+    They are deterministic, so that every seed gives the same plan, and solve to a gap of zero.
+    """
+
+    accepts = ErrorCorrectionRouting
+    guarantee = Guarantee.EXACT
+    features = frozenset(
+        {Feature.GAP, Feature.SEED, Feature.CUTOFF, Feature.DUAL_BOUND, Feature.INTERRUPT}
+    )
+    _compiled: ClassVar[set[str]] = set()
+
+    @abstractmethod
+    def search(
+        self, space: Airspace, revisits: bool, ceiling: float, request: Request
+    ) -> tuple[Found, Mapping[str, Any]]:
+        """Return the best route no longer than `ceiling`, and statistics of the algorithm's own."""
+
+    def prepare(self) -> None:
+        """Compile the kernels, or load them from the cache, by solving two tiny instances."""
+        if self.name in self._compiled:
+            return
+        from .airspace import airspace
+
+        for revisits in (False, True):
+            tiny = ErrorCorrectionRouting(**TINY, revisits=revisits)
+            self.search(airspace(tiny), revisits, float("inf"), Request())
+        self._compiled.add(self.name)
+
+    def run(self, problem: ErrorCorrectionRouting, request: Request) -> Answer:
+        """Search, and say what the end of the search proves."""
+        from .airspace import airspace
+        from .elementary import FOUND, STOPPED
+
+        begin = time.perf_counter()
+        cutoff = float("inf") if request.cutoff is None else request.cutoff * (1 + 1e-9)
+        found, own = self.search(airspace(problem), problem.revisits, cutoff, request)
+        seconds = {"solve": time.perf_counter() - begin}
+        plan = Route(tuple(found.route.tolist())) if found.route.size else None
+        statistics = {
+            "labels made": found.made,
+            "labels extended": found.settled,
+            "rounds": found.rounds,
+            "critical points": found.critical,
+            **own,
+        }
+        termination, limit, message = Termination.INFEASIBLE, None, ""
+        primal = None if plan is None else found.length
+        bound = None if found.bound in (float("inf"), float("-inf")) else found.bound
+        if found.status == FOUND:
+            termination = Termination.OPTIMAL
+        elif found.status == STOPPED:
+            termination = Termination.NO_SOLUTION if plan is None else Termination.FEASIBLE
+            limit = request.control.reason or Limit.INTERRUPTED
+        elif request.cutoff is not None:
+            termination, bound = Termination.NO_SOLUTION, request.cutoff
+            message = "no plan better than the cutoff"
+        return Answer(
+            termination, limit, plan, primal, bound, seconds=seconds, statistics=statistics, message=message
+        )

@@ -1,0 +1,55 @@
+"""``pulse``: the depth-first algorithm that the paper compares with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..backend import Request
+from .native import RoutingBackend
+
+if TYPE_CHECKING:
+    from .airspace import Airspace
+    from .elementary import Found
+
+__all__ = ["Pulse"]
+
+
+class Pulse(RoutingBackend):
+    """Depth-first search with three prunings: by infeasibility, by bound, by dominance.
+
+    The bound on what remains is the shortest way to B over arcs that the thresholds alone allow.
+    Dominance that ignores visited points is exact only where revisits are allowed; where they are
+    not, points that a walk repeats become critical (see :mod:`.elementary`).
+    """
+
+    name = "pulse"
+    summary = "depth-first pulses pruned by infeasibility, bound and dominance"
+
+    def search(
+        self, space: Airspace, revisits: bool, ceiling: float, request: Request
+    ) -> tuple[Found, Mapping[str, Any]]:
+        """Send pulses from A."""
+        from .elementary import STOPPED, Found, elementary
+        from .grid import build
+        from .pulse_kernels import pulse
+        from .slots import critical_bits, way_to_end
+
+        flag = request.control.flag
+        grid = build(space, np.ones(len(space.points), np.bool_))
+        ahead = way_to_end(space, grid)
+        least = float(ahead[-2])
+        if not np.isfinite(least):
+            return Found(0, np.empty(0, np.int64), np.inf, np.inf, 0, 0), {}
+
+        def searched(critical: np.ndarray[Any, np.dtype[np.int64]]) -> Found:
+            bits, words = critical_bits(grid, critical)
+            status, route, length, bound, made, extended = pulse(
+                space, grid, ahead, bits, words, ceiling, flag
+            )
+            bound = least if status == STOPPED else bound
+            return Found(status, route, length, bound, made, extended)
+
+        return elementary(searched, revisits=revisits), {}

@@ -1,0 +1,130 @@
+"""The pulse algorithm: depth-first, with three prunings.
+
+A pulse runs from A through feasible points until it is pruned: by infeasibility (a threshold
+refuses the arc), by bound (its length and the least that remains reach the best route's length) or
+by dominance (a pulse that came by before was no worse). Successors are tried in the order of their
+length and what remains after them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
+from .grid import Grid, near
+from .jit import kernel
+from .labels import add, dominated, grown, link, make, visited
+from .steps import REFUSED, arrive, distances_to, radius_of, trace
+
+__all__ = ["pulse"]
+
+FOUND, NOTHING, STOPPED = 1, 0, -1
+
+
+@kernel
+def pulse(
+    space: Airspace,
+    grid: Grid,
+    ahead: NDArray[np.float64],
+    bits: NDArray[np.int64],
+    words: int,
+    ceiling: float,
+    flag: NDArray[np.int8],
+) -> tuple[int, NDArray[np.int64], float, float, int, int]:
+    """Return the shortest route; see :func:`.sweep_kernels.best_first` for the values."""
+    count = len(grid.x)
+    start, end = count - 2, count - 1
+    heads = np.full(count, -1)
+    found = np.empty(count, np.int64)
+    away = np.empty(count)
+    to_end = distances_to(grid, end)
+    room = 2 * count + 1024
+    labels = make(room, words)
+    add(labels, 0, start, -1, 0.0, 0.0, -1)
+    used, settled = 1, 0
+    best = ceiling
+    route = np.empty(0, np.int64)
+    any_route = False
+    # Successors of the labels on the way stand in one stack: those of a depth begin at its mark.
+    next_slot = np.empty(room, np.int64)
+    next_total = np.empty(room)
+    next_error = np.empty(room)
+    marks = np.zeros(count + 8, np.int64)
+    ends = np.zeros(count + 8, np.int64)
+    way = np.zeros(count + 8, np.int64)
+    depth = 0
+    entering = True
+    while depth >= 0:
+        if flag[0] != 0:
+            return STOPPED, route, best if any_route else np.inf, -np.inf, used, settled
+        label = way[depth]
+        if entering:
+            entering = False
+            settled += 1
+            here, error, length = labels.slot[label], labels.error[label], labels.length[label]
+            kind = grid.kinds[here]
+            total = length + to_end[here]
+            if total < best or (total <= best and not any_route):
+                if arrive(space, kind, END, error, to_end[here]) != REFUSED:
+                    best, any_route = total, True
+                    inner = trace(labels.slot, labels.parent, grid.ids, label)
+                    route = np.empty(len(inner) + 1, np.int64)
+                    route[:-1] = inner
+                    route[-1] = grid.ids[end]
+            begin = marks[depth]
+            top = begin
+            if begin + count >= len(next_slot):
+                wide = 2 * (begin + count)
+                slots, totals, errors = np.empty(wide, np.int64), np.empty(wide), np.empty(wide)
+                slots[:begin], totals[:begin], errors[:begin] = next_slot[:begin], next_total[:begin], next_error[:begin]
+                next_slot, next_total, next_error = slots, totals, errors
+            for head in (HORIZONTAL, VERTICAL):
+                k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
+                for m in range(k):
+                    there = found[m]
+                    if length + away[m] + ahead[there] > best or visited(labels, label, bits[there]):
+                        continue
+                    left = arrive(space, kind, head, error, away[m])
+                    if left != REFUSED:
+                        next_slot[top], next_total[top], next_error[top] = there, length + away[m], left
+                        top += 1
+            order = np.argsort(next_total[begin:top] + ahead[next_slot[begin:top]], kind="mergesort")
+            next_slot[begin:top] = next_slot[begin:top][order]
+            next_total[begin:top] = next_total[begin:top][order]
+            next_error[begin:top] = next_error[begin:top][order]
+            ends[depth] = top
+        if marks[depth] == ends[depth]:
+            depth -= 1
+            continue
+        at = marks[depth]
+        marks[depth] += 1
+        there, total = next_slot[at], next_total[at]
+        # The order is by bound: what follows in this depth is no better.
+        if total + ahead[there] > best or (any_route and total + ahead[there] >= best):
+            marks[depth] = ends[depth]
+            continue
+        if used + 1 >= room:
+            room *= 2
+            labels = grown(labels, used, room)
+        add(labels, used, there, label, total, next_error[at], bits[there])
+        if dominated(labels, heads[there], used):
+            continue
+        link(labels, heads, used)
+        depth += 1
+        if depth + 1 >= len(marks):
+            marks, ends, way = _longer(marks), _longer(ends), _longer(way)
+        way[depth] = used
+        used += 1
+        marks[depth] = ends[depth - 1]
+        entering = True
+    if not any_route:
+        return NOTHING, route, np.inf, ceiling, used, settled
+    return FOUND, route, best, best, used, settled
+
+
+@kernel
+def _longer(array: NDArray[np.int64]) -> NDArray[np.int64]:
+    longer = np.zeros(2 * len(array), np.int64)
+    longer[: len(array)] = array
+    return longer

@@ -1,0 +1,182 @@
+"""Exact label searches that remember critical points: best-first, and first-in-first-out.
+
+Both extend a label to every point that it may reach, within the radius of a spatial grid. They
+differ in the order and in what they prune: :func:`best_first` by a lower bound on what remains,
+:func:`first_in` by dominance alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
+from .grid import Grid, near
+from .heap import pop, push
+from .jit import kernel
+from .labels import Labels, add, dominated, grown, link, make, visited
+from .steps import REFUSED, arrive, distances_to, radius_of, trace
+
+__all__ = ["FOUND", "NOTHING", "STOPPED", "best_first", "first_in"]
+
+FOUND, NOTHING, STOPPED = 1, 0, -1
+
+Result = tuple[int, NDArray[np.int64], float, float, int, int]
+
+
+@kernel
+def best_first(
+    space: Airspace,
+    grid: Grid,
+    ahead: NDArray[np.float64],
+    bits: NDArray[np.int64],
+    words: int,
+    ceiling: float,
+    flag: NDArray[np.int8],
+) -> Result:
+    """Return the shortest route no longer than `ceiling` that visits no critical point twice.
+
+    Parameters
+    ----------
+    space, grid : Airspace, Grid
+        The problem.
+    ahead : ndarray, shape (slots,)
+        A lower bound on the length from each slot to B that obeys the triangle inequality along
+        arcs; inf where B cannot be reached.
+    bits : ndarray of int64, shape (slots,)
+        Number of a slot among the critical points, -1 for the others.
+    words : int
+        Words of 64 bits that the critical points need.
+    ceiling : float
+        Length above which nothing is wanted.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the search.
+
+    Returns
+    -------
+    status : int
+        ``FOUND``, ``NOTHING`` or ``STOPPED``.
+    route : ndarray
+        Points from A to B, empty without one.
+    length, bound : float
+        Its length (inf without one), and a lower bound on every route's.
+    made, settled : int
+        Labels made, and labels extended.
+    """
+    count = len(grid.x)
+    start, end = count - 2, count - 1
+    heads = np.full(count, -1)
+    found = np.empty(count, np.int64)
+    away = np.empty(count)
+    to_end = distances_to(grid, end)
+    room = 2 * count + 1024
+    labels = make(room, words)
+    keys = np.empty(room)
+    items = np.empty(room, np.int64)
+    add(labels, 0, start, -1, 0.0, 0.0, -1)
+    used, settled, size = 1, 0, 0
+    nothing = np.empty(0, np.int64)
+    if ahead[start] <= ceiling:
+        size = push(keys, items, size, ahead[start], 0)
+    while size > 0:
+        key, label = keys[0], items[0]
+        size = pop(keys, items, size)
+        here = labels.slot[label]
+        if here == end:
+            route = trace(labels.slot, labels.parent, grid.ids, label)
+            return FOUND, route, labels.length[label], labels.length[label], used, settled
+        if dominated(labels, heads[here], label):
+            continue
+        if flag[0] != 0:
+            return STOPPED, nothing, np.inf, key, used, settled
+        link(labels, heads, label)
+        settled += 1
+        if used + count >= room:
+            room = 2 * (used + count)
+            labels = grown(labels, used, room)
+            wider_keys, wider_items = np.empty(room), np.empty(room, np.int64)
+            wider_keys[:size], wider_items[:size] = keys[:size], items[:size]
+            keys, items = wider_keys, wider_items
+        kind, error, length = grid.kinds[here], labels.error[label], labels.length[label]
+        if length + to_end[here] <= ceiling:
+            if arrive(space, kind, END, error, to_end[here]) != REFUSED:
+                add(labels, used, end, label, length + to_end[here], 0.0, -1)
+                size = push(keys, items, size, labels.length[used], used)
+                used += 1
+        for head in (HORIZONTAL, VERTICAL):
+            k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
+            for m in range(k):
+                there = found[m]
+                total = length + away[m]
+                if total + ahead[there] > ceiling or visited(labels, label, bits[there]):
+                    continue
+                left = arrive(space, kind, head, error, away[m])
+                if left == REFUSED:
+                    continue
+                add(labels, used, there, label, total, left, bits[there])
+                if dominated(labels, heads[there], used):
+                    continue
+                size = push(keys, items, size, total + ahead[there], used)
+                used += 1
+    return NOTHING, nothing, np.inf, ceiling, used, settled
+
+
+@kernel
+def first_in(
+    space: Airspace, grid: Grid, bits: NDArray[np.int64], words: int, flag: NDArray[np.int8]
+) -> Result:
+    """Return the shortest route by label correcting; see :func:`best_first`.
+
+    The state of the dynamic program is a point with a surviving error; the efficiency test keeps
+    the labels of a point that no other dominates. Nothing bounds the search but dominance.
+    """
+    count = len(grid.x)
+    start, end = count - 2, count - 1
+    heads = np.full(count, -1)
+    found = np.empty(count, np.int64)
+    away = np.empty(count)
+    to_end = distances_to(grid, end)
+    room = 2 * count + 1024
+    labels = make(room, words)
+    add(labels, 0, start, -1, 0.0, 0.0, -1)
+    used, settled, label = 1, 0, 0
+    best, last = np.inf, -1
+    nothing = np.empty(0, np.int64)
+    # Labels are made in the order in which they are extended: the columns are the queue.
+    while label < used:
+        if flag[0] != 0:
+            if last < 0:
+                return STOPPED, nothing, np.inf, -np.inf, used, settled
+            return STOPPED, trace(labels.slot, labels.parent, grid.ids, last), best, -np.inf, used, settled
+        here, error, length = labels.slot[label], labels.error[label], labels.length[label]
+        if here == end or error == np.inf:
+            label += 1
+            continue
+        settled += 1
+        if used + count >= room:
+            room = 2 * (used + count)
+            labels = grown(labels, used, room)
+        kind = grid.kinds[here]
+        if length + to_end[here] < best:
+            if arrive(space, kind, END, error, to_end[here]) != REFUSED:
+                best, last = length + to_end[here], used
+                add(labels, used, end, label, best, 0.0, -1)
+                used += 1
+        for head in (HORIZONTAL, VERTICAL):
+            k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
+            for m in range(k):
+                there = found[m]
+                if visited(labels, label, bits[there]):
+                    continue
+                left = arrive(space, kind, head, error, away[m])
+                if left == REFUSED:
+                    continue
+                add(labels, used, there, label, length + away[m], left, bits[there])
+                if dominated(labels, heads[there], used):
+                    continue
+                link(labels, heads, used)
+                used += 1
+        label += 1
+    if last < 0:
+        return NOTHING, nothing, np.inf, np.inf, used, settled
+    return FOUND, trace(labels.slot, labels.parent, grid.ids, last), best, best, used, settled

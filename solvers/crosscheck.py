@@ -1,0 +1,411 @@
+"""The verb :func:`compare`: several backends on several models, one process each, and a verdict."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cloudpickle
+
+from ..errors import CrosstrackError, InvalidData, UnknownName, UnsupportedOption
+from ..models.model import Model, library_version
+from .backend import Backend, Feature, Limit, Termination
+from .campaign import Record
+from .dispatch import plan_of
+from .execution import GRACE
+from .isolation import Worker
+from .job import Job
+from .registry import find_backend
+from .solution import Solution
+from .verdict import Outcome, Verdict, exact_names, judge
+
+__all__ = ["Comparison", "compare"]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What :func:`compare` found: a verdict a model; printed, a table.
+
+    Parameters
+    ----------
+    verdicts : tuple of Verdict
+        One a model, in their order.
+    interrupted : bool
+        Whether Ctrl-C ended it; what had been finished is there.
+    """
+
+    verdicts: tuple[Verdict, ...]
+    interrupted: bool = False
+
+    @property
+    def outcome(self) -> Outcome:
+        """The worst of the verdicts: one contradiction makes it a contradiction."""
+        outcomes = {verdict.outcome for verdict in self.verdicts}
+        for outcome in (Outcome.CONTRADICTION, Outcome.INCONCLUSIVE):
+            if outcome in outcomes:
+                return outcome
+        return Outcome.AGREED if outcomes and not self.interrupted else Outcome.INCONCLUSIVE
+
+    @property
+    def solutions(self) -> tuple[Solution[Any], ...]:
+        """All answers, model by model."""
+        return tuple(s for verdict in self.verdicts for s in verdict.solutions)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as JSON data."""
+        return {
+            "verdict": str(self.outcome),
+            "interrupted": self.interrupted,
+            "instances": [verdict.to_dict() for verdict in self.verdicts],
+        }
+
+    def __str__(self) -> str:
+        from .report.tables import comparison_text
+
+        return comparison_text(self)
+
+
+@dataclass
+class _Task:
+    """One job of a comparison, with the place of its answer."""
+
+    row: int
+    column: int
+    job: Job
+    refusal: CrosstrackError | None = None
+
+
+def compare(
+    models: Sequence[Model[Any]] | Model[Any],
+    backends: Sequence[str | Backend],
+    *,
+    formulation: str | None = None,
+    formulation_options: Mapping[str, Any] | None = None,
+    time_limit: float | None = 60.0,
+    grace: float = GRACE,
+    gap: float | None = None,
+    tolerance: float | None = None,
+    seed: int | None = None,
+    threads: int | None = None,
+    warm_start: Any = None,
+    backend_options: Mapping[str, Mapping[str, Any]] | None = None,
+    workers: int = 1,
+    pool: Executor | None = None,
+    record: str | Path | None = None,
+    resume: bool = False,
+    on_solution: Callable[[Solution[Any]], None] | None = None,
+) -> Comparison:
+    """Solve every model with every backend, each in a process of its own, and judge the answers.
+
+    A backend that crashes, hangs past its deadline or refuses costs its own row only.
+
+    Parameters
+    ----------
+    models : sequence of Model
+        What is asked.
+    backends : sequence of str or Backend
+        Names, ``"name:formulation"`` for one on a certain formulation, or backend objects.
+    formulation, formulation_options : optional
+        For the backends that take programs.
+    time_limit : float, optional
+        Seconds for each job, the building of the program included.
+    grace : float
+        Seconds beyond it before the worker is killed with its process group.
+    gap, tolerance : float, optional
+        The same for all backends; heuristics know no gap and are not asked for one.
+    seed, threads : int, optional
+        Given to the backends that have the feature; a row's message names what it does not have.
+    warm_start : plan, Solution or sequence of them, optional
+        One for all models, or one a model (None where there is none); given to the backends that
+        take one.
+    backend_options : mapping of str to mapping, optional
+        Own options by the backend's name.
+    workers : int
+        How many jobs run at the same time.
+    pool : concurrent.futures.Executor, optional
+        Where the workers are launched instead of from threads of this process (Dask's too).
+    record : str or Path, optional
+        A JSONL file that receives every finished answer at once.
+    resume : bool
+        Go on with a record that exists, running only what it lacks.
+    on_solution : callable, optional
+        Called with every answer, in the order in which they come.
+
+    Returns
+    -------
+    Comparison
+        A verdict a model: ``AGREED``, ``INCONCLUSIVE`` or ``CONTRADICTION``.
+
+    Raises
+    ------
+    UnknownName, UnsupportedOption, InvalidData
+        A name or an option that no row could have; a refusal of one backend alone is a row.
+    """
+    models = [models] if isinstance(models, Model) else list(models)
+    if isinstance(backends, str | Backend):
+        backends = [backends]
+    if not models or not backends:
+        raise InvalidData("compare needs at least one model and one backend")
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise UnsupportedOption(f"workers must be a whole number >= 1, got {workers!r}")
+    if resume and record is None:
+        raise UnsupportedOption("resume needs a record to go on with")
+    warm = _warm_starts(warm_start, len(models))
+    common = {
+        "formulation_options": dict(formulation_options or {}),
+        "time_limit": time_limit, "gap": gap, "tolerance": tolerance, "seed": seed, "threads": threads,
+    }  # fmt: skip
+    known = [_named(backend, formulation) for backend in backends]
+    for name in backend_options or {}:
+        if name not in {backend.name for backend, _ in known}:
+            raise UnknownName("backend in backend_options", name, [backend.name for backend, _ in known])
+    tasks = [
+        _task(row, column, model, backend, wanted, common, warm[row], backend_options or {})
+        for row, model in enumerate(models)
+        for column, (backend, wanted) in enumerate(known)
+    ]
+    answers: dict[tuple[int, int], Solution[Any]] = {}
+    with contextlib.ExitStack() as stack:
+        book = stack.enter_context(Record(record, resume=resume)) if record is not None else None
+        open_tasks: deque[_Task] = deque()
+        for task in tasks:
+            found = book.find(task.job, task.job.model) if book is not None else None
+            if found is None:
+                open_tasks.append(task)
+            else:
+                answers[task.row, task.column] = found
+
+        def finished(task: _Task, solution: Solution[Any]) -> None:
+            answers[task.row, task.column] = solution
+            if book is not None and solution.limit is not Limit.INTERRUPTED:
+                book.add(task.job, solution)
+            if on_solution is not None:
+                on_solution(solution)
+
+        if pool is not None:
+            interrupted = _by_pool(open_tasks, pool, grace, finished)
+        else:
+            interrupted = _by_threads(open_tasks, min(workers, len(tasks)), grace, finished)
+    exact = exact_names([backend for backend, _ in known])
+    verdicts = []
+    for row, model in enumerate(models):
+        found_here = [answers[row, c] for c in range(len(known)) if (row, c) in answers]
+        if found_here or not interrupted:
+            verdicts.append(judge(model.name or model.digest[:12], found_here, exact))
+    return Comparison(tuple(verdicts), interrupted)
+
+
+def _named(backend: str | Backend, formulation: str | None) -> tuple[Backend, str | None]:
+    """Return the backend and the formulation that ``"name:formulation"`` asks for."""
+    if isinstance(backend, str) and ":" in backend:
+        name, _, formulation = backend.partition(":")
+        return find_backend(name), formulation
+    return find_backend(backend), formulation
+
+
+def _warm_starts(value: Any, count: int) -> list[Any]:
+    if value is None:
+        return [None] * count
+    if isinstance(value, list | tuple):
+        if len(value) != count:
+            raise InvalidData(f"warm_start has {len(value)} entries for {count} models", field="warm_start")
+        return [plan_of(entry) for entry in value]
+    return [plan_of(value)] * count
+
+
+def _task(
+    row: int,
+    column: int,
+    model: Model[Any],
+    backend: Backend,
+    formulation: str | None,
+    common: Mapping[str, Any],
+    warm_start: Any,
+    own: Mapping[str, Mapping[str, Any]],
+) -> _Task:
+    """Return the task with the common options that the backend knows."""
+    asked = dict(common)
+    for name, feature in (("gap", Feature.GAP), ("seed", Feature.SEED), ("threads", Feature.THREADS)):
+        if feature not in backend.features:
+            asked[name] = None
+    native = isinstance(model, backend.accepts)
+    if native:
+        asked["formulation_options"] = {}
+    usable = {Feature.WARM_START, Feature.CUTOFF} & backend.features
+    job = Job(
+        model=model,
+        backend=backend,
+        formulation=None if native else formulation,
+        warm_start=warm_start if usable else None,
+        backend_options=dict(own.get(backend.name, {})),
+        **asked,
+    )
+    backend.checked_options(job.backend_options)
+    try:
+        job.target()
+    except CrosstrackError as error:
+        if isinstance(error, UnknownName):
+            raise
+        return _Task(row, column, job, error)
+    return _Task(row, column, job)
+
+
+def _refused(task: _Task) -> Solution[Any]:
+    """Return the row of a backend that cannot run the job at all."""
+    return failed(task.job, f"{type(task.refusal).__name__}: {task.refusal}")
+
+
+def failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
+    """Return the solution of a job that did not run to an answer."""
+    backend = find_backend(job.backend)
+    return Solution(
+        model=job.model.kind,
+        instance=job.model.name,
+        digest=job.model.digest,
+        backend=backend.name,
+        formulation=job.formulation,
+        termination=Termination.FAILED,
+        seconds={"total": seconds},
+        backend_version=backend.version(),
+        version=library_version(),
+        options=job.options(),
+        formulation_options=dict(job.formulation_options),
+        seed=job.seed,
+        message=message,
+    )
+
+
+def _run(worker: Worker, job: Job, grace: float) -> Solution[Any]:
+    begin = time.monotonic()
+    try:
+        return worker.solve(job, grace=grace)
+    except CrosstrackError as error:
+        return failed(job, f"{type(error).__name__}: {error}", time.monotonic() - begin)
+
+
+Finished = Callable[[_Task, Solution[Any]], None]
+
+
+def _by_threads(tasks: deque[_Task], count: int, grace: float, finished: Finished) -> bool:
+    """Run the tasks in threads that drive workers; return whether Ctrl-C ended it.
+
+    A worker serves one backend only, and lives while that backend has jobs left.
+    """
+    results: queue.SimpleQueue[tuple[_Task, Solution[Any] | BaseException]] = queue.SimpleQueue()
+    lock = threading.Lock()
+    idle: dict[int, list[Worker]] = {}
+    busy: set[Worker] = set()
+    left: dict[int, int] = {}
+    stop = threading.Event()
+    for task in tasks:
+        left[task.column] = left.get(task.column, 0) + 1
+    total = len(tasks)
+
+    def work() -> None:
+        while True:
+            with lock:
+                if stop.is_set() or not tasks:
+                    return
+                task = tasks.popleft()
+                if task.refusal is None:
+                    worker = (idle.get(task.column) or [Worker()]).pop()
+                    busy.add(worker)
+            outcome: Solution[Any] | BaseException
+            if task.refusal is not None:
+                outcome = _refused(task)
+            else:
+                try:
+                    outcome = _run(worker, task.job, grace)
+                except BaseException as error:  # raised again in the waiting thread
+                    outcome = error
+            with lock:
+                left[task.column] -= 1
+                if task.refusal is None:
+                    busy.discard(worker)
+                    if left[task.column] and not stop.is_set():
+                        idle.setdefault(task.column, []).append(worker)
+                    else:
+                        worker.close()
+                        for other in idle.pop(task.column, []):
+                            other.close()
+            results.put((task, outcome))
+
+    threads = [threading.Thread(target=work, name="crosstrack-compare", daemon=True) for _ in range(count)]
+    interrupted = False
+
+    def receive() -> None:
+        task, outcome = results.get()
+        if isinstance(outcome, BaseException):
+            raise outcome
+        finished(task, outcome)
+
+    try:
+        for thread in threads:
+            thread.start()
+        try:
+            for _ in range(total):
+                receive()
+        except KeyboardInterrupt:
+            interrupted = True
+            stop.set()
+            with lock:
+                running = list(busy)
+            for worker in running:
+                worker.interrupt()
+            for thread in threads:
+                thread.join()
+            while not results.empty():
+                receive()
+    finally:
+        stop.set()
+        with lock:
+            tasks.clear()
+            for worker in [*busy, *(w for group in idle.values() for w in group)]:
+                worker.close()
+    return interrupted
+
+
+def _by_pool(tasks: deque[_Task], pool: Executor, grace: float, finished: Finished) -> bool:
+    """Run the tasks in an executor whose tasks only launch workers; return whether Ctrl-C ended it."""
+    futures: dict[Future[bytes], _Task] = {}
+    for task in tasks:
+        if task.refusal is not None:
+            finished(task, _refused(task))
+        else:
+            futures[pool.submit(_launch, cloudpickle.dumps((task.job, grace)))] = task
+    open_futures = set(futures)
+    try:
+        while open_futures:
+            # Polled, for executors of other libraries do not fit concurrent.futures.wait.
+            done = {future for future in open_futures if future.done()}
+            if not done:
+                time.sleep(0.02)
+                continue
+            open_futures -= done
+            for future in done:
+                task = futures[future]
+                data = cloudpickle.loads(future.result())
+                finished(task, Solution.from_dict(data, task.job.model))
+    except KeyboardInterrupt:
+        for future in open_futures:
+            future.cancel()
+        return True
+    return False
+
+
+def _launch(request: bytes) -> bytes:
+    """Run one job in a fresh worker; executed inside an executor's process or thread."""
+    job, grace = cloudpickle.loads(request)
+    with Worker() as worker:
+        message = cloudpickle.dumps(_run(worker, job, grace).to_dict())
+    return bytes(message)
+
+

@@ -1,0 +1,181 @@
+"""The verb :func:`diagnose`: why a model has no plan, in the paper's words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ..errors import UnsupportedFormulation
+from ..models.model import Model, resolve
+from ..models.programs import MixedIntegerProgram
+from .backend import Backend, Guarantee, Termination
+from .dispatch import solve
+from .registry import find_backend, recommended
+
+__all__ = ["Diagnosis", "Finding", "diagnose"]
+
+#: What finds the place where every extension dies, by the model's kind.
+_NATIVE: Mapping[str, str] = {
+    "error-correction": ".solvers.correction.diagnosis:diagnose_routing",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One reason.
+
+    Parameters
+    ----------
+    text : str
+        The reason in words.
+    equation : str
+        The paper's equation, empty where it has none.
+    where : str
+        The place.
+    data : mapping
+        The same for programs, with the model's indices and figures.
+    """
+
+    text: str
+    equation: str = ""
+    where: str = ""
+    data: Mapping[str, Any] | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the finding as JSON data."""
+        return {"text": self.text, "equation": self.equation, "where": self.where, **(self.data or {})}
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Why a model has no plan, or that it has one.
+
+    Parameters
+    ----------
+    instance : str
+        The model's name.
+    feasible : bool, optional
+        Whether there is a plan; None where neither was shown.
+    method : str
+        How it was found.
+    summary : str
+        One sentence.
+    findings : tuple of Finding
+        The reasons, the nearest miss first.
+    """
+
+    instance: str
+    feasible: bool | None
+    method: str
+    summary: str
+    findings: tuple[Finding, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the diagnosis as JSON data."""
+        return {
+            "instance": self.instance,
+            "feasible": self.feasible,
+            "method": self.method,
+            "summary": self.summary,
+            "findings": [finding.to_dict() for finding in self.findings],
+        }
+
+    def __str__(self) -> str:
+        head = f"{self.instance}: {self.summary}" if self.instance else self.summary
+        return "\n".join([head, *(f"  - {finding.text}" for finding in self.findings)])
+
+
+def diagnose(
+    model: Model[Any],
+    backend: str | Backend | None = None,
+    *,
+    formulation: str | None = None,
+    time_limit: float | None = 60.0,
+) -> Diagnosis:
+    """Say why `model` has no plan, in the paper's words.
+
+    Without a backend or formulation, the model's own search names the place where every extension
+    dies. With one, a deletion filter over the blocks of the program's rows finds a set of equations
+    that no point satisfies together, while it would without any one of them.
+
+    Parameters
+    ----------
+    model : Model
+        What is asked.
+    backend : str or Backend, optional
+        An exact backend for programs; the deletion filter is used.
+    formulation : str, optional
+        The formulation to filter; ``"paper"`` unless another is named.
+    time_limit : float, optional
+        Seconds for each program that the filter solves.
+
+    Returns
+    -------
+    Diagnosis
+        The reasons, or that there is a plan.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The backend is not exact, or takes no program.
+    """
+    if backend is None and formulation is None and model.kind in _NATIVE:
+        native: Callable[[Any], Diagnosis] = resolve(_NATIVE[model.kind])
+        return native(model)
+    return _filter(model, backend, formulation, time_limit)
+
+
+def _filter(
+    model: Model[Any], backend: str | Backend | None, formulation: str | None, time_limit: float | None
+) -> Diagnosis:
+    if isinstance(model, MixedIntegerProgram):
+        program = model
+    else:
+        written = model.formulate(formulation or ("paper" if "paper" in model.formulations else None))
+        if not isinstance(written.program, MixedIntegerProgram):
+            raise UnsupportedFormulation(f"formulation {written.name!r} is no mixed-integer program")
+        program = written.program
+    solver = recommended(program) if backend is None else find_backend(backend)
+    if solver.guarantee is not Guarantee.EXACT or not issubclass(MixedIntegerProgram, solver.accepts):
+        raise UnsupportedFormulation(
+            f"the deletion filter needs an exact backend for mixed-integer programs; {solver.name!r} is none"
+        )
+    # Only feasibility is asked, so any first point will do.
+    asked = replace(program, cost=program.cost * 0.0, offset=0.0)
+
+    def ends(candidate: MixedIntegerProgram) -> Termination:
+        return solve(candidate, solver, time_limit=time_limit).termination
+
+    method = f"deletion filter over the rows of {program.name or 'the program'} with {solver.name}"
+    first = ends(asked)
+    if first in (Termination.OPTIMAL, Termination.FEASIBLE):
+        return Diagnosis(model.name, True, method, "a plan exists: nothing to explain")
+    if first is not Termination.INFEASIBLE:
+        return Diagnosis(model.name, None, method, f"not settled: {solver.name} ended with {first}")
+    needed = [block.name for block in asked.rows]
+    unsure = []
+    for name in list(needed):
+        kept = [other for other in needed if other != name]
+        dropped = [block.name for block in asked.rows if block.name not in kept]
+        outcome = ends(asked.without_rows(dropped))
+        if outcome is Termination.INFEASIBLE:
+            needed = kept
+        elif outcome not in (Termination.OPTIMAL, Termination.FEASIBLE):
+            unsure.append(name)
+    blocks = [block for block in asked.rows if block.name in needed]
+    findings = tuple(
+        Finding(
+            f"{block.title} ({block.size} rows)" + (": not settled within the time limit" if block.name in unsure else ""),
+            block.equation,
+            block.name,
+            {"block": block.name, "rows": block.size, "settled": block.name not in unsure},
+        )
+        for block in blocks
+    )
+    summary = (
+        "no plan: these rows cannot hold together, and leaving out any one block of them gives a plan"
+        if findings
+        else "no plan: the bounds of the columns alone exclude it"
+    )
+    return Diagnosis(model.name, False, method, summary, findings)

@@ -1,0 +1,167 @@
+"""The verbs :func:`solve` and :func:`verify`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+from ..errors import InvalidData
+from ..models.model import Model
+from ..models.verification import TOLERANCE, Verification
+from .backend import Backend, Feature
+from .execution import execute
+from .isolation import in_worker
+from .job import Job
+from .registry import rivals
+from .solution import Incumbent, Solution
+
+__all__ = ["solve", "verify"]
+
+PlanT = TypeVar("PlanT")
+
+
+def solve(
+    model: Model[PlanT],
+    backend: str | Backend = "auto",
+    *,
+    formulation: str | None = None,
+    formulation_options: Mapping[str, Any] | None = None,
+    time_limit: float | None = None,
+    gap: float | None = None,
+    tolerance: float | None = None,
+    seed: int | None = None,
+    threads: int | None = None,
+    warm_start: PlanT | Solution[PlanT] | None = None,
+    starts: int = 1,
+    on_incumbent: Callable[[Incumbent[PlanT]], None] | None = None,
+    isolate: bool | None = None,
+    backend_options: Mapping[str, Any] | None = None,
+) -> Solution[PlanT]:
+    """Solve `model` and verify the answer.
+
+    What fails verification is never returned as a plan: the termination is then ``rejected``. A
+    limit never raises, and Ctrl-C loses nothing: the incumbent comes back. Whatever the backend or
+    formulation does not support raises; nothing is dropped in silence.
+
+    Parameters
+    ----------
+    model : Model
+        What is asked.
+    backend : str or Backend
+        A name from :func:`crosstrack.backends`, or ``"auto"``: the first exact one installed,
+        native algorithms before programs.
+    formulation : str, optional
+        Name of the formulation, for a backend that takes programs; the model's default one.
+    formulation_options, backend_options : mapping, optional
+        Options of their own.
+    time_limit : float, optional
+        Seconds, the building of the program included.
+    gap : float, optional
+        Relative gap at which an exact backend may stop (default 1e-6).
+    tolerance : float, optional
+        Largest violation accepted, in the backend and in the verification (default 1e-6).
+    seed, threads : int, optional
+        For backends that draw, or that use threads.
+    warm_start : plan or Solution, optional
+        A plan to start from; it is verified first, and bounds the objective.
+    starts : int
+        Number of starts from different seeds, for backends that are not exact; all are kept.
+    on_incumbent : callable, optional
+        Called with each better :class:`~crosstrack.solvers.solution.Incumbent`, in this thread.
+    isolate : bool, optional
+        Run in a worker process. By default only where the backend cannot be interrupted, or where
+        a library that clashes with it is loaded.
+    backend_options : mapping, optional
+        The backend's own options; they win over the common ones.
+
+    Returns
+    -------
+    Solution
+        The verified plan with bounds, or how the run ended without one.
+
+    Raises
+    ------
+    BackendMissing, BackendBroken
+        The backend is not installed, or refuses for a reason of its own.
+    UnknownName, UnsupportedOption, UnsupportedFormulation, InvalidData
+        Something asked for is not to be had.
+    """
+    job = Job(
+        model=model,
+        backend=backend,
+        formulation=formulation,
+        formulation_options=dict(formulation_options or {}),
+        time_limit=time_limit,
+        gap=gap,
+        tolerance=tolerance,
+        seed=seed,
+        threads=threads,
+        warm_start=plan_of(warm_start),
+        starts=starts,
+        backend_options=dict(backend_options or {}),
+    ).resolved()
+    if needs_worker(job) if isolate is None else isolate:
+        job.target()  # what cannot be had raises here, before a process starts
+        return in_worker(job, listener=on_incumbent)
+    return execute(job, listener=on_incumbent)
+
+
+def plan_of(start: Any) -> Any:
+    """Return the plan of a solution, or the plan itself."""
+    if not isinstance(start, Solution):
+        return start
+    if start.plan is None:
+        raise InvalidData(f"warm_start: the solution has no plan ({start.termination})", field="warm_start")
+    return start.plan
+
+
+def needs_worker(job: Job) -> bool:
+    """Whether `job` must leave this process: it cannot be interrupted, or would meet a rival library."""
+    backend = job.backend
+    assert isinstance(backend, Backend)
+    if backend.requires and Feature.INTERRUPT not in backend.features:
+        return True
+    return any(module in sys.modules for module in rivals(backend))
+
+
+def verify(
+    model: Model[PlanT],
+    plan: PlanT | Solution[PlanT],
+    *,
+    tolerance: float = TOLERANCE,
+    formulation: str | None = None,
+    formulation_options: Mapping[str, Any] | None = None,
+) -> Verification:
+    """Check a plan from anywhere against the model's raw data.
+
+    Parameters
+    ----------
+    model : Model
+        What was asked.
+    plan : plan or Solution
+        The plan.
+    tolerance : float
+        Largest violation accepted, relative to ``max(1, right-hand side)``.
+    formulation : str, optional
+        Encode the plan into this formulation as well, and check every row of the program.
+    formulation_options : mapping, optional
+        Options of the formulation.
+
+    Returns
+    -------
+    Verification
+        One check a constraint, and one a block of rows where a formulation is named.
+
+    Raises
+    ------
+    InvalidData
+        The plan is none for this model, or cannot be encoded.
+    """
+    checked: PlanT = plan_of(plan)
+    found = model.verify(checked, tolerance=tolerance)
+    if formulation is None:
+        return found
+    written = model.formulate(formulation, **dict(formulation_options or {}))
+    rows = written.program.verify(written.encode(checked), tolerance=tolerance)
+    return Verification(found.objective, (*found.checks, *rows.checks))

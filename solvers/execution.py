@@ -1,0 +1,327 @@
+"""Running one job in this process: build, run, decode, verify; a limit or Ctrl-C loses nothing."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..errors import CrosstrackError, InvalidData
+from ..models.model import library_version
+from ..models.verification import TOLERANCE, Verification
+from .backend import Answer, Control, Feature, Guarantee, Limit, Request, Termination
+from .job import GAP, Job, Target
+from .solution import Incumbent, Solution, relative_gap
+
+__all__ = ["GRACE", "execute"]
+
+log = logging.getLogger("crosstrack")
+
+#: Seconds that a run may take beyond its time limit before it is given up.
+GRACE = 10.0
+
+Listener = Callable[[Incumbent[Any]], None]
+
+_CLAIMS_PLAN = (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL, Termination.FEASIBLE)
+_CLAIMS_NONE = (Termination.INFEASIBLE, Termination.UNBOUNDED)
+
+
+@dataclass
+class _Run:
+    """What happens during one job."""
+
+    job: Job
+    target: Target
+    listener: Listener | None
+    seconds: dict[str, float] = field(default_factory=dict)
+    incumbents: list[Incumbent[Any]] = field(default_factory=list)
+    last_point: Any = None
+
+    @contextmanager
+    def clock(self, part: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - begin
+
+    def decode(self, point: Any) -> Any:
+        """Return the plan of a backend's point."""
+        formulation = self.target.formulation
+        return point if formulation is None else formulation.decode(point)
+
+    def heard(self, seconds: float, objective: float, point: Any) -> None:
+        """Keep an incumbent, and tell the listener."""
+        self.last_point = point
+        plan = None
+        if self.listener is not None:
+            try:
+                plan = self.decode(point)
+            except InvalidData as error:
+                log.debug("incumbent %g of %s does not decode: %s", objective, self.target.backend.name, error)
+        incumbent = Incumbent(seconds, objective, plan)
+        self.incumbents.append(incumbent)
+        if self.listener is not None:
+            self.listener(incumbent)
+
+
+def execute(
+    job: Job,
+    *,
+    listener: Listener | None = None,
+    on_prepare: Callable[[bool], None] | None = None,
+    control: Control | None = None,
+) -> Solution[Any]:
+    """Run `job` here and return its verified solution.
+
+    Parameters
+    ----------
+    job : Job
+        What is asked; whatever it cannot have raises before anything starts.
+    listener : callable, optional
+        Called with every :class:`~crosstrack.solvers.solution.Incumbent`, in the caller's thread.
+    on_prepare : callable, optional
+        Called with True before and False after what only the first run needs (compilation).
+    control : Control, optional
+        To stop the run from another thread.
+    """
+    if job.starts > 1:
+        return _multistart(job, listener)
+    begin = time.perf_counter()
+    run = _Run(job, job.target(), listener)
+    control = control or Control()
+    backend = run.target.backend
+    if on_prepare is not None:
+        on_prepare(True)
+    with run.clock("compile"):
+        backend.prepare()
+    if on_prepare is not None:
+        on_prepare(False)
+    started = time.perf_counter()
+    problem, request = _build(run, control)
+    if job.time_limit is not None:
+        left = max(job.time_limit - (time.perf_counter() - started), 1e-3)
+        request = replace(request, time_limit=left)
+    with _interrupt(control):
+        answer = _attend(run, problem, request)
+    solution = _finish(run, answer)
+    seconds = {**solution.seconds, "total": time.perf_counter() - begin}
+    return replace(solution, seconds=seconds)
+
+
+def _build(run: _Run, control: Control) -> tuple[Any, Request]:
+    """Return the problem for the backend, with the warm start verified and encoded."""
+    job, formulation = run.job, run.target.formulation
+    warm, cutoff = job.warm_start, None
+    with run.clock("build"):
+        if warm is not None:
+            checked = run.target.model.verify(warm)
+            if not checked.ok:
+                raise InvalidData(f"warm_start is no plan of the model: {checked.summary()}", field="warm_start")
+            if not checked.within_tolerance:
+                cutoff = checked.objective
+                if formulation is not None and cutoff is not None:
+                    formulation = formulation.bounded(cutoff)
+                    run.target = replace(run.target, formulation=formulation)
+            if formulation is not None:
+                warm = formulation.encode(warm)
+        problem: Any = run.target.model if formulation is None else formulation.program
+    features = run.target.backend.features
+    return problem, Request(
+        gap=GAP if job.gap is None else float(job.gap),
+        tolerance=TOLERANCE if job.tolerance is None else float(job.tolerance),
+        seed=job.seed,
+        threads=job.threads,
+        warm_start=warm if Feature.WARM_START in features else None,
+        cutoff=cutoff if Feature.CUTOFF in features else None,
+        options=run.target.backend.checked_options(job.backend_options),
+        control=control,
+    )
+
+
+@contextmanager
+def _interrupt(control: Control) -> Iterator[None]:
+    """Let Ctrl-C stop the run instead of losing it; a second one raises as usual."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous = signal.getsignal(signal.SIGINT)
+    if previous is not signal.default_int_handler:
+        yield  # the caller handles signals; it has its own way to stop us
+        return
+
+    def handler(number: int, frame: Any) -> None:
+        if control.reason is Limit.INTERRUPTED:
+            signal.default_int_handler(number, frame)
+        control.stop(Limit.INTERRUPTED)
+
+    signal.signal(signal.SIGINT, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+def _attend(run: _Run, problem: Any, request: Request) -> Answer:
+    """Run the backend in a thread, so that this one can hear incumbents, the clock and Ctrl-C."""
+    control, backend = request.control, run.target.backend
+    box: list[Answer | BaseException] = []
+
+    def work() -> None:
+        try:
+            box.append(backend.run(problem, request))
+        except BaseException as error:  # handed to the waiting thread, which raises or records it
+            box.append(error)
+        finally:
+            control.events.put(None)
+
+    with run.clock("run"):
+        control.arm(request.time_limit)
+        thread = threading.Thread(target=work, name=f"crosstrack-{backend.name}", daemon=True)
+        thread.start()
+        given_up = False
+        stop_seen: float | None = None
+        while True:
+            try:
+                event = control.events.get(timeout=0.25)
+            except queue.Empty:
+                if control.stopped:
+                    stop_seen = stop_seen or time.perf_counter()
+                    given_up = time.perf_counter() - stop_seen > GRACE
+                if given_up:
+                    break
+                continue
+            if event is None:
+                break
+            run.heard(*event)
+        control.disarm()
+    if given_up:
+        log.warning("backend %s does not stop; its thread is left behind", backend.name)
+        return Answer(
+            Termination.NO_SOLUTION, control.reason, message="did not stop when asked; given up"
+        )
+    thread.join()
+    outcome = box[0]
+    if isinstance(outcome, Answer):
+        return outcome
+    if isinstance(outcome, CrosstrackError) or not isinstance(outcome, Exception):
+        raise outcome
+    log.error("backend %s failed", backend.name, exc_info=outcome)
+    text = f"{type(outcome).__name__}: {outcome}"
+    limit = Limit.MEMORY if isinstance(outcome, MemoryError) else None
+    return Answer(Termination.FAILED, limit, message=text)
+
+
+def _finish(run: _Run, answer: Answer) -> Solution[Any]:
+    """Decode and verify what the backend claims, and keep only what stands."""
+    job, target = run.job, run.target
+    backend, model = target.backend, target.model
+    exact = backend.guarantee is Guarantee.EXACT
+    point = run.last_point if answer.point is None else answer.point
+    termination, messages = answer.termination, [answer.message]
+    dual = answer.dual_bound if exact else None
+    plan: Any = None
+    verification: Verification | None = None
+    rejected: Any = None
+    plan_data: Any = None
+    if termination in _CLAIMS_NONE and not exact:
+        messages.append(f"claims {termination}, which a {backend.guarantee} backend cannot prove")
+        termination = Termination.NO_SOLUTION
+    if point is not None and termination not in _CLAIMS_NONE:
+        try:
+            with run.clock("decode"):
+                plan = run.decode(point)
+            with run.clock("verify"):
+                verification = model.verify(plan, tolerance=TOLERANCE if job.tolerance is None else job.tolerance)
+        except InvalidData as error:
+            messages.append(f"the point does not decode: {error}")
+            termination, dual = Termination.REJECTED, None
+        else:
+            plan_data = model.plan_to_data(plan)
+            if not verification.ok:
+                messages.append(f"plan {verification.summary()}")
+                termination, rejected, plan, plan_data = Termination.REJECTED, plan_data, None, None
+                dual = None
+    elif termination in _CLAIMS_PLAN:
+        messages.append(f"claims {termination} without a point")
+        termination = Termination.FAILED
+    primal = verification.objective if plan is not None and verification is not None else None
+    if plan is not None and termination in (Termination.NO_SOLUTION, Termination.FAILED):
+        termination = Termination.FEASIBLE  # the run ended badly, yet its last incumbent verifies
+    if termination is Termination.OPTIMAL and exact:
+        dual = answer.primal_bound if dual is None else dual
+        if dual is None:
+            dual = primal
+        gap = relative_gap(primal, dual)
+        asked = GAP if job.gap is None else job.gap
+        if gap is None or gap > asked * 1.01 + 1e-6:
+            messages.append(f"claims optimal, but the verified plan leaves a gap of {gap}")
+            termination = Termination.FEASIBLE
+    seconds = dict(run.seconds)
+    waited = seconds.pop("run", 0.0)
+    reported = dict(answer.seconds)
+    seconds["build"] = seconds.get("build", 0.0) + reported.pop("build", 0.0)
+    seconds["compile"] = seconds.get("compile", 0.0) + reported.pop("compile", 0.0)
+    solve = reported.pop("solve", waited)
+    parts = {
+        "build": seconds.pop("build"),
+        "compile": seconds.pop("compile"),
+        "solve": solve,
+        "decode": seconds.get("decode", 0.0),
+        "verify": seconds.get("verify", 0.0),
+        **reported,
+    }
+    return Solution(
+        model=job.model.kind,
+        instance=job.model.name,
+        digest=job.model.digest,
+        backend=backend.name,
+        formulation=None if target.formulation is None else target.formulation.name,
+        termination=termination,
+        limit=answer.limit,
+        primal_bound=primal,
+        dual_bound=dual,
+        plan=plan,
+        plan_data=plan_data,
+        verification=verification,
+        seconds=parts,
+        incumbents=tuple(run.incumbents),
+        backend_version=backend.version(),
+        version=library_version(),
+        options=job.options(),
+        formulation_options=dict(job.formulation_options),
+        seed=job.seed,
+        statistics=dict(answer.statistics),
+        message="; ".join(text for text in messages if text),
+        rejected_plan=rejected,
+    )
+
+
+def _multistart(job: Job, listener: Listener | None) -> Solution[Any]:
+    """Run the job from several seeds and return the best result with all of them."""
+    job.target()
+    first = job.seed or 0
+    results: list[Solution[Any]] = []
+    begin = time.perf_counter()
+    for start in range(job.starts):
+        left = None if job.time_limit is None else job.time_limit - (time.perf_counter() - begin)
+        if left is not None and left <= 0 and results:
+            break
+        one = replace(job, seed=first + start, starts=1, time_limit=left)
+        results.append(execute(one, listener=listener))
+        if results[-1].limit is Limit.INTERRUPTED:
+            break
+    best = min(
+        results, key=lambda s: (s.primal_bound is None, s.primal_bound if s.primal_bound is not None else 0.0)
+    )
+    seconds = {
+        part: sum(result.seconds.get(part, 0.0) for result in results) for part in best.seconds
+    }
+    return replace(best, starts=tuple(results), seconds=seconds, options=job.options())
+

@@ -1,0 +1,148 @@
+"""One run that is asked for: everything that decides its answer, checked before it starts."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..errors import InvalidData, UnsupportedFormulation, UnsupportedOption
+from ..models.formulation import Formulation
+from ..models.model import Model
+from ..models.verification import TOLERANCE
+from .backend import Backend, Feature, Guarantee
+from .registry import accepted, default_formulation, find_backend, recommended
+
+__all__ = ["GAP", "Job", "Target"]
+
+#: The relative gap that is asked of every exact backend unless another is given.
+GAP = 1e-6
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a backend will be given: a model of its own, or a formulation of one."""
+
+    backend: Backend
+    model: Model[Any]
+    formulation: Formulation[Any, Any] | None
+
+
+@dataclass(frozen=True)
+class Job:
+    """A model, a backend and all options; see :func:`crosstrack.solve` for their meaning."""
+
+    model: Model[Any]
+    backend: str | Backend = "auto"
+    formulation: str | None = None
+    formulation_options: Mapping[str, Any] = field(default_factory=dict)
+    time_limit: float | None = None
+    gap: float | None = None
+    tolerance: float | None = None
+    seed: int | None = None
+    threads: int | None = None
+    warm_start: Any = None
+    starts: int = 1
+    backend_options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.model, Model):
+            hint = "; load it first: crosstrack.load(…)" if isinstance(self.model, str) else ""
+            raise InvalidData(f"model must be a Model, got {self.model!r}{hint}", field="model")
+        for name, strict in (("time_limit", True), ("gap", False), ("tolerance", True)):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not math.isfinite(value) or value < 0 or (strict and value == 0):
+                raise UnsupportedOption(f"{name} must be a number {'>' if strict else '>='} 0, got {value!r}")
+        for name, lower in (("seed", 0), ("threads", 1), ("starts", 1)):
+            value = getattr(self, name)
+            if value is None and name != "starts":
+                continue
+            if isinstance(value, bool) or not isinstance(value, int) or value < lower:
+                raise UnsupportedOption(f"{name} must be a whole number >= {lower}, got {value!r}")
+
+    def resolved(self) -> Job:
+        """Return the job with its backend looked up and ``"auto"`` decided."""
+        if isinstance(self.backend, str) and self.backend == "auto":
+            return replace(self, backend=recommended(self.model, self.formulation))
+        return replace(self, backend=find_backend(self.backend))
+
+    def target(self) -> Target:
+        """Return what the backend will be given; whatever it does not support raises here.
+
+        Raises
+        ------
+        BackendMissing
+            The backend is not installed.
+        UnsupportedOption, UnsupportedFormulation, UnknownName
+            Something asked for is not to be had; nothing is dropped in silence.
+        """
+        backend = self.resolved().backend
+        assert isinstance(backend, Backend)
+        backend.require()
+        backend.checked_options(self.backend_options)
+        for name, feature in (("gap", Feature.GAP), ("seed", Feature.SEED), ("threads", Feature.THREADS)):
+            if getattr(self, name) is not None and feature not in backend.features:
+                raise UnsupportedOption(f"backend {backend.name!r} does not support {name}={getattr(self, name)!r}")
+        usable = {Feature.WARM_START, Feature.CUTOFF} & backend.features
+        if self.warm_start is not None and not usable:
+            raise UnsupportedOption(f"backend {backend.name!r} takes no warm start")
+        if self.starts > 1 and (backend.guarantee is Guarantee.EXACT or Feature.SEED not in backend.features):
+            why = "is exact: one start proves" if backend.guarantee is Guarantee.EXACT else "takes no seed"
+            raise UnsupportedOption(f"backend {backend.name!r} {why}; starts must be 1, got {self.starts}")
+        if self.formulation is not None:
+            self._known_formulation(self.formulation)
+        model = accepted(self.model, backend, self.formulation)
+        if model is None:
+            raise UnsupportedFormulation(self._refusal(backend))
+        if self.formulation is None and isinstance(model, backend.accepts):
+            if self.formulation_options:
+                raise UnsupportedOption(
+                    f"backend {backend.name!r} takes model {model.kind!r} itself: it has no formulation_options"
+                )
+            return Target(backend, model, None)
+        name = self.formulation or default_formulation(model, backend)
+        return Target(backend, model, model.formulate(name, **self.formulation_options))
+
+    def _known_formulation(self, name: str) -> None:
+        step: Model[Any] | None = self.model
+        while step is not None:
+            if name in step.formulations:
+                return
+            step = step.lower()
+        type(self.model).formulation_type(name)  # raises UnknownName with what there is
+
+    def _refusal(self, backend: Backend) -> str:
+        takes = backend.accepts.kind or backend.accepts.__name__
+        if self.formulation is not None and issubclass(type(self.model), backend.accepts):
+            return (
+                f"backend {backend.name!r} takes model {takes!r} itself, not its formulation {self.formulation!r}"
+            )
+        what = f"formulation {self.formulation!r} of model" if self.formulation else "model"
+        return f"backend {backend.name!r} accepts {takes!r}; it cannot take {what} {self.model.kind!r}"
+
+    def options(self) -> dict[str, Any]:
+        """Return everything asked of the run as JSON data, for the solution's record."""
+        return {
+            "time_limit": self.time_limit,
+            "gap": GAP if self.gap is None else self.gap,
+            "tolerance": TOLERANCE if self.tolerance is None else self.tolerance,
+            "threads": self.threads,
+            "starts": self.starts,
+            "warm_start": None if self.warm_start is None else self.model.plan_to_data(self.warm_start),
+            "backend_options": dict(self.backend_options),
+        }
+
+    def key(self) -> str:
+        """Return what identifies the job in a campaign's record: same key, same work."""
+        name = self.backend if isinstance(self.backend, str) else self.backend.name
+        parts = [
+            self.model.digest, name, self.formulation, dict(self.formulation_options), self.seed, self.options()
+        ]  # fmt: skip
+        text = json.dumps(parts, sort_keys=True, default=repr)
+        return hashlib.sha256(text.encode()).hexdigest()[:24]

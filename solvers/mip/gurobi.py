@@ -1,0 +1,187 @@
+"""Gurobi through gurobipy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...errors import BackendBroken
+from ...models.programs import MixedIntegerProgram
+from ..backend import Feature, Limit, Option, Request
+from .base import (
+    Clock,
+    Ended,
+    Incumbents,
+    Outcome,
+    ProgramBackend,
+    allowed,
+    limited,
+    solver_tolerance,
+    watched,
+)
+
+__all__ = ["Gurobi"]
+
+#: Gurobi's own numbers for a licence that is missing, unreachable, or too small for the program.
+NO_LICENCE, SIZE_LIMITED = 10009, 10010
+
+
+class Gurobi(ProgramBackend):
+    """Gurobi; the licence that its package brings takes 2000 rows and 2000 columns at most."""
+
+    name = "gurobi"
+    features = frozenset(
+        {
+            Feature.GAP,
+            Feature.SEED,
+            Feature.THREADS,
+            Feature.WARM_START,
+            Feature.CUTOFF,
+            Feature.INCUMBENTS,
+            Feature.DUAL_BOUND,
+            Feature.DUALS,
+            Feature.INTERRUPT,
+        }
+    )
+    requires = ("gurobipy",)
+    distribution = "gurobipy"
+    extra = "gurobi"
+    options: ClassVar[Mapping[str, Option]] = {
+        "mip_focus": Option(0, "0 balanced, 1 solutions, 2 proof, 3 bound.", int, (0, 1, 2, 3)),
+    }
+    summary = "Gurobi: commercial; without a licence only small programs"
+
+    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
+        """Solve with Gurobi."""
+        import gurobipy
+
+        try:
+            with (
+                gurobipy.Env(params=_parameters(program, request)) as environment,
+                gurobipy.Model(env=environment) as model,
+            ):
+                return _solve(gurobipy, model, program, request, clock)
+        except gurobipy.GurobiError as error:
+            if error.errno == SIZE_LIMITED:
+                raise BackendBroken(
+                    f"backend 'gurobi': the program has {program.row_count} rows and "
+                    f"{program.size} columns, the licence that comes with gurobipy allows 2000 of "
+                    "each: install a licence of your own, or solve with another backend, "
+                    "such as 'highs'"
+                ) from error
+            if error.errno == NO_LICENCE:
+                raise BackendBroken(f"backend 'gurobi': no valid licence: {error}") from error
+            raise
+
+
+def _parameters(program: MixedIntegerProgram, request: Request) -> dict[str, Any]:
+    tolerance = solver_tolerance(request.tolerance, 1e-9, 1e-2)
+    parameters: dict[str, Any] = {
+        "OutputFlag": 0,
+        "MIPGap": request.gap,
+        "MIPGapAbs": 0.0,
+        "FeasibilityTol": tolerance,
+        "OptimalityTol": tolerance,
+        "IntFeasTol": tolerance,
+        "MIPFocus": request.options.get("mip_focus", 0),
+    }
+    if request.seed is not None:
+        parameters["Seed"] = request.seed % 2_000_000_000
+    if request.threads is not None:
+        parameters["Threads"] = request.threads
+    if request.cutoff is not None and not program.continuous:
+        parameters["Cutoff"] = allowed(request.cutoff)
+    return parameters
+
+
+def _solve(
+    gurobipy: Any, model: Any, program: MixedIntegerProgram, request: Request, clock: Clock
+) -> Outcome:
+    grb = gurobipy.GRB
+    columns = model.addMVar(
+        program.size,
+        lb=program.column_lower,
+        ub=program.column_upper,
+        obj=program.cost,
+        vtype=np.where(program.integral, grb.INTEGER, grb.CONTINUOUS),
+    )
+    model.ObjCon = program.offset
+    rows = _add_rows(model, program, columns)
+    if request.warm_start is not None and not program.continuous:
+        columns.Start = np.asarray(request.warm_start, float)
+    incumbents = Incumbents(program, request.control)
+
+    def heard(model: Any, where: int) -> None:
+        if where == grb.Callback.MIPSOL:
+            incumbents.report(np.array(model.cbGetSolution(columns), float))
+
+    clock.lap("build")
+    left = clock.left()
+    if left is not None:
+        model.Params.TimeLimit = left
+    with watched(request.control, model.terminate):
+        model.optimize(heard)
+    clock.lap("solve")
+    return _outcome(grb, model, program, request, columns, rows)
+
+
+def _add_rows(model: Any, program: MixedIntegerProgram, columns: Any) -> list[tuple[Any, Any]]:
+    """Add the rows and return, for each kind, which they are and Gurobi's constraints.
+
+    Gurobi has no two-sided rows: such a row becomes two, whose duals are added.
+    """
+    low, high = program.row_lower, program.row_upper
+    equal = low == high
+    added = []
+    for take, sense, right in (
+        (equal, "=", low),
+        (~equal & np.isfinite(low), ">", low),
+        (~equal & np.isfinite(high), "<", high),
+    ):
+        which = np.flatnonzero(take)
+        if which.size:
+            matrix = program.matrix[which]
+            added.append((which, model.addMConstr(matrix, columns, sense, right[which])))
+    return added
+
+
+def _outcome(
+    grb: Any,
+    model: Any,
+    program: MixedIntegerProgram,
+    request: Request,
+    columns: Any,
+    rows: list[tuple[Any, Any]],
+) -> Outcome:
+    status = model.Status
+    ended, limit = {
+        grb.OPTIMAL: (Ended.PROVEN, None),
+        grb.INFEASIBLE: (Ended.INFEASIBLE, None),
+        grb.CUTOFF: (Ended.INFEASIBLE, None),
+        grb.UNBOUNDED: (Ended.UNBOUNDED, None),
+        grb.INF_OR_UNBD: (Ended.UNCLEAR, None),
+        grb.TIME_LIMIT: (Ended.STOPPED, Limit.TIME),
+        grb.MEM_LIMIT: (Ended.STOPPED, Limit.MEMORY),
+        grb.ITERATION_LIMIT: (Ended.STOPPED, Limit.ITERATIONS),
+        grb.NODE_LIMIT: (Ended.STOPPED, Limit.ITERATIONS),
+        grb.SOLUTION_LIMIT: (Ended.STOPPED, Limit.ITERATIONS),
+        grb.WORK_LIMIT: (Ended.STOPPED, Limit.ITERATIONS),
+        # All nodes are done, yet the optimum is not within the tolerances.
+        grb.SUBOPTIMAL: (Ended.STOPPED, None),
+        grb.INTERRUPTED: (Ended.STOPPED, limited(request.control)),
+    }.get(status, (Ended.FAILED, None))
+    point, duals, bound = None, None, None
+    if model.SolCount and ended is not Ended.UNBOUNDED:
+        point = np.array(columns.X, float)
+    if not program.continuous:
+        bound = float(model.ObjBound)
+    elif ended is Ended.PROVEN:
+        bound = float(model.ObjVal)
+        duals = np.zeros(program.row_count)
+        for which, constraints in rows:
+            duals[which] += np.asarray(constraints.Pi)
+    statistics = {"nodes": int(model.NodeCount), "simplex iterations": int(model.IterCount)}
+    message = f"Gurobi: status {status}" if ended is Ended.FAILED else ""
+    return Outcome(ended, point, bound, duals, limit, statistics, message)

@@ -1,0 +1,212 @@
+"""SCIP and GLOP inside OR-Tools, through MathOpt."""
+
+from __future__ import annotations
+
+import datetime
+from typing import Any
+
+import numpy as np
+
+from ...models.programs import MixedIntegerProgram
+from ..backend import Feature, Limit, Request
+from .base import (
+    Clock,
+    Ended,
+    Incumbents,
+    Outcome,
+    ProgramBackend,
+    limited,
+    solver_tolerance,
+    watched,
+    with_cutoff_row,
+)
+
+__all__ = ["MathOpt"]
+
+
+class MathOpt(ProgramBackend):
+    """OR-Tools' MathOpt: its own build of SCIP, and GLOP for linear programs.
+
+    MathOpt's HiGHS is left out: version 9.15 can neither interrupt it nor limit its threads.
+    Listening to SCIP makes that version write two lines on the standard error, a complaint of
+    ``SCIPcatchEvent`` about one of several kinds of event; incumbents and stops come all the same.
+    """
+
+    name = "ortools"
+    features = frozenset(
+        {
+            Feature.GAP,
+            Feature.SEED,
+            Feature.WARM_START,
+            Feature.CUTOFF,
+            Feature.INCUMBENTS,
+            Feature.DUAL_BOUND,
+            Feature.DUALS,
+            Feature.INTERRUPT,
+        }
+    )
+    requires = ("ortools",)
+    distribution = "ortools"
+    extra = "ortools"
+    # See Highs: the two packages' libhighs.so.1 exclude one another.
+    conflict_group = "highs"
+    natives = ("ortools.math_opt.core.python.solver", "ortools.sat.python.cp_model_helper")
+    summary = "OR-Tools MathOpt: SCIP for mixed-integer, GLOP for linear programs"
+
+    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
+        """Solve with MathOpt."""
+        from ortools.math_opt.python import mathopt
+        from ortools.util.python.solve_interrupter import SolveInterrupter
+
+        posed = with_cutoff_row(program, request.cutoff)
+        model = _model(mathopt, posed)
+        columns = list(model.variables())
+        types = mathopt.SolverType
+        kind = types.GLOP if program.continuous else types.GSCIP
+        parameters = _parameters(mathopt, kind, request)
+        more: dict[str, Any] = {}
+        if kind is types.GSCIP:
+            more = _listening(mathopt, program, request)
+        if request.warm_start is not None and kind is types.GSCIP:
+            values = np.asarray(request.warm_start, float).tolist()
+            hint = mathopt.SolutionHint(variable_values=dict(zip(columns, values, strict=True)))
+            more["model_params"] = mathopt.ModelSolveParameters(solution_hints=[hint])
+        interrupter = SolveInterrupter()
+        clock.lap("build")
+        left = clock.left()
+        if left is not None:
+            parameters.time_limit = datetime.timedelta(seconds=left)
+        try:
+            with watched(request.control, interrupter.interrupt):
+                result = mathopt.solve(
+                    model, kind, params=parameters, interrupter=interrupter, **more
+                )
+        except (AttributeError, RuntimeError) as error:
+            return _refused(error)
+        finally:
+            clock.lap("solve")
+        return _outcome(mathopt, result, program, request)
+
+
+def _model(mathopt: Any, program: MixedIntegerProgram) -> Any:
+    """Return the model, made from arrays: adding rows one by one takes ten times as long."""
+    from ortools.math_opt import model_pb2, sparse_containers_pb2
+
+    costs = np.flatnonzero(program.cost)
+    matrix = program.matrix.tocoo()
+    order = np.lexsort((matrix.col, matrix.row))
+    proto = model_pb2.ModelProto(
+        variables=model_pb2.VariablesProto(
+            ids=range(program.size),
+            lower_bounds=program.column_lower,
+            upper_bounds=program.column_upper,
+            integers=program.integral,
+        ),
+        objective=model_pb2.ObjectiveProto(
+            offset=program.offset,
+            linear_coefficients=sparse_containers_pb2.SparseDoubleVectorProto(
+                ids=costs, values=program.cost[costs]
+            ),
+        ),
+        linear_constraints=model_pb2.LinearConstraintsProto(
+            ids=range(program.row_count),
+            lower_bounds=program.row_lower,
+            upper_bounds=program.row_upper,
+        ),
+        linear_constraint_matrix=sparse_containers_pb2.SparseDoubleMatrixProto(
+            row_ids=matrix.row[order],
+            column_ids=matrix.col[order],
+            coefficients=matrix.data[order],
+        ),
+    )
+    return mathopt.Model.from_model_proto(proto)
+
+
+def _parameters(mathopt: Any, kind: Any, request: Request) -> Any:
+    parameters = mathopt.SolveParameters()
+    if request.seed is not None:
+        parameters.random_seed = request.seed % (2**31)
+    # SCIP knows no tolerance below its epsilon, 1e-9.
+    tolerance = solver_tolerance(request.tolerance, 1e-9)
+    if kind is mathopt.SolverType.GLOP:
+        parameters.glop.primal_feasibility_tolerance = tolerance
+        parameters.glop.dual_feasibility_tolerance = tolerance
+        return parameters
+    parameters.relative_gap_tolerance = request.gap
+    parameters.absolute_gap_tolerance = 0.0
+    parameters.gscip.real_params["numerics/feastol"] = tolerance
+    parameters.gscip.real_params["numerics/dualfeastol"] = tolerance
+    parameters.gscip.bool_params["misc/catchctrlc"] = False
+    return parameters
+
+
+def _listening(mathopt: Any, program: MixedIntegerProgram, request: Request) -> dict[str, Any]:
+    incumbents = Incumbents(program, request.control)
+
+    def heard(data: Any) -> Any:
+        point = np.zeros(program.size)
+        for column, value in (data.solution or {}).items():
+            point[column.id] = value
+        incumbents.report(point)
+        return mathopt.CallbackResult()
+
+    events = {mathopt.Event.MIP_SOLUTION}
+    return {"cb": heard, "callback_reg": mathopt.CallbackRegistration(events=events)}
+
+
+def _refused(error: Exception) -> Outcome:
+    """Read an error of MathOpt's.
+
+    Version 9.15 fails with an ``AttributeError`` as it turns its solver's error into an exception,
+    so the error itself is the context. One of them is no failure: for an unbounded program SCIP
+    hands over a point of objective -inf, which MathOpt refuses to pass on.
+    """
+    cause = error
+    if isinstance(error, AttributeError):
+        if error.__context__ is None:
+            raise error
+        cause = error.__context__  # type: ignore[assignment]
+    message = str(cause)
+    if "-inf; invalid PrimalSolutionProto.objective_value" in message:
+        return Outcome(Ended.UNCLEAR)
+    return Outcome(Ended.FAILED, message=f"MathOpt: {message}")
+
+
+def _outcome(mathopt: Any, result: Any, program: MixedIntegerProgram, request: Request) -> Outcome:
+    reason, limits = mathopt.TerminationReason, mathopt.Limit
+    termination = result.termination
+    stopped = {
+        limits.TIME: Limit.TIME,
+        limits.MEMORY: Limit.MEMORY,
+        limits.INTERRUPTED: limited(request.control),
+    }.get(termination.limit, Limit.ITERATIONS)
+    ended = {
+        reason.OPTIMAL: Ended.PROVEN,
+        reason.INFEASIBLE: Ended.INFEASIBLE,
+        reason.UNBOUNDED: Ended.UNBOUNDED,
+        reason.INFEASIBLE_OR_UNBOUNDED: Ended.UNCLEAR,
+        reason.FEASIBLE: Ended.STOPPED,
+        reason.NO_SOLUTION_FOUND: Ended.STOPPED,
+    }.get(termination.reason, Ended.FAILED)
+    point, duals = None, None
+    best = result.solutions[0] if result.solutions else None
+    if best is not None and best.primal_solution is not None:
+        point = np.zeros(program.size)
+        for column, value in best.primal_solution.variable_values.items():
+            point[column.id] = value
+    if program.continuous and best is not None and best.dual_solution is not None:
+        duals = np.zeros(program.row_count)
+        for row, value in best.dual_solution.dual_values.items():
+            duals[row.id] = value
+    return Outcome(
+        ended,
+        point,
+        float(termination.objective_bounds.dual_bound),
+        duals,
+        stopped if ended is Ended.STOPPED else None,
+        {
+            "nodes": int(result.solve_stats.node_count),
+            "simplex iterations": int(result.solve_stats.simplex_iterations),
+        },
+        f"MathOpt: {termination.reason.name} {termination.detail}" if ended is Ended.FAILED else "",
+    )

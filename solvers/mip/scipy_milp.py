@@ -1,0 +1,83 @@
+"""HiGHS through ``scipy.optimize.milp``: always there, and apart from highspy's own build."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...errors import UnsupportedOption
+from ...models.programs import MixedIntegerProgram
+from ..backend import Feature, Limit, Option, Request
+from .base import Clock, Ended, Outcome, ProgramBackend, with_cutoff_row, with_offset_column
+
+__all__ = ["ScipyMilp"]
+
+#: The tolerance of HiGHS's own, which SciPy offers no way to change.
+TOLERANCE = 1e-6
+
+
+class ScipyMilp(ProgramBackend):
+    """``scipy.optimize.milp``, which runs a HiGHS of SciPy's own in this process.
+
+    It has no way to stop early but the time limit, and reports nothing before it is done.
+    """
+
+    name = "scipy"
+    features = frozenset({Feature.GAP, Feature.CUTOFF, Feature.DUAL_BOUND})
+    requires = ("scipy",)
+    distribution = "scipy"
+    options: ClassVar[Mapping[str, Option]] = {
+        "presolve": Option(True, "Whether to presolve.", bool)
+    }
+    summary = "scipy.optimize.milp: the HiGHS inside SciPy"
+
+    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
+        """Solve with SciPy's HiGHS."""
+        from scipy import optimize
+
+        if request.tolerance < TOLERANCE:
+            raise UnsupportedOption(
+                f"backend {self.name!r}: tolerance must be at least {TOLERANCE:g}, "
+                f"which scipy.optimize.milp fixes; got {request.tolerance!r}"
+            )
+        posed = with_offset_column(with_cutoff_row(program, request.cutoff))
+        options: dict[str, Any] = {"mip_rel_gap": request.gap, **request.options}
+        clock.lap("build")
+        left = clock.left()
+        if left is not None:
+            options["time_limit"] = left
+        result = optimize.milp(
+            posed.cost,
+            integrality=posed.integral.astype(np.int8),
+            bounds=optimize.Bounds(posed.column_lower, posed.column_upper),
+            constraints=optimize.LinearConstraint(posed.matrix, posed.row_lower, posed.row_upper)
+            if posed.row_count
+            else None,
+            options=options,
+        )
+        clock.lap("solve")
+        return _outcome(program, result)
+
+
+def _outcome(program: MixedIntegerProgram, result: Any) -> Outcome:
+    ended = {
+        0: Ended.PROVEN,
+        1: Ended.STOPPED,
+        2: Ended.INFEASIBLE,
+        3: Ended.UNBOUNDED,
+        # SciPy has no status of its own for HiGHS's "infeasible or unbounded".
+        4: Ended.UNCLEAR if "infeasible or unbounded" in result.message.lower() else Ended.FAILED,
+    }[result.status]
+    bound = result.get("mip_dual_bound")
+    if program.continuous:
+        bound = result.fun if ended is Ended.PROVEN else None
+    return Outcome(
+        ended,
+        None if result.x is None else np.array(result.x[: program.size], float),
+        None if bound is None else float(bound),
+        limit=Limit.TIME if ended is Ended.STOPPED else None,
+        statistics={"nodes": int(result.get("mip_node_count") or 0)},
+        message=f"SciPy: {result.message}" if ended is Ended.FAILED else "",
+    )

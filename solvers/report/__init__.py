@@ -1,0 +1,1 @@
+"""Answers, verdicts and lists as tables for people."""

@@ -1,0 +1,158 @@
+"""Tables of answers and verdicts, as text for ``print`` and as rich tables for a terminal."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ...models import model_type
+from ...models.verification import Verification
+from ..backend import Limit, Termination
+from ..solution import Solution
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ..crosscheck import Comparison
+    from ..verdict import Verdict
+
+__all__ = [
+    "comparison_text",
+    "number",
+    "render",
+    "seconds_text",
+    "solutions_table",
+    "table",
+    "verdict_text",
+    "verification_table",
+]
+
+_STYLES = {
+    Termination.OPTIMAL: "green",
+    Termination.LOCALLY_OPTIMAL: "green",
+    Termination.REJECTED: "bold red",
+    Termination.FAILED: "bold red",
+}
+
+
+def table(
+    title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]], *, right: Sequence[str] = ()
+) -> Table:
+    """Return a rich table; columns named in `right` are aligned right."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    made = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        made.add_column(column, justify="right" if column in right else "left", overflow="fold")
+    for row in rows:
+        made.add_row(*(cell if isinstance(cell, Text) else Text(str(cell)) for cell in row))
+    return made
+
+
+def render(*parts: Any, width: int = 120) -> str:
+    """Return rich tables and text as plain text, without colours."""
+    from rich.console import Console
+
+    console = Console(file=io.StringIO(), width=width, color_system=None, legacy_windows=False)
+    for part in parts:
+        console.print(part, markup=False, highlight=False, soft_wrap=isinstance(part, str))
+    output = console.file
+    assert isinstance(output, io.StringIO)
+    return "\n".join(line.rstrip() for line in output.getvalue().splitlines())
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a bound for people: fixed decimals, an empty cell for None."""
+    if value is None:
+        return ""
+    return f"{value:.{digits}f}" if 1e-3 <= abs(value) < 1e9 or value == 0 else f"{value:.6g}"
+
+
+def seconds_text(value: float | None) -> str:
+    """Return seconds with a unit that fits."""
+    if value is None:
+        return ""
+    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs")):
+        if value * factor >= 1 or unit == "µs":
+            return f"{value * factor:.3g} {unit}"
+    return ""
+
+
+def _ended(solution: Solution[Any]) -> Any:
+    from rich.text import Text
+
+    text = str(solution.termination)
+    if solution.limit is not None:
+        text += f", {'interrupted' if solution.limit is Limit.INTERRUPTED else f'{solution.limit} limit'}"
+    return Text(text, style=_STYLES.get(solution.termination, ""))
+
+
+def solutions_table(solutions: Sequence[Solution[Any]], title: str = "") -> Table:
+    """Return a table of answers: objective, bound, gap, seconds and verification of each."""
+    unit = model_type(solutions[0].model).objective_unit if solutions else ""
+    objective = f"objective ({unit})" if unit else "objective"
+    rows = []
+    for s in solutions:
+        rows.append(
+            (
+                s.backend + (f" : {s.formulation}" if s.formulation else ""),
+                _ended(s),
+                number(s.primal_bound),
+                number(s.dual_bound),
+                "" if s.gap is None else f"{s.gap:.1e}" if s.gap else "0",
+                seconds_text(s.seconds.get("solve")),
+                seconds_text(s.seconds.get("total")),
+                "" if s.verification is None else s.verification.summary(),
+            )
+        )
+    columns = ("backend", "termination", objective, "bound", "gap", "solve", "total", "verification")
+    return table(title, columns, rows, right=columns[2:7])
+
+
+def verification_table(verification: Verification) -> Table:
+    """Return a table of the checks of a plan."""
+    from rich.text import Text
+
+    rows = []
+    for check in verification.checks:
+        state = "within tolerance" if check.within_tolerance else "ok" if check.ok else "VIOLATED"
+        style = "" if check.ok else "bold red"
+        rows.append(
+            (
+                check.name,
+                check.equation,
+                Text(state, style=style),
+                f"{check.worst:.3g} {check.unit}",
+                f"{check.tolerance:.3g}",
+                check.where,
+            )
+        )
+    return table("", ("constraint", "eq.", "state", "worst", "tolerance", "where"), rows)
+
+
+def _verdict_parts(verdict: Verdict) -> list[Any]:
+    lines = [f"{verdict.outcome}: {verdict.evidence}", *(f"  note: {note}" for note in verdict.notes)]
+    return [solutions_table(verdict.solutions, verdict.instance), "\n".join(lines)]
+
+
+def verdict_text(verdict: Verdict) -> str:
+    """Return the verdict with its table as text."""
+    return render(*_verdict_parts(verdict), width=140)
+
+
+def comparison_text(comparison: Comparison) -> str:
+    """Return all verdicts with their tables as text, and the outcome of all at the end."""
+    return render(*comparison_parts(comparison), width=140)
+
+
+def comparison_parts(comparison: Comparison) -> list[Any]:
+    """Return what to print of a comparison."""
+    parts = [part for verdict in comparison.verdicts for part in _verdict_parts(verdict)]
+    if len(comparison.verdicts) > 1:
+        parts.append(f"\nall {len(comparison.verdicts)} instances: {comparison.outcome}")
+    if comparison.interrupted:
+        parts.append("interrupted: what is missing was not run")
+    return parts

@@ -1,0 +1,227 @@
+"""What :func:`crosstrack.solve` returns: a plan, what was proven about it, and how it came about."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+from ..errors import InvalidData
+from ..models.model import Model
+from ..models.verification import Verification
+from .backend import Limit, Termination
+
+__all__ = ["Incumbent", "Solution", "relative_gap"]
+
+PlanT = TypeVar("PlanT")
+
+
+def relative_gap(primal: float | None, dual: float | None) -> float | None:
+    """Return ``max(0, primal - dual) / max(|primal|, |dual|, 1e-10)``, None without both bounds.
+
+    The one formula for the gap, whatever a solver's own may be; 0 means proven optimal.
+    """
+    if primal is None or dual is None or not math.isfinite(primal) or not math.isfinite(dual):
+        return None
+    return max(0.0, primal - dual) / max(abs(primal), abs(dual), 1e-10)
+
+
+@dataclass(frozen=True)
+class Incumbent(Generic[PlanT]):
+    """A better plan met on the way.
+
+    Parameters
+    ----------
+    seconds : float
+        Since the start of the run.
+    objective : float
+        As the backend claims it.
+    plan : PlanT, optional
+        The plan, where it could be decoded.
+    """
+
+    seconds: float
+    objective: float
+    plan: PlanT | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Solution(Generic[PlanT]):
+    """One answer of one backend, verified.
+
+    Parameters
+    ----------
+    model : str
+        The model's kind.
+    instance : str
+        The model's name.
+    digest : str
+        The model's digest.
+    backend : str
+        Name of the backend.
+    formulation : str, optional
+        Name of the formulation; None for a native algorithm.
+    termination : Termination
+        How the run ended.
+    limit : Limit, optional
+        The limit that ended it.
+    primal_bound : float, optional
+        The verified objective of `plan`.
+    dual_bound : float, optional
+        Lower bound on every plan's objective, claimed by an exact backend.
+    plan : PlanT, optional
+        The plan; only ever one that passed verification.
+    verification : Verification, optional
+        What the independent check measured; for a rejected plan, why.
+    seconds : mapping
+        ``build``, ``solve``, ``decode``, ``verify``, ``total``; ``compile`` for a first call.
+    incumbents : tuple of Incumbent
+        Better plans over time.
+    backend_version, version : str
+        Versions of the solver and of crosstrack.
+    options : mapping
+        Everything that was asked of the run.
+    formulation_options : mapping
+        Options of the formulation.
+    seed : int, optional
+        The seed given.
+    statistics : mapping
+        Counts of the backend's own.
+    message : str
+        What a person should know.
+    rejected_plan : object, optional
+        JSON data of a plan that failed verification.
+    starts : tuple of Solution
+        All results of a multistart, this best one included.
+    """
+
+    model: str
+    instance: str
+    digest: str
+    backend: str
+    termination: Termination
+    formulation: str | None = None
+    limit: Limit | None = None
+    primal_bound: float | None = None
+    dual_bound: float | None = None
+    plan: PlanT | None = None
+    verification: Verification | None = None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    incumbents: tuple[Incumbent[PlanT], ...] = ()
+    backend_version: str | None = None
+    version: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    formulation_options: Mapping[str, Any] = field(default_factory=dict)
+    seed: int | None = None
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+    message: str = ""
+    rejected_plan: Any = None
+    starts: tuple[Solution[PlanT], ...] = ()
+    plan_data: Any = None
+
+    @property
+    def gap(self) -> float | None:
+        """Relative gap between the bounds, by :func:`relative_gap`."""
+        return relative_gap(self.primal_bound, self.dual_bound)
+
+    @property
+    def verified(self) -> bool:
+        """Whether there is a plan (which is always a verified one)."""
+        return self.plan is not None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the solution as JSON data, keyed by the fields' names."""
+        return {
+            "model": self.model,
+            "instance": self.instance,
+            "digest": self.digest,
+            "backend": self.backend,
+            "formulation": self.formulation,
+            "termination": str(self.termination),
+            "limit": None if self.limit is None else str(self.limit),
+            "primal_bound": _finite(self.primal_bound),
+            "dual_bound": _finite(self.dual_bound),
+            "gap": _finite(self.gap),
+            "plan": self.plan_data,
+            "verification": None if self.verification is None else self.verification.to_dict(),
+            "seconds": dict(self.seconds),
+            "incumbents": [{"seconds": i.seconds, "objective": i.objective} for i in self.incumbents],
+            "backend_version": self.backend_version,
+            "version": self.version,
+            "options": dict(self.options),
+            "formulation_options": dict(self.formulation_options),
+            "seed": self.seed,
+            "statistics": dict(self.statistics),
+            "message": self.message,
+            "rejected_plan": self.rejected_plan,
+            "starts": [start.to_dict() for start in self.starts],
+        }
+
+    def to_json(self, *, indent: int | None = None) -> str:
+        """Return the solution as JSON."""
+        return json.dumps(self.to_dict(), indent=indent, allow_nan=False, ensure_ascii=False)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], model: Model[PlanT] | None = None) -> Solution[PlanT]:
+        """Return the solution that :meth:`to_dict` wrote.
+
+        The plan comes back as an object where `model` is given, and only as :attr:`plan_data`
+        otherwise.
+        """
+        if not isinstance(data, Mapping) or "termination" not in data or "backend" not in data:
+            raise InvalidData("a solution needs the keys model, backend, termination …", field="solution")
+        if model is not None and data["digest"] != model.digest:
+            raise InvalidData(
+                f"the solution is for digest {data['digest'][:12]}, the model has {model.digest[:12]}",
+                field="digest",
+            )
+        known = {
+            name: data[name]
+            for name in (
+                "model", "instance", "digest", "backend", "formulation", "primal_bound", "dual_bound",
+                "seconds", "backend_version", "version", "options", "formulation_options", "seed",
+                "statistics", "message", "rejected_plan",
+            )
+        }  # fmt: skip
+        plan = None if model is None or data["plan"] is None else model.plan_from_data(data["plan"])
+        return cls(
+            **known,
+            termination=Termination(data["termination"]),
+            limit=None if data["limit"] is None else Limit(data["limit"]),
+            plan=plan,
+            plan_data=data["plan"],
+            verification=None
+            if data["verification"] is None
+            else Verification.from_dict(data["verification"]),
+            incumbents=tuple(Incumbent(i["seconds"], i["objective"]) for i in data["incumbents"]),
+            starts=tuple(cls.from_dict(start, model) for start in data["starts"]),
+        )
+
+    def __str__(self) -> str:
+        head = f"{self.instance or self.model}: {self.backend}"
+        head += f" on {self.formulation}" if self.formulation else ""
+        parts = [f"{head}: {self.termination}"]
+        if self.limit is not None:
+            parts[0] += f" ({self.limit} limit)" if self.limit != Limit.INTERRUPTED else " (interrupted)"
+        if self.primal_bound is not None:
+            parts.append(f"objective {self.primal_bound:.10g}")
+        if self.dual_bound is not None:
+            parts.append(f"bound {self.dual_bound:.10g}")
+        if self.gap is not None:
+            parts.append(f"gap {self.gap:.2g}")
+        if "solve" in self.seconds:
+            parts.append(f"{self.seconds['solve']:.4g} s")
+        if self.verification is not None:
+            parts.append(f"verification {self.verification.summary()}")
+        if self.message:
+            parts.append(self.message)
+        return ", ".join(parts)
+
+    def __repr__(self) -> str:
+        return f"<Solution {self}>"
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

@@ -1,0 +1,97 @@
+"""What every test module may use, and what is not collected unless it is asked for."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+ROOT = Path(__file__).resolve().parent.parent
+
+#: Folders of a checkout that hold nothing of the project's own.
+_MADE = {
+    ".benchmarks",
+    ".git",
+    ".hypothesis",
+    ".mypy_cache",
+    ".pytest_cache",
+    ".ruff_cache",
+    ".venv",
+    "__pycache__",
+    "_build",
+    "build",
+    "dist",
+    "gallery",
+    "generated",
+    "node_modules",
+}
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave the benchmarks out unless they are named on the command line."""
+    if collection_path.name == "benchmarks" and collection_path.parent == ROOT / "tests":
+        return not any("benchmarks" in argument for argument in config.args)
+    return None
+
+
+@pytest.fixture(scope="session")
+def checkout() -> Path:
+    """The root of the repository."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def own_files() -> list[Path]:
+    """Every file of the project, in order, without what was built or installed."""
+
+    def walk(folder: Path) -> Iterator[Path]:
+        for path in sorted(folder.iterdir()):
+            if path.name in _MADE or path.name.endswith(".egg-info") or path.is_symlink():
+                continue
+            if path.is_dir():
+                yield from walk(path)
+            else:
+                yield path
+
+    return list(walk(ROOT))
+
+
+@pytest.fixture(scope="session")
+def page_code() -> Callable[[Path], str]:
+    """Return a function that gives the Python blocks of a Markdown page as one script.
+
+    Blocks that begin with ``>>>`` are sessions to read, and left out.
+    """
+
+    def code(page: Path) -> str:
+        blocks = re.findall(r"^```python\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)
+        return "\n".join(block for block in blocks if not block.startswith(">>>"))
+
+    return code
+
+
+@pytest.fixture(scope="session")
+def run_python() -> Callable[..., str]:
+    """Return a function that runs Python in a process of its own and gives what it printed."""
+
+    def run(*arguments: str, cwd: Path, timeout: float = 240, **environment: str) -> str:
+        done = subprocess.run(
+            [sys.executable, *arguments],
+            cwd=cwd,
+            env={**os.environ, "MPLBACKEND": "Agg", **environment},
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+        )
+        assert done.returncode == 0, f"exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
+        return done.stdout
+
+    return run

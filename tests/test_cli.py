@@ -1,0 +1,225 @@
+"""The command line: what goes to which stream, exit codes, files."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import crosstrack as ct
+
+DATA = {
+    "points": [[0, 0, 0], [1.0, 0, 0], [1.5, 0, 0], [9, 9, 9], [3.5, 0, 0]],
+    "kinds": ["A", "horizontal", "vertical", "horizontal", "B"],
+    "alpha1": 0.3, "alpha2": 0.3, "beta1": 0.3, "beta2": 0.3, "theta": 0.3, "delta": 0.1,
+}  # fmt: skip
+
+
+def run(*arguments, code=0, **options):
+    done = subprocess.run(
+        [sys.executable, "-m", "crosstrack", *map(str, arguments)],
+        capture_output=True, text=True, timeout=240, **options,
+    )  # fmt: skip
+    assert done.returncode == code, (done.returncode, done.stdout[-2000:], done.stderr[-2000:])
+    return done
+
+
+@pytest.fixture
+def instance(tmp_path):
+    def write(name="instance.json", **changes):
+        path = tmp_path / name
+        path.write_text(json.dumps({"model": "error-correction", "data": {**DATA, **changes}}))
+        return path
+
+    return write
+
+
+def test_lists():
+    names = [row["name"] for row in json.loads(run("backends", "--json").stdout)]
+    assert {"label-setting", "two-stage", "pulse", "dynamic-programming", "labelling", "highs", "scip"} <= set(names)
+    for row in json.loads(run("backends", "--json").stdout):
+        assert {"name", "installed", "version", "accepts", "guarantee", "features"} <= set(row)
+    assert "label-setting" in run("backends").stdout
+    assert "error-correction" in run("models").stdout
+    listed = [row["name"] for row in json.loads(run("instances", "--json").stdout)]
+    assert [f"error-correction/{k}" for k in range(1, 13)] == listed[:12]
+    assert "error-correction/example-1" in listed
+    assert "error-correction/12" in run("instances").stdout
+
+
+def test_solve_prints_only_json(instance):
+    done = run("solve", instance(), "--json")
+    data = json.loads(done.stdout)
+    assert data["termination"] == "optimal"
+    assert data["plan"] == {"route": [0, 1, 2, 4]}
+    assert data["verification"]["ok"] is True
+    assert done.stderr == ""
+
+
+def test_solve_in_words(instance):
+    text = run("solve", instance(), "--backend", "highs", "--formulation", "paper", "--time-limit", 30).stdout
+    assert "highs : paper" in text
+    assert "0-1-2-4" in text
+    assert "horizontal error at B" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["solve", "error-correction/99"], 2, "unknown"),
+        (["solve", "no-such-file.json"], 2, "no-such-file.json"),
+        (["solve", "error-correction/1", "--backend", "nope"], 2, "unknown backend"),
+        (["solve", "error-correction/1", "--time-limit", "abc"], 2, "abc"),
+        (["solve", "error-correction/1", "--time-limit", "-1"], 2, "time_limit"),
+        (["solve"], 2, "Missing argument"),
+        (["nonsense"], 2, "No such command"),
+        (["solve", "error-correction/1", "--option", "x"], 2, "KEY=VALUE"),
+        (["solve", "error-correction/1", "--plot", "picture.doc"], 2, "picture"),
+        (["solve", "error-correction/1", "--plot", "no/such/folder/a.png"], 2, "folder"),
+        (["compare", "error-correction/1", "--resume"], 2, "--jsonl"),
+        (["reproduce", "nonsense"], 2, "unknown problem"),
+    ],
+)
+def test_bad_usage_is_2(arguments, code, words, tmp_path):
+    done = run(*arguments, code=code, cwd=tmp_path)
+    assert words in done.stderr
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"theta": -1}, "theta"),
+        ({"points": [[0, 0, None], *DATA["points"][1:]]}, "points[0, 2]"),
+        ({"kinds": [*DATA["kinds"][:3], "up", "B"]}, "kinds[3]"),
+        ({"unknown": 1}, "unknown"),
+        ({"points": "missing.csv"}, "missing.csv"),
+    ],
+)
+def test_bad_data_is_2_and_named(instance, changes, words):
+    done = run("solve", instance(**changes), "--json", code=2)
+    assert words in done.stderr
+    assert words in json.loads(done.stdout)["error"]["message"]
+
+
+def test_infeasible_is_3(instance):
+    path = instance(theta=0.01)
+    for backend in ("label-setting", "highs"):
+        assert json.loads(run("solve", path, "--backend", backend, "--json", code=3).stdout)["termination"] == "infeasible"
+    text = run("diagnose", path, code=3).stdout
+    assert "point 2" in text
+    assert "theta 0.01" in text
+    findings = json.loads(run("diagnose", path, "--json", code=3).stdout)["findings"]
+    assert [f["point"] for f in findings if f["threshold"] == "theta"] == [2, 1, 0]
+    assert {f["equation"] for f in findings} <= {"17", "18"}
+    found = json.loads(run("diagnose", path, "--backend", "highs", "--json", code=3).stdout)
+    assert found["feasible"] is False
+    assert {"17", "18"} & {finding["equation"] for finding in found["findings"]}
+    assert run("diagnose", instance(), code=0).stdout
+
+
+def test_no_answer_is_4(instance):
+    # One label a point at one weight finds nothing where the shorter way to a point is a dead end.
+    done = run("solve", instance(theta=0.01), "--backend", "labelling", "--json", code=4)
+    assert json.loads(done.stdout)["termination"] == "no_solution"
+
+
+def test_missing_backend_is_5(instance):
+    script = (
+        "import sys; sys.modules['pyscipopt'] = None; import importlib.util as u; find = u.find_spec\n"
+        "u.find_spec = lambda name, *a: None if name == 'pyscipopt' else find(name, *a)\n"
+        "from crosstrack.__main__ import main; main(sys.argv[1:])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, "solve", str(instance()), "--backend", "scip"], capture_output=True, text=True
+    )
+    assert done.returncode == 5
+    assert "pip install 'crosstrack[scip]'" in done.stderr
+
+
+def test_check_verifies_somebody_elses_plan(instance, tmp_path):
+    path = instance()
+    solved = run("solve", path, "--json").stdout
+    plan = tmp_path / "plan.json"
+    for text in (solved, '{"route": [0, 1, 2, 4]}', "[0, 1, 2, 4]", '{"plan": {"route": [0, 1, 2, 4]}}'):
+        plan.write_text(text)
+        found = json.loads(run("check", path, plan, "--json").stdout)
+        assert found["verification"]["ok"] is True
+        assert found["verification"]["objective"] == pytest.approx(3.5)
+    plan.write_text('{"route": [0, 3, 4]}')
+    done = run("check", path, plan, "--json", code=6)
+    assert json.loads(done.stdout)["verification"]["ok"] is False
+    assert "VIOLATED" in run("check", path, plan, code=6).stdout
+    plan.write_text('{"route": [0, 1, 2, 4]}')
+    assert "distance" in run("check", path, plan, "--formulation", "paper").stdout
+    for text in ('{"route": [0, 77]}', "{", '{"plan": null, "termination": "infeasible"}', '{"way": []}'):
+        plan.write_text(text)
+        run("check", path, plan, code=2)
+    run("check", path, tmp_path / "none.json", code=2)
+
+
+def test_compare_verdicts_and_resume(instance, tmp_path):
+    one, two = instance("one.json"), instance("two.json", theta=0.35)
+    record = tmp_path / "out.jsonl"
+    arguments = ["compare", one, two, "--backends", "label-setting,two-stage,highs:arc-flow", "--jsonl", record]
+    data = json.loads(run(*arguments, "--json").stdout)
+    assert data["verdict"] == "AGREED"
+    assert len(record.read_text().splitlines()) == 6
+    run(*arguments, code=2)
+    before = record.read_text()
+    assert "AGREED" in run(*arguments, "--resume").stdout
+    assert record.read_text() == before
+    run("compare", one, "--backends", "labelling", code=4)
+
+
+def test_interrupted_is_130_with_the_incumbent(tmp_path):
+    """A program that nobody solves in a minute, stopped by Ctrl-C."""
+    from crosstrack.instances.storage import write_text
+    from crosstrack.models import MixedIntegerProgram
+
+    generator = __import__("numpy").random.default_rng(1)
+    weights = generator.integers(1, 1000, (8, 80))
+    program = MixedIntegerProgram(
+        cost=-weights.sum(axis=0) + 0.0, matrix=weights, row_lower=[None] * 8, row_upper=weights.sum(axis=1) // 2,
+        column_lower=[0] * 80, column_upper=[1] * 80, integral=[True] * 80,
+    )  # fmt: skip
+    path = tmp_path / "hard.json"
+    write_text(path, program.to_json())
+    process = subprocess.Popen(
+        [sys.executable, "-m", "crosstrack", "solve", str(path), "--backend", "highs", "--json"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    time.sleep(4)
+    os.kill(process.pid, signal.SIGINT)
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    data = json.loads(output)
+    assert data["limit"] == "interrupted"
+    assert data["termination"] == "feasible"
+    assert data["plan"] is not None
+
+
+def test_demo_takes_a_csv(instance, tmp_path):
+    csv = tmp_path / "points.csv"
+    words = {"A": "A", "B": "B", "horizontal": "0", "vertical": "1"}
+    rows = [f"{k},{x},{y},{z},{words[kind]}" for k, ((x, y, z), kind) in enumerate(zip(DATA["points"], DATA["kinds"], strict=True))]
+    csv.write_text("id,x,y,z,kind\n" + "\n".join(rows) + "\n")
+    done = run(
+        "demo", "--points", csv, "--thresholds", ".3,.3,.3,.3,.3", "--delta", 0.1, "--plot", "demo.png",
+        "--time-limit", 30, cwd=tmp_path,
+    )  # fmt: skip
+    assert "AGREED" in done.stdout
+    assert (tmp_path / "demo.png").stat().st_size > 10_000
+    csv.write_text("id,x,y,kind\n0,1,2,A\n")
+    assert "z" in run("demo", "--points", csv, code=2, cwd=tmp_path).stderr
+
+
+def test_help_and_version():
+    assert ct.__version__ in run("--version").stdout
+    for command in ("backends", "models", "instances", "solve", "compare", "check", "reproduce", "diagnose", "demo"):
+        assert command in run("--help").stdout
+        assert "Usage" in run(command, "--help").stdout

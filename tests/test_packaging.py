@@ -1,0 +1,121 @@
+"""The package as it is installed: its list of packages, its wheel, and how light it is to import."""
+
+import json
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+
+import pytest
+
+HEAVY = (
+    "casadi", "click", "cvxpy", "gurobipy", "highspy", "matplotlib", "numba", "numpy", "ortools",
+    "pandas", "pyscipopt", "rich", "scipy",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def project(checkout):
+    return tomllib.loads((checkout / "pyproject.toml").read_text("utf-8"))
+
+
+def packages_of(root):
+    """The packages in the tree, by dotted name."""
+    own = [
+        folder
+        for top in ("instances", "models", "solvers")
+        for folder in (root / top).rglob("*")
+        if folder.is_dir() and folder.name != "__pycache__"
+    ]
+    own += [root / top for top in ("instances", "models", "solvers")]
+    holding = [folder for folder in own if any(folder.glob("*.py"))]
+    return ["crosstrack", *sorted(".".join(("crosstrack", *p.relative_to(root).parts)) for p in holding)]
+
+
+def test_pyproject_lists_every_package(project, checkout):
+    assert project["tool"]["setuptools"]["packages"] == packages_of(checkout)
+
+
+def test_every_package_has_an_init(checkout):
+    for name in packages_of(checkout):
+        folder = checkout.joinpath(*name.split(".")[1:])
+        assert (folder / "__init__.py").is_file(), f"{folder} has no __init__.py"
+
+
+def test_version_is_the_same_everywhere(project, checkout):
+    import crosstrack
+
+    assert crosstrack.__version__ == project["project"]["version"]
+    assert f"## [{crosstrack.__version__}]" in (checkout / "CHANGELOG.md").read_text("utf-8")
+
+
+def test_constraints_pin_exact_versions_of_every_dependency(project, checkout):
+    import re
+
+    lines = (checkout / "constraints.txt").read_text("utf-8").splitlines()
+    pins = [line for line in lines if line and not line.startswith("#")]
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[0-9][A-Za-z0-9.!+-]*", line) for line in pins)
+    pinned = {re.sub(r"[-_.]+", "-", line.partition("==")[0]).lower() for line in pins}
+    extras = project["project"]["optional-dependencies"].values()
+    wanted = [*project["project"]["dependencies"], *(entry for extra in extras for entry in extra)]
+    names = {re.match(r"[A-Za-z0-9._-]+", entry)[0].lower() for entry in wanted} - {"crosstrack"}
+    assert names <= pinned
+
+
+def test_import_is_light(run_python, tmp_path):
+    script = (
+        "import json, sys, time; begin = time.perf_counter(); import crosstrack; "
+        "end = time.perf_counter(); "
+        "print(json.dumps([end - begin, sorted(m.partition('.')[0] for m in sys.modules)]))"
+    )
+    runs = [json.loads(run_python("-c", script, cwd=tmp_path)) for _ in range(5)]
+    assert set(HEAVY).isdisjoint(runs[0][1])
+    assert min(seconds for seconds, _ in runs) < 0.2
+
+
+@pytest.mark.parametrize("package", ["crosstrack.models", "crosstrack.solvers", "crosstrack.instances"])
+def test_packages_export_lazily(package, run_python, tmp_path):
+    script = f"import json, sys; import {package} as p; dir(p); print(json.dumps(sorted(sys.modules)))"
+    loaded = {name.partition(".")[0] for name in json.loads(run_python("-c", script, cwd=tmp_path))}
+    assert loaded.isdisjoint(HEAVY)
+
+
+@pytest.fixture(scope="module")
+def wheel(checkout, tmp_path_factory):
+    """The wheel, built from a copy so that nothing stale gets in and nothing is left behind."""
+    place = tmp_path_factory.mktemp("wheel")
+    made = shutil.ignore_patterns(
+        ".*", "__pycache__", "*.egg-info", "_build", "build", "dist", "gallery", "generated"
+    )
+    shutil.copytree(checkout, place / "copy", ignore=made)
+    command = [sys.executable, "-P", "-m", "build", "--no-isolation", "--outdir", str(place), str(place / "copy")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False, cwd=place)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    (found,) = place.glob("*.whl")
+    return found
+
+
+def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
+    with zipfile.ZipFile(wheel) as archive:
+        held = set(archive.namelist())
+    expected = {"crosstrack/py.typed"}
+    for name in packages_of(checkout):
+        folder = checkout.joinpath(*name.split(".")[1:])
+        expected |= {f"{name.replace('.', '/')}/{file.name}" for file in folder.glob("*.py")}
+    info = {name for name in held if ".dist-info/" in name}
+    assert held - info == expected
+    assert {"entry_points.txt", "LICENSE"} <= {name.rpartition("/")[2] for name in info}
+
+
+def test_readme_and_example_run_from_the_wheel(wheel, checkout, page_code, run_python, tmp_path):
+    target = tmp_path / "installed"
+    pip = ["-P", "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target", str(target), str(wheel)]
+    run_python(*pip, cwd=tmp_path)
+    away = {"cwd": tmp_path, "PYTHONPATH": str(target)}
+    where = "import crosstrack.solvers.dispatch as m; print(m.__file__)"
+    assert run_python("-c", where, **away).startswith(str(target))
+    (tmp_path / "readme.py").write_text(page_code(checkout / "README.md"), "utf-8")
+    assert "AGREED" in run_python("readme.py", **away)
+    shutil.copy(checkout / "docs" / "examples" / "plot_error_correction.py", tmp_path)
+    assert "AGREED" in run_python("plot_error_correction.py", **away)

@@ -1,0 +1,121 @@
+"""Hundreds of random small instances: every exact backend equals brute force, every plan encodes.
+
+The instances run through persistent workers, one a backend, so that a thousand runs cost seconds.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from brute_force import shortest_length
+
+import crosstrack as ct
+from crosstrack.instances.error_correction.generator import random_small
+from crosstrack.models import ErrorCorrectionRouting
+
+NATIVE = ["label-setting", "two-stage", "pulse", "dynamic-programming"]
+PROGRAMS = ["highs", "scip", "scipy", "ortools", "cvxpy"]
+
+SIMPLE = [random_small(3 + seed % 7, seed, name=f"simple-{seed}") for seed in range(250)]
+FREE = [random_small(3 + seed % 7, 1000 + seed, revisits=True, name=f"free-{seed}") for seed in range(250)]
+
+
+
+
+def twice(seed):
+    """An instance around a walk that must return to a point, with a few other points beside it."""
+    draw = np.random.default_rng(seed)
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [2.2, 0, 0]])
+    points += draw.uniform(-0.02, 0.02, points.shape)
+    kinds = ["A", "horizontal", "vertical", "B"]
+    extra = int(draw.integers(0, 5))
+    points = np.vstack([points, draw.uniform([0, -1, -1], [2.2, 1, 1], (extra, 3))])
+    kinds += ["horizontal" if r < 0.5 else "vertical" for r in draw.random(extra)]
+    order = draw.permutation(len(kinds))
+    limits = np.array([1.6, 1.6, 1.6, 1.6, 1.75]) + draw.uniform(-0.02, 0.02, 5)
+    return ErrorCorrectionRouting(
+        points[order], [kinds[k] for k in order], *limits, delta=1.0, revisits=bool(seed % 2), name=f"twice-{seed}"
+    )
+
+
+TWICE = [twice(seed) for seed in range(60)]
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return {model.digest: shortest_length(model) for model in SIMPLE + FREE + TWICE}
+
+
+def check(models, truth, result):
+    """Hold every answer against brute force."""
+    for model, verdict in zip(models, result.verdicts, strict=True):
+        best = truth[model.digest]
+        assert verdict.outcome == "AGREED", verdict
+        for solution in verdict.solutions:
+            where = (model.name, solution.backend, solution.formulation, solution.message)
+            if best is None:
+                assert solution.termination == "infeasible", where
+            else:
+                assert solution.termination == "optimal", where
+                assert solution.primal_bound == pytest.approx(best, rel=1e-6), where
+                assert solution.gap <= 2e-6, where
+
+
+def test_the_draw_holds_both_kinds(truth):
+    for models in (SIMPLE, FREE):
+        infeasible = sum(truth[model.digest] is None for model in models)
+        assert 50 < infeasible < 200
+    gain = 0
+    for model in TWICE:
+        walk, route = (shortest_length(replace(model, revisits=r)) for r in (True, False))
+        gain += walk is not None and (route is None or route > walk + 1e-9)
+    assert gain >= 30, "too few instances gain from a revisit: the draw tests little of it"
+
+
+def _without_revisits(model):
+    return replace(model, revisits=False)
+
+
+@pytest.mark.parametrize("models", [SIMPLE, FREE, TWICE], ids=["simple", "free", "twice"])
+def test_native_backends_equal_brute_force(models, truth):
+    result = ct.compare(models, NATIVE, time_limit=60)
+    check(models, truth, result)
+    if models is TWICE:
+        # The searches for simple routes have really run.
+        for name in NATIVE:
+            rounds = [s.statistics["rounds"] for s in result.solutions if s.backend == name]
+            assert sum(count > 1 for count in rounds) >= 10, name
+
+
+@pytest.mark.parametrize("backend", PROGRAMS)
+@pytest.mark.parametrize("formulation", ["paper", "arc-flow"])
+def test_programs_equal_brute_force(backend, formulation, truth):
+    result = ct.compare(SIMPLE, [f"{backend}:{formulation}"], time_limit=60)
+    check(SIMPLE, truth, result)
+
+
+def test_every_plan_encodes_into_both_formulations(truth):
+    """A plan of any backend satisfies every row of both programs, and decodes to itself."""
+    result = ct.compare(SIMPLE[::2], [*NATIVE, "labelling", "highs:paper", "highs:arc-flow"], time_limit=60)
+    plans = 0
+    for model, verdict in zip(SIMPLE[::2], result.verdicts, strict=True):
+        written = [model.formulate("paper"), model.formulate("arc-flow")]
+        for solution in verdict.solutions:
+            if solution.plan is None:
+                continue
+            plans += 1
+            for formulation in written:
+                point = formulation.encode(solution.plan)
+                found = formulation.program.verify(point, tolerance=1e-9)
+                assert found.ok, (model.name, solution.backend, str(found))
+                assert found.objective == pytest.approx(solution.primal_bound, rel=1e-12)
+                assert formulation.decode(point) == solution.plan
+    assert plans > 300
+
+
+def test_revisits_never_cost(truth):
+    """The relaxation is a relaxation: allowing revisits never makes the shortest route longer."""
+    for model in FREE[:100]:
+        simple = shortest_length(_without_revisits(model))
+        if simple is not None:
+            assert truth[model.digest] <= simple + 1e-12
