@@ -11,86 +11,29 @@ import json
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
 import crosstrack as ct
-from crosstrack.errors import BackendBroken, BackendMissing, CrosstrackError, InvalidData
-from crosstrack.models.model import parse_json
+from crosstrack.errors import BackendBroken, BackendMissing, CrosstrackError
+from crosstrack.instances.storage import read_plan, writable
+from crosstrack.solvers.report.terminal import emit, progress, say, show
 
 if TYPE_CHECKING:
     from crosstrack.models import Model
     from crosstrack.solvers import Solution
     from crosstrack.solvers.crosscheck import Comparison
 
-VERIFIED, INTERNAL, USAGE, INFEASIBLE, NO_ANSWER, MISSING, VIOLATED, INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
+VERIFIED, INTERNAL, USAGE, INFEASIBLE, NO_ANSWER, MISSING, VIOLATED = range(7)
+INTERRUPTED = 130
 
 _PLOT_SUFFIXES = (".png", ".pdf", ".svg")
 
 
-# -- printing ----------------------------------------------------------------------------------------
-
-
-def show(*parts: Any) -> None:
-    """Print tables and text to standard output, with colours on a terminal only."""
-    from rich.console import Console
-
-    # A pipe has no width of its own: tables must not fold at 80 columns there.
-    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
-    for part in parts:
-        console.print(part, markup=False, soft_wrap=isinstance(part, str))
-
-
-def emit(data: Any) -> None:
-    """Print JSON to standard output."""
-    click.echo(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False))
-
-
-def say(text: str) -> None:
-    """Print a message to standard error."""
-    click.echo(text, err=True)
-
-
-@contextmanager
-def progress(text: str) -> Iterator[Callable[[str], None]]:
-    """Show a spinner on standard error while something runs, on a terminal only."""
-    if not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status(text) as status:
-        yield lambda news: status.update(f"{text} {news}")
-
-
-def wants_json() -> bool:
-    """Whether the command at work was given ``--json``."""
-    context = click.get_current_context(silent=True)
-    return bool(context and context.params.get("as_json"))
-
-
 # -- arguments ---------------------------------------------------------------------------------------
-
-
-def read_plan(model: Model[Any], source: str) -> Any:
-    """Return the plan in a file: a plan, ``{"plan": …}``, or a whole solution as ``solve --json`` prints it."""
-    try:
-        text = sys.stdin.read() if source == "-" else Path(source).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InvalidData(f"plan {source}: {error.strerror or error}", field="plan") from None
-    except UnicodeDecodeError as error:
-        raise InvalidData(f"plan {source}: no UTF-8 text: {error}", field="plan") from None
-    data = parse_json(text)
-    if isinstance(data, dict) and "plan" in data:
-        if data["plan"] is None:
-            state = data.get("termination", "without a plan")
-            raise InvalidData(f"plan {source}: the solution holds no plan ({state})", field="plan")
-        data = data["plan"]
-    return model.plan_from_data(data)
 
 
 def pairs(values: Sequence[str], option: str) -> dict[str, Any]:
@@ -107,18 +50,9 @@ def pairs(values: Sequence[str], option: str) -> dict[str, Any]:
     return found
 
 
-def writable(value: str | None, suffixes: Sequence[str] = ()) -> Path | None:
-    """Return the path of a file to write; whatever would keep it from being written raises now."""
-    if value is None:
-        return None
-    path = Path(value)
-    if suffixes and path.suffix.lower() not in suffixes:
-        raise InvalidData(f"{value}: a picture ends in {', '.join(suffixes)}", field="plot")
-    if not path.parent.is_dir():
-        raise InvalidData(f"{value}: folder {path.parent} does not exist", field="file")
-    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise InvalidData(f"{value} cannot be written", field="file")
-    return path
+def picture_path(value: str | None) -> Path | None:
+    """Return where a picture goes; a name that no picture has raises."""
+    return None if value is None else writable(value, _PLOT_SUFFIXES)
 
 
 def draw(model: Model[Any], plan: Any, path: Path) -> None:
@@ -131,7 +65,9 @@ _COMMON = [
     click.option("--formulation", help="Formulation for backends that take programs."),
     click.option("--time-limit", type=float, help="Seconds for a run, building included."),
     click.option("--gap", type=float, help="Relative gap at which an exact backend may stop."),
-    click.option("--tolerance", type=float, help="Largest violation accepted, relative to max(1, limit)."),
+    click.option(
+        "--tolerance", type=float, help="Largest violation accepted, relative to max(1, limit)."
+    ),
     click.option("--seed", type=int, help="Seed for backends that draw."),
     click.option("--threads", type=int, help="Threads for backends that use several."),
     click.option("--warm-start", metavar="PLAN.json", help="A plan to start from; verified first."),
@@ -179,7 +115,15 @@ def backends(probe: bool, as_json: bool) -> int:
         emit([state.to_dict() for state in states])
         return VERIFIED
     rows = [
-        (s.name, s.state, s.version or "", s.accepts, s.guarantee, ", ".join(s.features), s.cause or s.summary)
+        (
+            s.name,
+            s.state,
+            s.version or "",
+            s.accepts,
+            s.guarantee,
+            ", ".join(s.features),
+            s.cause or s.summary,
+        )
         for s in states
     ]
     show(table("", ("backend", "state", "version", "accepts", "guarantee", "features", ""), rows))
@@ -200,7 +144,9 @@ def models(as_json: bool) -> int:
             {
                 "model": kind,
                 "class": f"{cls.__module__}.{cls.__qualname__}",
-                "formulations": {name: cls.formulation_type(name).summary for name in cls.formulations},
+                "formulations": {
+                    name: cls.formulation_type(name).summary for name in cls.formulations
+                },
                 "default_formulation": cls.default_formulation or None,
                 "objective_unit": cls.objective_unit,
                 "summary": (cls.__doc__ or "").strip().splitlines()[0],
@@ -232,12 +178,30 @@ def instances(as_json: bool) -> int:
 
 @cli.command()
 @click.argument("instance")
-@click.option("--backend", default="auto", show_default=True, help="A name from 'crosstrack backends'.")
+@click.option(
+    "--backend", default="auto", show_default=True, help="A name from 'crosstrack backends'."
+)
 @common
-@click.option("--starts", type=int, default=1, show_default=True, help="Starts from different seeds.")
-@click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the backend's own.")
-@click.option("--formulation-option", "formulation_options", multiple=True, metavar="KEY=VALUE", help="An option of the formulation.")
-@click.option("--isolate/--no-isolate", default=None, help="Run in a worker process, or in this one.")
+@click.option(
+    "--starts", type=int, default=1, show_default=True, help="Starts from different seeds."
+)
+@click.option(
+    "--option",
+    "options",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="An option of the backend's own.",
+)
+@click.option(
+    "--formulation-option",
+    "formulation_options",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="An option of the formulation.",
+)
+@click.option(
+    "--isolate/--no-isolate", default=None, help="Run in a worker process, or in this one."
+)
 @click.option("--plot", metavar="FILE", help="Write a picture of the plan (png, pdf, svg).")
 @click.option("--output", metavar="FILE", help="Write the solution as JSON.")
 def solve(
@@ -248,7 +212,7 @@ def solve(
     from crosstrack.instances.storage import write_text
     from crosstrack.solvers.report.tables import solutions_table, verification_table
 
-    picture, record = writable(plot, _PLOT_SUFFIXES), writable(output)
+    picture, record = picture_path(plot), None if output is None else writable(output)
     model = ct.load(instance)
     start = None if warm_start is None else read_plan(model, warm_start)
     with progress(f"{instance}: {backend}") as news:
@@ -289,29 +253,51 @@ def solve_code(solution: Solution[Any]) -> int:
         return INTERRUPTED
     if solution.plan is not None:
         return VERIFIED
-    codes = {"infeasible": INFEASIBLE, "unbounded": INFEASIBLE, "rejected": VIOLATED, "failed": INTERNAL}
+    codes = {
+        "infeasible": INFEASIBLE,
+        "unbounded": INFEASIBLE,
+        "rejected": VIOLATED,
+        "failed": INTERNAL,
+    }
     return codes.get(str(solution.termination), NO_ANSWER)
 
 
 @cli.command()
 @click.argument("instances", nargs=-1, required=True, metavar="INSTANCE...")
-@click.option("--backends", "names", help="Names separated by commas, each with :formulation where wanted; all that are installed and accept the first instance.")
+@click.option(
+    "--backends",
+    "names",
+    help="Names separated by commas, each with :formulation where wanted; all that are installed and accept the first instance.",
+)
 @common
-@click.option("--grace", type=float, default=10.0, show_default=True, help="Seconds past the time limit before a worker is killed.")
+@click.option(
+    "--grace",
+    type=float,
+    default=10.0,
+    show_default=True,
+    help="Seconds past the time limit before a worker is killed.",
+)
 @click.option("--workers", type=int, default=1, show_default=True, help="Jobs at the same time.")
-@click.option("--jsonl", metavar="FILE", help="Append every answer to FILE at once, one JSON line each.")
+@click.option(
+    "--jsonl", metavar="FILE", help="Append every answer to FILE at once, one JSON line each."
+)
 @click.option("--resume", is_flag=True, help="Go on with FILE, running only what it lacks.")
 def compare(
     instances: Sequence[str], names: str | None, as_json: bool, jsonl: str | None, resume: bool,
     warm_start: str | None, grace: float, workers: int, **asked: Any,
 ) -> int:  # fmt: skip
     """Solve every INSTANCE with several backends, one process each, and judge the answers."""
+    from crosstrack.solvers.registry import fitting
     from crosstrack.solvers.report.tables import comparison_parts
 
     if resume and jsonl is None:
         raise click.UsageError("--resume needs --jsonl FILE")
     models = [ct.load(instance) for instance in instances]
-    chosen = [name.strip() for name in names.split(",") if name.strip()] if names else fitting(models[0])
+    chosen = (
+        [name.strip() for name in names.split(",") if name.strip()]
+        if names
+        else list(fitting(models[0]))
+    )
     start = None if warm_start is None else [read_plan(model, warm_start) for model in models]
     total, count = len(models) * len(chosen), 0
     with progress(f"0 of {total}") as news:
@@ -319,7 +305,9 @@ def compare(
         def ended(solution: Solution[Any]) -> None:
             nonlocal count
             count += 1
-            news(f"{count} done, last: {solution.instance} {solution.backend} {solution.termination}")
+            news(
+                f"{count} done, last: {solution.instance} {solution.backend} {solution.termination}"
+            )
 
         result = ct.compare(
             models, chosen, record=jsonl, resume=resume, warm_start=start, grace=grace,
@@ -339,40 +327,36 @@ def compare_code(result: Comparison) -> int:
     return {"AGREED": VERIFIED, "CONTRADICTION": VIOLATED}.get(str(result.outcome), NO_ANSWER)
 
 
-def fitting(model: Model[Any], *, guarantee: str | None = None) -> list[str]:
-    """Return the names of the installed backends that accept `model`."""
-    from crosstrack.solvers.registry import accepted, find_backend
-
-    return [
-        state.name
-        for state in ct.backends()
-        if state.state == "installed"
-        and guarantee in (None, state.guarantee)
-        and accepted(model, find_backend(state.name), None) is not None
-    ]
-
-
 @cli.command()
 @click.argument("instance")
 @click.argument("plan", metavar="PLAN.json")
 @click.option("--formulation", help="Check every row of this formulation as well.")
-@click.option("--tolerance", type=float, help="Largest violation accepted, relative to max(1, limit).")
+@click.option(
+    "--tolerance", type=float, help="Largest violation accepted, relative to max(1, limit)."
+)
 @click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
 @click.option("--plot", metavar="FILE", help="Write a picture of the plan (png, pdf, svg).")
 def check(
-    instance: str, plan: str, formulation: str | None, tolerance: float | None, as_json: bool, plot: str | None
+    instance: str,
+    plan: str,
+    formulation: str | None,
+    tolerance: float | None,
+    as_json: bool,
+    plot: str | None,
 ) -> int:
     """Verify somebody else's plan for INSTANCE: exit code 0 when it holds, 6 when it does not."""
     from crosstrack.solvers.report.tables import verification_table
 
-    picture = writable(plot, _PLOT_SUFFIXES)
+    picture = picture_path(plot)
     model = ct.load(instance)
     found = read_plan(model, plan)
     verification = ct.verify(model, found, formulation=formulation, **only(tolerance=tolerance))
     if as_json:
         emit({"model": model.kind, "instance": model.name, "verification": verification.to_dict()})
     else:
-        objective = "" if verification.objective is None else f", objective {verification.objective:.10g}"
+        objective = (
+            "" if verification.objective is None else f", objective {verification.objective:.10g}"
+        )
         show(f"{model.name}: {'verified' if verification.ok else 'NOT verified'}{objective}")
         show(verification_table(verification))
     if picture is not None:
@@ -384,7 +368,13 @@ def check(
 @click.argument("instance")
 @click.option("--backend", help="Filter the blocks of a program with this backend instead.")
 @click.option("--formulation", help="The program whose rows are filtered (default: paper).")
-@click.option("--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each program solved.")
+@click.option(
+    "--time-limit",
+    type=float,
+    default=60.0,
+    show_default=True,
+    help="Seconds for each program solved.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
 def diagnose(
     instance: str, backend: str | None, formulation: str | None, time_limit: float, as_json: bool
@@ -403,7 +393,9 @@ def diagnose(
 @cli.command()
 @click.argument("problem")
 @click.option("--rows", help="Instances to run, such as 1-6,9 (default: all).")
-@click.option("--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run.")
+@click.option(
+    "--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run."
+)
 @click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
 def reproduce(problem: str, rows: str | None, time_limit: float, as_json: bool) -> int:
     """Print the paper's tables beside ours for PROBLEM, such as error-correction."""
@@ -416,7 +408,9 @@ def reproduce(problem: str, rows: str | None, time_limit: float, as_json: bool) 
         wanted = numbers(rows)
         found = [e for e in found if e.published["row"] in wanted]
         if not found:
-            raise click.BadParameter(f"no row of {problem!r} is among {rows!r}", param_hint="--rows")
+            raise click.BadParameter(
+                f"no row of {problem!r} is among {rows!r}", param_hint="--rows"
+            )
     with progress(f"{problem}: ") as news:
         result = beside(
             problem,
@@ -439,23 +433,52 @@ def numbers(text: str) -> set[int]:
         try:
             found.update(range(int(first), int(last if dash else first) + 1))
         except ValueError:
-            raise click.BadParameter(f"{part!r} is neither a number nor a range", param_hint="--rows") from None
+            raise click.BadParameter(
+                f"{part!r} is neither a number nor a range", param_hint="--rows"
+            ) from None
     return found
 
 
 @cli.command()
-@click.option("--points", metavar="FILE", help="A CSV with the columns id,x,y,z,kind instead of error-correction/7.")
-@click.option("--thresholds", default="20,10,15,20,20", show_default=True, help="alpha1,alpha2,beta1,beta2,theta for --points.")
-@click.option("--delta", type=float, default=0.001, show_default=True, help="Error gained per metre for --points.")
-@click.option("--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run.")
-@click.option("--plot", metavar="FILE", default="crosstrack-demo.png", show_default=True, help="Where the picture goes.")
+@click.option(
+    "--points",
+    metavar="FILE",
+    help="A CSV with the columns id,x,y,z,kind instead of error-correction/7.",
+)
+@click.option(
+    "--thresholds",
+    default="20,10,15,20,20",
+    show_default=True,
+    help="alpha1,alpha2,beta1,beta2,theta for --points.",
+)
+@click.option(
+    "--delta",
+    type=float,
+    default=0.001,
+    show_default=True,
+    help="Error gained per metre for --points.",
+)
+@click.option(
+    "--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run."
+)
+@click.option(
+    "--plot",
+    metavar="FILE",
+    default="crosstrack-demo.png",
+    show_default=True,
+    help="Where the picture goes.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
-def demo(points: str | None, thresholds: str, delta: float, time_limit: float, plot: str, as_json: bool) -> int:
+def demo(
+    points: str | None, thresholds: str, delta: float, time_limit: float, plot: str, as_json: bool
+) -> int:
     """Solve a 327-point route with every backend, print the verdict, draw the route."""
     from crosstrack.instances.error_correction import read_csv
+    from crosstrack.solvers.crosscheck import rejudged
+    from crosstrack.solvers.registry import find_backend, fitting
     from crosstrack.solvers.report.tables import comparison_parts
 
-    picture = writable(plot, _PLOT_SUFFIXES)
+    picture = picture_path(plot)
     if points is None:
         model = ct.load("error-correction/7")
     else:
@@ -472,44 +495,33 @@ def demo(points: str | None, thresholds: str, delta: float, time_limit: float, p
         show(f"{model.name}: {model.describe()}", f"  digest {model.digest}")
     chosen = fitting(model)
     # Native first; their best plan then starts the programs' solvers.
-    native = [name for name in chosen if takes_model(model, name)]
+    native = [name for name in chosen if isinstance(model, find_backend(name).accepts)]
     with progress("solving:") as news:
 
         def ended(solution: Solution[Any]) -> None:
             news(f"{solution.backend} {solution.termination}")
 
-        first = ct.compare(model, native, time_limit=time_limit, on_solution=ended).verdicts[0]
+        first = ct.compare(model, native, time_limit=time_limit, on_solution=ended)
         programs = [name for name in chosen if name not in native]
         second = ct.compare(
-            model, programs, time_limit=time_limit, warm_start=first.best, on_solution=ended
+            model,
+            programs,
+            time_limit=time_limit,
+            warm_start=first.verdicts[0].best,
+            on_solution=ended,
         )
-    result = merged(model, [*first.solutions, *second.solutions], chosen, interrupted=second.interrupted)
+    result = rejudged(model, first, second)
     if as_json:
         emit(result.to_dict())
     else:
         show(*comparison_parts(result))
-        if first.best is not None:
-            show(f"route ({first.best.backend}): {first.best.plan}")
-    if picture is not None and result.verdicts[0].best is not None:
-        draw(model, result.verdicts[0].best.plan, picture)
+    best = result.verdicts[0].best
+    if best is not None:
+        if not as_json:
+            show(f"route by {best.backend}: {best.plan}")
+        if picture is not None:
+            draw(model, best.plan, picture)
     return compare_code(result)
-
-
-def takes_model(model: Model[Any], name: str) -> bool:
-    """Whether the backend called `name` takes the model itself, not a program of it."""
-    from crosstrack.solvers.registry import find_backend
-
-    return isinstance(model, find_backend(name).accepts)
-
-
-def merged(
-    model: Model[Any], solutions: Sequence[Solution[Any]], names: Sequence[str], *, interrupted: bool
-) -> Comparison:
-    """Return one comparison of answers that came in two turns."""
-    from crosstrack.solvers.crosscheck import Comparison
-    from crosstrack.solvers.verdict import exact_names, judge
-
-    return Comparison((judge(model.name, solutions, exact_names(names)),), interrupted)
 
 
 # -- the way out -------------------------------------------------------------------------------------
@@ -532,7 +544,15 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         code = cli.main(arguments, prog_name="crosstrack", standalone_mode=False)
     except click.ClickException as error:
         if as_json:
-            emit({"error": {"type": type(error).__name__, "message": error.format_message(), "field": None}})
+            emit(
+                {
+                    "error": {
+                        "type": type(error).__name__,
+                        "message": error.format_message(),
+                        "field": None,
+                    }
+                }
+            )
         error.show()
         sys.exit(USAGE)
     except (BackendMissing, BackendBroken) as error:

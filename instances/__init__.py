@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .catalogue import CatalogueEntry, Provenance, entries, entry, load, register_entry
     from .error_correction.files import read_csv, read_points, write_csv, write_json
-    from .storage import read_model, register_references, write_model, write_text
+    from .storage import read_model, read_plan, register_references, write_model, write_text
 
 __all__ = [
     "CatalogueEntry",
@@ -18,6 +18,7 @@ __all__ = [
     "load",
     "read_csv",
     "read_model",
+    "read_plan",
     "read_points",
     "register_entry",
     "register_references",
@@ -35,6 +36,7 @@ _HOMES = {
     "load": "catalogue",
     "read_csv": "error_correction.files",
     "read_model": "storage",
+    "read_plan": "storage",
     "read_points": "error_correction.files",
     "register_entry": "catalogue",
     "register_references": "storage",

@@ -11,14 +11,23 @@ import contextlib
 import json
 import os
 import secrets
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidData
 from ..models.model import Model, parse_json, resolve
 
-__all__ = ["read_model", "read_text", "register_references", "write_model", "write_text"]
+__all__ = [
+    "read_model",
+    "read_plan",
+    "read_text",
+    "register_references",
+    "writable",
+    "write_model",
+    "write_text",
+]
 
 #: Puts the content of referenced files into the ``data`` of an instance: (data, folder) -> data.
 References = Callable[[Mapping[str, Any], Path], dict[str, Any]]
@@ -133,4 +142,52 @@ def write_text(path: str | os.PathLike[str], text: str) -> Path:
     finally:
         with contextlib.suppress(OSError):
             partial.unlink()
+    return file
+
+
+def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
+    """Return the plan of `model` in a file.
+
+    Parameters
+    ----------
+    model : Model
+        What the plan is for.
+    source : str or path-like
+        A JSON file with a plan, with ``{"plan": …}``, or with a whole solution; ``"-"`` reads
+        standard input.
+
+    Raises
+    ------
+    InvalidData
+        The file cannot be read, holds no plan, or none of this model.
+    """
+    text = sys.stdin.read() if source == "-" else read_text(source)
+    data = parse_json(text)
+    if isinstance(data, Mapping) and "plan" in data:
+        if data["plan"] is None:
+            state = data.get("termination", "without a plan")
+            raise InvalidData(f"{source}: the solution holds no plan ({state})", field="plan")
+        data = data["plan"]
+    return model.plan_from_data(data)
+
+
+def writable(path: str | os.PathLike[str], suffixes: Sequence[str] = ()) -> Path:
+    """Return the path of a file to write; whatever would keep it from being written raises now.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    suffixes : sequence of str
+        What its name may end in; anything where empty.
+    """
+    file = Path(path)
+    if suffixes and file.suffix.lower() not in suffixes:
+        raise InvalidData(
+            f"{file}: the file's name must end in {', '.join(suffixes)}", field="file"
+        )
+    if not file.parent.is_dir():
+        raise InvalidData(f"{file}: folder {file.parent} does not exist", field="file")
+    if file.is_dir() or not os.access(file if file.exists() else file.parent, os.W_OK):
+        raise InvalidData(f"{file}: cannot be written", field="file")
     return file

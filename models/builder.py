@@ -45,8 +45,10 @@ class ProgramBuilder:
         block = Block(name, equation, self._size, size, template, _index(index, size), unit)
         self._columns.append(block)
         self._column_data.append(
-            tuple(np.broadcast_to(np.asarray(v, float), (size,)) for v in (lower, upper, cost))
-            + (np.full(size, integral),)
+            (
+                *(np.broadcast_to(np.asarray(v, float), (size,)) for v in (lower, upper, cost)),
+                np.full(size, integral),
+            )
         )
         self._size += size
         return np.arange(block.start, block.start + size, dtype=np.int64)
@@ -78,7 +80,9 @@ class ProgramBuilder:
         )
         for row, column, coefficient in terms:
             r, c, v = np.broadcast_arrays(
-                np.asarray(row, np.int64), np.asarray(column, np.int64), np.asarray(coefficient, float)
+                np.asarray(row, np.int64),
+                np.asarray(column, np.int64),
+                np.asarray(coefficient, float),
             )
             self._entries.append((r.ravel() + block.start, c.ravel(), v.ravel()))
         self._row_count += size

@@ -7,7 +7,7 @@ Integrated Manufacturing Systems, 2022, doi 10.13196/j.cims.2022.04.003.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -16,89 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidData
-from .fields import Array, Flag, Optional, Real, Spec, declared, frozen, show
+from .fields import Array, Flag, Optional, Real, declared, frozen, show
 from .model import Model
+from .points import END, HORIZONTAL, KIND_WORDS, START, VERTICAL, Ids, Kinds
 from .verification import ROUNDING, TOLERANCE, Check, Verification
 
 __all__ = ["END", "HORIZONTAL", "START", "VERTICAL", "ErrorCorrectionRouting", "Route"]
-
-START, HORIZONTAL, VERTICAL, END = range(4)
-
-#: Kinds as they are written, by code.
-KIND_WORDS = ("A", "horizontal", "vertical", "B")
-
-_CODES = {
-    "A": START,
-    "B": END,
-    "horizontal": HORIZONTAL,
-    "vertical": VERTICAL,
-    "0": HORIZONTAL,
-    "1": VERTICAL,
-}
-
-
-def kind_word(value: Any, where: str) -> str:
-    """Return the kind that `value` means: a word, or A, B, 0 (horizontal), 1 (vertical)."""
-    text = str(int(value)) if isinstance(value, int | np.integer) and not isinstance(value, bool) else value
-    code = _CODES.get(text) if isinstance(text, str) else None
-    if code is None:
-        raise InvalidData(
-            f"{where} must be one of A, horizontal, vertical, B (or 0 for horizontal, 1 for vertical), "
-            f"got {show(value)}",
-            field="kinds",
-        )
-    return KIND_WORDS[code]
-
-
-@dataclass(frozen=True)
-class _Kinds(Spec):
-    """The kinds of the points, kept as words."""
-
-    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[np.str_]:
-        if isinstance(value, str) or not isinstance(value, Iterable):
-            raise InvalidData(f"{name} must be a list of words, got {show(value)}", field=name)
-        words = [kind_word(entry, f"{name}[{row}]") for row, entry in enumerate(value)]
-        known, source = sizes.setdefault("n", (len(words), name))
-        if known != len(words):
-            raise InvalidData(f"{name} has {len(words)} entries where {source} has {known}", field=name)
-        return self.refreeze(np.array(words, dtype="<U10"))
-
-    def encode(self, value: NDArray[np.str_]) -> Any:
-        return value.tolist()
-
-    def feed(self, value: NDArray[np.str_]) -> Iterable[bytes]:
-        yield value.tobytes()
-
-    def refreeze(self, value: NDArray[np.str_]) -> NDArray[np.str_]:
-        return frozen(value)
-
-
-@dataclass(frozen=True)
-class _Ids(Spec):
-    """The points' names in the file they come from: labels, all different."""
-
-    content: bool = False
-
-    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> tuple[int | str, ...]:
-        if isinstance(value, str) or not isinstance(value, Iterable):
-            raise InvalidData(f"{name} must be a list of numbers or words, got {show(value)}", field=name)
-        ids: list[int | str] = []
-        rows: dict[int | str, int] = {}
-        for row, entry in enumerate(value):
-            if isinstance(entry, bool) or not isinstance(entry, int | np.integer | str):
-                raise InvalidData(f"{name}[{row}] must be a whole number or a word, got {show(entry)}", field=name)
-            label = entry if isinstance(entry, str) else int(entry)
-            if label in rows:
-                raise InvalidData(f"{name}[{row}] is {label!r}, as is {name}[{rows[label]}]: ids must differ", field=name)
-            rows[label] = row
-            ids.append(label)
-        known, source = sizes.setdefault("n", (len(ids), name))
-        if known != len(ids):
-            raise InvalidData(f"{name} has {len(ids)} entries where {source} has {known}", field=name)
-        return tuple(ids)
-
-    def encode(self, value: tuple[int | str, ...]) -> Any:
-        return list(value)
 
 
 @dataclass(frozen=True)
@@ -178,7 +101,7 @@ class ErrorCorrectionRouting(Model[Route]):
     """
 
     points: NDArray[np.float64] = declared(Array(("n", 3)))
-    kinds: NDArray[np.str_] = declared(_Kinds())
+    kinds: NDArray[np.str_] = declared(Kinds())
     alpha1: float = declared(Real(lower=0))
     alpha2: float = declared(Real(lower=0))
     beta1: float = declared(Real(lower=0))
@@ -187,7 +110,7 @@ class ErrorCorrectionRouting(Model[Route]):
     horizontal_rate: float = declared(Real(lower=0), default=None)
     vertical_rate: float = declared(Real(lower=0), default=None)
     revisits: bool = declared(Flag(), default=False)
-    ids: tuple[int | str, ...] | None = declared(Optional(_Ids()), default=None)
+    ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
     delta: InitVar[float | None] = None
 
     kind: ClassVar[str] = "error-correction"
@@ -203,14 +126,17 @@ class ErrorCorrectionRouting(Model[Route]):
         given = [name for name, value in rates.items() if value is not None]
         if delta is not None:
             if given:
-                raise InvalidData(f"delta stands for both rates: give it or {given[0]}, not both", field="delta")
+                raise InvalidData(
+                    f"delta stands for both rates: give it or {given[0]}, not both", field="delta"
+                )
             delta = Real(lower=0).coerce("delta", delta, {})
             for name in rates:
                 object.__setattr__(self, name, delta)
         elif len(given) < 2:
             absent = next(name for name in rates if name not in given)
             raise InvalidData(
-                f"{absent} is missing: give delta, or horizontal_rate and vertical_rate", field=absent
+                f"{absent} is missing: give delta, or horizontal_rate and vertical_rate",
+                field=absent,
             )
         super().__post_init__()
 
@@ -220,7 +146,9 @@ class ErrorCorrectionRouting(Model[Route]):
             rows = np.flatnonzero(self.codes == code).tolist()
             if len(rows) != 1:
                 found = f"rows {show(rows)}" if rows else "none"
-                raise InvalidData(f"kinds must hold {word!r} exactly once, got {found}", field="kinds")
+                raise InvalidData(
+                    f"kinds must hold {word!r} exactly once, got {found}", field="kinds"
+                )
 
     @classmethod
     def input_names(cls) -> frozenset[str]:
@@ -308,7 +236,9 @@ class ErrorCorrectionRouting(Model[Route]):
         if isinstance(data, Mapping):
             for key in data:
                 if key not in ("route", "ids"):
-                    raise InvalidData(f"unknown key {key!r} in a plan; allowed: route, ids", field=str(key))
+                    raise InvalidData(
+                        f"unknown key {key!r} in a plan; allowed: route, ids", field=str(key)
+                    )
             if not data:
                 raise InvalidData("a plan needs the key route or ids", field="route")
             by_index = self._indices(data["route"]) if "route" in data else None
@@ -320,14 +250,19 @@ class ErrorCorrectionRouting(Model[Route]):
 
     def _indices(self, value: Any) -> Route:
         if isinstance(value, str | Mapping) or not isinstance(value, Sequence | np.ndarray):
-            raise InvalidData(f"route must be a list of point indices, got {show(value)}", field="route")
+            raise InvalidData(
+                f"route must be a list of point indices, got {show(value)}", field="route"
+            )
         route = []
         for stop, entry in enumerate(value):
             if isinstance(entry, bool) or not isinstance(entry, int | np.integer):
-                raise InvalidData(f"route[{stop}] must be a point index, got {show(entry)}", field="route")
+                raise InvalidData(
+                    f"route[{stop}] must be a point index, got {show(entry)}", field="route"
+                )
             if not 0 <= entry < len(self.points):
                 raise InvalidData(
-                    f"route[{stop}] must lie in 0 … {len(self.points) - 1}, got {entry}", field="route"
+                    f"route[{stop}] must lie in 0 … {len(self.points) - 1}, got {entry}",
+                    field="route",
                 )
             route.append(int(entry))
         return Route(tuple(route))
@@ -354,7 +289,10 @@ class ErrorCorrectionRouting(Model[Route]):
                 horizontal += self.horizontal_rate * leg
                 vertical += self.vertical_rate * leg
             kind = str(self.kinds[point])
-            after = (0.0 if kind == "horizontal" else horizontal, 0.0 if kind == "vertical" else vertical)
+            after = (
+                0.0 if kind == "horizontal" else horizontal,
+                0.0 if kind == "vertical" else vertical,
+            )
             stops.append(Stop(point, kind, math.fsum(legs), horizontal, vertical, *after))
             horizontal, vertical = after
         return stops
@@ -367,24 +305,51 @@ class ErrorCorrectionRouting(Model[Route]):
         ends = [
             self._count("starts at A", "2", stops[:1], lambda s: s.kind != "A", len(stops) < 1),
             self._count("ends at B", "3", stops[-1:], lambda s: s.kind != "B", len(stops) < 2),
-            self._count("only correction points between", "4-5", stops[1:-1], lambda s: s.kind in "AB"),
+            self._count(
+                "only correction points between", "4-5", stops[1:-1], lambda s: s.kind in "AB"
+            ),
         ]
         if not self.revisits:
             seen: set[int] = set()
             again = [s for s in stops if s.point in seen or seen.add(s.point)]  # type: ignore[func-returns-value]
             ends.append(self._count("no point twice", "4-5", again, lambda s: True))
         thresholds = [
-            self._worst("horizontal error at vertical points", "9", "vertical", self.alpha2, stops, tolerance),
-            self._worst("vertical error at vertical points", "10", "vertical", self.alpha1, stops, tolerance),
-            self._worst("horizontal error at horizontal points", "13", "horizontal", self.beta2, stops, tolerance),
-            self._worst("vertical error at horizontal points", "14", "horizontal", self.beta1, stops, tolerance),
+            self._worst(
+                "horizontal error at vertical points",
+                "9",
+                "vertical",
+                self.alpha2,
+                stops,
+                tolerance,
+            ),
+            self._worst(
+                "vertical error at vertical points", "10", "vertical", self.alpha1, stops, tolerance
+            ),
+            self._worst(
+                "horizontal error at horizontal points",
+                "13",
+                "horizontal",
+                self.beta2,
+                stops,
+                tolerance,
+            ),
+            self._worst(
+                "vertical error at horizontal points",
+                "14",
+                "horizontal",
+                self.beta1,
+                stops,
+                tolerance,
+            ),
             self._worst("horizontal error at B", "17", "B", self.theta, stops, tolerance),
             self._worst("vertical error at B", "18", "B", self.theta, stops, tolerance),
         ]
         length = stops[-1].distance if len(stops) > 1 else None
         return Verification(length, (*ends, *thresholds))
 
-    def _count(self, name: str, equation: str, stops: list[Stop], bad: Any, short: bool = False) -> Check:
+    def _count(
+        self, name: str, equation: str, stops: list[Stop], bad: Any, short: bool = False
+    ) -> Check:
         wrong = [f"point {self.label(s.point)}" for s in stops if bad(s)]
         where = "a route too short" if short else wrong[0] if wrong else ""
         return Check(name, equation, float(len(wrong) + short), "points", 0.0, where, 0.0)

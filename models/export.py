@@ -42,7 +42,9 @@ def _mps_lines(program: MixedIntegerProgram) -> Iterator[str]:
         yield f" {sense} r{row}"
     yield "COLUMNS"
     by_column = program.matrix.tocsc()
-    indptr, indices, data = (a.tolist() for a in (by_column.indptr, by_column.indices, by_column.data))
+    indptr, indices, data = (
+        a.tolist() for a in (by_column.indptr, by_column.indices, by_column.data)
+    )
     cost, integral = program.cost.tolist(), program.integral.tolist()
     marked = False
     for column in range(program.size):
@@ -84,7 +86,9 @@ def lp(program: MixedIntegerProgram) -> str:
 
 
 def _sum(columns: list[int], values: list[float]) -> str:
-    terms = [f"{'-' if v < 0 else '+'} {abs(v)!r} x{c}" for c, v in zip(columns, values, strict=True)]
+    terms = [
+        f"{'-' if v < 0 else '+'} {abs(v)!r} x{c}" for c, v in zip(columns, values, strict=True)
+    ]
     # Readers of the format limit a line's length.
     return "\n  ".join(" ".join(terms[k : k + 8]) for k in range(0, len(terms), 8)) or "0 x0"
 

@@ -102,9 +102,13 @@ class Real(Spec):
         unit = f" {self.unit}" if self.unit else ""
         if not math.isfinite(number):
             raise InvalidData(f"{name} must be finite, got {number}", field=name)
-        if self.lower is not None and (number < self.lower or (self.strict and number == self.lower)):
+        if self.lower is not None and (
+            number < self.lower or (self.strict and number == self.lower)
+        ):
             sign = ">" if self.strict else ">="
-            raise InvalidData(f"{name} must be {sign} {self.lower:g}{unit}, got {number:g}", field=name)
+            raise InvalidData(
+                f"{name} must be {sign} {self.lower:g}{unit}, got {number:g}", field=name
+            )
         if self.upper is not None and number > self.upper:
             raise InvalidData(f"{name} must be <= {self.upper:g}{unit}, got {number:g}", field=name)
         return number + 0.0
@@ -214,7 +218,9 @@ class Array(Spec):
                 objects[place] = self.infinity * math.inf
                 continue
             if not isinstance(entry, int | float | np.number) or isinstance(entry, bool):
-                raise InvalidData(f"{_at(name, place)} must be a number, got {show(entry)}", field=name)
+                raise InvalidData(
+                    f"{_at(name, place)} must be a number, got {show(entry)}", field=name
+                )
         return objects.astype(self.dtype)
 
     def _ragged(self, value: Any) -> str:

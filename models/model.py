@@ -34,7 +34,7 @@ def library_version() -> str:
     return __version__
 
 
-def resolve(target: str | type[Any]) -> Any:
+def resolve(target: Any) -> Any:
     """Return what a ``"module:object"`` string names; anything else as it is.
 
     A module that begins with a dot is taken from within crosstrack.
@@ -134,7 +134,9 @@ class Model(ABC, Generic[PlanT]):
                 and field.default_factory is dataclasses.MISSING
             )
             if required and key not in data:
-                raise InvalidData(f"key {key!r} is missing in the data of model {cls.kind!r}", field=key)
+                raise InvalidData(
+                    f"key {key!r} is missing in the data of model {cls.kind!r}", field=key
+                )
         return cls(**{str(key): value for key, value in data.items()}, name=name)
 
     @classmethod
@@ -165,7 +167,9 @@ class Model(ABC, Generic[PlanT]):
                 )
         for key in ("model", "data"):
             if key not in data:
-                raise InvalidData(f"key {key!r} is missing: a model is {{'model', 'data'}}", field=key)
+                raise InvalidData(
+                    f"key {key!r} is missing: a model is {{'model', 'data'}}", field=key
+                )
         if not isinstance(data["model"], str):
             raise InvalidData(f"model must be a string, got {show(data['model'])}", field="model")
         name = data.get("name", "")

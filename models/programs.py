@@ -6,7 +6,7 @@ the column vector. Any backend for programs therefore solves one that no paper s
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -15,7 +15,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InvalidData
-from .fields import Array, Real, Spec, declared, frozen, show
+from .blocks import Block, Blocks, Sparse
+from .fields import Array, Real, declared
 from .model import Model
 from .verification import ROUNDING, TOLERANCE, Check, Verification
 
@@ -25,161 +26,6 @@ if TYPE_CHECKING:
 __all__ = ["Block", "MixedIntegerProgram", "Program"]
 
 Vector = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """A named run of rows or columns that stand for one equation or one kind of decision.
-
-    Parameters
-    ----------
-    name : str
-        What the block is, such as ``"horizontal error"``.
-    equation : str
-        The paper's equation, empty where it has none.
-    start, size : int
-        The rows or columns ``start … start + size - 1``.
-    template : str
-        Says where an entry lies, such as ``"arc {0}-{1}"``, filled from `index`.
-    index : ndarray of int, shape (size, k)
-        What fills `template`, one row an entry.
-    unit : str
-        Unit of the entries.
-    """
-
-    name: str
-    equation: str
-    start: int
-    size: int
-    template: str = ""
-    index: NDArray[np.int64] | None = None
-    unit: str = ""
-
-    @property
-    def slice(self) -> slice:
-        """The entries as a slice."""
-        return slice(self.start, self.start + self.size)
-
-    def place(self, entry: int) -> str:
-        """Return where `entry` (counted within the block) lies."""
-        if self.index is None:
-            return f"{self.name} {entry}" if self.size > 1 else ""
-        return self.template.format(*self.index[entry].tolist())
-
-    @property
-    def title(self) -> str:
-        """The block's name with its equation."""
-        return f"eq. {self.equation}, {self.name}" if self.equation else self.name
-
-    def describe(self, entry: int) -> str:
-        """Return ``"eq. 13, horizontal error at point 40"``."""
-        place = self.place(entry)
-        return f"{self.title} {place}" if place else self.title
-
-
-@dataclass(frozen=True)
-class _Blocks(Spec):
-    """Blocks that cover all rows or columns in order; labels, so no part of the content."""
-
-    content: bool = False
-
-    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> tuple[Block, ...]:
-        blocks = tuple(
-            block if isinstance(block, Block) else self._read(name, block) for block in value
-        )
-        at = 0
-        for block in blocks:
-            if block.start != at:
-                raise InvalidData(
-                    f"{name}: block {block.name!r} starts at {block.start}, {at} is next", field=name
-                )
-            at += block.size
-        names = [block.name for block in blocks]
-        if len(set(names)) != len(names):
-            raise InvalidData(f"{name}: two blocks bear one name: {names}", field=name)
-        return blocks
-
-    @staticmethod
-    def _read(name: str, data: Any) -> Block:
-        keys = {"name", "equation", "start", "size", "template", "index", "unit"}
-        if not isinstance(data, Mapping) or set(data) != keys:
-            raise InvalidData(f"{name}: a block has the keys {sorted(keys)}, got {show(data)}", field=name)
-        index = None if data["index"] is None else np.asarray(data["index"], np.int64)
-        return Block(**{**data, "index": index})
-
-    def encode(self, value: tuple[Block, ...]) -> Any:
-        return [
-            {
-                "name": b.name,
-                "equation": b.equation,
-                "start": b.start,
-                "size": b.size,
-                "template": b.template,
-                "index": None if b.index is None else b.index.tolist(),
-                "unit": b.unit,
-            }
-            for b in value
-        ]
-
-
-@dataclass(frozen=True)
-class _Sparse(Spec):
-    """A sparse matrix in compressed rows, canonical (sorted, summed, no stored zeros)."""
-
-    shape: tuple[str, str]
-
-    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> sp.csr_array:
-        if isinstance(value, Mapping):
-            value = self._read(name, value)
-        elif not sp.issparse(value):
-            value = Array(self.shape).coerce(name, value, dict(sizes))
-        matrix = sp.csr_array(value, dtype=float, copy=True)
-        matrix.sum_duplicates()
-        matrix.eliminate_zeros()
-        for have, want in zip(matrix.shape, self.shape, strict=True):
-            known, source = sizes.setdefault(want, (have, name))
-            if known != have:
-                raise InvalidData(f"{name} has shape {matrix.shape}, but {source} has {known} entries", field=name)
-        if not np.isfinite(matrix.data).all():
-            raise InvalidData(f"{name} must hold finite numbers only", field=name)
-        return self.refreeze(matrix)
-
-    @staticmethod
-    def _read(name: str, data: Mapping[str, Any]) -> sp.csr_array:
-        if set(data) != {"shape", "indptr", "indices", "data"}:
-            raise InvalidData(f"{name} needs the keys shape, indptr, indices, data", field=name)
-        try:
-            matrix = sp.csr_array(
-                (
-                    np.asarray(data["data"], float),
-                    np.asarray(data["indices"], np.int64),
-                    np.asarray(data["indptr"], np.int64),
-                ),
-                shape=tuple(data["shape"]),
-            )
-            matrix.check_format()
-        except (ValueError, TypeError) as error:
-            raise InvalidData(f"{name} is no sparse matrix: {error}", field=name) from None
-        return matrix
-
-    def encode(self, value: sp.csr_array) -> Any:
-        return {
-            "shape": list(value.shape),
-            "indptr": value.indptr.tolist(),
-            "indices": value.indices.tolist(),
-            "data": value.data.tolist(),
-        }
-
-    def feed(self, value: sp.csr_array) -> Iterable[bytes]:
-        yield repr(value.shape).encode()
-        yield value.indptr.astype(np.int64).tobytes()
-        yield value.indices.astype(np.int64).tobytes()
-        yield value.data.tobytes()
-
-    def refreeze(self, value: sp.csr_array) -> sp.csr_array:
-        for part in (value.data, value.indices, value.indptr):
-            frozen(part)
-        return value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -224,23 +70,28 @@ class MixedIntegerProgram(Program):
     """
 
     cost: Vector = declared(Array(("n",)))
-    matrix: sp.csr_array = declared(_Sparse(("m", "n")))
+    matrix: sp.csr_array = declared(Sparse(("m", "n")))
     row_lower: Vector = declared(Array(("m",), infinity=-1))
     row_upper: Vector = declared(Array(("m",), infinity=1))
     column_lower: Vector = declared(Array(("n",), infinity=-1))
     column_upper: Vector = declared(Array(("n",), infinity=1))
     integral: NDArray[np.bool_] = declared(Array(("n",), bool))
     offset: float = declared(Real(), default=0.0)
-    columns: tuple[Block, ...] = declared(_Blocks(), default=())
-    rows: tuple[Block, ...] = declared(_Blocks(), default=())
+    columns: tuple[Block, ...] = declared(Blocks(), default=())
+    rows: tuple[Block, ...] = declared(Blocks(), default=())
 
     kind: ClassVar[str] = "mixed-integer-program"
 
     def check(self) -> None:
         """Refuse blocks that do not cover the program."""
-        for name, blocks, size in (("columns", self.columns, self.size), ("rows", self.rows, self.row_count)):
+        for name, blocks, size in (
+            ("columns", self.columns, self.size),
+            ("rows", self.rows, self.row_count),
+        ):
             if blocks and sum(block.size for block in blocks) != size:
-                raise InvalidData(f"{name}: the blocks cover {sum(b.size for b in blocks)} of {size}", field=name)
+                raise InvalidData(
+                    f"{name}: the blocks cover {sum(b.size for b in blocks)} of {size}", field=name
+                )
 
     def describe(self) -> str:
         """Return the size in a few words."""
@@ -272,20 +123,39 @@ class MixedIntegerProgram(Program):
         """
         point = np.asarray(plan, float)
         if point.shape != (self.size,):
-            raise InvalidData(f"point must have shape ({self.size},), got {point.shape}", field="point")
+            raise InvalidData(
+                f"point must have shape ({self.size},), got {point.shape}", field="point"
+            )
         if not np.isfinite(point).all():
             place = int(np.flatnonzero(~np.isfinite(point))[0])
             raise InvalidData(f"point[{place}] must be finite, got {point[place]}", field="point")
         terms = self.matrix * point[None, :]
-        largest = abs(terms).max(axis=1).toarray().ravel() if self.row_count and terms.nnz else np.zeros(self.row_count)
+        largest = (
+            abs(terms).max(axis=1).toarray().ravel()
+            if self.row_count and terms.nnz
+            else np.zeros(self.row_count)
+        )
         checks = [
-            *self._checks(self.matrix @ point, self.row_lower, self.row_upper, largest, self._rows, tolerance),
-            *self._checks(point, self.column_lower, self.column_upper, np.zeros(self.size), self._columns, tolerance),
+            *self._checks(
+                self.matrix @ point, self.row_lower, self.row_upper, largest, self._rows, tolerance
+            ),
+            *self._checks(
+                point,
+                self.column_lower,
+                self.column_upper,
+                np.zeros(self.size),
+                self._columns,
+                tolerance,
+            ),
         ]
         if self.integral.any():
             off = np.where(self.integral, np.abs(point - np.round(point)), 0.0)
             at = int(off.argmax())
-            checks.append(Check("integrality", "", float(off[at]), "", tolerance, self.column_name(at), ROUNDING))
+            checks.append(
+                Check(
+                    "integrality", "", float(off[at]), "", tolerance, self.column_name(at), ROUNDING
+                )
+            )
         return Verification(self.objective(point), tuple(checks))
 
     @property
@@ -320,7 +190,7 @@ class MixedIntegerProgram(Program):
                         float(off[at]),
                         block.unit,
                         float(tolerance * scale[at]),
-                        block.place(entry),
+                        block.place(entry).removeprefix("at ").removeprefix("along "),
                         float(ROUNDING * scale[at]),
                     )
                 )
@@ -349,20 +219,28 @@ class MixedIntegerProgram(Program):
         reduced = self.cost - self.matrix.T @ y
         # A reduced cost that is rounding noise against the terms it sums must not meet an infinite bound.
         noise = 1e-9 * (1 + np.abs(self.cost) + abs(self.matrix).T @ np.abs(y))
-        free = np.where(reduced > 0, ~np.isfinite(self.column_lower), ~np.isfinite(self.column_upper))
+        free = np.where(
+            reduced > 0, ~np.isfinite(self.column_lower), ~np.isfinite(self.column_upper)
+        )
         reduced = np.where(free & (np.abs(reduced) <= noise), 0.0, reduced)
         loose = np.where(y > 0, ~np.isfinite(self.row_lower), ~np.isfinite(self.row_upper))
         y = np.where(loose & (np.abs(y) <= 1e-9), 0.0, y)
         with np.errstate(invalid="ignore"):
             rows = np.where(y == 0, 0.0, y * np.where(y > 0, self.row_lower, self.row_upper))
-            cols = np.where(reduced == 0, 0.0, reduced * np.where(reduced > 0, self.column_lower, self.column_upper))
+            cols = np.where(
+                reduced == 0,
+                0.0,
+                reduced * np.where(reduced > 0, self.column_lower, self.column_upper),
+            )
         return float(rows.sum() + cols.sum() + self.offset)
 
     def without_rows(self, names: Iterable[str]) -> MixedIntegerProgram:
         """Return the program without the row blocks called `names`."""
         drop = set(names)
         kept = [block for block in self.rows if block.name not in drop]
-        take = np.concatenate([np.arange(b.start, b.start + b.size) for b in kept] or [np.empty(0, int)])
+        take = np.concatenate(
+            [np.arange(b.start, b.start + b.size) for b in kept] or [np.empty(0, int)]
+        )
         blocks, at = [], 0
         for block in kept:
             blocks.append(replace(block, start=at))

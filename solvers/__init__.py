@@ -6,12 +6,28 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .backend import Answer, Backend, Control, Feature, Guarantee, Limit, Option, Request, Termination
+    from .backend import (
+        Answer,
+        Backend,
+        Control,
+        Feature,
+        Guarantee,
+        Limit,
+        Option,
+        Request,
+        Termination,
+    )
     from .crosscheck import Comparison, compare
     from .diagnosis import Diagnosis, Finding, diagnose
     from .dispatch import solve, verify
     from .isolation import Worker, probe
-    from .registry import BackendState, backend_names, backend_states, find_backend, register_backend
+    from .registry import (
+        BackendState,
+        backend_names,
+        backend_states,
+        find_backend,
+        register_backend,
+    )
     from .solution import Incumbent, Solution, relative_gap
     from .verdict import Outcome, Verdict
 

@@ -123,7 +123,9 @@ class Option:
             )
         if self.choices and value not in self.choices:
             allowed = ", ".join(map(repr, self.choices))
-            raise UnsupportedOption(f"{owner}: option {name!r} must be one of {allowed}, got {value!r}")
+            raise UnsupportedOption(
+                f"{owner}: option {name!r} must be one of {allowed}, got {value!r}"
+            )
         number: Any = value
         low = self.lower is not None and not number >= self.lower
         high = self.upper is not None and not number <= self.upper
@@ -196,7 +198,9 @@ class Request:
     warm_start : object, optional
         A column vector for a program's backend, a plan for a native algorithm; verified.
     cutoff : float, optional
-        The objective of a verified plan: only plans at least as good are wanted.
+        The objective of a verified plan: only plans at least as good, rounding aside, are wanted.
+        A search that finds none proves that the cutoff is a lower bound: it answers
+        ``NO_SOLUTION`` with that `dual_bound`, never ``INFEASIBLE``.
     options : mapping
         The backend's own options, checked, defaults filled in.
     control : Control
@@ -265,6 +269,9 @@ class Backend(ABC):
         Only ``EXACT`` backends may claim infeasibility or a dual bound.
     features : frozenset of Feature
         What of the common request it understands; asking for anything else raises.
+    single_threaded : bool
+        Whether it runs on one thread whatever is asked, so that ``threads=1`` is granted without
+        the feature.
     requires : tuple of str
         Import names of the packages it needs, probed without importing them.
     distribution : str
@@ -286,6 +293,7 @@ class Backend(ABC):
     accepts: ClassVar[type[Model[Any]]]
     guarantee: ClassVar[Guarantee]
     features: ClassVar[frozenset[Feature]] = frozenset()
+    single_threaded: ClassVar[bool] = False
     requires: ClassVar[tuple[str, ...]] = ()
     distribution: ClassVar[str] = ""
     extra: ClassVar[str] = ""
@@ -308,6 +316,14 @@ class Backend(ABC):
 
         The clock of a time limit starts after it.
         """
+
+    def refuses(self, problem: Any) -> str:
+        """Return why this backend cannot take `problem`, an instance of :attr:`accepts`; else ``""``.
+
+        A cheap look for lists of what could solve a model; :meth:`run` raises
+        :class:`~crosstrack.errors.UnsupportedFormulation` for the same reasons and for others.
+        """
+        return ""
 
     def missing(self) -> tuple[str, ...]:
         """Names of the required packages that are not installed; nothing is imported."""
@@ -347,4 +363,3 @@ class Backend(ABC):
             else option.default
             for name, option in self.options.items()
         }
-

@@ -39,7 +39,9 @@ class Record:
         if not self.path.parent.is_dir():
             raise InvalidData(f"record {self.path}: its folder does not exist", field="record")
         if self.path.exists() and self.path.stat().st_size and not resume:
-            raise InvalidData(f"record {self.path} exists: resume it, or name another file", field="record")
+            raise InvalidData(
+                f"record {self.path} exists: resume it, or name another file", field="record"
+            )
         self._whole = self._load() if self.path.exists() else 0
 
     def _load(self) -> int:
@@ -54,7 +56,8 @@ class Record:
                 self._done[data["key"]] = data
             except (ValueError, KeyError, TypeError) as error:
                 raise InvalidData(
-                    f"record {self.path}, line {number}: no line of a campaign ({error!r})", field="record"
+                    f"record {self.path}, line {number}: no line of a campaign ({error!r})",
+                    field="record",
                 ) from None
         return whole
 
@@ -62,13 +65,18 @@ class Record:
         try:
             self._file = self.path.open("r+b" if self.path.exists() else "w+b")
         except OSError as error:
-            raise InvalidData(f"record {self.path} cannot be written: {error}", field="record") from None
+            raise InvalidData(
+                f"record {self.path} cannot be written: {error}", field="record"
+            ) from None
         self._file.truncate(self._whole)
         self._file.seek(self._whole)
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         if self._file is not None:
             self._file.close()

@@ -27,7 +27,7 @@ from .registry import find_backend
 from .solution import Solution
 from .verdict import Outcome, Verdict, exact_names, judge
 
-__all__ = ["Comparison", "compare"]
+__all__ = ["Comparison", "compare", "rejudged"]
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,9 @@ def compare(
     known = [_named(backend, formulation) for backend in backends]
     for name in backend_options or {}:
         if name not in {backend.name for backend, _ in known}:
-            raise UnknownName("backend in backend_options", name, [backend.name for backend, _ in known])
+            raise UnknownName(
+                "backend in backend_options", name, [backend.name for backend, _ in known]
+            )
     tasks = [
         _task(row, column, model, backend, wanted, common, warm[row], backend_options or {})
         for row, model in enumerate(models)
@@ -203,6 +205,14 @@ def compare(
     return Comparison(tuple(verdicts), interrupted)
 
 
+def rejudged(model: Model[Any], *parts: Comparison) -> Comparison:
+    """Return one comparison on `model` of answers that came in several turns."""
+    solutions = [solution for part in parts for solution in part.solutions]
+    exact = exact_names([solution.backend for solution in solutions])
+    verdict = judge(model.name or model.digest[:12], solutions, exact)
+    return Comparison((verdict,), any(part.interrupted for part in parts))
+
+
 def _named(backend: str | Backend, formulation: str | None) -> tuple[Backend, str | None]:
     """Return the backend and the formulation that ``"name:formulation"`` asks for."""
     if isinstance(backend, str) and ":" in backend:
@@ -216,7 +226,9 @@ def _warm_starts(value: Any, count: int) -> list[Any]:
         return [None] * count
     if isinstance(value, list | tuple):
         if len(value) != count:
-            raise InvalidData(f"warm_start has {len(value)} entries for {count} models", field="warm_start")
+            raise InvalidData(
+                f"warm_start has {len(value)} entries for {count} models", field="warm_start"
+            )
         return [plan_of(entry) for entry in value]
     return [plan_of(value)] * count
 
@@ -233,7 +245,11 @@ def _task(
 ) -> _Task:
     """Return the task with the common options that the backend knows."""
     asked = dict(common)
-    for name, feature in (("gap", Feature.GAP), ("seed", Feature.SEED), ("threads", Feature.THREADS)):
+    for name, feature in (
+        ("gap", Feature.GAP),
+        ("seed", Feature.SEED),
+        ("threads", Feature.THREADS),
+    ):
         if feature not in backend.features:
             asked[name] = None
     native = isinstance(model, backend.accepts)
@@ -338,7 +354,9 @@ def _by_threads(tasks: deque[_Task], count: int, grace: float, finished: Finishe
                             other.close()
             results.put((task, outcome))
 
-    threads = [threading.Thread(target=work, name="crosstrack-compare", daemon=True) for _ in range(count)]
+    threads = [
+        threading.Thread(target=work, name="crosstrack-compare", daemon=True) for _ in range(count)
+    ]
     interrupted = False
 
     def receive() -> None:
@@ -407,5 +425,3 @@ def _launch(request: bytes) -> bytes:
     with Worker() as worker:
         message = cloudpickle.dumps(_run(worker, job, grace).to_dict())
     return bytes(message)
-
-

@@ -17,8 +17,12 @@ __all__ = ["Diagnosis", "Finding", "diagnose"]
 
 #: What finds the place where every extension dies, by the model's kind.
 _NATIVE: Mapping[str, str] = {
-    "error-correction": ".solvers.correction.diagnosis:diagnose_routing",
+    "error-correction": ".solvers.error_correction.diagnosis:diagnose_routing",
 }
+
+
+#: Findings that a printed diagnosis shows.
+_SHOWN = 12
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,12 @@ class Finding:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the finding as JSON data."""
-        return {"text": self.text, "equation": self.equation, "where": self.where, **(self.data or {})}
+        return {
+            "text": self.text,
+            "equation": self.equation,
+            "where": self.where,
+            **(self.data or {}),
+        }
 
 
 @dataclass(frozen=True)
@@ -83,7 +92,10 @@ class Diagnosis:
 
     def __str__(self) -> str:
         head = f"{self.instance}: {self.summary}" if self.instance else self.summary
-        return "\n".join([head, *(f"  - {finding.text}" for finding in self.findings)])
+        shown = [f"  - {finding.text}" for finding in self.findings[:_SHOWN]]
+        if len(self.findings) > _SHOWN:
+            shown.append(f"  … and {len(self.findings) - _SHOWN} more (all in the findings)")
+        return "\n".join([head, *shown])
 
 
 def diagnose(
@@ -127,17 +139,26 @@ def diagnose(
 
 
 def _filter(
-    model: Model[Any], backend: str | Backend | None, formulation: str | None, time_limit: float | None
+    model: Model[Any],
+    backend: str | Backend | None,
+    formulation: str | None,
+    time_limit: float | None,
 ) -> Diagnosis:
     if isinstance(model, MixedIntegerProgram):
         program = model
     else:
-        written = model.formulate(formulation or ("paper" if "paper" in model.formulations else None))
+        written = model.formulate(
+            formulation or ("paper" if "paper" in model.formulations else None)
+        )
         if not isinstance(written.program, MixedIntegerProgram):
-            raise UnsupportedFormulation(f"formulation {written.name!r} is no mixed-integer program")
+            raise UnsupportedFormulation(
+                f"formulation {written.name!r} is no mixed-integer program"
+            )
         program = written.program
     solver = recommended(program) if backend is None else find_backend(backend)
-    if solver.guarantee is not Guarantee.EXACT or not issubclass(MixedIntegerProgram, solver.accepts):
+    if solver.guarantee is not Guarantee.EXACT or not issubclass(
+        MixedIntegerProgram, solver.accepts
+    ):
         raise UnsupportedFormulation(
             f"the deletion filter needs an exact backend for mixed-integer programs; {solver.name!r} is none"
         )
@@ -166,7 +187,8 @@ def _filter(
     blocks = [block for block in asked.rows if block.name in needed]
     findings = tuple(
         Finding(
-            f"{block.title} ({block.size} rows)" + (": not settled within the time limit" if block.name in unsure else ""),
+            f"{block.title} ({block.size} rows)"
+            + (": not settled within the time limit" if block.name in unsure else ""),
             block.equation,
             block.name,
             {"block": block.name, "rows": block.size, "settled": block.name not in unsure},

@@ -112,7 +112,9 @@ def plan_of(start: Any) -> Any:
     if not isinstance(start, Solution):
         return start
     if start.plan is None:
-        raise InvalidData(f"warm_start: the solution has no plan ({start.termination})", field="warm_start")
+        raise InvalidData(
+            f"warm_start: the solution has no plan ({start.termination})", field="warm_start"
+        )
     return start.plan
 
 

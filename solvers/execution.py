@@ -12,8 +12,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from ..errors import CrosstrackError, InvalidData
 from ..models.model import library_version
+from ..models.programs import MixedIntegerProgram
 from ..models.verification import TOLERANCE, Verification
 from .backend import Answer, Control, Feature, Guarantee, Limit, Request, Termination
 from .job import GAP, Job, Target
@@ -64,7 +67,12 @@ class _Run:
             try:
                 plan = self.decode(point)
             except InvalidData as error:
-                log.debug("incumbent %g of %s does not decode: %s", objective, self.target.backend.name, error)
+                log.debug(
+                    "incumbent %g of %s does not decode: %s",
+                    objective,
+                    self.target.backend.name,
+                    error,
+                )
         incumbent = Incumbent(seconds, objective, plan)
         self.incumbents.append(incumbent)
         if self.listener is not None:
@@ -110,7 +118,7 @@ def execute(
         request = replace(request, time_limit=left)
     with _interrupt(control):
         answer = _attend(run, problem, request)
-    solution = _finish(run, answer)
+    solution = _finish(run, answer, problem)
     seconds = {**solution.seconds, "total": time.perf_counter() - begin}
     return replace(solution, seconds=seconds)
 
@@ -123,7 +131,9 @@ def _build(run: _Run, control: Control) -> tuple[Any, Request]:
         if warm is not None:
             checked = run.target.model.verify(warm)
             if not checked.ok:
-                raise InvalidData(f"warm_start is no plan of the model: {checked.summary()}", field="warm_start")
+                raise InvalidData(
+                    f"warm_start is no plan of the model: {checked.summary()}", field="warm_start"
+                )
             if not checked.within_tolerance:
                 cutoff = checked.objective
                 if formulation is not None and cutoff is not None:
@@ -218,7 +228,7 @@ def _attend(run: _Run, problem: Any, request: Request) -> Answer:
     return Answer(Termination.FAILED, limit, message=text)
 
 
-def _finish(run: _Run, answer: Answer) -> Solution[Any]:
+def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
     """Decode and verify what the backend claims, and keep only what stands."""
     job, target = run.job, run.target
     backend, model = target.backend, target.model
@@ -238,7 +248,9 @@ def _finish(run: _Run, answer: Answer) -> Solution[Any]:
             with run.clock("decode"):
                 plan = run.decode(point)
             with run.clock("verify"):
-                verification = model.verify(plan, tolerance=TOLERANCE if job.tolerance is None else job.tolerance)
+                verification = model.verify(
+                    plan, tolerance=TOLERANCE if job.tolerance is None else job.tolerance
+                )
         except InvalidData as error:
             messages.append(f"the point does not decode: {error}")
             termination, dual = Termination.REJECTED, None
@@ -254,6 +266,10 @@ def _finish(run: _Run, answer: Answer) -> Solution[Any]:
     primal = verification.objective if plan is not None and verification is not None else None
     if plan is not None and termination in (Termination.NO_SOLUTION, Termination.FAILED):
         termination = Termination.FEASIBLE  # the run ended badly, yet its last incumbent verifies
+    if exact and answer.duals is not None and isinstance(problem, MixedIntegerProgram):
+        # The bound of a linear program is not believed but computed from its multipliers.
+        certified = problem.dual_bound(answer.duals)
+        dual = certified if np.isfinite(certified) else dual
     if termination is Termination.OPTIMAL and exact:
         dual = answer.primal_bound if dual is None else dual
         if dual is None:
@@ -300,6 +316,7 @@ def _finish(run: _Run, answer: Answer) -> Solution[Any]:
         statistics=dict(answer.statistics),
         message="; ".join(text for text in messages if text),
         rejected_plan=rejected,
+        duals=None if plan is None else answer.duals,
     )
 
 
@@ -318,10 +335,13 @@ def _multistart(job: Job, listener: Listener | None) -> Solution[Any]:
         if results[-1].limit is Limit.INTERRUPTED:
             break
     best = min(
-        results, key=lambda s: (s.primal_bound is None, s.primal_bound if s.primal_bound is not None else 0.0)
+        results,
+        key=lambda s: (
+            s.primal_bound is None,
+            s.primal_bound if s.primal_bound is not None else 0.0,
+        ),
     )
     seconds = {
         part: sum(result.seconds.get(part, 0.0) for result in results) for part in best.seconds
     }
     return replace(best, starts=tuple(results), seconds=seconds, options=job.options())
-

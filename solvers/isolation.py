@@ -71,7 +71,10 @@ class Worker:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.close()
 
@@ -81,7 +84,7 @@ class Worker:
         return None if self._process is None else self._process.pid
 
     def _start(self) -> None:
-        self._errors = tempfile.TemporaryFile(prefix="crosstrack-worker-")
+        self._errors = tempfile.TemporaryFile(prefix="crosstrack-worker-")  # noqa: SIM115 (closed with the worker)
         # -P: a module in the working folder must not stand in for one of the standard library.
         command = [sys.executable, "-P", "-m", "crosstrack.solvers.worker"]
         self._process = subprocess.Popen(
@@ -94,7 +97,10 @@ class Worker:
         self._lines = queue.SimpleQueue()
         self.loaded = set()
         threading.Thread(
-            target=_pump, args=(self._process.stdout, self._lines), name="crosstrack-pump", daemon=True
+            target=_pump,
+            args=(self._process.stdout, self._lines),
+            name="crosstrack-pump",
+            daemon=True,
         ).start()
 
     def close(self) -> None:
@@ -161,7 +167,11 @@ class Worker:
             except ValueError:
                 how = f"signal {-code}"
         self._errors.seek(max(0, self._errors.seek(0, os.SEEK_END) - 2000))
-        lines = [line for line in self._errors.read().decode(errors="replace").splitlines() if line.strip()]
+        lines = [
+            line
+            for line in self._errors.read().decode(errors="replace").splitlines()
+            if line.strip()
+        ]
         said = f"; it said: {' | '.join(lines[-4:])}" if lines else ""
         return f"worker died: {how}{said}"
 
@@ -187,7 +197,9 @@ class Worker:
         self.close()
         raise WorkerFailure(f"no answer within {deadline:g} s; the worker was killed")
 
-    def solve(self, job: Job, *, grace: float = GRACE, listener: Listener | None = None) -> Solution[Any]:
+    def solve(
+        self, job: Job, *, grace: float = GRACE, listener: Listener | None = None
+    ) -> Solution[Any]:
         """Run `job` and return its solution; a crash or an overrun costs this job only.
 
         Parameters
@@ -255,7 +267,6 @@ def _rebuilt(kind: type[CrosstrackError], message: str) -> CrosstrackError:
     error = kind.__new__(kind)
     Exception.__init__(error, message)
     return error
-
 
 
 def _pump(stream: IO[bytes], lines: queue.SimpleQueue[dict[str, Any] | None]) -> None:

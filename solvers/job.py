@@ -58,7 +58,9 @@ class Job:
                 continue
             number = isinstance(value, int | float) and not isinstance(value, bool)
             if not number or not math.isfinite(value) or value < 0 or (strict and value == 0):
-                raise UnsupportedOption(f"{name} must be a number {'>' if strict else '>='} 0, got {value!r}")
+                raise UnsupportedOption(
+                    f"{name} must be a number {'>' if strict else '>='} 0, got {value!r}"
+                )
         for name, lower in (("seed", 0), ("threads", 1), ("starts", 1)):
             value = getattr(self, name)
             if value is None and name != "starts":
@@ -86,15 +88,31 @@ class Job:
         assert isinstance(backend, Backend)
         backend.require()
         backend.checked_options(self.backend_options)
-        for name, feature in (("gap", Feature.GAP), ("seed", Feature.SEED), ("threads", Feature.THREADS)):
-            if getattr(self, name) is not None and feature not in backend.features:
-                raise UnsupportedOption(f"backend {backend.name!r} does not support {name}={getattr(self, name)!r}")
+        for name, feature in (
+            ("gap", Feature.GAP),
+            ("seed", Feature.SEED),
+            ("threads", Feature.THREADS),
+        ):
+            asked = getattr(self, name)
+            if asked is None or feature in backend.features:
+                continue
+            if name == "threads" and asked == 1 and backend.single_threaded:
+                continue
+            raise UnsupportedOption(f"backend {backend.name!r} does not support {name}={asked!r}")
         usable = {Feature.WARM_START, Feature.CUTOFF} & backend.features
         if self.warm_start is not None and not usable:
             raise UnsupportedOption(f"backend {backend.name!r} takes no warm start")
-        if self.starts > 1 and (backend.guarantee is Guarantee.EXACT or Feature.SEED not in backend.features):
-            why = "is exact: one start proves" if backend.guarantee is Guarantee.EXACT else "takes no seed"
-            raise UnsupportedOption(f"backend {backend.name!r} {why}; starts must be 1, got {self.starts}")
+        if self.starts > 1 and (
+            backend.guarantee is Guarantee.EXACT or Feature.SEED not in backend.features
+        ):
+            why = (
+                "is exact: one start proves"
+                if backend.guarantee is Guarantee.EXACT
+                else "takes no seed"
+            )
+            raise UnsupportedOption(
+                f"backend {backend.name!r} {why}; starts must be 1, got {self.starts}"
+            )
         if self.formulation is not None:
             self._known_formulation(self.formulation)
         model = accepted(self.model, backend, self.formulation)
@@ -120,11 +138,11 @@ class Job:
     def _refusal(self, backend: Backend) -> str:
         takes = backend.accepts.kind or backend.accepts.__name__
         if self.formulation is not None and issubclass(type(self.model), backend.accepts):
-            return (
-                f"backend {backend.name!r} takes model {takes!r} itself, not its formulation {self.formulation!r}"
-            )
+            return f"backend {backend.name!r} takes model {takes!r} itself, not its formulation {self.formulation!r}"
         what = f"formulation {self.formulation!r} of model" if self.formulation else "model"
-        return f"backend {backend.name!r} accepts {takes!r}; it cannot take {what} {self.model.kind!r}"
+        return (
+            f"backend {backend.name!r} accepts {takes!r}; it cannot take {what} {self.model.kind!r}"
+        )
 
     def options(self) -> dict[str, Any]:
         """Return everything asked of the run as JSON data, for the solution's record."""
@@ -134,7 +152,9 @@ class Job:
             "tolerance": TOLERANCE if self.tolerance is None else self.tolerance,
             "threads": self.threads,
             "starts": self.starts,
-            "warm_start": None if self.warm_start is None else self.model.plan_to_data(self.warm_start),
+            "warm_start": None
+            if self.warm_start is None
+            else self.model.plan_to_data(self.warm_start),
             "backend_options": dict(self.backend_options),
         }
 

@@ -12,7 +12,18 @@ from ..errors import BackendBroken, InvalidData, UnknownName, UnsupportedFormula
 from ..models.model import Model, resolve
 from .backend import Backend, Guarantee
 
-__all__ = ["BackendState", "backend_names", "backend_states", "find_backend", "recommended", "register_backend"]
+__all__ = [
+    "BackendState",
+    "accepted",
+    "backend_names",
+    "backend_states",
+    "default_formulation",
+    "find_backend",
+    "fitting",
+    "recommended",
+    "register_backend",
+    "rivals",
+]
 
 #: Entry-point group in which other distributions announce backends.
 GROUP = "crosstrack.backends"
@@ -20,11 +31,11 @@ GROUP = "crosstrack.backends"
 #: Our own backends, native algorithms first and each kind in order of preference: the first
 #: exact one that is installed and accepts a problem is what ``"auto"`` takes.
 _TABLE: Mapping[str, str] = {
-    "label-setting": ".solvers.correction.label_setting:LabelSetting",
-    "two-stage": ".solvers.correction.two_stage:TwoStage",
-    "pulse": ".solvers.correction.pulse:Pulse",
-    "dynamic-programming": ".solvers.correction.dynamic_programming:DynamicProgramming",
-    "labelling": ".solvers.correction.labelling:Labelling",
+    "label-setting": ".solvers.error_correction.label_setting:LabelSetting",
+    "two-stage": ".solvers.error_correction.two_stage:TwoStage",
+    "pulse": ".solvers.error_correction.pulse:Pulse",
+    "dynamic-programming": ".solvers.error_correction.dynamic_programming:DynamicProgramming",
+    "labelling": ".solvers.error_correction.labelling:Labelling",
     "highs": ".solvers.mip.highs:Highs",
     "scip": ".solvers.mip.scip:Scip",
     "scipy": ".solvers.mip.scipy_milp:ScipyMilp",
@@ -45,7 +56,9 @@ def register_backend(backend: Backend | type[Backend]) -> Backend | type[Backend
     """
     instance = backend() if isinstance(backend, type) else backend
     if not isinstance(instance, Backend):
-        raise InvalidData(f"a backend must be a subclass of Backend, got {backend!r}", field="backend")
+        raise InvalidData(
+            f"a backend must be a subclass of Backend, got {backend!r}", field="backend"
+        )
     _session[instance.name] = instance
     return backend
 
@@ -200,6 +213,27 @@ def default_formulation(model: Model[Any], backend: Backend) -> str:
     """Return the formulation that `backend` takes when none is named: the model's own default first."""
     names = _formulations(model, backend, None)
     return model.default_formulation if model.default_formulation in names else names[0]
+
+
+def fitting(model: Model[Any]) -> tuple[str, ...]:
+    """Return the names of the installed backends that can take `model` by default."""
+    names = []
+    for state in backend_states():
+        if state.state != "installed":
+            continue
+        backend = find_backend(state.name)
+        step = accepted(model, backend, None)
+        if step is None:
+            continue
+        problem: Any = step
+        if not isinstance(step, backend.accepts):
+            try:
+                problem = step.formulate(default_formulation(step, backend)).program
+            except UnsupportedFormulation:
+                continue
+        if not backend.refuses(problem):
+            names.append(state.name)
+    return tuple(names)
 
 
 def recommended(model: Model[Any], formulation: str | None = None) -> Backend:

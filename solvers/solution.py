@@ -8,6 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import InvalidData
 from ..models.model import Model
 from ..models.verification import Verification
@@ -21,11 +24,13 @@ PlanT = TypeVar("PlanT")
 def relative_gap(primal: float | None, dual: float | None) -> float | None:
     """Return ``max(0, primal - dual) / max(|primal|, |dual|, 1e-10)``, None without both bounds.
 
-    The one formula for the gap, whatever a solver's own may be; 0 means proven optimal.
+    The one formula for the gap, whatever a solver's own may be; 0 means proven optimal. What
+    rounding explains (1e-12) is 0.
     """
     if primal is None or dual is None or not math.isfinite(primal) or not math.isfinite(dual):
         return None
-    return max(0.0, primal - dual) / max(abs(primal), abs(dual), 1e-10)
+    gap = max(0.0, primal - dual) / max(abs(primal), abs(dual), 1e-10)
+    return gap if gap > 1e-12 else 0.0
 
 
 @dataclass(frozen=True)
@@ -95,6 +100,11 @@ class Solution(Generic[PlanT]):
         JSON data of a plan that failed verification.
     starts : tuple of Solution
         All results of a multistart, this best one included.
+    duals : ndarray, optional
+        Row multipliers of a continuous program, signed as
+        :meth:`crosstrack.models.programs.MixedIntegerProgram.dual_bound` wants them.
+    plan_data : object
+        The plan as JSON data.
     """
 
     model: str
@@ -119,6 +129,7 @@ class Solution(Generic[PlanT]):
     message: str = ""
     rejected_plan: Any = None
     starts: tuple[Solution[PlanT], ...] = ()
+    duals: NDArray[np.float64] | None = None
     plan_data: Any = None
 
     @property
@@ -147,7 +158,9 @@ class Solution(Generic[PlanT]):
             "plan": self.plan_data,
             "verification": None if self.verification is None else self.verification.to_dict(),
             "seconds": dict(self.seconds),
-            "incumbents": [{"seconds": i.seconds, "objective": i.objective} for i in self.incumbents],
+            "incumbents": [
+                {"seconds": i.seconds, "objective": i.objective} for i in self.incumbents
+            ],
             "backend_version": self.backend_version,
             "version": self.version,
             "options": dict(self.options),
@@ -157,6 +170,7 @@ class Solution(Generic[PlanT]):
             "message": self.message,
             "rejected_plan": self.rejected_plan,
             "starts": [start.to_dict() for start in self.starts],
+            "duals": None if self.duals is None else self.duals.tolist(),
         }
 
     def to_json(self, *, indent: int | None = None) -> str:
@@ -164,14 +178,18 @@ class Solution(Generic[PlanT]):
         return json.dumps(self.to_dict(), indent=indent, allow_nan=False, ensure_ascii=False)
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any], model: Model[PlanT] | None = None) -> Solution[PlanT]:
+    def from_dict(
+        cls, data: Mapping[str, Any], model: Model[PlanT] | None = None
+    ) -> Solution[PlanT]:
         """Return the solution that :meth:`to_dict` wrote.
 
         The plan comes back as an object where `model` is given, and only as :attr:`plan_data`
         otherwise.
         """
         if not isinstance(data, Mapping) or "termination" not in data or "backend" not in data:
-            raise InvalidData("a solution needs the keys model, backend, termination …", field="solution")
+            raise InvalidData(
+                "a solution needs the keys model, backend, termination …", field="solution"
+            )
         if model is not None and data["digest"] != model.digest:
             raise InvalidData(
                 f"the solution is for digest {data['digest'][:12]}, the model has {model.digest[:12]}",
@@ -197,6 +215,7 @@ class Solution(Generic[PlanT]):
             else Verification.from_dict(data["verification"]),
             incumbents=tuple(Incumbent(i["seconds"], i["objective"]) for i in data["incumbents"]),
             starts=tuple(cls.from_dict(start, model) for start in data["starts"]),
+            duals=None if data.get("duals") is None else np.array(data["duals"], float),
         )
 
     def __str__(self) -> str:
@@ -204,7 +223,9 @@ class Solution(Generic[PlanT]):
         head += f" on {self.formulation}" if self.formulation else ""
         parts = [f"{head}: {self.termination}"]
         if self.limit is not None:
-            parts[0] += f" ({self.limit} limit)" if self.limit != Limit.INTERRUPTED else " (interrupted)"
+            parts[0] += (
+                f" ({self.limit} limit)" if self.limit != Limit.INTERRUPTED else " (interrupted)"
+            )
         if self.primal_bound is not None:
             parts.append(f"objective {self.primal_bound:.10g}")
         if self.dual_bound is not None:

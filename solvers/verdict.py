@@ -112,7 +112,9 @@ def judge(instance: str, solutions: Sequence[Solution[Any]], exact: frozenset[st
     clean = [s for s in plans if _clean(s)]
     bounds = [s for s in solutions if s.dual_bound is not None and _exact(s, exact)]
     empty = [s for s in solutions if s.termination is Termination.INFEASIBLE and _exact(s, exact)]
-    unbounded = [s for s in solutions if s.termination is Termination.UNBOUNDED and _exact(s, exact)]
+    unbounded = [
+        s for s in solutions if s.termination is Termination.UNBOUNDED and _exact(s, exact)
+    ]
     notes = _notes(solutions, clean)
 
     def verdict(outcome: Outcome, evidence: str) -> Verdict:
@@ -138,7 +140,8 @@ def judge(instance: str, solutions: Sequence[Solution[Any]], exact: frozenset[st
     if unbounded and (empty or bounds):
         other = (empty or bounds)[0]
         return verdict(
-            Outcome.CONTRADICTION, f"{_who(unbounded[0])} claims unbounded, {_who(other)} claims {other.termination}"
+            Outcome.CONTRADICTION,
+            f"{_who(unbounded[0])} claims unbounded, {_who(other)} claims {other.termination}",
         )
     if best is not None and proof is not None:
         assert best.primal_bound is not None and proof.dual_bound is not None
@@ -160,7 +163,8 @@ def judge(instance: str, solutions: Sequence[Solution[Any]], exact: frozenset[st
         return verdict(Outcome.AGREED, f"unbounded, claimed by {_names(unbounded)}")
     if best is not None:
         return verdict(
-            Outcome.INCONCLUSIVE, f"best plan {best.primal_bound:.10g} ({_who(best)}), but no exact bound"
+            Outcome.INCONCLUSIVE,
+            f"best plan {best.primal_bound:.10g} ({_who(best)}), but no exact bound",
         )
     if plans:
         return verdict(Outcome.INCONCLUSIVE, "the only plans hang on a tolerance")
@@ -181,7 +185,11 @@ def _slack(plan: Solution[Any], bound: Solution[Any]) -> float:
 def _notes(solutions: Sequence[Solution[Any]], clean: Sequence[Solution[Any]]) -> list[str]:
     notes = []
     for solution in solutions:
-        if solution.verification is not None and solution.plan_data is not None and not _clean(solution):
+        if (
+            solution.verification is not None
+            and solution.plan_data is not None
+            and not _clean(solution)
+        ):
             for check in solution.verification.within_tolerance:
                 notes.append(
                     f"{_who(solution)}: its plan of {solution.primal_bound:.10g} is within_tolerance only: {check}"

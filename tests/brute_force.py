@@ -52,7 +52,9 @@ def shortest_length(model) -> float | None:
     def routes() -> float | None:
         best = math.inf
 
-        def extend(i: int, length: float, errors: tuple[float, float], seen: frozenset[int]) -> None:
+        def extend(
+            i: int, length: float, errors: tuple[float, float], seen: frozenset[int]
+        ) -> None:
             nonlocal best
             for j in range(len(points)):
                 if j in seen:

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import time
+from pathlib import Path
 
 import cloudpickle
 
@@ -30,7 +31,9 @@ class Fixed(Backend):
         "dual": Option(None, "The bound it claims.", float),
     }
 
-    def __init__(self, name="fixed", route=ROUTE, guarantee=Guarantee.EXACT, dual=None, claims="optimal"):
+    def __init__(
+        self, name="fixed", route=ROUTE, guarantee=Guarantee.EXACT, dual=None, claims="optimal"
+    ):
         self.name = name
         self.route = route
         self.guarantee = guarantee
@@ -90,6 +93,6 @@ class Counting(Fixed):
         self.path = str(path)
 
     def run(self, problem, request):
-        with open(self.path, "a") as file:
+        with Path(self.path).open("a") as file:
             file.write(f"{self.name} {problem.name}\n")
         return super().run(problem, request)

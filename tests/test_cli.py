@@ -39,7 +39,15 @@ def instance(tmp_path):
 
 def test_lists():
     names = [row["name"] for row in json.loads(run("backends", "--json").stdout)]
-    assert {"label-setting", "two-stage", "pulse", "dynamic-programming", "labelling", "highs", "scip"} <= set(names)
+    assert {
+        "label-setting",
+        "two-stage",
+        "pulse",
+        "dynamic-programming",
+        "labelling",
+        "highs",
+        "scip",
+    } <= set(names)
     for row in json.loads(run("backends", "--json").stdout):
         assert {"name", "installed", "version", "accepts", "guarantee", "features"} <= set(row)
     assert "label-setting" in run("backends").stdout
@@ -60,7 +68,9 @@ def test_solve_prints_only_json(instance):
 
 
 def test_solve_in_words(instance):
-    text = run("solve", instance(), "--backend", "highs", "--formulation", "paper", "--time-limit", 30).stdout
+    text = run(
+        "solve", instance(), "--backend", "highs", "--formulation", "paper", "--time-limit", 30
+    ).stdout
     assert "highs : paper" in text
     assert "0-1-2-4" in text
     assert "horizontal error at B" in text
@@ -109,7 +119,12 @@ def test_bad_data_is_2_and_named(instance, changes, words):
 def test_infeasible_is_3(instance):
     path = instance(theta=0.01)
     for backend in ("label-setting", "highs"):
-        assert json.loads(run("solve", path, "--backend", backend, "--json", code=3).stdout)["termination"] == "infeasible"
+        assert (
+            json.loads(run("solve", path, "--backend", backend, "--json", code=3).stdout)[
+                "termination"
+            ]
+            == "infeasible"
+        )
     text = run("diagnose", path, code=3).stdout
     assert "point 2" in text
     assert "theta 0.01" in text
@@ -135,7 +150,9 @@ def test_missing_backend_is_5(instance):
         "from crosstrack.__main__ import main; main(sys.argv[1:])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", script, "solve", str(instance()), "--backend", "scip"], capture_output=True, text=True
+        [sys.executable, "-c", script, "solve", str(instance()), "--backend", "scip"],
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 5
     assert "pip install 'crosstrack[scip]'" in done.stderr
@@ -145,7 +162,12 @@ def test_check_verifies_somebody_elses_plan(instance, tmp_path):
     path = instance()
     solved = run("solve", path, "--json").stdout
     plan = tmp_path / "plan.json"
-    for text in (solved, '{"route": [0, 1, 2, 4]}', "[0, 1, 2, 4]", '{"plan": {"route": [0, 1, 2, 4]}}'):
+    for text in (
+        solved,
+        '{"route": [0, 1, 2, 4]}',
+        "[0, 1, 2, 4]",
+        '{"plan": {"route": [0, 1, 2, 4]}}',
+    ):
         plan.write_text(text)
         found = json.loads(run("check", path, plan, "--json").stdout)
         assert found["verification"]["ok"] is True
@@ -156,7 +178,12 @@ def test_check_verifies_somebody_elses_plan(instance, tmp_path):
     assert "VIOLATED" in run("check", path, plan, code=6).stdout
     plan.write_text('{"route": [0, 1, 2, 4]}')
     assert "distance" in run("check", path, plan, "--formulation", "paper").stdout
-    for text in ('{"route": [0, 77]}', "{", '{"plan": null, "termination": "infeasible"}', '{"way": []}'):
+    for text in (
+        '{"route": [0, 77]}',
+        "{",
+        '{"plan": null, "termination": "infeasible"}',
+        '{"way": []}',
+    ):
         plan.write_text(text)
         run("check", path, plan, code=2)
     run("check", path, tmp_path / "none.json", code=2)
@@ -165,7 +192,15 @@ def test_check_verifies_somebody_elses_plan(instance, tmp_path):
 def test_compare_verdicts_and_resume(instance, tmp_path):
     one, two = instance("one.json"), instance("two.json", theta=0.35)
     record = tmp_path / "out.jsonl"
-    arguments = ["compare", one, two, "--backends", "label-setting,two-stage,highs:arc-flow", "--jsonl", record]
+    arguments = [
+        "compare",
+        one,
+        two,
+        "--backends",
+        "label-setting,two-stage,highs:arc-flow",
+        "--jsonl",
+        record,
+    ]
     data = json.loads(run(*arguments, "--json").stdout)
     assert data["verdict"] == "AGREED"
     assert len(record.read_text().splitlines()) == 6
@@ -206,7 +241,10 @@ def test_interrupted_is_130_with_the_incumbent(tmp_path):
 def test_demo_takes_a_csv(instance, tmp_path):
     csv = tmp_path / "points.csv"
     words = {"A": "A", "B": "B", "horizontal": "0", "vertical": "1"}
-    rows = [f"{k},{x},{y},{z},{words[kind]}" for k, ((x, y, z), kind) in enumerate(zip(DATA["points"], DATA["kinds"], strict=True))]
+    rows = [
+        f"{k},{x},{y},{z},{words[kind]}"
+        for k, ((x, y, z), kind) in enumerate(zip(DATA["points"], DATA["kinds"], strict=True))
+    ]
     csv.write_text("id,x,y,z,kind\n" + "\n".join(rows) + "\n")
     done = run(
         "demo", "--points", csv, "--thresholds", ".3,.3,.3,.3,.3", "--delta", 0.1, "--plot", "demo.png",
@@ -220,6 +258,16 @@ def test_demo_takes_a_csv(instance, tmp_path):
 
 def test_help_and_version():
     assert ct.__version__ in run("--version").stdout
-    for command in ("backends", "models", "instances", "solve", "compare", "check", "reproduce", "diagnose", "demo"):
+    for command in (
+        "backends",
+        "models",
+        "instances",
+        "solve",
+        "compare",
+        "check",
+        "reproduce",
+        "diagnose",
+        "demo",
+    ):
         assert command in run("--help").stdout
         assert "Usage" in run(command, "--help").stdout

@@ -9,6 +9,7 @@ import textwrap
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from fakes import Counting, Fixed, Hanging, Killed, Raising
@@ -67,11 +68,15 @@ def test_verdict_is_interval_logic(answers, outcome, words):
 
     assert re.search(words, verdict.evidence), verdict.evidence
     if any(s.verification and s.verification.within_tolerance for s in answers):
-        assert any("within_tolerance" in note and "vertical error at B" in note for note in verdict.notes)
+        assert any(
+            "within_tolerance" in note and "vertical error at B" in note for note in verdict.notes
+        )
 
 
 def test_backends_agree_and_the_table_says_so(model):
-    result = ct.compare([model], ["label-setting", "two-stage", "highs", "highs:paper", "labelling"], time_limit=30)
+    result = ct.compare(
+        [model], ["label-setting", "two-stage", "highs", "highs:paper", "labelling"], time_limit=30
+    )
     assert result.outcome == "AGREED"
     assert len(result.solutions) == 5
     text = str(result)
@@ -80,7 +85,9 @@ def test_backends_agree_and_the_table_says_so(model):
 
 
 def test_contradiction_names_both(model):
-    result = ct.compare([model], ["label-setting", Fixed("liar", dual=5.0, claims="feasible")], time_limit=20)
+    result = ct.compare(
+        [model], ["label-setting", Fixed("liar", dual=5.0, claims="feasible")], time_limit=20
+    )
     assert result.outcome == "CONTRADICTION"
     assert "liar" in result.verdicts[0].evidence
     assert "label-setting" in result.verdicts[0].evidence
@@ -94,8 +101,10 @@ def test_bad_backends_cost_their_own_rows_only(model):
     with pytest.raises(UnknownName):
         ct.compare([model], backends, time_limit=0.5)
     begin = time.perf_counter()
-    result = ct.compare([model, replace(model, name="again")], backends[:-1], time_limit=0.5, grace=0.5, workers=2)
-    assert time.perf_counter() - begin < 30
+    result = ct.compare(
+        [model, replace(model, name="again")], backends[:-1], time_limit=1.5, grace=1.5, workers=2
+    )
+    assert time.perf_counter() - begin < 60
     for verdict in result.verdicts:
         rows = {s.backend: s for s in verdict.solutions}
         assert rows["label-setting"].termination == "optimal"
@@ -166,7 +175,9 @@ def test_campaign_resumes_with_nothing_lost_and_nothing_twice(tmp_path, model):
     assert record.read_text().startswith(whole)
     assert len((tmp_path / "runs").read_text().splitlines()) == 6
     assert len(second.solutions) == 6
-    assert [s.primal_bound for s in second.solutions][:4] == [s.primal_bound for s in first.solutions]
+    assert [s.primal_bound for s in second.solutions][:4] == [
+        s.primal_bound for s in first.solutions
+    ]
     assert second.outcome == first.outcome == "AGREED"
     # Another option is another job.
     ct.compare(models, backends, record=record, resume=True, time_limit=21)
@@ -218,11 +229,15 @@ def test_interrupted_campaign_goes_on(tmp_path):
 
     def run(interrupt):
         process = subprocess.Popen(
-            [sys.executable, "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [sys.executable, "-"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         )
         process.stdin.write(script)
         process.stdin.close()
-        assert process.stdout.readline() == "start\n"
+        assert process.stdout.readline() == "start\n", process.stderr.read()
         if interrupt:
             time.sleep(2.2)
             os.kill(process.pid, signal.SIGINT)
@@ -249,7 +264,9 @@ def test_interrupted_campaign_goes_on(tmp_path):
 
 def test_any_executor_launches_the_workers(model):
     with ThreadPoolExecutor(2) as pool:
-        result = ct.compare([model], ["label-setting", Fixed(), Killed(route=None)], pool=pool, time_limit=20)
+        result = ct.compare(
+            [model], ["label-setting", Fixed(), Killed(route=None)], pool=pool, time_limit=20
+        )
     assert result.outcome == "AGREED"
     assert result.solutions[2].termination == "failed"
 
@@ -258,10 +275,14 @@ def test_dask_launches_the_workers(model):
     """Dask's worker processes are daemonic: multiprocessing could not start children there."""
     distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
         distributed.Client(cluster) as client,
     ):
-        result = ct.compare([model], ["label-setting", "highs"], pool=client.get_executor(), time_limit=30)
+        result = ct.compare(
+            [model], ["label-setting", "highs"], pool=client.get_executor(), time_limit=30
+        )
     assert result.outcome == "AGREED"
     assert len(result.solutions) == 2
 
@@ -284,7 +305,9 @@ def test_no_worker_outlives_its_parent(tmp_path):
         os.kill(os.getpid(), 9)
         """
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=120
+    )
     pid = int(done.stdout)
     for _ in range(100):
         try:
@@ -292,9 +315,8 @@ def test_no_worker_outlives_its_parent(tmp_path):
         except ProcessLookupError:
             break
         # A process nobody has waited for may remain in the table without running.
-        with open(f"/proc/{pid}/stat") as file:
-            if file.read().split()[2] == "Z":
-                break
+        if Path(f"/proc/{pid}/stat").read_text().split()[2] == "Z":
+            break
         time.sleep(0.1)
     else:
         pytest.fail("the worker lives on")

@@ -10,7 +10,11 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = sorted(
     [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
-    + [p for p in (ROOT / "docs").rglob("*.md") if not {"_build", "gallery", "generated"} & set(p.parts)]
+    + [
+        p
+        for p in (ROOT / "docs").rglob("*.md")
+        if not {"_build", "gallery", "generated"} & set(p.parts)
+    ]
 )
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
 
@@ -25,12 +29,18 @@ def commands():
     from crosstrack.__main__ import cli
 
     return {
-        name: {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
+        name: {
+            option
+            for parameter in command.params
+            for option in (*parameter.opts, *parameter.secondary_opts)
+        }
         for name, command in cli.commands.items()
     }
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if "\n```python\n" in p.read_text("utf-8")], ids=named)
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if "\n```python\n" in p.read_text("utf-8")], ids=named
+)
 def test_python_on_a_page_runs(page, page_code, run_python, tmp_path):
     (tmp_path / "page.py").write_text(page_code(page), "utf-8")
     run_python("-W", "error::DeprecationWarning", "page.py", cwd=tmp_path)
@@ -64,7 +74,9 @@ def test_commands_on_a_page_exist(page):
         assert name in known, f"no command {name!r}"
         for word in rest:
             if word.startswith("--"):
-                assert word.partition("=")[0] in {*known[name], "--help"}, f"{name} has no option {word}"
+                assert word.partition("=")[0] in {*known[name], "--help"}, (
+                    f"{name} has no option {word}"
+                )
 
 
 def test_readme_lists_every_command():

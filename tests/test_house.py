@@ -72,7 +72,9 @@ def loading(tree):
         elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
             stack.extend(node.orelse)
         elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            stack.extend(child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt))
+            stack.extend(
+                child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt)
+            )
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -169,7 +171,9 @@ def test_no_module_is_far_above_400_lines(checkout):
 #: Written so that they do not match themselves.
 STRANGE = {
     "a machine's path": re.compile(r"(?<![\w.])/(?:home|opt|root|work|Users)/[\w.]"),
-    "a registry's address": re.compile(r"--(?:extra-)?index[-]url|find[-]links|pythonhosted[.]|/sim[p]le/"),
+    "a registry's address": re.compile(
+        r"--(?:extra-)?index[-]url|find[-]links|pythonhosted[.]|/sim[p]le/"
+    ),
     "a file's address": re.compile(r"\bfile[:]/"),
 }
 
@@ -184,5 +188,7 @@ def test_files_know_no_machine_and_no_registry(own_files, checkout):
         for what, pattern in STRANGE.items():
             for number, line in enumerate(text.splitlines(), 1):
                 if pattern.search(line):
-                    wrong.append(f"{path.relative_to(checkout)} line {number}: {what}: {line.strip()}")
+                    wrong.append(
+                        f"{path.relative_to(checkout)} line {number}: {what}: {line.strip()}"
+                    )
     assert not wrong, "\n".join(wrong)

@@ -82,12 +82,23 @@ def test_bad_data_names_field_place_and_value(changes, field, words):
         ('{"model": 3, "data": {}}', "model must be a string"),
         ('{"model": "error-correction", "data": {"theta": NaN}}', "NaN is no JSON number"),
         ('{"model": "error-correction", "data": {"theta": 1, "theta": 2}}', "'theta' stands twice"),
-        (json.dumps({"model": "error-correction", "data": {**DATA, "gamma": 1}}), "unknown key 'gamma'"),
         (
-            json.dumps({"model": "error-correction", "data": {k: v for k, v in DATA.items() if k != "beta2"}}),
+            json.dumps({"model": "error-correction", "data": {**DATA, "gamma": 1}}),
+            "unknown key 'gamma'",
+        ),
+        (
+            json.dumps(
+                {
+                    "model": "error-correction",
+                    "data": {k: v for k, v in DATA.items() if k != "beta2"},
+                }
+            ),
             "key 'beta2' is missing",
         ),
-        (json.dumps({"model": "error-correction", "data": {**DATA, "delta": None}}), "delta must be a number"),
+        (
+            json.dumps({"model": "error-correction", "data": {**DATA, "delta": None}}),
+            "delta must be a number",
+        ),
     ],
 )
 def test_bad_json_is_refused(text, words):
@@ -124,7 +135,13 @@ coordinates = st.floats(-1e9, 1e9, allow_nan=False)
     data=st.data(),
 )
 def test_json_is_exact(rows, limits, rates, revisits, data):
-    inner = data.draw(st.lists(st.sampled_from(["horizontal", "vertical"]), min_size=len(rows) - 2, max_size=len(rows) - 2))
+    inner = data.draw(
+        st.lists(
+            st.sampled_from(["horizontal", "vertical"]),
+            min_size=len(rows) - 2,
+            max_size=len(rows) - 2,
+        )
+    )
     model = ErrorCorrectionRouting(
         rows, data.draw(st.permutations(["A", "B", *inner])), *limits,
         horizontal_rate=rates[0], vertical_rate=rates[1], revisits=revisits, name="läbel",
@@ -161,8 +178,14 @@ def test_verify_walks_the_route():
 
 def test_threshold_met_exactly_is_met_and_a_hair_above_is_marked():
     kinds = ["A", "vertical", "B"]
-    for far, ok, marked in ((3.0, True, False), (3.0 + 5e-6, True, True), (3.0 + 1e-4, False, False)):
-        model = ErrorCorrectionRouting([[0, 0, 0], [far, 0, 0], [4, 0, 0]], kinds, 0.3, 0.3, 0.3, 0.3, 9, delta=0.1)
+    for far, ok, marked in (
+        (3.0, True, False),
+        (3.0 + 5e-6, True, True),
+        (3.0 + 1e-4, False, False),
+    ):
+        model = ErrorCorrectionRouting(
+            [[0, 0, 0], [far, 0, 0], [4, 0, 0]], kinds, 0.3, 0.3, 0.3, 0.3, 9, delta=0.1
+        )
         found = model.verify(Route((0, 1, 2)))
         assert found.ok is ok
         assert bool(found.within_tolerance) is marked

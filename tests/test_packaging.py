@@ -30,7 +30,10 @@ def packages_of(root):
     ]
     own += [root / top for top in ("instances", "models", "solvers")]
     holding = [folder for folder in own if any(folder.glob("*.py"))]
-    return ["crosstrack", *sorted(".".join(("crosstrack", *p.relative_to(root).parts)) for p in holding)]
+    return [
+        "crosstrack",
+        *sorted(".".join(("crosstrack", *p.relative_to(root).parts)) for p in holding),
+    ]
 
 
 def test_pyproject_lists_every_package(project, checkout):
@@ -74,9 +77,13 @@ def test_import_is_light(run_python, tmp_path):
     assert min(seconds for seconds, _ in runs) < 0.2
 
 
-@pytest.mark.parametrize("package", ["crosstrack.models", "crosstrack.solvers", "crosstrack.instances"])
+@pytest.mark.parametrize(
+    "package", ["crosstrack.models", "crosstrack.solvers", "crosstrack.instances"]
+)
 def test_packages_export_lazily(package, run_python, tmp_path):
-    script = f"import json, sys; import {package} as p; dir(p); print(json.dumps(sorted(sys.modules)))"
+    script = (
+        f"import json, sys; import {package} as p; dir(p); print(json.dumps(sorted(sys.modules)))"
+    )
     loaded = {name.partition(".")[0] for name in json.loads(run_python("-c", script, cwd=tmp_path))}
     assert loaded.isdisjoint(HEAVY)
 
@@ -89,8 +96,19 @@ def wheel(checkout, tmp_path_factory):
         ".*", "__pycache__", "*.egg-info", "_build", "build", "dist", "gallery", "generated"
     )
     shutil.copytree(checkout, place / "copy", ignore=made)
-    command = [sys.executable, "-P", "-m", "build", "--no-isolation", "--outdir", str(place), str(place / "copy")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False, cwd=place)
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "build",
+        "--no-isolation",
+        "--outdir",
+        str(place),
+        str(place / "copy"),
+    ]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=240, check=False, cwd=place
+    )
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     (found,) = place.glob("*.whl")
     return found
@@ -110,7 +128,18 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
 
 def test_readme_and_example_run_from_the_wheel(wheel, checkout, page_code, run_python, tmp_path):
     target = tmp_path / "installed"
-    pip = ["-P", "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target", str(target), str(wheel)]
+    pip = [
+        "-P",
+        "-m",
+        "pip",
+        "install",
+        "-q",
+        "--no-deps",
+        "--no-index",
+        "--target",
+        str(target),
+        str(wheel),
+    ]
     run_python(*pip, cwd=tmp_path)
     away = {"cwd": tmp_path, "PYTHONPATH": str(target)}
     where = "import crosstrack.solvers.dispatch as m; print(m.__file__)"

@@ -8,7 +8,9 @@ import pytest
 import crosstrack as ct
 from crosstrack.models import ErrorCorrectionRouting
 
-POINTS = Path(__file__).resolve().parents[2] / "shared" / "data" / "error-correction" / "points_327.csv"
+POINTS = (
+    Path(__file__).resolve().parents[2] / "shared" / "data" / "error-correction" / "points_327.csv"
+)
 
 #: Thresholds with the optimum, its corrections and its route, proven by several exact methods.
 ROWS = {
@@ -17,14 +19,18 @@ ROWS = {
     9: ((50, 50, 50, 50, 50), 103251.457, "0-114-305-45-160-326"),
 }
 
-real = pytest.mark.skipif(not POINTS.exists(), reason=f"public data {POINTS.name} is not beside the checkout")
+real = pytest.mark.skipif(
+    not POINTS.exists(), reason=f"public data {POINTS.name} is not beside the checkout"
+)
 
 
 def load(row):
     with POINTS.open() as file:
         table = list(csv.DictReader(file))
     points = [[float(line[axis]) for axis in "xyz"] for line in table]
-    return ErrorCorrectionRouting(points, [line["kind"] for line in table], *ROWS[row][0], delta=0.001, name=f"real/{row}")
+    return ErrorCorrectionRouting(
+        points, [line["kind"] for line in table], *ROWS[row][0], delta=0.001, name=f"real/{row}"
+    )
 
 
 @real
@@ -67,7 +73,12 @@ def test_the_real_routes_satisfy_the_papers_program(row):
 @pytest.mark.parametrize("row", range(1, 13))
 def test_rows_by_seed_are_solved_alike(row):
     model = ct.load(f"error-correction/{row}")
-    result = ct.compare(model, ["label-setting", "two-stage", "highs:arc-flow"], time_limit=100, warm_start=ct.solve(model))
+    result = ct.compare(
+        model,
+        ["label-setting", "two-stage", "highs:arc-flow"],
+        time_limit=100,
+        warm_start=ct.solve(model),
+    )
     assert result.outcome == "AGREED", result
     assert all(solution.termination == "optimal" for solution in result.solutions), result
 

@@ -17,9 +17,10 @@ NATIVE = ["label-setting", "two-stage", "pulse", "dynamic-programming"]
 PROGRAMS = ["highs", "scip", "scipy", "ortools", "cvxpy"]
 
 SIMPLE = [random_small(3 + seed % 7, seed, name=f"simple-{seed}") for seed in range(250)]
-FREE = [random_small(3 + seed % 7, 1000 + seed, revisits=True, name=f"free-{seed}") for seed in range(250)]
-
-
+FREE = [
+    random_small(3 + seed % 7, 1000 + seed, revisits=True, name=f"free-{seed}")
+    for seed in range(250)
+]
 
 
 def twice(seed):
@@ -34,7 +35,12 @@ def twice(seed):
     order = draw.permutation(len(kinds))
     limits = np.array([1.6, 1.6, 1.6, 1.6, 1.75]) + draw.uniform(-0.02, 0.02, 5)
     return ErrorCorrectionRouting(
-        points[order], [kinds[k] for k in order], *limits, delta=1.0, revisits=bool(seed % 2), name=f"twice-{seed}"
+        points[order],
+        [kinds[k] for k in order],
+        *limits,
+        delta=1.0,
+        revisits=bool(seed % 2),
+        name=f"twice-{seed}",
     )
 
 
@@ -96,7 +102,9 @@ def test_programs_equal_brute_force(backend, formulation, truth):
 
 def test_every_plan_encodes_into_both_formulations(truth):
     """A plan of any backend satisfies every row of both programs, and decodes to itself."""
-    result = ct.compare(SIMPLE[::2], [*NATIVE, "labelling", "highs:paper", "highs:arc-flow"], time_limit=60)
+    result = ct.compare(
+        SIMPLE[::2], [*NATIVE, "labelling", "highs:paper", "highs:arc-flow"], time_limit=60
+    )
     plans = 0
     for model, verdict in zip(SIMPLE[::2], result.verdicts, strict=True):
         written = [model.formulate("paper"), model.formulate("arc-flow")]

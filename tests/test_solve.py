@@ -240,10 +240,12 @@ def test_solution_json_round_trip(model):
     data = answer.to_dict()
     keys = ("model", "instance", "backend", "formulation", "termination", "limit", "primal_bound", "dual_bound",
             "gap", "plan", "verification", "seconds")  # fmt: skip
-    assert list(data)[0] == "model"
+    assert next(iter(data)) == "model"
     assert set(keys) <= set(data)
     assert set(data["verification"]) == {"ok", "objective", "checks"}
-    assert {"name", "equation", "worst", "unit", "tolerance", "where", "ok"} <= set(data["verification"]["checks"][0])
+    assert {"name", "equation", "worst", "unit", "tolerance", "where", "ok"} <= set(
+        data["verification"]["checks"][0]
+    )
     from dataclasses import replace
 
     with pytest.raises(InvalidData, match="digest"):
@@ -269,7 +271,10 @@ def test_multistart_keeps_all(model):
 
         def run(self, problem, request):
             route = (0, 1, 2, 4) if request.seed == 7 else None
-            return Answer(Termination.FEASIBLE if route else Termination.NO_SOLUTION, point=route and Route(route))
+            return Answer(
+                Termination.FEASIBLE if route else Termination.NO_SOLUTION,
+                point=route and Route(route),
+            )
 
     answer = ct.solve(model, Drawing(), seed=5, starts=4, isolate=False)
     assert [start.seed for start in answer.starts] == [5, 6, 7, 8]
@@ -333,7 +338,12 @@ def test_strangers_entry_points_are_found_and_broken_ones_listed(tmp_path):
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     done = subprocess.run(
-        [sys.executable, "-"], input=script, capture_output=True, text=True, env=environment, timeout=120
+        [sys.executable, "-"],
+        input=script,
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=120,
     )
     assert done.returncode == 0, done.stderr
     assert "broken: backend 'broken' (no_such_module:Thing) cannot be loaded" in done.stdout
@@ -353,7 +363,9 @@ def test_a_clash_of_libraries_moves_the_run_to_a_worker():
         print(answer.primal_bound)
         """
     )
-    done = subprocess.run([sys.executable, "-"], input=script, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-"], input=script, capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 0, done.stderr
 
 

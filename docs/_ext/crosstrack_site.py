@@ -2,9 +2,9 @@
 
 Directives, all for MyST pages:
 
-* ``crosstrack-backends``: the table of :func:`crosstrack.backends`;
+* ``crosstrack-backends``: the tables of :func:`crosstrack.backends`;
 * ``crosstrack-options``: the backends' own options;
-* ``crosstrack-help``: the real ``--help`` of the command line and of every subcommand;
+* ``crosstrack-help [commands]``: the real ``--help`` of the command line, or of every subcommand;
 * ``crosstrack-paper-table 1|2|3``: the paper's tables from the catalogue's settings;
 * ``crosstrack-formulations KIND``: the formulations of a model, with the size of an instance;
 * ``crosstrack-api MODULE``: every public name of a module, except those documented elsewhere.
@@ -35,11 +35,6 @@ def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str
     return "\n".join([line(columns), line("---" for _ in columns), *map(line, rows)])
 
 
-def code(names: Iterable[str]) -> str:
-    """Return names as code, separated by commas."""
-    return ", ".join(f"`{name}`" for name in names)
-
-
 class Made(SphinxDirective):
     """A directive whose content is Markdown that a function makes."""
 
@@ -55,35 +50,34 @@ class Made(SphinxDirective):
 
 
 class Backends(Made):
-    """The backends of this installation."""
+    """The backends of this installation, a table for each kind of thing that they accept."""
 
     wide = True
 
     def make(self) -> str:
         import crosstrack
-
-        return markdown_table(
-            ("backend", "", "accepts", "proves", "understands", "version", "install"),
-            [
-                (
-                    f"`{s.name}`",
-                    s.summary,
-                    f"`{s.accepts}`",
-                    s.guarantee,
-                    ", ".join(s.features),
-                    s.version or "",
-                    f"`{install}`" if (install := self.install(s.name)) else "with crosstrack",
-                )
-                for s in crosstrack.backends()
-            ],
-        )
-
-    @staticmethod
-    def install(name: str) -> str:
         from crosstrack.solvers import find_backend
 
-        extra = find_backend(name).extra
-        return f"crosstrack[{extra}]" if extra else ""
+        tables: dict[str, list[Sequence[str]]] = {}
+        for state in crosstrack.backends():
+            backend = find_backend(state.name)
+            comes = f"`{backend.extra}`" if backend.extra else "always there"
+            rows = tables.setdefault(state.accepts, [])
+            rows.append(
+                (
+                    f"`{state.name}`",
+                    state.summary,
+                    state.guarantee,
+                    ", ".join(state.features),
+                    state.version or "",
+                    comes,
+                )
+            )
+        columns = ("backend", "", "proves", "understands", "version", "extra")
+        return "\n\n".join(
+            f"Backends that accept `{accepts}`:\n\n{markdown_table(columns, rows)}"
+            for accepts, rows in tables.items()
+        )
 
 
 class Options(Made):
@@ -95,21 +89,29 @@ class Options(Made):
         parts = []
         for backend in map(find_backend, backend_names()):
             rows = [
-                (f"`{name}`", repr(option.default), option.help)
+                (f"`{name}`", f"`{option.default!r}`", option.help)
                 for name, option in backend.options.items()
             ]
             if rows:
-                parts += [f"`{backend.name}`\n", markdown_table(("option", "default", ""), rows), ""]
+                parts += [
+                    f"`{backend.name}`\n",
+                    markdown_table(("option", "default", ""), rows),
+                    "",
+                ]
         return "\n".join(parts)
 
 
 class Help(Made):
-    """The command line's own help."""
+    """The command line's own help; with the argument ``commands``, that of every subcommand."""
+
+    optional_arguments = 1
 
     def make(self) -> str:
         from crosstrack.__main__ import cli
 
-        parts = [self.block([])]
+        if not self.arguments:
+            return self.block([])
+        parts: list[str] = []
         for name in cli.commands:
             parts += [f"## `crosstrack {name}`", self.block([name])]
         return "\n\n".join(parts)
@@ -194,13 +196,17 @@ class Api(Made):
         module = importlib.import_module(name)
         left_out = set(self.options.get("not", "").replace(",", " ").split())
         only = self.options.get("only", "").replace(",", " ").split()
-        names = [n for n in (only or module.__all__) if n not in left_out and not n.startswith("__")]
+        names = [
+            n for n in (only or module.__all__) if n not in left_out and not n.startswith("__")
+        ]
         lines = ["```{eval-rst}", f".. currentmodule:: {name}", "", ".. autosummary::", ""]
         lines += [f"   {n}" for n in names]
         for n in names:
             value = getattr(module, n)
             if inspect.isclass(value):
-                lines += ["", f".. autoclass:: {n}", "   :show-inheritance:"]
+                lines += ["", f".. autoclass:: {n}"]
+                if value.__bases__ != (object,):
+                    lines += ["   :show-inheritance:"]
                 if not issubclass(value, BaseException):
                     lines += ["   :members:"]
             elif inspect.isroutine(value):

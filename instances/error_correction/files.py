@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...models.error_correction import ErrorCorrectionRouting, kind_word
+from ...models.error_correction import ErrorCorrectionRouting
 from ...models.fields import show
+from ...models.points import kind_word
 from ..storage import pretty, read_text, write_model, write_text
 
 __all__ = ["PointTable", "read_csv", "read_points", "resolve_references", "write_csv", "write_json"]

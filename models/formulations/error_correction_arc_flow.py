@@ -66,7 +66,9 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
         value = self.length_bound
         positive = isinstance(value, int | float) and not isinstance(value, bool) and value > 0
         if value is not None and not positive:
-            raise UnsupportedOption(f"formulation 'arc-flow': length_bound must be a number > 0, got {value!r}")
+            raise UnsupportedOption(
+                f"formulation 'arc-flow': length_bound must be a number > 0, got {value!r}"
+            )
 
     def bounded(self, objective: float) -> ArcFlowFormulation:
         """Leave out arcs through which every route is longer than a verified one."""
@@ -96,44 +98,86 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
         place[corrections] = np.arange(len(corrections))
 
         b = ProgramBuilder()
-        x = b.columns("arc used", len(arcs), upper=1, cost=arcs.length, integral=True, template="arc {0}-{1}", index=index)
+        x = b.columns(
+            "arc used",
+            len(arcs),
+            upper=1,
+            cost=arcs.length,
+            integral=True,
+            template="arc {0}-{1}",
+            index=index,
+        )
         tail_axis = axis[arcs.tail[carrying]]
         room = limit[arcs.head[carrying], tail_axis] - rates[tail_axis] * arcs.length[carrying]
         e = b.columns(
-            "error carried", len(carrying), upper=np.maximum(room, 0.0),
-            template="on arc {0}-{1}", index=index[carrying], unit="error",
+            "error carried",
+            len(carrying),
+            upper=np.maximum(room, 0.0),
+            template="on arc {0}-{1}",
+            index=index[carrying],
+            unit="error",
         )
         out, into = arcs.tail == model.start, arcs.head == model.end
         b.rows("one arc out of A", 1, (0, x[out], 1.0), lower=1, upper=1, equation="2")
         b.rows("one arc into B", 1, (0, x[into], 1.0), lower=1, upper=1, equation="3")
         heads, tails = place[arcs.head] >= 0, place[arcs.tail] >= 0
         b.rows(
-            "arcs in and out", len(corrections),
-            (place[arcs.head[heads]], x[heads], 1.0), (place[arcs.tail[tails]], x[tails], -1.0),
-            lower=0, upper=0, equation="4-5", template="at point {0}", index=corrections,
+            "arcs in and out",
+            len(corrections),
+            (place[arcs.head[heads]], x[heads], 1.0),
+            (place[arcs.tail[tails]], x[tails], -1.0),
+            lower=0,
+            upper=0,
+            equation="4-5",
+            template="at point {0}",
+            index=corrections,
         )
         b.rows(
-            "visited at most once", len(corrections), (place[arcs.tail[tails]], x[tails], 1.0),
-            upper=1, equation="4-5", template="at point {0}", index=corrections,
+            "visited at most once",
+            len(corrections),
+            (place[arcs.tail[tails]], x[tails], 1.0),
+            upper=1,
+            equation="4-5",
+            template="at point {0}",
+            index=corrections,
         )
         entry = np.arange(len(carrying))
         b.rows(
-            "threshold at the head", len(carrying), (entry, e, 1.0), (entry, x[carrying], -room),
-            upper=0, equation="9-18", template="along arc {0}-{1}", index=index[carrying], unit="error",
+            "threshold at the head",
+            len(carrying),
+            (entry, e, 1.0),
+            (entry, x[carrying], -room),
+            upper=0,
+            equation="9-18",
+            template="along arc {0}-{1}",
+            index=index[carrying],
+            unit="error",
         )
         least = least_errors(model, arcs)[arcs.tail[carrying]]
         b.rows(
-            "error gained at least", len(carrying), (entry, e, 1.0), (entry, x[carrying], -least),
-            lower=0, equation="7-8", template="along arc {0}-{1}", index=index[carrying], unit="error",
+            "error gained at least",
+            len(carrying),
+            (entry, e, 1.0),
+            (entry, x[carrying], -least),
+            lower=0,
+            equation="7-8",
+            template="along arc {0}-{1}",
+            index=index[carrying],
+            unit="error",
         )
         same = model.codes[arcs.tail[carrying]] == model.codes[arcs.head[carrying]]
         gain = rates[axis[arcs.head[heads]]] * arcs.length[heads]
         b.rows(
-            "error kept", len(corrections),
+            "error kept",
+            len(corrections),
             (place[arcs.tail[carrying]], e, 1.0),
             (place[arcs.head[carrying[same]]], e[same], -1.0),
             (place[arcs.head[heads]], x[heads], -gain),
-            lower=0, equation="7-8, 11-16", template="at point {0}", index=corrections, unit="error",
+            lower=0,
+            equation="7-8, 11-16",
+            template="at point {0}",
+            index=corrections,
+            unit="error",
         )
         return b.build(name=f"{model.name}:arc-flow" if model.name else "arc-flow")
 
@@ -147,10 +191,17 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
         for before, i, j in zip(stops, route, route[1:], strict=False):
             arc = int(np.searchsorted(key, i * n + j))
             if arc == len(key) or key[arc] != i * n + j:
-                raise InvalidData(f"arc {i}-{j} of the route is excluded by thresholds or length_bound", field="route")
+                raise InvalidData(
+                    f"arc {i}-{j} of the route is excluded by thresholds or length_bound",
+                    field="route",
+                )
             point[arc] = 1.0
             if before.kind != "A":
-                left = before.vertical_after if before.kind == "horizontal" else before.horizontal_after
+                left = (
+                    before.vertical_after
+                    if before.kind == "horizontal"
+                    else before.horizontal_after
+                )
                 point[len(arcs) + int(np.searchsorted(carrying, arc))] = left
         return point
 
@@ -158,6 +209,9 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
         """Return the route that the used arcs make; idle cycles beside it are dropped."""
         arcs = self.arcs
         if point.size != len(arcs) + len(self._carrying):
-            raise InvalidData(f"point must have {len(arcs) + len(self._carrying)} entries, got {point.size}", field="point")
+            raise InvalidData(
+                f"point must have {len(arcs) + len(self._carrying)} entries, got {point.size}",
+                field="point",
+            )
         used = point[: len(arcs)] > 0.5
         return follow(self.model, arcs.tail[used], arcs.head[used])

@@ -8,6 +8,7 @@ zeros at the start and of the domains follow their order in the paper's list.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -62,7 +63,9 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
             value = getattr(self, option)
             positive = isinstance(value, int | float) and not isinstance(value, bool) and value > 0
             if value is not None and not positive:
-                raise UnsupportedOption(f"formulation 'paper': {option} must be a number > 0, got {value!r}")
+                raise UnsupportedOption(
+                    f"formulation 'paper': {option} must be a number > 0, got {value!r}"
+                )
 
     def bounded(self, objective: float) -> PaperFormulation:
         """Bound the length by that of a verified route."""
@@ -102,16 +105,36 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         b = ProgramBuilder()
         index = np.column_stack([arcs.tail, arcs.head])
         cost = np.where(points == model.end, 1.0, 0.0)
-        x = b.columns("arc used", len(arcs), upper=1, integral=True, equation="22", template="arc {0}-{1}", index=index)
-        y = b.columns("point used", len(corrections), upper=1, integral=True, equation="23", template="at point {0}", index=corrections)
+        x = b.columns(
+            "arc used",
+            len(arcs),
+            upper=1,
+            integral=True,
+            equation="22",
+            template="arc {0}-{1}",
+            index=index,
+        )
+        y = b.columns(
+            "point used",
+            len(corrections),
+            upper=1,
+            integral=True,
+            equation="23",
+            template="at point {0}",
+            index=corrections,
+        )
         at: dict[str, Any] = {"template": "at point {0}", "equation": "24"}
         l = b.columns("distance on arrival", n, cost=cost, unit="m", index=points, **at)  # noqa: E741
         g = b.columns("horizontal error on arrival", n, unit="error", index=points, **at)
         h = b.columns("vertical error on arrival", n, unit="error", index=points, **at)
         s = np.full(n, -1)
         t = np.full(n, -1)
-        s[leaving] = b.columns("horizontal error on leaving", n - 1, unit="error", index=leaving, **at)
-        t[leaving] = b.columns("vertical error on leaving", n - 1, unit="error", index=leaving, **at)
+        s[leaving] = b.columns(
+            "horizontal error on leaving", n - 1, unit="error", index=leaving, **at
+        )
+        t[leaving] = b.columns(
+            "vertical error on leaving", n - 1, unit="error", index=leaving, **at
+        )
         use = np.full(n, -1)
         use[corrections] = y
         place = np.full(n, -1)
@@ -125,8 +148,15 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         for name, equation, ends in (("arcs in", "4", arcs.head), ("arcs out", "5", arcs.tail)):
             inner = place[ends] >= 0
             b.rows(
-                name, len(corrections), (place[ends[inner]], x[inner], 1.0), (every, y, -1.0),
-                lower=0, upper=0, equation=equation, template="at point {0}", index=corrections,
+                name,
+                len(corrections),
+                (place[ends[inner]], x[inner], 1.0),
+                (every, y, -1.0),
+                lower=0,
+                upper=0,
+                equation=equation,
+                template="at point {0}",
+                index=corrections,
             )
         rows = np.arange(len(arcs))
         for name, equation, there, here, gain, most, unit in (
@@ -136,9 +166,16 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         ):
             m = most[arcs.tail] if self.big_m is None else np.full(len(arcs), float(self.big_m))
             b.rows(
-                name, len(arcs),
-                (rows, there[arcs.head], 1.0), (rows, here[arcs.tail], -1.0), (rows, x, -(gain * arcs.length + m)),
-                lower=-m, equation=equation, template="along arc {0}-{1}", index=index, unit=unit,
+                name,
+                len(arcs),
+                (rows, there[arcs.head], 1.0),
+                (rows, here[arcs.tail], -1.0),
+                (rows, x, -(gain * arcs.length + m)),
+                lower=-m,
+                equation=equation,
+                template="along arc {0}-{1}",
+                index=index,
+                unit=unit,
             )
         m = 0.0 if self.big_m is None else float(self.big_m)
         for name, equation, group, column, axis in (
@@ -149,8 +186,15 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         ):
             entry = np.arange(len(group))
             b.rows(
-                name, len(group), (entry, column[group], 1.0), (entry, use[group], m),
-                upper=limit[group, axis] + m, equation=equation, template="point {0}", index=group, unit="error",
+                name,
+                len(group),
+                (entry, column[group], 1.0),
+                (entry, use[group], m),
+                upper=limit[group, axis] + m,
+                equation=equation,
+                template="point {0}",
+                index=group,
+                unit="error",
             )
         for name, equation, group, after, before in (
             ("horizontal error kept", "11", vertical, s, g),
@@ -163,18 +207,42 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
             if before is not None:
                 terms.append((entry, before[group], -1.0))
             b.rows(
-                name, len(group), *terms, lower=0, upper=0,
-                equation=equation, template="at point {0}", index=group, unit="error",
+                name,
+                len(group),
+                *terms,
+                lower=0,
+                upper=0,
+                equation=equation,
+                template="at point {0}",
+                index=group,
+                unit="error",
             )
-        for name, equation, column in (("horizontal error at B", "17", g), ("vertical error at B", "18", h)):
-            b.rows(name, 1, (0, column[model.end], 1.0), upper=model.theta, equation=equation, unit="error")
+        for name, equation, column in (
+            ("horizontal error at B", "17", g),
+            ("vertical error at B", "18", h),
+        ):
+            b.rows(
+                name,
+                1,
+                (0, column[model.end], 1.0),
+                upper=model.theta,
+                equation=equation,
+                unit="error",
+            )
         for name, equation, parts in (
             ("no distance at A", "19", [l]),
             ("no error on arrival at A", "20", [g, h]),
             ("no error on leaving A", "21", [s, t]),
         ):
             entry = np.arange(len(parts))
-            b.rows(name, len(parts), (entry, [p[model.start] for p in parts], 1.0), lower=0, upper=0, equation=equation)
+            b.rows(
+                name,
+                len(parts),
+                (entry, [p[model.start] for p in parts], 1.0),
+                lower=0,
+                upper=0,
+                equation=equation,
+            )
         return b.build(name=f"{model.name}:paper" if model.name else "paper")
 
     def encode(self, plan: Route) -> NDArray[np.float64]:
@@ -185,10 +253,12 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         assert isinstance(program, MixedIntegerProgram)
         point = np.zeros(program.size)
         key = arcs.tail * n + arcs.head
-        legs = np.array([i * n + j for i, j in zip(route, route[1:], strict=False)], np.int64)
+        legs = np.array([i * n + j for i, j in pairwise(route)], np.int64)
         point[np.searchsorted(key, legs)] = 1.0
         corrections = np.flatnonzero((model.codes == HORIZONTAL) | (model.codes == VERTICAL))
-        point[program.column_block("point used").start + np.searchsorted(corrections, route[1:-1])] = 1.0
+        point[
+            program.column_block("point used").start + np.searchsorted(corrections, route[1:-1])
+        ] = 1.0
         leaving = np.cumsum(model.codes != END) - 1
         for stop in model.walk(plan):
             for name, value in (
@@ -209,6 +279,8 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         """Return the route that the used arcs make; idle cycles beside it are dropped."""
         arcs = self._arcs()
         if point.size < len(arcs):
-            raise InvalidData(f"point must have at least {len(arcs)} entries, got {point.size}", field="point")
+            raise InvalidData(
+                f"point must have at least {len(arcs)} entries, got {point.size}", field="point"
+            )
         used = point[: len(arcs)] > 0.5
         return follow(self.model, arcs.tail[used], arcs.head[used])

@@ -24,14 +24,20 @@ def require_route(model: ErrorCorrectionRouting, plan: Route) -> tuple[int, ...]
     """Return the indices of a simple route from A to B; anything else raises ``InvalidData``."""
     route = plan.route
     if len(route) < 2 or route[0] != model.start or route[-1] != model.end:
-        raise InvalidData(f"a route goes from A ({model.start}) to B ({model.end}), got {plan}", field="route")
+        raise InvalidData(
+            f"a route goes from A ({model.start}) to B ({model.end}), got {plan}", field="route"
+        )
     if len(set(route)) != len(route):
         twice = next(k for k in route if route.count(k) > 1)
-        raise InvalidData(f"point {twice} stands twice in the route: no column says so", field="route")
+        raise InvalidData(
+            f"point {twice} stands twice in the route: no column says so", field="route"
+        )
     return route
 
 
-def follow(model: ErrorCorrectionRouting, tail: NDArray[np.int64], head: NDArray[np.int64]) -> Route:
+def follow(
+    model: ErrorCorrectionRouting, tail: NDArray[np.int64], head: NDArray[np.int64]
+) -> Route:
     """Return the route that the arcs ``tail -> head`` make from A to B, dropping cycles beside it."""
     successor: dict[int, int] = {}
     for i, j in zip(tail.tolist(), head.tolist(), strict=True):

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedOption
-from ..error_correction import KIND_WORDS, ErrorCorrectionRouting, Route, Stop
+from ..error_correction import ErrorCorrectionRouting, Route, Stop
 from ..fields import show
+from ..points import KIND_WORDS
 from ..verification import TOLERANCE
 from .labels import place_labels
 

@@ -49,7 +49,9 @@ def run_suite(
     present = [backend for backend in found if not backend.missing()]
     for name in expected:
         if name not in {backend.name for backend in present}:
-            raise BackendMissing(f"backend {name!r} is expected, but it was skipped: not installed or not named")
+            raise BackendMissing(
+                f"backend {name!r} is expected, but it was skipped: not installed or not named"
+            )
     results: list[CaseResult] = []
     for backend in present:
         own = dict((options or {}).get(backend.name, {}))

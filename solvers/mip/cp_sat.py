@@ -55,8 +55,19 @@ class CpSat(ProgramBackend):
     }
     summary = "OR-Tools CP-SAT: exact, for all-integer programs"
 
+    def refuses(self, problem: MixedIntegerProgram) -> str:
+        """Name a continuous column, where there is one."""
+        fractional = np.flatnonzero(~problem.integral)
+        if not fractional.size:
+            return ""
+        name = problem.column_name(int(fractional[0]))
+        return f"backend 'cp-sat' takes whole columns only: {name} is continuous"
+
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
         """Solve with CP-SAT."""
+        reason = self.refuses(program)
+        if reason:
+            raise UnsupportedFormulation(reason)
         whole = _whole(program)
         empty = np.flatnonzero(whole.lower > whole.upper)
         if empty.size:
@@ -97,13 +108,7 @@ class _Whole:
 
 
 def _whole(program: MixedIntegerProgram) -> _Whole:
-    """Return `program` in whole numbers, or raise :class:`UnsupportedFormulation`."""
-    fractional = np.flatnonzero(~program.integral)
-    if fractional.size:
-        raise UnsupportedFormulation(
-            "backend 'cp-sat' takes whole columns only: "
-            f"{program.column_name(int(fractional[0]))} is continuous"
-        )
+    """Return `program`, whose columns are whole, in whole numbers; else ``UnsupportedFormulation``."""
     size = np.maximum(np.abs(program.column_lower), np.abs(program.column_upper))
     unbounded = np.flatnonzero(size >= 2**53)
     if unbounded.size:

@@ -45,6 +45,7 @@ class MathOpt(ProgramBackend):
             Feature.INTERRUPT,
         }
     )
+    single_threaded = True
     requires = ("ortools",)
     distribution = "ortools"
     extra = "ortools"

@@ -40,6 +40,7 @@ class Scip(ProgramBackend):
             Feature.INTERRUPT,
         }
     )
+    single_threaded = True
     requires = ("pyscipopt",)
     distribution = "PySCIPOpt"
     extra = "scip"

@@ -61,7 +61,7 @@ _NOTES: Mapping[str, str] = {
     "error-correction": (
         "The paper does not publish its coordinates: our points have its sizes and thresholds and "
         "come from a seed, so lengths differ. A run marked * started from the best plan of the "
-        "runs before it. Seconds are each algorithm's own time on one machine each."
+        "runs before it. Seconds are the algorithms' own: the paper's on its machine, ours on this one."
     ),
 }
 
@@ -151,7 +151,9 @@ def reproduce(
             names = [column.backend for column in layout.columns if column.warm is warm]
             if names and not interrupted:
                 start = judge(model.name, answers, exact).best if warm else None
-                part = compare(model, names, time_limit=time_limit, warm_start=start, on_solution=on_solution)
+                part = compare(
+                    model, names, time_limit=time_limit, warm_start=start, on_solution=on_solution
+                )
                 interrupted = part.interrupted
                 answers.extend(part.solutions)
         rows.append(Row(published["table"], published, judge(model.name, answers, exact)))
@@ -166,14 +168,14 @@ def reproduction_parts(result: Reproduction) -> list[Any]:
         if not rows:
             continue
         lengths = any("optimum" in row.published for row in rows)
-        head = ["instance", *(["optimum, paper"] if lengths else []), "optimum, ours"]
+        head = ["row", *(["optimum\npaper"] if lengths else []), "optimum\nours"]
         for column in layout.columns:
-            head += [f"{column.backend}, paper"] if column.published else []
-            head.append(f"{column.backend}{'*' if column.warm else ''}, ours")
+            head += [f"{column.backend}\npaper"] if column.published else []
+            head.append(f"{column.backend}{'*' if column.warm else ''}\nours")
         lines = []
         for row in rows:
             best = row.verdict.best
-            line = [row.verdict.instance]
+            line = [row.verdict.instance.rpartition("/")[2]]
             line += [number(row.published.get("optimum"), 0)] if lengths else []
             line.append(number(None if best is None else best.primal_bound))
             for column in layout.columns:

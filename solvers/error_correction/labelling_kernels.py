@@ -74,7 +74,10 @@ def label_once(
         done[here] = True
         kind, error, length = grid.kinds[here], error_of[here], length_of[here]
         # Any label that reaches B gives a route; the shortest of them is kept.
-        if length + to_end[here] < best and arrive(space, kind, END, error, to_end[here]) != REFUSED:
+        if (
+            length + to_end[here] < best
+            and arrive(space, kind, END, error, to_end[here]) != REFUSED
+        ):
             best, last = length + to_end[here], here
         if size + count >= room:
             room = 2 * (size + count)

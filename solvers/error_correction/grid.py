@@ -162,9 +162,7 @@ def gap(coordinate: float, origin: float, width: float, index: int) -> float:
 
 
 @kernel
-def near(
-    grid: Grid, slot: int, kind: int, radius: float, found: Integers, away: Floats
-) -> int:
+def near(grid: Grid, slot: int, kind: int, radius: float, found: Integers, away: Floats) -> int:
     """Collect the points of `kind` within `radius` of `slot`, itself excluded.
 
     Slots go to `found`, distances to `away` (both with room for all slots); returns how many.

@@ -65,7 +65,16 @@ class TwoStage(RoutingBackend):
         found = elementary(searched, revisits=revisits)
         if found.status == STOPPED and first.size:
             bound = max(found.bound, least)
-            found = Found(STOPPED, first, length, bound, found.made, found.settled, found.rounds, found.critical)
+            found = Found(
+                STOPPED,
+                first,
+                length,
+                bound,
+                found.made,
+                found.settled,
+                found.rounds,
+                found.critical,
+            )
         own = {
             "stage1_seconds": between - begin,
             "stage2_seconds": time.perf_counter() - between,

@@ -88,7 +88,8 @@ def visited(labels: Labels, label: int, bit: int) -> bool:
     """Whether `label` has visited the critical point with this bit."""
     if bit < 0:
         return False
-    return (labels.visited[label, bit >> 6] >> np.uint64(bit & 63)) & np.uint64(1) != 0
+    word: np.uint64 = labels.visited[label, bit >> 6]
+    return bool((word >> np.uint64(bit & 63)) & np.uint64(1) != 0)
 
 
 @kernel

@@ -7,7 +7,6 @@ smallest surviving error alone settles what can be reached.
 
 from __future__ import annotations
 
-import heapq
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,25 +71,13 @@ def reachable(model: ErrorCorrectionRouting) -> NDArray[np.float64]:
 
     It is inf where no walk arrives, and 0 at B where one does.
     """
+    from .airspace import airspace
+    from .grid import build
+    from .reach_kernels import least_errors
+
+    grid = build(airspace(model), np.ones(len(model.points), np.bool_))
     least = np.full(len(model.points), np.inf)
-    least[model.start] = 0.0
-    limit = model.rounded_limits[model.codes]
-    own = np.where(model.codes == HORIZONTAL, 1, 0)
-    rows = np.arange(len(own))
-    heap = [(0.0, model.start)]
-    done = np.zeros(len(own), bool)
-    while heap:
-        _, here = heapq.heappop(heap)
-        if done[here] or here == model.end:
-            continue
-        done[here] = True
-        errors = _arrivals(model, here, least[here])
-        left = np.where(model.codes == END, 0.0, errors[rows, own])
-        better = (errors <= limit).all(axis=1) & (left < least) & ~done
-        better[model.start] = False
-        for there in np.flatnonzero(better).tolist():
-            least[there] = left[there]
-            heapq.heappush(heap, (float(left[there]), there))
+    least[grid.ids] = least_errors(airspace(model), grid, np.zeros(1, np.int8))
     return least
 
 

@@ -26,8 +26,8 @@ def arrive(space: Airspace, tail: int, head: int, error: float, length: float) -
     `tail` and `head` are kinds, `error` is what survived the tail. Returns :data:`REFUSED` where
     the errors on arrival exceed a threshold of the head; at B, 0.
     """
-    vertical = space.rates[0] * length
-    horizontal = space.rates[1] * length
+    vertical: float = space.rates[0] * length
+    horizontal: float = space.rates[1] * length
     if tail == HORIZONTAL:
         vertical += error
     elif tail == VERTICAL:
@@ -61,7 +61,8 @@ def radius_of(space: Airspace, kind: int, head: int, error: float) -> float:
 def distances_to(grid: Grid, slot: int) -> NDArray[np.float64]:
     """Return the straight-line distance of every slot from `slot`."""
     dx, dy, dz = grid.x - grid.x[slot], grid.y - grid.y[slot], grid.z - grid.z[slot]
-    return np.sqrt(dx * dx + dy * dy + dz * dz)
+    distances: NDArray[np.float64] = np.sqrt(dx * dx + dy * dy + dz * dz)
+    return distances
 
 
 @kernel
@@ -97,7 +98,11 @@ def remaining(space: Airspace, grid: Grid, forward: bool) -> NDArray[np.float64]
             for m in range(k):
                 best[found[m]] = min(best[found[m]], best[here] + away[m])
         edge = last if forward else first
-        dx, dy, dz = grid.x[here] - grid.x[edge], grid.y[here] - grid.y[edge], grid.z[here] - grid.z[edge]
+        dx, dy, dz = (
+            grid.x[here] - grid.x[edge],
+            grid.y[here] - grid.y[edge],
+            grid.z[here] - grid.z[edge],
+        )
         d = np.sqrt(dx * dx + dy * dy + dz * dz)
         if d <= (reaches[END] if forward else reaches[kind]):
             best[edge] = min(best[edge], best[here] + d)

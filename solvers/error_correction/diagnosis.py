@@ -32,7 +32,9 @@ def diagnose_routing(model: ErrorCorrectionRouting) -> Diagnosis:
             f"no route: {reached.size} of {len(model.points)} points can be reached, "
             "and from each of them a threshold refuses every step beyond"
         )
-        return Diagnosis(model.name, False, _METHOD, summary, tuple(_finding(model, r) for r in found))
+        return Diagnosis(
+            model.name, False, _METHOD, summary, tuple(_finding(model, r) for r in found)
+        )
     answer = solve(model, "label-setting")
     if answer.plan is not None:
         summary = f"a route exists: {answer.plan}, {answer.primal_bound:.10g} m"

@@ -58,9 +58,7 @@ class Found:
     critical: int = 0
 
 
-def elementary(
-    search: Callable[[NDArray[np.int64]], Found], *, revisits: bool
-) -> Found:
+def elementary(search: Callable[[NDArray[np.int64]], Found], *, revisits: bool) -> Found:
     """Return the best route, simple unless `revisits`.
 
     Parameters

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
+from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
 from .jit import kernel
 from .labels import add, dominated, grown, link, make, visited
@@ -77,19 +77,31 @@ def pulse(
             if begin + count >= len(next_slot):
                 wide = 2 * (begin + count)
                 slots, totals, errors = np.empty(wide, np.int64), np.empty(wide), np.empty(wide)
-                slots[:begin], totals[:begin], errors[:begin] = next_slot[:begin], next_total[:begin], next_error[:begin]
+                slots[:begin], totals[:begin], errors[:begin] = (
+                    next_slot[:begin],
+                    next_total[:begin],
+                    next_error[:begin],
+                )
                 next_slot, next_total, next_error = slots, totals, errors
             for head in (HORIZONTAL, VERTICAL):
                 k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
                 for m in range(k):
                     there = found[m]
-                    if length + away[m] + ahead[there] > best or visited(labels, label, bits[there]):
+                    if length + away[m] + ahead[there] > best or visited(
+                        labels, label, bits[there]
+                    ):
                         continue
                     left = arrive(space, kind, head, error, away[m])
                     if left != REFUSED:
-                        next_slot[top], next_total[top], next_error[top] = there, length + away[m], left
+                        next_slot[top], next_total[top], next_error[top] = (
+                            there,
+                            length + away[m],
+                            left,
+                        )
                         top += 1
-            order = np.argsort(next_total[begin:top] + ahead[next_slot[begin:top]], kind="mergesort")
+            order = np.argsort(
+                next_total[begin:top] + ahead[next_slot[begin:top]], kind="mergesort"
+            )
             next_slot[begin:top] = next_slot[begin:top][order]
             next_total[begin:top] = next_total[begin:top][order]
             next_error[begin:top] = next_error[begin:top][order]

@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
+from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
 from .heap import pop, push
 from .jit import kernel
-from .labels import Labels, add, dominated, grown, link, make, visited
+from .labels import add, dominated, grown, link, make, visited
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
 __all__ = ["FOUND", "NOTHING", "STOPPED", "best_first", "first_in"]
@@ -147,7 +147,14 @@ def first_in(
         if flag[0] != 0:
             if last < 0:
                 return STOPPED, nothing, np.inf, -np.inf, used, settled
-            return STOPPED, trace(labels.slot, labels.parent, grid.ids, last), best, -np.inf, used, settled
+            return (
+                STOPPED,
+                trace(labels.slot, labels.parent, grid.ids, last),
+                best,
+                -np.inf,
+                used,
+                settled,
+            )
         here, error, length = labels.slot[label], labels.error[label], labels.length[label]
         if here == end or error == np.inf:
             label += 1

@@ -20,6 +20,7 @@ from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, build, near
 from .heap import pop, push
 from .jit import kernel
+from .reach_kernels import least_errors
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
 __all__ = ["FOUND", "NOTHING", "STOPPED", "climb"]
@@ -28,6 +29,8 @@ FOUND, NOTHING, STOPPED = 1, 0, -1
 
 #: First ceiling above the straight line, and the factor by which it rises, in shares of the line.
 FIRST, RISE = 0.004, 2.2
+#: Labels a point that are made before it is worth asking whether there is any route.
+PATIENCE = 4
 
 
 @kernel
@@ -70,6 +73,7 @@ def climb(
     straight = from_start[space.end]
     share = FIRST
     made = settled = 0
+    reached = False
     bound = straight
     keep = np.empty(n, np.bool_)
     while True:
@@ -88,9 +92,22 @@ def climb(
             return FOUND, route, length, length, made, settled
         if status == STOPPED:
             return STOPPED, route, np.inf, max(bound, length), made, settled
+        if not reached and made > PATIENCE * n:
+            # So much work may be in vain: settle first whether B can be reached at all.
+            everywhere = build(space, np.ones(n, np.bool_))
+            reached = least_errors(space, everywhere, flag)[len(everywhere.x) - 1] < np.inf
+            if not reached and flag[0] == 0:
+                return NOTHING, route, np.inf, np.inf, made, settled
         if (left_out == 0 and pruned == 0) or ceiling >= cutoff:
             # Every way was tried, or every one up to the cutoff.
-            return NOTHING, route, np.inf, np.inf if pruned + left_out == 0 else cutoff, made, settled
+            return (
+                NOTHING,
+                route,
+                np.inf,
+                np.inf if pruned + left_out == 0 else cutoff,
+                made,
+                settled,
+            )
         bound = ceiling
         share *= RISE
 
@@ -126,7 +143,14 @@ def under(
         size = pop(keys, items, size)
         here = slots[label]
         if here == end:
-            return FOUND, trace(slots, parents, grid.ids, label), lengths[label], labels, settled, pruned
+            return (
+                FOUND,
+                trace(slots, parents, grid.ids, label),
+                lengths[label],
+                labels,
+                settled,
+                pruned,
+            )
         error = errors[label]
         before = smallest[here]
         if error >= before:
@@ -166,7 +190,8 @@ def under(
             for m in range(k):
                 there = found[m]
                 d = away[m]
-                if d <= done:
+                # Where rounding decides, the arc is taken twice rather than not at all.
+                if d <= done * (1.0 - 1e-12):
                     continue
                 total = length + d
                 if total + to_end[there] > ceiling:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["WEIGHTS", "Labelling", "sweep"]
 
-#: The weights of a sweep: no single one finds a route on every row of the paper.
+#: The weights of a sweep: small ones miss fewer routes, large ones find shorter ones.
 WEIGHTS = tuple(k / 20 for k in range(10, 21))
 
 
@@ -56,8 +56,9 @@ class Labelling(Backend):
 
     As we read the paper's stage 1: points are labelled for good in the order of
     ``weight * length + (1 - weight) * metres flown since the surviving error was 0``. One label a
-    point makes it quick and its routes simple, and lets it miss routes: no single weight finds one
-    on every row, so by default all of 0.5, 0.55, …, 1 are tried and the shortest route is kept.
+    point makes it quick and its routes simple, and lets it miss routes. Small weights miss fewer,
+    large ones find shorter routes where they find any, and none is best everywhere; so by default
+    all of 0.5, 0.55, …, 1 are tried and the shortest route is kept.
     (The paper's text of this stage swaps the thresholds of the two kinds of points.)
     """
 
@@ -65,6 +66,7 @@ class Labelling(Backend):
     accepts = ErrorCorrectionRouting
     guarantee = Guarantee.HEURISTIC
     features = frozenset({Feature.SEED, Feature.INTERRUPT})
+    single_threaded = True
     options = {
         "weight": Option(
             None, "The paper's λ, from 0.5 to 1; without it, a sweep.", float, lower=0.5, upper=1.0
@@ -76,9 +78,9 @@ class Labelling(Backend):
     def prepare(self) -> None:
         """Compile the kernel, or load it from the cache."""
         if not self._compiled:
-            from .native import TINY
             from .airspace import airspace
             from .grid import build
+            from .native import TINY
 
             space = airspace(ErrorCorrectionRouting(**TINY))
             sweep(space, build(space, np.ones(len(space.points), np.bool_)), (1.0,), Request())

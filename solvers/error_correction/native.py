@@ -40,6 +40,7 @@ class RoutingBackend(Backend):
     features = frozenset(
         {Feature.GAP, Feature.SEED, Feature.CUTOFF, Feature.DUAL_BOUND, Feature.INTERRUPT}
     )
+    single_threaded = True
     _compiled: ClassVar[set[str]] = set()
 
     @abstractmethod
@@ -88,5 +89,12 @@ class RoutingBackend(Backend):
             termination, bound = Termination.NO_SOLUTION, request.cutoff
             message = "no plan better than the cutoff"
         return Answer(
-            termination, limit, plan, primal, bound, seconds=seconds, statistics=statistics, message=message
+            termination,
+            limit,
+            plan,
+            primal,
+            bound,
+            seconds=seconds,
+            statistics=statistics,
+            message=message,
         )

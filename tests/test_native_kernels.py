@@ -1,0 +1,339 @@
+"""The compiled searches: their plain-Python meaning, stops, ties, many critical points."""
+
+import heapq
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from brute_force import shortest_length
+
+import crosstrack as ct
+from crosstrack.instances.error_correction.generator import random_small, uniform_slab
+from crosstrack.models import ErrorCorrectionRouting
+from crosstrack.solvers import Request, find_backend
+from crosstrack.solvers.backend import Limit
+from crosstrack.solvers.error_correction.airspace import airspace
+from crosstrack.solvers.error_correction.elementary import Found, elementary
+from crosstrack.solvers.error_correction.grid import build, near
+from crosstrack.solvers.error_correction.heap import pop, push
+from crosstrack.solvers.error_correction.reachability import reachable, refusals
+from crosstrack.solvers.error_correction.slots import critical_bits
+from crosstrack.solvers.error_correction.steps import distances_to, remaining
+from crosstrack.solvers.error_correction.sweep_kernels import best_first, first_in
+
+EXACT = ["label-setting", "two-stage", "pulse", "dynamic-programming"]
+
+SAME = """
+import json, sys
+import crosstrack as ct
+from crosstrack.instances.error_correction.generator import random_small
+answers = []
+for seed in range(24):
+    model = random_small(3 + seed % 6, seed, revisits=seed % 2 == 0)
+    for name in {names}:
+        answer = ct.solve(model, name, isolate=False)
+        answers.append([answer.termination, answer.plan and answer.plan.route, answer.primal_bound, dict(answer.statistics)])
+for answer in answers:
+    for key in [k for k in answer[3] if k.endswith("_seconds")]:
+        del answer[3][key]
+json.dump(answers, sys.stdout)
+"""
+
+
+def test_compiled_and_plain_python_are_the_same():
+    """Every label, every route and every length is the same without compilation."""
+    script = SAME.format(names=[*EXACT, "labelling"])
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, text=True, timeout=240, check=True,
+            env={**os.environ, "NUMBA_DISABLE_JIT": disabled},
+        ).stdout
+        for disabled in ("0", "1")
+    ]  # fmt: skip
+    compiled, plain = map(json.loads, outputs)
+    assert compiled == plain
+    assert len(compiled) == 24 * 5
+
+
+def test_same_instance_same_plan():
+    model = ct.load("error-correction/9")
+    for name in [*EXACT, "labelling"]:
+        first, second = ct.solve(model, name, seed=1), ct.solve(model, name, seed=2)
+        assert first.plan == second.plan
+        assert first.statistics["labels made"] == second.statistics["labels made"]
+
+
+def test_no_weight_of_labelling_is_best_everywhere():
+    """What the sweep is for: each weight misses a route, or the best one of the sweep, somewhere."""
+    rows = [ct.load(f"error-correction/{row}") for row in range(1, 13)]
+    best = [ct.solve(model, "labelling").primal_bound for model in rows]
+    exact = [ct.solve(model).primal_bound for model in rows]
+    assert all(found >= optimum - 1e-6 for found, optimum in zip(best, exact, strict=True))
+    for weight in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0):
+        single = [
+            ct.solve(model, "labelling", backend_options={"weight": weight}).primal_bound
+            for model in rows
+        ]
+        assert any(
+            one is None or one > swept + 1e-6 for one, swept in zip(single, best, strict=True)
+        ), weight
+
+
+@pytest.mark.parametrize("name", [*EXACT, "labelling"])
+def test_a_stopped_search_proves_nothing(name):
+    model = ct.load("error-correction/9")
+    backend = find_backend(name)
+    request = Request(options=backend.checked_options({}))
+    request.control.stop(Limit.INTERRUPTED)
+    answer = backend.run(model, request)
+    assert answer.limit is Limit.INTERRUPTED
+    assert answer.termination in ("no_solution", "feasible")
+    best = ct.solve(model).primal_bound
+    assert answer.dual_bound is None or answer.dual_bound <= best + 1e-6
+
+
+@pytest.mark.parametrize("name", [*EXACT, "labelling"])
+def test_a_time_limit_is_kept_on_what_takes_minutes(name):
+    """Twenty thousand points, and B beyond the reach of all: hopeless for whoever does not ask first."""
+    model = replace(uniform_slab(20_000, (10, 10, 10, 10, 10), seed=3), theta=1e-6)
+    find_backend(name).prepare()
+    begin = time.perf_counter()
+    answer = ct.solve(model, name, time_limit=0.5)
+    assert time.perf_counter() - begin < 8
+    assert answer.limit == "time" or answer.termination in ("infeasible", "no_solution")
+
+
+@pytest.mark.parametrize("revisits", [False, True])
+def test_coinciding_points_and_thresholds_met_exactly(revisits):
+    """Zero-length arcs make ties, and 0.1 * 3 must not exceed 0.3."""
+    model = ErrorCorrectionRouting(
+        points=[[0, 0, 0], [3, 0, 0], [3, 0, 0], [3, 0, 0], [6, 0, 0], [6, 0, 0], [9, 0, 0]],
+        kinds=["A", "horizontal", "vertical", "horizontal", "vertical", "horizontal", "B"],
+        alpha1=0.3, alpha2=0.3, beta1=0.3, beta2=0.3, theta=0.3, delta=0.1, revisits=revisits,
+    )  # fmt: skip
+    assert shortest_length(model) == 9
+    for name in EXACT:
+        answer = ct.solve(model, name)
+        assert answer.primal_bound == 9, name
+        assert not answer.verification.within_tolerance
+
+
+def test_nothing_grows_without_a_rate():
+    model = ErrorCorrectionRouting(
+        [[0, 0, 0], [5, 5, 5], [9, 0, 0]], ["A", "horizontal", "B"], 0, 0, 0, 0, 0, delta=0.0
+    )
+    for name in EXACT:
+        answer = ct.solve(model, name)
+        assert answer.plan.route == (0, 2)
+        assert answer.primal_bound == 9
+
+
+def test_a_and_b_may_coincide():
+    model = ErrorCorrectionRouting([[1, 1, 1], [1, 1, 1]], ["B", "A"], 0, 0, 0, 0, 0, delta=1.0)
+    for name in [*EXACT, "highs"]:
+        answer = ct.solve(model, name)
+        assert answer.termination == "optimal", (name, answer)
+        assert answer.primal_bound == 0
+        assert answer.plan.route == (1, 0)
+
+
+def test_a_cutoff_below_the_optimum_is_no_proof_of_infeasibility():
+    model = ct.load("error-correction/1")
+    best = ct.solve(model)
+    for name in ("label-setting", "two-stage", "pulse"):
+        backend = find_backend(name)
+        answer = backend.run(model, Request(cutoff=best.primal_bound * 0.99))
+        assert answer.termination == "no_solution"
+        assert answer.dual_bound == best.primal_bound * 0.99
+        answer = backend.run(model, Request(cutoff=best.primal_bound))
+        assert answer.termination == "optimal"
+
+
+def exact_reach(model):
+    """The least surviving error at each point, by a search over all exact states."""
+    limits = {
+        "vertical": (model.alpha2, model.alpha1),
+        "horizontal": (model.beta2, model.beta1),
+        "B": (model.theta,) * 2,
+    }
+    least = {}
+    states = [(model.start, 0.0, 0.0)]
+    seen = set(states)
+    while states:
+        i, h, v = states.pop()
+        for j, kind in enumerate(model.kinds):
+            if j in (i, model.start) or i == model.end:
+                continue
+            d = math.dist(model.points[i], model.points[j])
+            hj, vj = h + model.horizontal_rate * d, v + model.vertical_rate * d
+            slack = [1e-9 * max(1, x) for x in limits[kind]]
+            if hj > limits[kind][0] + slack[0] or vj > limits[kind][1] + slack[1]:
+                continue
+            hj, vj = (0.0 if kind == "horizontal" else hj), (0.0 if kind == "vertical" else vj)
+            least[j] = min(least.get(j, math.inf), 0.0 if kind == "B" else hj + vj)
+            if (j, hj, vj) not in seen:
+                seen.add((j, hj, vj))
+                states.append((j, hj, vj))
+    return least
+
+
+def test_reach_equals_a_search_over_exact_states():
+    for seed in range(120):
+        model = random_small(3 + seed % 7, seed)
+        truth = exact_reach(model)
+        found = reachable(model)
+        for point in range(len(model.points)):
+            if point == model.start:
+                continue
+            assert found[point] == pytest.approx(truth.get(point, math.inf), abs=1e-12), (
+                seed,
+                point,
+            )
+        for refusal in refusals(model, found):
+            assert refusal.tail == model.start or refusal.tail in truth
+            assert refusal.head not in truth
+            assert refusal.excess > 0
+
+
+def test_diagnosis_names_where_extensions_die():
+    infeasible = 0
+    for seed in range(80):
+        model = random_small(3 + seed % 7, seed)
+        found = ct.diagnose(model)
+        best = shortest_length(model)
+        assert found.feasible is (best is not None)
+        if best is None:
+            infeasible += 1
+            assert found.findings
+            assert all(finding.where.startswith("point ") for finding in found.findings)
+    assert infeasible > 20
+
+
+def test_diagnosis_of_a_forbidden_revisit():
+    from crosstrack.solvers.error_correction.native import TINY
+
+    found = ct.diagnose(ErrorCorrectionRouting(**TINY))
+    assert found.feasible is False
+    assert "point 1 more than once" in str(found)
+    assert found.findings[0].data["walk"] == [0, 1, 2, 1, 3]
+    assert ct.diagnose(ErrorCorrectionRouting(**TINY, revisits=True)).feasible is True
+
+
+def test_deletion_filter_finds_an_irreducible_set():
+    """Leaving out any one of the blocks it names makes the program feasible."""
+    checked = 0
+    for seed in range(40):
+        model = random_small(5, seed)
+        if shortest_length(model) is not None:
+            continue
+        found = ct.diagnose(model, "highs", formulation="paper")
+        assert found.feasible is False
+        program = replace(model.formulate("paper").program, name="")
+        names = [finding.where for finding in found.findings]
+        others = [block.name for block in program.rows if block.name not in names]
+        assert ct.solve(program.without_rows(others), "highs").termination == "infeasible"
+        for name in names:
+            relaxed = program.without_rows([*others, name])
+            assert ct.solve(relaxed, "highs").termination in ("optimal", "feasible", "unbounded")
+        checked += 1
+        if checked == 4:
+            break
+    assert checked == 4
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_grid_finds_what_is_near(seed):
+    model = uniform_slab(300 + 50 * seed, (20, 10, 15, 20, 20), seed=seed)
+    space = airspace(model)
+    grid = build(space, np.ones(len(model.points), np.bool_))
+    found, away = np.empty(len(grid.x), np.int64), np.empty(len(grid.x))
+    draw = np.random.default_rng(seed)
+    for slot in draw.integers(0, len(grid.x), 20):
+        distance = np.linalg.norm(model.points - model.points[grid.ids[slot]], axis=1)
+        for kind in (1, 2):
+            for radius in (0.0, 3e3, 2e4, 1e6):
+                count = near(grid, slot, kind, radius, found, away)
+                near_points = set(grid.ids[found[:count]].tolist())
+                expected = np.flatnonzero((distance <= radius) & (model.codes == kind))
+                assert near_points == set(expected.tolist()) - {int(grid.ids[slot])}
+                assert np.allclose(np.sort(away[:count]), np.sort(distance[sorted(near_points)]))
+
+
+def test_the_heap_is_sorted_and_stable():
+    draw = np.random.default_rng(0)
+    keys, items = np.empty(500), np.empty(500, np.int64)
+    values = draw.integers(0, 40, 400).astype(float)
+    size = 0
+    for item, value in enumerate(values):
+        size = push(keys, items, size, value, item)
+    expected = [(value, item) for item, value in enumerate(values)]
+    heapq.heapify(expected)
+    while size:
+        assert (keys[0], items[0]) == heapq.heappop(expected)
+        size = pop(keys, items, size)
+    assert not expected
+
+
+@pytest.mark.parametrize("search", ["best first", "first in"])
+def test_more_critical_points_than_bits_in_a_word(search):
+    """With every point critical, masks of several words: the same simple route."""
+    model = uniform_slab(150, (25, 20, 25, 25, 30), seed=5)
+    space = airspace(model)
+    grid = build(space, np.ones(len(model.points), np.bool_))
+    critical = np.flatnonzero((model.codes == 1) | (model.codes == 2))
+    bits, words = critical_bits(grid, critical)
+    assert words == 3
+    assert sorted(bits[bits >= 0]) == list(range(len(critical)))
+    flag = np.zeros(1, np.int8)
+    if search == "best first":
+        ahead = distances_to(grid, len(grid.x) - 1)
+        found = Found(*best_first(space, grid, ahead, bits, words, np.inf, flag))
+    else:
+        # Only the shortest prefixes matter, so a small ceiling keeps the exhaustive search short.
+        small = random_small(9, 12)
+        space = airspace(small)
+        grid = build(space, np.ones(len(small.points), np.bool_))
+        bits, words = critical_bits(grid, np.flatnonzero((small.codes == 1) | (small.codes == 2)))
+        found, model = Found(*first_in(space, grid, bits, 2, flag)), small
+    best = ct.solve(model)
+    assert found.length == pytest.approx(best.primal_bound)
+    assert len(set(found.route.tolist())) == len(found.route)
+
+
+def test_bounds_on_what_remains():
+    model = ct.load("error-correction/8")
+    space = airspace(model)
+    grid = build(space, np.ones(len(model.points), np.bool_))
+    ahead, behind = remaining(space, grid, False), remaining(space, grid, True)
+    line = distances_to(grid, len(grid.x) - 1)
+    assert (ahead >= line - 1e-6).all()
+    assert ahead[-2] == pytest.approx(behind[-1])
+    best = ct.solve(model)
+    places = {point: slot for slot, point in enumerate(grid.ids.tolist())}
+    for stop in model.walk(best.plan):
+        slot = places[stop.point]
+        assert behind[slot] <= stop.distance + 1e-6
+        assert ahead[slot] <= best.primal_bound - stop.distance + 1e-6
+
+
+def test_rounds_go_on_until_no_point_repeats():
+    walks = [[0, 1, 2, 1, 9], [0, 3, 1, 3, 9], [0, 1, 4, 9]]
+    asked = []
+
+    def search(critical):
+        asked.append(critical.tolist())
+        return Found(1, np.array(walks[len(asked) - 1]), 1.0, 1.0, 10, 5)
+
+    found = elementary(search, revisits=False)
+    assert asked == [[], [1], [1, 3]]
+    assert (found.rounds, found.critical, found.made, found.settled) == (3, 2, 30, 15)
+    assert (
+        elementary(lambda _: Found(1, np.array(walks[0]), 1.0, 1.0, 1, 1), revisits=True).rounds
+        == 1
+    )
