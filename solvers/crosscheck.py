@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import queue
 import threading
 import time
@@ -28,6 +29,8 @@ from .solution import Solution
 from .verdict import Outcome, Verdict, exact_names, judge
 
 __all__ = ["Comparison", "compare", "rejudged"]
+
+log = logging.getLogger("crosstrack")
 
 
 @dataclass(frozen=True)
@@ -303,7 +306,9 @@ def _run(worker: Worker, job: Job, grace: float) -> Solution[Any]:
     begin = time.monotonic()
     try:
         return worker.solve(job, grace=grace)
-    except CrosstrackError as error:
+    except Exception as error:  # whatever one row meets, the others go on
+        if not isinstance(error, CrosstrackError):
+            log.error("%s could not be run", job.backend, exc_info=error)
         return failed(job, f"{type(error).__name__}: {error}", time.monotonic() - begin)
 
 
@@ -410,8 +415,13 @@ def _by_pool(tasks: deque[_Task], pool: Executor, grace: float, finished: Finish
             open_futures -= done
             for future in done:
                 task = futures[future]
-                data = cloudpickle.loads(future.result())
-                finished(task, Solution.from_dict(data, task.job.model))
+                try:
+                    data = cloudpickle.loads(future.result())
+                except Exception as error:  # the executor lost the task: its row, no other
+                    log.error("the executor lost a task", exc_info=error)
+                    finished(task, failed(task.job, f"executor: {type(error).__name__}: {error}"))
+                else:
+                    finished(task, Solution.from_dict(data, task.job.model))
     except KeyboardInterrupt:
         for future in open_futures:
             future.cancel()

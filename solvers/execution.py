@@ -197,20 +197,26 @@ def _attend(run: _Run, problem: Any, request: Request) -> Answer:
         thread.start()
         given_up = False
         stop_seen: float | None = None
-        while True:
-            try:
-                event = control.events.get(timeout=0.25)
-            except queue.Empty:
-                if control.stopped:
-                    stop_seen = stop_seen or time.perf_counter()
-                    given_up = time.perf_counter() - stop_seen > GRACE
-                if given_up:
+        try:
+            while True:
+                try:
+                    event = control.events.get(timeout=0.25)
+                except queue.Empty:
+                    if control.stopped:
+                        stop_seen = stop_seen or time.perf_counter()
+                        given_up = time.perf_counter() - stop_seen > GRACE
+                    if given_up:
+                        break
+                    continue
+                if event is None:
                     break
-                continue
-            if event is None:
-                break
-            run.heard(*event)
-        control.disarm()
+                run.heard(*event)
+        except BaseException:
+            # A listener that raises, or a second Ctrl-C, must not leave the backend running.
+            control.stop(Limit.INTERRUPTED)
+            raise
+        finally:
+            control.disarm()
     if given_up:
         log.warning("backend %s does not stop; its thread is left behind", backend.name)
         return Answer(

@@ -137,9 +137,9 @@ class Worker:
             self._start()
         assert self._process is not None and self._process.stdin is not None
         self._number += 1
-        body = cloudpickle.dumps((self._number, verb, payload))
+        body = cloudpickle.dumps((verb, payload))
         # The path comes first: unpickling the rest may import what only the parent's path holds.
-        message = pickle.dumps((list(sys.path), body))
+        message = pickle.dumps((list(sys.path), self._number, body))
         with contextlib.suppress(BrokenPipeError):  # its death is found when its answer is awaited
             self._process.stdin.write(struct.pack("<Q", len(message)) + message)
             self._process.stdin.flush()

@@ -1,7 +1,7 @@
 """A worker process: jobs in by cloudpickle, JSON lines out. ``python -m crosstrack.solvers.worker``.
 
-Each message in is eight bytes of length and a pickle of ``(number, verb, payload)``; each line
-out is an object with ``event``: ``ready``, ``preparing``, ``prepared``, ``incumbent``,
+Each message in is eight bytes of length and a pickle of ``(path, number, (verb, payload))``, the
+inner pair pickled by itself; each line out is an object with ``event``: ``ready``, ``preparing``, ``prepared``, ``incumbent``,
 ``solution``, ``result`` or ``error``. Whatever native code prints goes to standard error, so that
 it cannot garble the lines. The worker ends when its input does, even in the middle of a run.
 """
@@ -56,9 +56,9 @@ def main() -> None:
         body = jobs.get()
         number = -1
         try:
-            path, body = pickle.loads(body)
+            path, number, body = pickle.loads(body)
             sys.path[:] = list(dict.fromkeys([*path, *sys.path]))
-            number, verb, payload = pickle.loads(body)
+            verb, payload = pickle.loads(body)
             if verb == "call":
                 function, arguments = payload
                 send({"event": "result", "number": number, "result": function(*arguments)})

@@ -287,6 +287,21 @@ def test_dask_launches_the_workers(model):
     assert len(result.solutions) == 2
 
 
+def test_what_cannot_reach_a_worker_is_a_row(model):
+    class Stuck(Fixed):
+        def __reduce__(self):
+            raise TypeError("this one does not travel")
+
+    class Lost(Fixed):
+        def __reduce__(self):
+            return (__import__, ("no_such_module_anywhere",))
+
+    result = ct.compare(model, ["label-setting", Stuck("stuck"), Lost("lost")], time_limit=20)
+    assert result.outcome == "AGREED"
+    assert "does not travel" in result.solutions[1].message
+    assert "no_such_module_anywhere" in result.solutions[2].message
+
+
 def test_guarantees_decide_whose_bounds_count(model):
     loud = Fixed("loud", dual=99.0, guarantee=Guarantee.HEURISTIC, claims="feasible")
     result = ct.compare([model], ["label-setting", loud], time_limit=20)

@@ -89,3 +89,13 @@ def test_the_papers_program_proves_rows_1_to_6(row):
     result = ct.compare(model, ["label-setting", "highs:paper"], time_limit=100)
     assert result.outcome == "AGREED", result
     assert all(solution.termination == "optimal" for solution in result.solutions), result
+
+
+def test_a_program_that_cannot_fit_is_refused_before_it_is_built():
+    from crosstrack.errors import UnsupportedFormulation
+    from crosstrack.instances.error_correction.generator import uniform_slab
+
+    model = uniform_slab(20_000, (50, 50, 50, 50, 50), seed=0)
+    for formulation in ("paper", "arc-flow"):
+        with pytest.raises(UnsupportedFormulation, match="native backend"):
+            _ = model.formulate(formulation).program

@@ -121,6 +121,21 @@ def test_incumbents_are_heard_in_the_callers_thread(model, isolate):
 
 
 @pytest.mark.parametrize("isolate", [False, True])
+def test_a_listener_that_raises_ends_the_run(model, isolate):
+    def listener(incumbent):
+        raise ZeroDivisionError("mine")
+
+    begin = time.perf_counter()
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        ct.solve(model, Patient(), time_limit=60, isolate=isolate, on_incumbent=listener)
+    assert time.perf_counter() - begin < 10
+    deadline = time.perf_counter() + 5
+    while any(t.name == "crosstrack-fixed" for t in threading.enumerate()):
+        assert time.perf_counter() < deadline, "the backend runs on"
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize("isolate", [False, True])
 def test_ctrl_c_keeps_the_incumbent(model, isolate):
     ct.solve(model, Fixed(), isolate=isolate)  # a worker that stands ready
     threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()

@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
 
+from ...errors import UnsupportedFormulation
 from ..error_correction import END, HORIZONTAL, START, ErrorCorrectionRouting
 
 __all__ = ["Arcs", "all_arcs", "possible_arcs"]
 
 _CHUNK = 512
+#: Arcs above which a program would not fit into the memory of a common machine.
+MOST_ARCS = 30_000_000
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,7 @@ def _collect(model: ErrorCorrectionRouting, *, by_threshold: bool) -> Arcs:
     n = len(model.points)
     limit = model.rounded_limits[model.codes]
     parts = []
+    total = 0
     for first in range(0, n, _CHUNK):
         rows = np.arange(first, min(first + _CHUNK, n))
         distance = cdist(model.points[rows], model.points)
@@ -61,6 +65,12 @@ def _collect(model: ErrorCorrectionRouting, *, by_threshold: bool) -> Arcs:
         keep[model.codes[rows] == END] = False
         keep[:, model.start] = False
         tail, head = np.nonzero(keep)
+        total += tail.size
+        if total > MOST_ARCS:
+            raise UnsupportedFormulation(
+                f"a program with one column an arc would have more than {MOST_ARCS} of them for "
+                f"{n} points: use a native backend, such as 'label-setting'"
+            )
         parts.append((tail + first, head, distance[tail, head]))
     tail, head, length = (np.concatenate(part) for part in zip(*parts, strict=True))
     return Arcs(tail, head, length)
