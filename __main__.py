@@ -237,6 +237,8 @@ def solve(
             show(verification_table(solution.verification))
         if solution.message:
             show(f"message: {solution.message}")
+        if solution.termination == "infeasible":
+            show(f"crosstrack diagnose {instance} says why")
     if record is not None:
         write_text(record, solution.to_json(indent=2) + "\n")
     if picture is not None:

@@ -137,7 +137,8 @@ def load(source: str | os.PathLike[str]) -> Model[Any]:
     Parameters
     ----------
     source : str or path-like
-        A catalogue name such as ``"error-correction/7"``, or the path of an instance file. A
+        A catalogue name such as ``"error-correction/7"``, or the path of an instance file, whose
+        model is named after it unless it names itself. A
         string that is both means the catalogue's: write ``"./error-correction/7"`` for the file.
 
     Raises
@@ -165,7 +166,8 @@ def load(source: str | os.PathLike[str]) -> Model[Any]:
         )
     from .storage import read_model
 
-    return read_model(file)
+    model = read_model(file)
+    return model if model.name else dataclasses.replace(model, name=file.stem)
 
 
 def _find(name: str) -> CatalogueEntry | None:

@@ -52,7 +52,7 @@ class Block:
     def place(self, entry: int) -> str:
         """Return where `entry` (counted within the block) lies."""
         if self.index is None:
-            return f"{self.name} {entry}" if self.size > 1 else ""
+            return f"row {entry}" if self.size > 1 else ""
         return self.template.format(*self.index[entry].tolist())
 
     @property

@@ -30,7 +30,7 @@ def diagnose_routing(model: ErrorCorrectionRouting) -> Diagnosis:
         found = refusals(model, least)
         summary = (
             f"no route: {reached.size} of {len(model.points)} points can be reached, "
-            "and from each of them a threshold refuses every step beyond"
+            "and from each of them a threshold refuses every step that leads on to B"
         )
         return Diagnosis(
             model.name, False, _METHOD, summary, tuple(_finding(model, r) for r in found)
@@ -64,7 +64,7 @@ def diagnose_routing(model: ErrorCorrectionRouting) -> Diagnosis:
 def _finding(model: ErrorCorrectionRouting, refusal: Refusal) -> Finding:
     tail, head = model.label(refusal.tail), model.label(refusal.head)
     text = (
-        f"point {tail} ({model.kinds[refusal.tail]}): the nearest step beyond, to point {head} "
+        f"point {tail} ({model.kinds[refusal.tail]}): the nearest step on, to point {head} "
         f"({model.kinds[refusal.head]}), arrives with {refusal.error} {refusal.arrival:.6g} > "
         f"{refusal.threshold} {refusal.limit:.6g}, over by {refusal.excess:.4g}"
     )

@@ -12,9 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.error_correction import END, HORIZONTAL, START, VERTICAL, ErrorCorrectionRouting
+from ...models.error_correction import END, HORIZONTAL, VERTICAL, ErrorCorrectionRouting
 
-__all__ = ["Refusal", "reachable", "refusals"]
+__all__ = ["Refusal", "onward", "reachable", "refusals"]
+
+#: Above so many points, the quadratic search for those that lead on to B is left out.
+_MANY = 5000
 
 #: Names of the thresholds by the head's kind and the axis: 0 horizontal, 1 vertical error.
 _THRESHOLDS = {
@@ -81,8 +84,33 @@ def reachable(model: ErrorCorrectionRouting) -> NDArray[np.float64]:
     return least
 
 
+def onward(model: ErrorCorrectionRouting) -> NDArray[np.bool_]:
+    """Return the points from which B could be reached if they were left without any error.
+
+    Only steps into these can matter: whoever enters another point is lost. Above a few thousand
+    points, where finding them takes long, all points are returned.
+    """
+    n = len(model.points)
+    marked = np.zeros(n, bool)
+    if n > _MANY:
+        return ~marked
+    limit = model.rounded_limits[model.codes]
+    marked[model.end] = True
+    todo = [model.end]
+    while todo:
+        head = todo.pop()
+        length = np.linalg.norm(model.points - model.points[head], axis=1)
+        enters = (model.horizontal_rate * length <= limit[head, 0]) & (
+            model.vertical_rate * length <= limit[head, 1]
+        )
+        fresh = np.flatnonzero(enters & ~marked)
+        marked[fresh] = True
+        todo.extend(fresh.tolist())
+    return marked
+
+
 def refusals(model: ErrorCorrectionRouting, least: NDArray[np.float64]) -> list[Refusal]:
-    """Return, for each reached point, the step beyond that misses by least; nearest miss first.
+    """Return, for each reached point, the step towards B that misses by least; nearest miss first.
 
     Parameters
     ----------
@@ -92,18 +120,16 @@ def refusals(model: ErrorCorrectionRouting, least: NDArray[np.float64]) -> list[
         What :func:`reachable` returned.
     """
     limit = model.rounded_limits[model.codes]
-    beyond = ~np.isfinite(least)
+    beyond = ~np.isfinite(least) & onward(model)
+    beyond[model.start] = False
     found = []
     for tail in np.flatnonzero(np.isfinite(least)).tolist():
         if tail == model.end or not beyond.any():
             continue
         excess = _arrivals(model, tail, float(least[tail])) - limit
-        worst = np.where(beyond, excess.max(axis=1), np.inf)
-        head = int(worst.argmin())
+        head = int(np.where(beyond, excess.max(axis=1), np.inf).argmin())
         axis = int(excess[head].argmax())
         code = int(model.codes[head])
-        if code == START:
-            continue
         threshold, equation, error = _THRESHOLDS[code, axis]
         bound = float(model.limits[code, axis])
         over = float(excess[head, axis] + limit[head, axis] - bound)
