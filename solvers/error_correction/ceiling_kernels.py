@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, build, near
 from .heap import pop, push
-from .jit import kernel
+from .jit import MOST_LABELS, kernel
 from .reach_kernels import least_errors
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
 __all__ = ["FOUND", "NOTHING", "STOPPED", "climb"]
 
-FOUND, NOTHING, STOPPED = 1, 0, -1
+FOUND, NOTHING, STOPPED, FULL = 1, 0, -1, -2
 
 #: First ceiling above the straight line, and the factor by which it rises, in shares of the line.
 FIRST, RISE = 0.004, 2.2
@@ -51,7 +51,7 @@ def climb(
     Returns
     -------
     status : int
-        ``FOUND``, ``NOTHING`` (there is none up to the cutoff) or ``STOPPED``.
+        ``FOUND``, ``NOTHING`` (there is none up to the cutoff), ``STOPPED`` or ``FULL``.
     route : ndarray
         Points from A to B, empty without one.
     length, bound : float
@@ -90,8 +90,8 @@ def climb(
         settled += gone
         if status == FOUND:
             return FOUND, route, length, length, made, settled
-        if status == STOPPED:
-            return STOPPED, route, np.inf, max(bound, length), made, settled
+        if status in (STOPPED, FULL):
+            return status, route, np.inf, max(bound, length), made, settled
         if not reached and made > PATIENCE * n:
             # So much work may be in vain: settle first whether B can be reached at all.
             everywhere = build(space, np.ones(n, np.bool_))
@@ -161,6 +161,8 @@ def under(
         settled += 1
         length = lengths[label]
         kind = grid.kinds[here]
+        if labels > MOST_LABELS:
+            return FULL, nothing, key, labels, settled, pruned
         if labels + count >= room:
             room = 2 * (labels + count)
             slots = _grown(slots, room)

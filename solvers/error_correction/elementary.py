@@ -23,9 +23,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FOUND", "NOTHING", "STOPPED", "Found", "elementary"]
+__all__ = ["FOUND", "FULL", "NOTHING", "STOPPED", "Found", "elementary"]
 
-FOUND, NOTHING, STOPPED = 1, 0, -1
+FOUND, NOTHING, STOPPED, FULL = 1, 0, -1, -2
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Found:
     Parameters
     ----------
     status : int
-        ``FOUND``, ``NOTHING`` or ``STOPPED``.
+        ``FOUND``, ``NOTHING``, ``STOPPED`` or ``FULL`` (out of room for labels).
     route : ndarray of int64
         Points from A to B, empty without one.
     length : float
@@ -70,15 +70,20 @@ def elementary(search: Callable[[NDArray[np.int64]], Found], *, revisits: bool) 
     """
     critical = np.empty(0, np.int64)
     made = settled = rounds = 0
+    bound = -np.inf
     while True:
         found = search(critical)
+        # Every round is a relaxation: what an earlier one has proven stands.
+        bound = max(bound, found.bound)
         made, settled, rounds = made + found.made, settled + found.settled, rounds + 1
         points, times = np.unique(found.route, return_counts=True)
         twice = points[times > 1]
-        total = replace(found, made=made, settled=settled, rounds=rounds, critical=critical.size)
+        total = replace(
+            found, bound=bound, made=made, settled=settled, rounds=rounds, critical=critical.size
+        )
         if revisits or twice.size == 0:
             return total
-        if found.status == STOPPED:
+        if found.status in (STOPPED, FULL):
             # The walk at hand is no route, and there is no time to mend it.
             return replace(total, route=np.empty(0, np.int64), length=np.inf)
         critical = np.union1d(critical, twice)

@@ -7,7 +7,10 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-__all__ = ["kernel"]
+__all__ = ["MOST_LABELS", "kernel"]
+
+#: Labels of one search above which it gives up rather than fill the memory: about 3 GB.
+MOST_LABELS = 50_000_000
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -63,7 +63,7 @@ class RoutingBackend(Backend):
     def run(self, problem: ErrorCorrectionRouting, request: Request) -> Answer:
         """Search, and say what the end of the search proves."""
         from .airspace import airspace
-        from .elementary import FOUND, STOPPED
+        from .elementary import FOUND, FULL, STOPPED
 
         begin = time.perf_counter()
         cutoff = float("inf") if request.cutoff is None else request.cutoff * (1 + 1e-9)
@@ -82,9 +82,11 @@ class RoutingBackend(Backend):
         bound = None if found.bound in (float("inf"), float("-inf")) else found.bound
         if found.status == FOUND:
             termination = Termination.OPTIMAL
-        elif found.status == STOPPED:
+        elif found.status in (STOPPED, FULL):
             termination = Termination.NO_SOLUTION if plan is None else Termination.FEASIBLE
             limit = request.control.reason or Limit.INTERRUPTED
+            if found.status == FULL:
+                limit, message = Limit.MEMORY, "no room for more labels"
         elif request.cutoff is not None:
             termination, bound = Termination.NO_SOLUTION, request.cutoff
             message = "no plan better than the cutoff"

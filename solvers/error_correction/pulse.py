@@ -32,16 +32,20 @@ class Pulse(RoutingBackend):
         self, space: Airspace, revisits: bool, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Send pulses from A."""
-        from .elementary import STOPPED, Found, elementary
+        from .elementary import FULL, STOPPED, Found, elementary
         from .grid import build
         from .pulse_kernels import pulse
+        from .reach_kernels import least_errors
         from .slots import critical_bits, way_to_end
 
         flag = request.control.flag
         grid = build(space, np.ones(len(space.points), np.bool_))
-        ahead = way_to_end(space, grid)
+        ahead = way_to_end(space, grid, flag)
         least = float(ahead[-2])
-        if not np.isfinite(least):
+        # Depth-first search meets every dead end before it knows; whether B can be reached at all,
+        # whatever the length, is settled first.
+        reached = np.isfinite(least_errors(space, grid, flag)[-1]) or flag[0] != 0
+        if not reached:
             return Found(0, np.empty(0, np.int64), np.inf, np.inf, 0, 0), {}
 
         def searched(critical: np.ndarray[Any, np.dtype[np.int64]]) -> Found:
@@ -49,7 +53,7 @@ class Pulse(RoutingBackend):
             status, route, length, bound, made, extended = pulse(
                 space, grid, ahead, bits, words, ceiling, flag
             )
-            bound = least if status == STOPPED else bound
+            bound = least if status in (STOPPED, FULL) else bound
             return Found(status, route, length, bound, made, extended)
 
         return elementary(searched, revisits=revisits), {}

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
-from .jit import kernel
+from .jit import MOST_LABELS, kernel
 from .labels import add, dominated, grown, link, make, visited
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
 __all__ = ["pulse"]
 
-FOUND, NOTHING, STOPPED = 1, 0, -1
+FOUND, NOTHING, STOPPED, FULL = 1, 0, -1, -2
 
 
 @kernel
@@ -56,8 +56,9 @@ def pulse(
     depth = 0
     entering = True
     while depth >= 0:
-        if flag[0] != 0:
-            return STOPPED, route, best if any_route else np.inf, -np.inf, used, settled
+        if flag[0] != 0 or used > MOST_LABELS:
+            status = STOPPED if flag[0] != 0 else FULL
+            return status, route, best if any_route else np.inf, -np.inf, used, settled
         label = way[depth]
         if entering:
             entering = False

@@ -32,7 +32,7 @@ def critical_bits(grid: Grid, critical: NDArray[np.int64]) -> tuple[NDArray[np.i
     return bits.astype(np.int64), (critical.size + 63) // 64
 
 
-def way_to_end(space: Airspace, grid: Grid) -> NDArray[np.float64]:
+def way_to_end(space: Airspace, grid: Grid, flag: NDArray[np.int8]) -> NDArray[np.float64]:
     """Return a lower bound on the length from every slot to B.
 
     The shortest way over arcs that the thresholds alone allow; for very many points, where finding
@@ -41,14 +41,14 @@ def way_to_end(space: Airspace, grid: Grid) -> NDArray[np.float64]:
     if len(grid.x) > _MANY:
         line: NDArray[np.float64] = distances_to(grid, len(grid.x) - 1)
         return line
-    way: NDArray[np.float64] = remaining(space, grid, False)
+    way: NDArray[np.float64] = remaining(space, grid, False, flag)
     return way
 
 
-def way_from_start(space: Airspace, grid: Grid) -> NDArray[np.float64]:
+def way_from_start(space: Airspace, grid: Grid, flag: NDArray[np.int8]) -> NDArray[np.float64]:
     """Return a lower bound on the length from A to every slot; see :func:`way_to_end`."""
     if len(grid.x) > _MANY:
         line: NDArray[np.float64] = distances_to(grid, len(grid.x) - 2)
         return line
-    way: NDArray[np.float64] = remaining(space, grid, True)
+    way: NDArray[np.float64] = remaining(space, grid, True, flag)
     return way

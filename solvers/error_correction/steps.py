@@ -66,11 +66,14 @@ def distances_to(grid: Grid, slot: int) -> NDArray[np.float64]:
 
 
 @kernel
-def remaining(space: Airspace, grid: Grid, forward: bool) -> NDArray[np.float64]:
+def remaining(
+    space: Airspace, grid: Grid, forward: bool, flag: NDArray[np.int8]
+) -> NDArray[np.float64]:
     """Return the shortest length from every slot to B over arcs that the thresholds alone allow.
 
     With `forward`, from A to every slot. It ignores what is carried, so it bounds every route from
-    below; inf where no such way exists. Dijkstra with a scan for the nearest open slot.
+    below; inf where no such way exists. Dijkstra with a scan for the nearest open slot. Where `flag`
+    stops it, 0 is returned for every slot, which bounds nothing.
     """
     count = len(grid.x)
     first, last = count - 2, count - 1
@@ -81,6 +84,8 @@ def remaining(space: Airspace, grid: Grid, forward: bool) -> NDArray[np.float64]
     away = np.empty(count)
     reaches = np.array([0.0, reach(space, HORIZONTAL), reach(space, VERTICAL), reach(space, END)])
     for _ in range(count):
+        if flag[0] != 0:
+            return np.zeros(count)
         here = -1
         for s in range(count):
             if not done[s] and best[s] < np.inf and (here < 0 or best[s] < best[here]):

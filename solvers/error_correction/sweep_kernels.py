@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
 from .heap import pop, push
-from .jit import kernel
+from .jit import MOST_LABELS, kernel
 from .labels import add, dominated, grown, link, make, visited
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
 __all__ = ["FOUND", "NOTHING", "STOPPED", "best_first", "first_in"]
 
-FOUND, NOTHING, STOPPED = 1, 0, -1
+FOUND, NOTHING, STOPPED, FULL = 1, 0, -1, -2
 
 Result = tuple[int, NDArray[np.int64], float, float, int, int]
 
@@ -55,7 +55,7 @@ def best_first(
     Returns
     -------
     status : int
-        ``FOUND``, ``NOTHING`` or ``STOPPED``.
+        ``FOUND``, ``NOTHING``, ``STOPPED`` or ``FULL``.
     route : ndarray
         Points from A to B, empty without one.
     length, bound : float
@@ -91,6 +91,8 @@ def best_first(
             return STOPPED, nothing, np.inf, key, used, settled
         link(labels, heads, label)
         settled += 1
+        if used > MOST_LABELS:
+            return FULL, nothing, np.inf, key, used, settled
         if used + count >= room:
             room = 2 * (used + count)
             labels = grown(labels, used, room)
@@ -144,11 +146,12 @@ def first_in(
     nothing = np.empty(0, np.int64)
     # Labels are made in the order in which they are extended: the columns are the queue.
     while label < used:
-        if flag[0] != 0:
+        if flag[0] != 0 or used > MOST_LABELS:
+            status = STOPPED if flag[0] != 0 else FULL
             if last < 0:
-                return STOPPED, nothing, np.inf, -np.inf, used, settled
+                return status, nothing, np.inf, -np.inf, used, settled
             return (
-                STOPPED,
+                status,
                 trace(labels.slot, labels.parent, grid.ids, last),
                 best,
                 -np.inf,

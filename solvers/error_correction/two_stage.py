@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,7 +37,7 @@ class TwoStage(RoutingBackend):
         self, space: Airspace, revisits: bool, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Run the two stages."""
-        from .elementary import STOPPED, Found, elementary
+        from .elementary import FULL, STOPPED, Found, elementary
         from .grid import build
         from .slots import critical_bits, way_from_start, way_to_end
         from .sweep_kernels import best_first
@@ -48,9 +49,9 @@ class TwoStage(RoutingBackend):
         # The route found must stay below its own ceiling whatever rounding does.
         ceiling = min(ceiling, length * (1 + 1e-12))
         between = time.perf_counter()
-        ahead = way_to_end(space, grid)
+        ahead = way_to_end(space, grid, flag)
         least = float(ahead[-2])
-        through = ahead + way_from_start(space, grid)
+        through = ahead + way_from_start(space, grid, flag)
         keep = np.zeros(len(space.points), np.bool_)
         keep[grid.ids[np.isfinite(through) & (through <= ceiling * (1 + 1e-12))]] = True
         smaller = build(space, keep)
@@ -63,17 +64,13 @@ class TwoStage(RoutingBackend):
             return Found(*best_first(space, smaller, ahead, bits, words, ceiling, flag))
 
         found = elementary(searched, revisits=revisits)
-        if found.status == STOPPED and first.size:
-            bound = max(found.bound, least)
-            found = Found(
-                STOPPED,
-                first,
-                length,
-                bound,
-                found.made,
-                found.settled,
-                found.rounds,
-                found.critical,
+        if found.status in (STOPPED, FULL):
+            # The first stage's route is at hand, and the way to B bounds every route.
+            found = replace(
+                found,
+                route=found.route if found.route.size else first,
+                length=min(found.length, length),
+                bound=max(found.bound, least),
             )
         own = {
             "stage1_seconds": between - begin,
