@@ -96,7 +96,9 @@ def _sum(columns: list[int], values: list[float]) -> str:
 def _lp_lines(program: MixedIntegerProgram) -> Iterator[str]:
     yield "Minimize"
     objective = _sum(list(range(program.size)), program.cost.tolist())
-    yield f" cost: {objective}" + (f" {program.offset:+r}" if program.offset else "")
+    sign = "-" if program.offset < 0 else "+"
+    constant = f" {sign} {abs(program.offset)!r}" if program.offset else ""
+    yield f" cost: {objective}{constant}"
     yield "Subject To"
     matrix = program.matrix
     for row, (low, high) in enumerate(

@@ -205,6 +205,9 @@ class Array(Spec):
         kinds = {float: "iuf", int: "iu", bool: "b"}[self.dtype]
         if raw.dtype.kind in kinds or raw.size == 0:
             return np.array(raw, dtype=self.dtype)
+        if self.dtype is bool and raw.dtype.kind in "iu":
+            self._refuse(name, raw, (raw != 0) & (raw != 1), "must be true or false")
+            return raw.astype(bool)
         if self.dtype is int and raw.dtype.kind == "f":
             with np.errstate(invalid="ignore"):
                 whole = np.isfinite(raw) & (raw == np.floor(raw))
