@@ -20,12 +20,12 @@ from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, build, near
 from .heap import pop, push
 from .jit import MOST_LABELS, kernel
+from .outcomes import FOUND, FULL, NOTHING, STOPPED
 from .reach_kernels import least_errors
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
-__all__ = ["FOUND", "NOTHING", "STOPPED", "climb"]
+__all__ = ["climb"]
 
-FOUND, NOTHING, STOPPED, FULL = 1, 0, -1, -2
 
 #: First ceiling above the straight line, and the factor by which it rises, in shares of the line.
 FIRST, RISE = 0.004, 2.2

@@ -23,9 +23,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FOUND", "FULL", "NOTHING", "STOPPED", "Found", "elementary"]
+from .outcomes import FULL, STOPPED
 
-FOUND, NOTHING, STOPPED, FULL = 1, 0, -1, -2
+__all__ = ["Found", "elementary"]
 
 
 @dataclass(frozen=True)

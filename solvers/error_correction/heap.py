@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from .jit import kernel
 
-__all__ = ["pop", "push"]
+__all__ = ["pop", "push", "widened"]
 
 Keys = NDArray[np.float64]
 Items = NDArray[np.int64]
@@ -53,3 +53,12 @@ def pop(keys: Keys, items: Items, size: int) -> int:
     keys[hole] = key
     items[hole] = item
     return size
+
+
+@kernel
+def widened(keys: Keys, items: Items, size: int, room: int) -> tuple[Keys, Items]:
+    """Return the arrays with more room and the same `size` entries."""
+    wider_keys, wider_items = np.empty(room), np.empty(room, np.int64)
+    wider_keys[:size] = keys[:size]
+    wider_items[:size] = items[:size]
+    return wider_keys, wider_items

@@ -7,13 +7,12 @@ from numpy.typing import NDArray
 
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
-from .heap import pop, push
+from .heap import pop, push, widened
 from .jit import kernel
+from .outcomes import FOUND, NOTHING, STOPPED
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
 __all__ = ["label_once"]
-
-FOUND, NOTHING, STOPPED = 1, 0, -1
 
 
 @kernel
@@ -81,9 +80,7 @@ def label_once(
             best, last = length + to_end[here], here
         if size + count >= room:
             room = 2 * (size + count)
-            wider_keys, wider_items = np.empty(room), np.empty(room, np.int64)
-            wider_keys[:size], wider_items[:size] = keys[:size], items[:size]
-            keys, items = wider_keys, wider_items
+            keys, items = widened(keys, items, size, room)
         for head in (HORIZONTAL, VERTICAL):
             rate = space.rates[0] if head == HORIZONTAL else space.rates[1]
             k = near(grid, here, head, radius_of(space, kind, head, error), found, away)

@@ -63,7 +63,7 @@ class RoutingBackend(Backend):
     def run(self, problem: ErrorCorrectionRouting, request: Request) -> Answer:
         """Search, and say what the end of the search proves."""
         from .airspace import airspace
-        from .elementary import FOUND, FULL, STOPPED
+        from .outcomes import FOUND, FULL, STOPPED
 
         begin = time.perf_counter()
         cutoff = float("inf") if request.cutoff is None else request.cutoff * (1 + 1e-9)

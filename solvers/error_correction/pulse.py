@@ -32,8 +32,9 @@ class Pulse(RoutingBackend):
         self, space: Airspace, revisits: bool, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Send pulses from A."""
-        from .elementary import FULL, STOPPED, Found, elementary
+        from .elementary import Found, elementary
         from .grid import build
+        from .outcomes import FULL, STOPPED
         from .pulse_kernels import pulse
         from .reach_kernels import least_errors
         from .slots import critical_bits, way_to_end

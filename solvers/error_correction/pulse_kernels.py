@@ -15,11 +15,10 @@ from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
 from .jit import MOST_LABELS, kernel
 from .labels import add, dominated, grown, link, make, visited
+from .outcomes import FOUND, FULL, NOTHING, STOPPED
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
 __all__ = ["pulse"]
-
-FOUND, NOTHING, STOPPED, FULL = 1, 0, -1, -2
 
 
 @kernel

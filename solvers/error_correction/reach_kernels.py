@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
-from .heap import pop, push
+from .heap import pop, push, widened
 from .jit import kernel
 from .steps import REFUSED, arrive, distances_to, radius_of
 
@@ -44,9 +44,7 @@ def least_errors(space: Airspace, grid: Grid, flag: NDArray[np.int8]) -> NDArray
             least[end] = 0.0
         if size + count >= room:
             room = 2 * (size + count)
-            wider_keys, wider_items = np.empty(room), np.empty(room, np.int64)
-            wider_keys[:size], wider_items[:size] = keys[:size], items[:size]
-            keys, items = wider_keys, wider_items
+            keys, items = widened(keys, items, size, room)
         for head in (HORIZONTAL, VERTICAL):
             k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
             for m in range(k):

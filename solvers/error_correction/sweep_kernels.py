@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
-from .heap import pop, push
+from .heap import pop, push, widened
 from .jit import MOST_LABELS, kernel
 from .labels import add, dominated, grown, link, make, visited
+from .outcomes import FOUND, FULL, NOTHING, STOPPED
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
-__all__ = ["FOUND", "NOTHING", "STOPPED", "best_first", "first_in"]
+__all__ = ["best_first", "first_in"]
 
-FOUND, NOTHING, STOPPED, FULL = 1, 0, -1, -2
 
 Result = tuple[int, NDArray[np.int64], float, float, int, int]
 
@@ -96,9 +96,7 @@ def best_first(
         if used + count >= room:
             room = 2 * (used + count)
             labels = grown(labels, used, room)
-            wider_keys, wider_items = np.empty(room), np.empty(room, np.int64)
-            wider_keys[:size], wider_items[:size] = keys[:size], items[:size]
-            keys, items = wider_keys, wider_items
+            keys, items = widened(keys, items, size, room)
         kind, error, length = grid.kinds[here], labels.error[label], labels.length[label]
         if length + to_end[here] <= ceiling:
             if arrive(space, kind, END, error, to_end[here]) != REFUSED:

@@ -37,8 +37,9 @@ class TwoStage(RoutingBackend):
         self, space: Airspace, revisits: bool, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Run the two stages."""
-        from .elementary import FULL, STOPPED, Found, elementary
+        from .elementary import Found, elementary
         from .grid import build
+        from .outcomes import FULL, STOPPED
         from .slots import critical_bits, way_from_start, way_to_end
         from .sweep_kernels import best_first
 
