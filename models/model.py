@@ -215,6 +215,28 @@ class Model(ABC, Generic[PlanT]):
     def plan_from_data(self, data: Any) -> PlanT:
         """Return the plan that :meth:`plan_to_data` wrote; bad data raises ``InvalidData``."""
 
+    def as_plan(self, value: Any) -> PlanT:
+        """Return the plan that `value` means.
+
+        Parameters
+        ----------
+        value : object
+            A plan, its JSON data, or whatever has a plan as its ``plan``, such as a solution.
+
+        Raises
+        ------
+        InvalidData
+            There is none.
+        """
+        plan = getattr(value, "plan", value)
+        if plan is None:
+            ended = getattr(value, "termination", None)
+            raise InvalidData(f"there is no plan{f' ({ended})' if ended else ''}", field="plan")
+        if isinstance(plan, Mapping | list | tuple):
+            return self.plan_from_data(plan)
+        found: PlanT = plan
+        return found
+
     # -- formulations ----------------------------------------------------------------------------
 
     def lower(self) -> Model[Any] | None:

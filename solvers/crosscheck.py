@@ -20,7 +20,6 @@ from ..errors import CrosstrackError, InvalidData, UnknownName, UnsupportedOptio
 from ..models.model import Model, library_version
 from .backend import Backend, Feature, Limit, Termination
 from .campaign import Record
-from .dispatch import plan_of
 from .execution import GRACE
 from .isolation import Worker
 from .job import Job
@@ -161,7 +160,10 @@ def compare(
         raise UnsupportedOption(f"workers must be a whole number >= 1, got {workers!r}")
     if resume and record is None:
         raise UnsupportedOption("resume needs a record to go on with")
-    warm = _warm_starts(warm_start, len(models))
+    for model in models:
+        if not isinstance(model, Model):
+            raise InvalidData(f"models must be Models, got {model!r}", field="models")
+    warm = _warm_starts(warm_start, models)
     common = {
         "formulation_options": dict(formulation_options or {}),
         "time_limit": time_limit, "gap": gap, "tolerance": tolerance, "seed": seed, "threads": threads,
@@ -224,16 +226,16 @@ def _named(backend: str | Backend, formulation: str | None) -> tuple[Backend, st
     return find_backend(backend), formulation
 
 
-def _warm_starts(value: Any, count: int) -> list[Any]:
-    if value is None:
-        return [None] * count
-    if isinstance(value, list | tuple):
-        if len(value) != count:
-            raise InvalidData(
-                f"warm_start has {len(value)} entries for {count} models", field="warm_start"
-            )
-        return [plan_of(entry) for entry in value]
-    return [plan_of(value)] * count
+def _warm_starts(value: Any, models: Sequence[Model[Any]]) -> list[Any]:
+    """Return one plan a model, from one for all of them or a sequence of one for each."""
+    many = isinstance(value, list | tuple) and not all(isinstance(k, int) for k in value)
+    values = list(value) if many else [value] * len(models)
+    if len(values) != len(models):
+        raise InvalidData(
+            f"warm_start has {len(values)} entries for {len(models)} models", field="warm_start"
+        )
+    pairs = zip(models, values, strict=True)
+    return [None if value is None else model.as_plan(value) for model, value in pairs]
 
 
 def _task(

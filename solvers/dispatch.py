@@ -32,7 +32,7 @@ def solve(
     tolerance: float | None = None,
     seed: int | None = None,
     threads: int | None = None,
-    warm_start: PlanT | Solution[PlanT] | None = None,
+    warm_start: PlanT | Solution[PlanT] | Any = None,
     starts: int = 1,
     on_incumbent: Callable[[Incumbent[PlanT]], None] | None = None,
     isolate: bool | None = None,
@@ -63,7 +63,7 @@ def solve(
         Largest violation accepted, in the backend and in the verification (default 1e-6).
     seed, threads : int, optional
         For backends that draw, or that use threads.
-    warm_start : plan or Solution, optional
+    warm_start : plan, Solution or JSON data, optional
         A plan to start from; it is verified first, and bounds the objective.
     starts : int
         Number of starts from different seeds, for backends that are not exact; all are kept.
@@ -87,6 +87,9 @@ def solve(
     UnknownName, UnsupportedOption, UnsupportedFormulation, InvalidData
         Something asked for is not to be had.
     """
+    if not isinstance(model, Model):
+        hint = "; load it first: crosstrack.load(…)" if isinstance(model, str) else ""
+        raise InvalidData(f"model must be a Model, got {model!r}{hint}", field="model")
     job = Job(
         model=model,
         backend=backend,
@@ -97,7 +100,7 @@ def solve(
         tolerance=tolerance,
         seed=seed,
         threads=threads,
-        warm_start=plan_of(warm_start),
+        warm_start=None if warm_start is None else model.as_plan(warm_start),
         starts=starts,
         backend_options=dict(backend_options or {}),
     ).resolved()
@@ -105,17 +108,6 @@ def solve(
         job.target()  # what cannot be had raises here, before a process starts
         return in_worker(job, listener=on_incumbent)
     return execute(job, listener=on_incumbent)
-
-
-def plan_of(start: Any) -> Any:
-    """Return the plan of a solution, or the plan itself."""
-    if not isinstance(start, Solution):
-        return start
-    if start.plan is None:
-        raise InvalidData(
-            f"warm_start: the solution has no plan ({start.termination})", field="warm_start"
-        )
-    return start.plan
 
 
 def needs_worker(job: Job) -> bool:
@@ -129,7 +121,7 @@ def needs_worker(job: Job) -> bool:
 
 def verify(
     model: Model[PlanT],
-    plan: PlanT | Solution[PlanT],
+    plan: PlanT | Solution[PlanT] | Any,
     *,
     tolerance: float = TOLERANCE,
     formulation: str | None = None,
@@ -141,7 +133,7 @@ def verify(
     ----------
     model : Model
         What was asked.
-    plan : plan or Solution
+    plan : plan, Solution or JSON data
         The plan.
     tolerance : float
         Largest violation accepted, relative to ``max(1, right-hand side)``.
@@ -160,7 +152,7 @@ def verify(
     InvalidData
         The plan is none for this model, or cannot be encoded.
     """
-    checked: PlanT = plan_of(plan)
+    checked = model.as_plan(plan)
     found = model.verify(checked, tolerance=tolerance)
     if formulation is None:
         return found

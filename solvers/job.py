@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ..errors import InvalidData, UnsupportedFormulation, UnsupportedOption
+from ..errors import UnsupportedFormulation, UnsupportedOption
 from ..models.formulation import Formulation
 from ..models.model import Model
 from ..models.verification import TOLERANCE
@@ -49,9 +49,6 @@ class Job:
     backend_options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.model, Model):
-            hint = "; load it first: crosstrack.load(…)" if isinstance(self.model, str) else ""
-            raise InvalidData(f"model must be a Model, got {self.model!r}{hint}", field="model")
         for name, strict in (("time_limit", True), ("gap", False), ("tolerance", True)):
             value = getattr(self, name)
             if value is None:

@@ -228,9 +228,12 @@ def test_interrupted_is_130_with_the_incumbent(tmp_path):
         [sys.executable, "-m", "crosstrack", "solve", str(path), "--backend", "highs", "--json"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    time.sleep(4)
-    os.kill(process.pid, signal.SIGINT)
-    output, errors = process.communicate(timeout=60)
+    try:
+        time.sleep(4)
+        os.kill(process.pid, signal.SIGINT)
+        output, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
     assert process.returncode == 130, errors
     data = json.loads(output)
     assert data["limit"] == "interrupted"

@@ -175,7 +175,7 @@ def test_matplotlib_missing(model, monkeypatch):
 
 def test_what_cannot_be_drawn(model):
     with pytest.raises(InvalidData, match="plan must be a Route"):
-        plot(model, [0, 1, 2])
+        plot(model, "0-1-2")
     with pytest.raises(InvalidData, match=r"route\[1\]"):
         plot(model, Route((0, 9)))
     with pytest.raises(UnsupportedOption, match="no option 'color'; its options: labels, title"):

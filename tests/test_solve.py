@@ -187,6 +187,17 @@ def test_nothing_is_dropped_in_silence(model, options, error, words):
         ct.solve(model, **options)
 
 
+def test_a_plan_may_come_as_a_solution_or_as_data(model):
+    best = ct.solve(model)
+    for plan in (best, best.plan, [0, 1, 2, 4], {"route": [0, 1, 2, 4]}):
+        assert ct.verify(model, plan).objective == pytest.approx(4.5)
+        assert ct.solve(model, "highs", warm_start=plan).termination == "optimal"
+        assert ct.compare([model], ["highs"], warm_start=plan).outcome == "AGREED"
+    nothing = ct.solve(model, Fixed(route=None))
+    with pytest.raises(InvalidData, match="there is no plan"):
+        ct.verify(model, nothing)
+
+
 def test_a_name_is_no_model():
     with pytest.raises(InvalidData, match="load it first"):
         ct.solve("error-correction/1")

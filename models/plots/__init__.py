@@ -34,7 +34,7 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
     ----------
     model : Model
         The model.
-    plan : optional
+    plan : plan, Solution or JSON data, optional
         A plan for it, valid or not; None draws the data only.
     **options
         Those of the model's picture: for error-correction routing
@@ -67,7 +67,7 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
         ) from error
     draw: Callable[..., Figure] = resolve(_PICTURES[model.kind])
     _refuse_unknown(model.kind, draw, options)
-    return draw(model, plan, **options)
+    return draw(model, None if plan is None else model.as_plan(plan), **options)
 
 
 def _refuse_unknown(kind: str, draw: Callable[..., Any], options: dict[str, Any]) -> None:
