@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+
+log = logging.getLogger("crosstrack")
 
 __all__ = ["MOST_LABELS", "kernel"]
 
@@ -21,4 +24,9 @@ def kernel(function: F) -> F:
     The compiled code is cached on disk, divides as NumPy does, and runs without the interpreter's
     lock, so that a timer or Ctrl-C can set the stop flag meanwhile.
     """
-    return cast(F, numba.njit(cache=True, error_model="numpy", nogil=True)(function))
+    try:
+        return cast(F, numba.njit(cache=True, error_model="numpy", nogil=True)(function))
+    except RuntimeError as error:
+        # Neither beside the source nor in the user's folder may anything be written.
+        log.info("compiled code is not kept: %s", error)
+        return cast(F, numba.njit(error_model="numpy", nogil=True)(function))
