@@ -36,17 +36,13 @@ class Pulse(RoutingBackend):
         from .grid import build
         from .outcomes import FULL, STOPPED
         from .pulse_kernels import pulse
-        from .reach_kernels import least_errors
         from .slots import critical_bits, way_to_end
 
         flag = request.control.flag
         grid = build(space, np.ones(len(space.points), np.bool_))
         ahead = way_to_end(space, grid, flag)
         least = float(ahead[-2])
-        # Depth-first search meets every dead end before it knows; whether B can be reached at all,
-        # whatever the length, is settled first.
-        reached = np.isfinite(least_errors(space, grid, flag)[-1]) or flag[0] != 0
-        if not reached:
+        if not np.isfinite(least):
             return Found(0, np.empty(0, np.int64), np.inf, np.inf, 0, 0), {}
 
         def searched(critical: np.ndarray[Any, np.dtype[np.int64]]) -> Found:

@@ -16,9 +16,13 @@ from .grid import Grid, near
 from .jit import MOST_LABELS, kernel
 from .labels import add, dominated, grown, link, make, visited
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
+from .reach_kernels import least_errors
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
 __all__ = ["pulse"]
+
+#: Pulses a point that are sent before it is worth asking whether there is any route.
+PATIENCE = 4
 
 
 @kernel
@@ -54,7 +58,14 @@ def pulse(
     way = np.zeros(count + 8, np.int64)
     depth = 0
     entering = True
+    asked = False
     while depth >= 0:
+        if not asked and not any_route and used > PATIENCE * count:
+            # Depth-first search meets every dead end before it knows: settle first whether B can
+            # be reached at all, whatever the length.
+            asked = True
+            if least_errors(space, grid, flag)[end] == np.inf and flag[0] == 0:
+                return NOTHING, route, np.inf, np.inf, used, settled
         if flag[0] != 0 or used > MOST_LABELS:
             status = STOPPED if flag[0] != 0 else FULL
             return status, route, best if any_route else np.inf, -np.inf, used, settled
