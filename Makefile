@@ -57,7 +57,7 @@ slow: .venv/test.stamp  ## Tests marked slow
 	$(BIN)/pytest tests -n 2 -m slow
 
 bench: .venv/benchmark.stamp  ## Benchmarks; nothing else should run meanwhile
-	$(BIN)/pytest tests/benchmarks -s
+	$(BIN)/pytest tests/benchmarks -s -q --benchmark-columns=min,median,max,rounds --benchmark-sort=fullname
 
 docs: .venv/docs.stamp  ## The site, into docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -j auto -b html docs docs/_build/html

@@ -49,29 +49,39 @@ def all_arcs(model: ErrorCorrectionRouting) -> Arcs:
     return _collect(model, by_threshold=False)
 
 
-def _collect(model: ErrorCorrectionRouting, *, by_threshold: bool) -> Arcs:
-    n = len(model.points)
-    limit = model.rounded_limits[model.codes]
+def _collect(
+    model: ErrorCorrectionRouting, *, by_threshold: bool, length_bound: float = np.inf
+) -> Arcs:
+    """Return the arcs, without those that the thresholds or the straight way to B exclude."""
+    from_start = np.linalg.norm(model.points - model.points[model.start], axis=1)
+    to_end = np.linalg.norm(model.points - model.points[model.end], axis=1)
+    most = length_bound * (1 + 1e-9)
+    near = from_start + to_end <= most
+    near[[model.start, model.end]] = True
+    chosen = np.flatnonzero(near)
+    points, codes = model.points[chosen], model.codes[chosen]
+    limit = model.rounded_limits[codes]
     parts = []
     total = 0
-    for first in range(0, n, _CHUNK):
-        rows = np.arange(first, min(first + _CHUNK, n))
-        distance = cdist(model.points[rows], model.points)
-        keep = np.ones(distance.shape, bool)
+    for first in range(0, len(chosen), _CHUNK):
+        rows = np.arange(first, min(first + _CHUNK, len(chosen)))
+        distance = cdist(points[rows], points)
+        keep = from_start[chosen[rows], None] + distance + to_end[None, chosen] <= most
         if by_threshold:
             keep &= model.horizontal_rate * distance <= limit[None, :, 0]
             keep &= model.vertical_rate * distance <= limit[None, :, 1]
         keep[rows - first, rows] = False
-        keep[model.codes[rows] == END] = False
-        keep[:, model.start] = False
+        keep[codes[rows] == END] = False
+        keep[:, codes == START] = False
         tail, head = np.nonzero(keep)
         total += tail.size
         if total > MOST_ARCS:
             raise UnsupportedFormulation(
                 f"a program with one column an arc would have more than {MOST_ARCS} of them for "
-                f"{n} points: use a native backend, such as 'label-setting'"
+                f"{len(model.points)} points: use a native backend, such as 'label-setting', or "
+                "give the plan of one as a warm start"
             )
-        parts.append((tail + first, head, distance[tail, head]))
+        parts.append((chosen[tail + first], chosen[head], distance[tail, head]))
     tail, head, length = (np.concatenate(part) for part in zip(*parts, strict=True))
     return Arcs(tail, head, length)
 
@@ -84,7 +94,7 @@ def possible_arcs(model: ErrorCorrectionRouting, length_bound: float = np.inf) -
     longer than `length_bound` (m). All three only remove arcs that no such route uses, and are
     repeated until nothing more goes.
     """
-    arcs = _collect(model, by_threshold=True)
+    arcs = _collect(model, by_threshold=True, length_bound=length_bound)
     n = len(model.points)
     limit = model.rounded_limits[model.codes]
     while True:
