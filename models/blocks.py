@@ -52,7 +52,7 @@ class Block:
     def place(self, entry: int) -> str:
         """Return where `entry` (counted within the block) lies."""
         if self.index is None:
-            return f"row {entry}" if self.size > 1 else ""
+            return f"{self.name} {entry}" if self.size > 1 else ""
         return self.template.format(*self.index[entry].tolist())
 
     @property
@@ -62,8 +62,9 @@ class Block:
 
     def describe(self, entry: int) -> str:
         """Return ``"eq. 13, horizontal error at point 40"``."""
-        place = self.place(entry)
-        return f"{self.title} {place}" if place else self.title
+        if self.index is None:
+            return f"{self.title} {entry}" if self.size > 1 else self.title
+        return f"{self.title} {self.place(entry)}"
 
 
 @dataclass(frozen=True)

@@ -346,12 +346,17 @@ def test_what_is_written_is_read_back(model, tmp_path_factory):
     "ids", [("1", "2", "3", "4"), (1, "two", 3, 4), (" a", "b", "c", "d"), ("", "b", "c", "d")]
 )
 def test_ids_that_a_csv_cannot_hold_are_refused(ids, tmp_path):
-    model = ErrorCorrectionRouting(POINTS, **DATA, ids=ids)
+    model = ErrorCorrectionRouting(POINTS, **DATA, ids=ids, name="with ids")
     (tmp_path / "points.csv").write_text("kept")
     with pytest.raises(InvalidData, match="id"):
         ec.write_csv(model, tmp_path / "points.csv")
     assert (tmp_path / "points.csv").read_text() == "kept"
     same(instances.load(ec.write_json(model, tmp_path / "instance.json")), model)
+
+
+def test_a_file_without_a_name_names_its_model(tmp_path):
+    model = ErrorCorrectionRouting(POINTS, **DATA)
+    assert instances.load(ec.write_json(model, tmp_path / "north.json")).name == "north"
 
 
 def read(tmp_path, content):
