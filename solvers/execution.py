@@ -258,8 +258,9 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
                     plan, tolerance=TOLERANCE if job.tolerance is None else job.tolerance
                 )
         except InvalidData as error:
-            messages.append(f"the point does not decode: {error}")
-            termination, dual = Termination.REJECTED, None
+            # Whether it does not decode or is no plan of the model: nothing of it is returned.
+            messages.append(f"the point is no plan: {error}")
+            termination, plan, dual = Termination.REJECTED, None, None
         else:
             plan_data = model.plan_to_data(plan)
             if not verification.ok:

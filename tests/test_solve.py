@@ -63,6 +63,18 @@ def test_what_fails_verification_is_rejected(model):
     assert answer.rejected_plan == {"route": [0, 2, 4], "ids": [1, 3, 5]}
 
 
+@pytest.mark.parametrize("isolate", [False, True])
+def test_what_is_no_plan_at_all_is_rejected(model, isolate):
+    """A point that does not exist: the model refuses to verify it, and nobody gets it."""
+    answer = ct.solve(model, Fixed(route=(0, 99)), isolate=isolate)
+    assert answer.termination == "rejected"
+    assert answer.plan is None
+    assert answer.plan_data is None
+    assert not answer.verified
+    assert answer.dual_bound is None
+    assert "99" in answer.message
+
+
 def test_a_claim_of_optimality_needs_its_bound(model):
     answer = ct.solve(model, Fixed(dual=4.0))
     assert answer.termination == "feasible"
