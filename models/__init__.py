@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from .error_correction import ErrorCorrectionRouting, Route
     from .formulation import Formulation
     from .model import Model
-    from .programs import Block, MixedIntegerProgram, Program
+    from .programs import Block, MixedIntegerProgram, Program, QuadraticProgram
     from .verification import Check, Verification
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "Model",
     "Program",
     "ProgramBuilder",
+    "QuadraticProgram",
     "Route",
     "Verification",
     "model_type",
@@ -38,6 +39,7 @@ _HOMES = {
     "Model": "model",
     "Program": "programs",
     "ProgramBuilder": "builder",
+    "QuadraticProgram": "programs",
     "Route": "error_correction",
     "Verification": "verification",
 }
@@ -46,6 +48,7 @@ _HOMES = {
 _TYPES: dict[str, str | type[Model[Any]]] = {
     "error-correction": ".models.error_correction:ErrorCorrectionRouting",
     "mixed-integer-program": ".models.programs:MixedIntegerProgram",
+    "quadratic-program": ".models.programs:QuadraticProgram",
 }
 
 

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .programs import MixedIntegerProgram, QuadraticProgram, RowProgram
+
 if TYPE_CHECKING:
     import cvxpy
+    import qpsolvers
 
-    from .programs import MixedIntegerProgram
-
-__all__ = ["cvxpy_problem", "lp", "mps"]
+__all__ = ["cvxpy_problem", "lp", "mps", "qpsolvers_problem"]
 
 
 def _senses(program: MixedIntegerProgram) -> list[str]:
@@ -130,7 +131,7 @@ def _lp_lines(program: MixedIntegerProgram) -> Iterator[str]:
     yield "End"
 
 
-def cvxpy_problem(program: MixedIntegerProgram) -> tuple[cvxpy.Problem, cvxpy.Variable]:
+def cvxpy_problem(program: RowProgram) -> tuple[cvxpy.Problem, cvxpy.Variable]:
     """Return `program` as a ``cvxpy.Problem`` with its variable.
 
     The constraints stand in the order: equal rows, rows from below, rows from above, columns from
@@ -139,8 +140,9 @@ def cvxpy_problem(program: MixedIntegerProgram) -> tuple[cvxpy.Problem, cvxpy.Va
     import cvxpy
 
     made: Any = cvxpy  # its functions are not typed
-    if program.integral.any():
-        x = made.Variable(program.size, integer=[np.flatnonzero(program.integral)], name="x")
+    integral = np.flatnonzero(getattr(program, "integral", ()))
+    if integral.size:
+        x = made.Variable(program.size, integer=[integral], name="x")
     else:
         x = made.Variable(program.size, name="x")
     constraints: list[Any] = []
@@ -158,4 +160,31 @@ def cvxpy_problem(program: MixedIntegerProgram) -> tuple[cvxpy.Problem, cvxpy.Va
         take = np.isfinite(bound)
         if take.any():
             constraints.append(sign * x[np.flatnonzero(take)] >= sign * bound[take])
-    return made.Problem(made.Minimize(program.cost @ x + program.offset), constraints), x
+    objective = program.cost @ x + program.offset
+    if isinstance(program, QuadraticProgram):
+        # The class demands a semidefinite Hessian; CVXPY's own test of it fails by rounding.
+        objective = objective + made.quad_form(x, program.hessian, assume_PSD=True) / 2
+    return made.Problem(made.Minimize(objective), constraints), x
+
+
+def qpsolvers_problem(program: QuadraticProgram) -> qpsolvers.Problem:
+    """Return `program` as a ``qpsolvers.Problem``; the offset is left out."""
+    import qpsolvers
+    import scipy.sparse as sp
+
+    matrix, low, high = program.matrix, program.row_lower, program.row_upper
+    equal = low == high
+    above, below = ~equal & np.isfinite(high), ~equal & np.isfinite(low)
+    inequalities = bool((above | below).any())
+    stacked = sp.vstack([matrix[np.flatnonzero(above)], -matrix[np.flatnonzero(below)]])
+    bounded = np.isfinite(program.column_lower).any() or np.isfinite(program.column_upper).any()
+    return qpsolvers.Problem(
+        P=sp.csc_matrix(program.hessian),
+        q=program.cost,
+        G=sp.csc_matrix(stacked) if inequalities else None,
+        h=np.concatenate([high[above], -low[below]]) if inequalities else None,
+        A=sp.csc_matrix(matrix[np.flatnonzero(equal)]) if equal.any() else None,
+        b=low[equal] if equal.any() else None,
+        lb=program.column_lower if bounded else None,
+        ub=program.column_upper if bounded else None,
+    )

@@ -84,3 +84,20 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         the program as it is.
         """
         return self
+
+    def refined(self, point: NDArray[np.float64], tolerance: float) -> Self | None:
+        """Return the formulation with what `point`, a solution of its program, shows to be missing.
+
+        For programs that stand for more constraints than can be written, such as a limit at every
+        instant: the program holds some of them, and the dispatcher solves, refines and solves again
+        until None says that `point` is settled. Each program must be a relaxation of the next,
+        so that its dual bound, and its being infeasible, hold for the model.
+
+        Parameters
+        ----------
+        point : ndarray
+            An optimum of :attr:`program`.
+        tolerance : float
+            Largest violation that may stay, scaled as the model's verification scales it.
+        """
+        return None

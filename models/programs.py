@@ -6,9 +6,8 @@ the column vector. Any backend for programs therefore solves one that no paper s
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,38 +16,19 @@ from numpy.typing import NDArray
 from ..errors import InvalidData
 from .blocks import Block, Blocks, Sparse
 from .fields import Array, Real, declared
-from .model import Model
+from .program_base import Program, RowProgram
 from .verification import ROUNDING, TOLERANCE, Check, Verification
 
 if TYPE_CHECKING:
-    import cvxpy
+    import qpsolvers
 
-__all__ = ["Block", "MixedIntegerProgram", "Program"]
+__all__ = ["Block", "MixedIntegerProgram", "Program", "QuadraticProgram", "RowProgram"]
 
 Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Program(Model[Vector]):
-    """Base of all programs: minimise an objective of a column vector under blocks of rows."""
-
-    def plan_to_data(self, plan: Vector) -> Any:
-        """Return the column vector as a list."""
-        return np.asarray(plan, float).tolist()
-
-    def plan_from_data(self, data: Any) -> Vector:
-        """Return the column vector in `data`."""
-        size = self.size
-        return Array((size,)).coerce("point", data, {})
-
-    @property
-    def size(self) -> int:
-        """Number of columns."""
-        raise NotImplementedError
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class MixedIntegerProgram(Program):
+class MixedIntegerProgram(RowProgram):
     """Minimise ``cost @ x + offset`` with ``row_lower <= matrix @ x <= row_upper`` and bounds.
 
     Parameters
@@ -82,30 +62,9 @@ class MixedIntegerProgram(Program):
 
     kind: ClassVar[str] = "mixed-integer-program"
 
-    def check(self) -> None:
-        """Refuse blocks that do not cover the program."""
-        for name, blocks, size in (
-            ("columns", self.columns, self.size),
-            ("rows", self.rows, self.row_count),
-        ):
-            if blocks and sum(block.size for block in blocks) != size:
-                raise InvalidData(
-                    f"{name}: the blocks cover {sum(b.size for b in blocks)} of {size}", field=name
-                )
-
     def describe(self) -> str:
         """Return the size in a few words."""
         return f"{self.row_count} rows, {self.size} columns, {int(self.integral.sum())} integral"
-
-    @property
-    def size(self) -> int:
-        """Number of columns."""
-        return int(self.cost.size)
-
-    @property
-    def row_count(self) -> int:
-        """Number of rows."""
-        return int(self.row_lower.size)
 
     @property
     def continuous(self) -> bool:
@@ -117,96 +76,17 @@ class MixedIntegerProgram(Program):
         return float(self.cost @ point + self.offset)
 
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective and the worst violation of every block of rows and columns.
-
-        A row's tolerance is relative to the largest of its terms and bounds, and at least absolute.
-        """
+        """Return the objective and the worst violation of every block, integrality included."""
+        found = super().verify(plan, tolerance=tolerance)
+        if not self.integral.any():
+            return found
         point = np.asarray(plan, float)
-        if point.shape != (self.size,):
-            raise InvalidData(
-                f"point must have shape ({self.size},), got {point.shape}", field="point"
-            )
-        if not np.isfinite(point).all():
-            place = int(np.flatnonzero(~np.isfinite(point))[0])
-            raise InvalidData(f"point[{place}] must be finite, got {point[place]}", field="point")
-        terms = self.matrix * point[None, :]
-        largest = (
-            abs(terms).max(axis=1).toarray().ravel()
-            if self.row_count and terms.nnz
-            else np.zeros(self.row_count)
+        off = np.where(self.integral, np.abs(point - np.round(point)), 0.0)
+        at = int(off.argmax())
+        check = Check(
+            "integrality", "", float(off[at]), "", tolerance, self.column_name(at), ROUNDING
         )
-        checks = [
-            *self._checks(
-                self.matrix @ point, self.row_lower, self.row_upper, largest, self._rows, tolerance
-            ),
-            *self._checks(
-                point,
-                self.column_lower,
-                self.column_upper,
-                np.zeros(self.size),
-                self._columns,
-                tolerance,
-            ),
-        ]
-        if self.integral.any():
-            off = np.where(self.integral, np.abs(point - np.round(point)), 0.0)
-            at = int(off.argmax())
-            checks.append(
-                Check(
-                    "integrality", "", float(off[at]), "", tolerance, self.column_name(at), ROUNDING
-                )
-            )
-        return Verification(self.objective(point), tuple(checks))
-
-    @property
-    def _rows(self) -> tuple[Block, ...]:
-        return self.rows or ((Block("row", "", 0, self.row_count),) if self.row_count else ())
-
-    @property
-    def _columns(self) -> tuple[Block, ...]:
-        return self.columns or ((Block("column", "", 0, self.size),) if self.size else ())
-
-    @staticmethod
-    def _checks(
-        value: Vector,
-        lower: Vector,
-        upper: Vector,
-        largest: Vector,
-        blocks: Sequence[Block],
-        tolerance: float,
-    ) -> list[Check]:
-        off = np.maximum(np.maximum(lower - value, value - upper), 0.0)
-        near = np.where(value - lower < upper - value, lower, upper)
-        scale = np.maximum(np.maximum(largest, np.where(np.isfinite(near), np.abs(near), 0.0)), 1.0)
-        found = []
-        for block in blocks:
-            if block.size:
-                entry = int((off[block.slice] / scale[block.slice]).argmax())
-                at = block.start + entry
-                found.append(
-                    Check(
-                        block.name,
-                        block.equation,
-                        float(off[at]),
-                        block.unit,
-                        float(tolerance * scale[at]),
-                        block.place(entry).removeprefix("at ").removeprefix("along "),
-                        float(ROUNDING * scale[at]),
-                    )
-                )
-        return found
-
-    def row_name(self, row: int) -> str:
-        """Return the row in the paper's words."""
-        return _name(self._rows, row)
-
-    def column_name(self, column: int) -> str:
-        """Return the column in the paper's words."""
-        return _name(self._columns, column)
-
-    def column_block(self, name: str) -> Block:
-        """Return the block of columns called `name`."""
-        return next(block for block in self.columns if block.name == name)
+        return Verification(found.objective, (*found.checks, check))
 
     def dual_bound(self, duals: Vector) -> float:
         """Return the Lagrangian lower bound that row multipliers prove.
@@ -234,25 +114,6 @@ class MixedIntegerProgram(Program):
             )
         return float(rows.sum() + cols.sum() + self.offset)
 
-    def without_rows(self, names: Iterable[str]) -> MixedIntegerProgram:
-        """Return the program without the row blocks called `names`."""
-        drop = set(names)
-        kept = [block for block in self.rows if block.name not in drop]
-        take = np.concatenate(
-            [np.arange(b.start, b.start + b.size) for b in kept] or [np.empty(0, int)]
-        )
-        blocks, at = [], 0
-        for block in kept:
-            blocks.append(replace(block, start=at))
-            at += block.size
-        return replace(
-            self,
-            matrix=self.matrix[take],
-            row_lower=self.row_lower[take],
-            row_upper=self.row_upper[take],
-            rows=tuple(blocks),
-        )
-
     def relaxed(self) -> MixedIntegerProgram:
         """Return the linear relaxation."""
         return replace(self, integral=np.zeros(self.size, bool))
@@ -269,15 +130,124 @@ class MixedIntegerProgram(Program):
 
         return lp(self)
 
-    def to_cvxpy(self) -> tuple[cvxpy.Problem, cvxpy.Variable]:
-        """Return a ``cvxpy.Problem`` and its variable, the column vector in this order."""
-        from .export import cvxpy_problem
 
-        return cvxpy_problem(self)
+@dataclass(frozen=True, eq=False, repr=False)
+class QuadraticProgram(RowProgram):
+    """Minimise ``x @ hessian @ x / 2 + cost @ x + offset`` under linear rows and bounds.
 
+    Parameters
+    ----------
+    hessian : sparse array, shape (n, n)
+        Symmetric and positive semidefinite, with both triangles. Symmetry is checked, and what of
+        definiteness the diagonal shows; the rest is the caller's.
+    cost : ndarray, shape (n,)
+        Linear objective coefficients.
+    matrix : sparse array, shape (m, n)
+        Row coefficients.
+    row_lower, row_upper : ndarray, shape (m,)
+        Row bounds; infinite where there is none.
+    column_lower, column_upper : ndarray, shape (n,)
+        Column bounds; infinite where there is none.
+    offset : float
+        Constant of the objective.
+    columns, rows : tuple of Block
+        Names and equations; empty, or covering all.
+    """
 
-def _name(blocks: Sequence[Block], entry: int) -> str:
-    for block in blocks:
-        if block.start <= entry < block.start + block.size:
-            return block.describe(entry - block.start)
-    raise IndexError(entry)
+    hessian: sp.csr_array = declared(Sparse(("n", "n")))
+    cost: Vector = declared(Array(("n",)))
+    matrix: sp.csr_array = declared(Sparse(("m", "n")))
+    row_lower: Vector = declared(Array(("m",), infinity=-1))
+    row_upper: Vector = declared(Array(("m",), infinity=1))
+    column_lower: Vector = declared(Array(("n",), infinity=-1))
+    column_upper: Vector = declared(Array(("n",), infinity=1))
+    offset: float = declared(Real(), default=0.0)
+    columns: tuple[Block, ...] = declared(Blocks(), default=())
+    rows: tuple[Block, ...] = declared(Blocks(), default=())
+
+    kind: ClassVar[str] = "quadratic-program"
+
+    def check(self) -> None:
+        """Refuse blocks that do not cover the program, and a Hessian that cannot be convex."""
+        super().check()
+        largest = float(abs(self.hessian).max()) if self.hessian.nnz else 0.0
+        skew = abs(self.hessian - self.hessian.T)
+        if skew.nnz and skew.max() > 1e-12 * largest:
+            row, column = (int(k) for k in np.unravel_index(skew.argmax(), skew.shape))
+            raise InvalidData(
+                f"hessian[{row}, {column}] is {self.hessian[row, column]:g}, but "
+                f"hessian[{column}, {row}] is {self.hessian[column, row]:g}: it must be symmetric",
+                field="hessian",
+            )
+        diagonal = self.hessian.diagonal()
+        # The 2 x 2 minors: a negative diagonal entry, or one that its row outweighs at zero.
+        reach = abs(self.hessian).max(axis=1).toarray().ravel() if self.hessian.nnz else diagonal
+        bad = (diagonal < 0) | ((diagonal == 0) & (reach > 0))
+        if bad.any():
+            at = int(np.flatnonzero(bad)[0])
+            raise InvalidData(
+                f"hessian[{at}, {at}] is {diagonal[at]:g}, which no positive semidefinite matrix "
+                "with that row has",
+                field="hessian",
+            )
+
+    def describe(self) -> str:
+        """Return the size in a few words."""
+        return f"{self.row_count} rows, {self.size} columns, {self.hessian.nnz} Hessian entries"
+
+    def objective(self, point: Vector) -> float:
+        """Return the objective at `point`."""
+        return float(0.5 * (point @ (self.hessian @ point)) + self.cost @ point + self.offset)
+
+    def reduced_costs(self, point: Vector, duals: Vector) -> Vector:
+        """Return ``hessian @ point + cost - matrix.T @ duals``, the multipliers of the columns.
+
+        At an optimum they vanish for every column strictly between its bounds.
+        """
+        reduced: Vector = self.hessian @ point + self.cost - self.matrix.T @ duals
+        return reduced
+
+    def dual_residual(self, point: Vector, duals: Vector) -> float:
+        """Return the largest reduced cost that no bound of its column explains."""
+        reduced = self.reduced_costs(point, self.signed(duals))
+        loose = np.where(
+            reduced > 0, ~np.isfinite(self.column_lower), ~np.isfinite(self.column_upper)
+        )
+        return float(np.abs(reduced[loose]).max(initial=0.0))
+
+    def signed(self, duals: Vector) -> Vector:
+        """Return `duals` with 0 in place of what points at a row bound that does not exist."""
+        y = np.asarray(duals, float)
+        loose = np.where(y > 0, ~np.isfinite(self.row_lower), ~np.isfinite(self.row_upper))
+        return np.where(loose, 0.0, y)
+
+    def dual_bound(self, duals: Vector, point: Vector) -> float:
+        """Return the lower bound that row multipliers prove (Dorn's dual at `point`).
+
+        ``duals[i] >= 0`` counts against the lower bound of row i, ``<= 0`` against the upper one.
+        No solver makes the reduced cost of an unbounded column exactly zero, so such a column is
+        held within ``max(1, |point|)`` of `point` on the side that has no bound: the bound is
+        rigorous for every x in that box. What lies beyond cannot be much better either: the
+        objective is convex, so a gain far away shows as a share of it within the box.
+        """
+        p = np.asarray(point, float)
+        y = self.signed(duals)
+        reduced = self.reduced_costs(p, y)
+        reach = np.maximum(1.0, np.abs(p))
+        low = np.where(np.isfinite(self.column_lower), self.column_lower, p - reach)
+        high = np.where(np.isfinite(self.column_upper), self.column_upper, p + reach)
+        with np.errstate(invalid="ignore"):
+            rows = np.where(y == 0, 0.0, y * np.where(y > 0, self.row_lower, self.row_upper))
+        # Summed as the gap beside the primal objective: both are large where the gap is small.
+        slack = rows - y * (self.matrix @ p)
+        away = reduced * (np.where(reduced > 0, low, high) - p)
+        return self.objective(p) + float(slack.sum() + away.sum())
+
+    def to_qpsolvers(self) -> qpsolvers.Problem:
+        """Return a ``qpsolvers.Problem``; it has no place for the offset.
+
+        Equal rows come first, then rows from above and rows from below (negated) as ``G x <= h``.
+        """
+        from .export import qpsolvers_problem
+
+        return qpsolvers_problem(self)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import CrosstrackError, InvalidData
 from ..models.model import library_version
-from ..models.programs import MixedIntegerProgram
+from ..models.programs import MixedIntegerProgram, QuadraticProgram
 from ..models.verification import TOLERANCE, Verification
 from .backend import Answer, Control, Feature, Guarantee, Limit, Request, Termination
 from .job import GAP, Job, Target
@@ -117,7 +117,7 @@ def execute(
         left = max(job.time_limit - (time.perf_counter() - started), 1e-3)
         request = replace(request, time_limit=left)
     with _interrupt(control):
-        answer = _attend(run, problem, request)
+        answer, problem = _refine(run, problem, request)
     solution = _finish(run, answer, problem)
     seconds = {**solution.seconds, "total": time.perf_counter() - begin}
     return replace(solution, seconds=seconds)
@@ -234,6 +234,57 @@ def _attend(run: _Run, problem: Any, request: Request) -> Answer:
     return Answer(Termination.FAILED, limit, message=text)
 
 
+def _refine(run: _Run, problem: Any, request: Request) -> tuple[Answer, Any]:
+    """Run the backend, and again on refined programs until the formulation is content.
+
+    Returns the last answer, its parts and counts summed over all runs, with the program answered.
+    """
+    begin = time.perf_counter()
+    answer = _attend(run, problem, request)
+    total, counts, rounds = dict(answer.seconds), dict(answer.statistics), 1
+    while run.target.formulation is not None and answer.point is not None:
+        if answer.termination is not Termination.OPTIMAL:
+            break
+        with run.clock("refine"):
+            finer = run.target.formulation.refined(answer.point, request.tolerance)
+            if finer is None:
+                break
+            program = finer.program
+        limit = request.control.reason if request.control.stopped else None
+        if request.time_limit is not None:
+            left = request.time_limit - (time.perf_counter() - begin)
+            limit = limit or (Limit.TIME if left <= 0 else None)
+            request = replace(request, time_limit=left)
+        if limit is not None:
+            # What was solved is a relaxation: its point is no plan, its bound stands.
+            bound = answer.dual_bound
+            if answer.duals is not None and isinstance(problem, QuadraticProgram):
+                bound = problem.dual_bound(answer.duals, answer.point)
+            return Answer(
+                Termination.NO_SOLUTION,
+                limit,
+                dual_bound=bound,
+                seconds=total,
+                statistics=counts,
+                message="stopped between two refinements of the program",
+            ), problem
+        run.target = replace(run.target, formulation=finer)
+        problem = program
+        if request.warm_start is not None:
+            request = replace(request, warm_start=answer.point)
+        answer = _attend(run, problem, request)
+        rounds += 1
+        for part, seconds in answer.seconds.items():
+            total[part] = total.get(part, 0.0) + seconds
+        for name, count in answer.statistics.items():
+            before = counts.get(name, 0)
+            numbers = isinstance(count, int | float) and isinstance(before, int | float)
+            counts[name] = count + before if numbers else count  # type: ignore[operator]
+    if rounds > 1:
+        counts["refinements"] = rounds - 1
+    return replace(answer, seconds=total, statistics=counts), problem
+
+
 def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
     """Decode and verify what the backend claims, and keep only what stands."""
     job, target = run.job, run.target
@@ -277,6 +328,8 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
         # The bound of a linear program is not believed but computed from its multipliers.
         certified = problem.dual_bound(answer.duals)
         dual = certified if np.isfinite(certified) else dual
+    elif exact and answer.duals is not None and isinstance(problem, QuadraticProgram):
+        dual = problem.dual_bound(answer.duals, answer.point) if answer.point is not None else None
     if termination is Termination.OPTIMAL and exact:
         dual = answer.primal_bound if dual is None else dual
         if dual is None:

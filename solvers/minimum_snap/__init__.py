@@ -1,0 +1,1 @@
+"""Native algorithms for polynomial trajectories."""

@@ -1,0 +1,1 @@
+"""Quadratic programs: one file a backend."""
