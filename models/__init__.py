@@ -9,21 +9,27 @@ if TYPE_CHECKING:
     from .builder import ProgramBuilder
     from .error_correction import ErrorCorrectionRouting, Route
     from .formulation import Formulation
+    from .minimum_snap import FREE, MinimumDerivative, MinimumSnap
     from .model import Model
     from .programs import Block, MixedIntegerProgram, Program, QuadraticProgram
+    from .trajectory import Trajectory
     from .verification import Check, Verification
 
 __all__ = [
+    "FREE",
     "Block",
     "Check",
     "ErrorCorrectionRouting",
     "Formulation",
+    "MinimumDerivative",
+    "MinimumSnap",
     "MixedIntegerProgram",
     "Model",
     "Program",
     "ProgramBuilder",
     "QuadraticProgram",
     "Route",
+    "Trajectory",
     "Verification",
     "model_type",
     "model_types",
@@ -31,22 +37,28 @@ __all__ = [
 ]
 
 _HOMES = {
+    "FREE": "minimum_snap",
     "Block": "programs",
     "Check": "verification",
     "ErrorCorrectionRouting": "error_correction",
     "Formulation": "formulation",
+    "MinimumDerivative": "minimum_snap",
+    "MinimumSnap": "minimum_snap",
     "MixedIntegerProgram": "programs",
     "Model": "model",
     "Program": "programs",
     "ProgramBuilder": "builder",
     "QuadraticProgram": "programs",
     "Route": "error_correction",
+    "Trajectory": "trajectory",
     "Verification": "verification",
 }
 
 #: Model types by their JSON name, loaded when first asked for.
 _TYPES: dict[str, str | type[Model[Any]]] = {
     "error-correction": ".models.error_correction:ErrorCorrectionRouting",
+    "minimum-derivative": ".models.minimum_snap:MinimumDerivative",
+    "minimum-snap": ".models.minimum_snap:MinimumSnap",
     "mixed-integer-program": ".models.programs:MixedIntegerProgram",
     "quadratic-program": ".models.programs:QuadraticProgram",
 }

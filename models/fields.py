@@ -19,7 +19,19 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidData
 
-__all__ = ["Array", "Flag", "Optional", "Real", "Spec", "Text", "declared", "frozen", "show"]
+__all__ = [
+    "Array",
+    "Broadcast",
+    "Flag",
+    "Optional",
+    "Real",
+    "Spec",
+    "Text",
+    "Whole",
+    "declared",
+    "frozen",
+    "show",
+]
 
 
 def show(value: Any) -> str:
@@ -112,6 +124,30 @@ class Real(Spec):
         if self.upper is not None and number > self.upper:
             raise InvalidData(f"{name} must be <= {self.upper:g}{unit}, got {number:g}", field=name)
         return number + 0.0
+
+
+@dataclass(frozen=True)
+class Whole(Spec):
+    """A whole number, at least `lower`.
+
+    Parameters
+    ----------
+    lower, upper : int, optional
+        The closed range allowed.
+    """
+
+    lower: int | None = None
+    upper: int | None = None
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> int:
+        number = _number(name, value)
+        if not number.is_integer():
+            raise InvalidData(f"{name} must be a whole number, got {show(value)}", field=name)
+        if self.lower is not None and number < self.lower:
+            raise InvalidData(f"{name} must be >= {self.lower}, got {number:g}", field=name)
+        if self.upper is not None and number > self.upper:
+            raise InvalidData(f"{name} must be <= {self.upper}, got {number:g}", field=name)
+        return int(number)
 
 
 @dataclass(frozen=True)
@@ -281,3 +317,37 @@ class Array(Spec):
 
 def _at(name: str, place: tuple[int, ...]) -> str:
     return f"{name}[{', '.join(map(str, place))}]" if place else name
+
+
+@dataclass(frozen=True)
+class Broadcast(Array):
+    """A table with one row a segment between two knots, or less where all rows are alike.
+
+    A single number counts everywhere, one row for every segment, one column for every axis. The
+    full table is kept. Its columns must be known by then, and its rows are one fewer than `knots`.
+
+    Parameters
+    ----------
+    shape : tuple of str
+        The names of the knots and of the columns, both fixed by an earlier field.
+    """
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
+        array = self._numbers(name, None if value is None else value)
+        rows, columns = (sizes[str(part)][0] for part in self.shape)
+        full = (max(rows - 1, 0), columns)
+        fits = array.ndim <= 2 and all(
+            have in (1, want) for have, want in zip(array.shape[::-1], full[::-1], strict=False)
+        )
+        if not fits:
+            raise InvalidData(
+                f"{name} must be a number, one for each of {columns} dimensions, or have shape "
+                f"{full} (segments, dimensions), got shape {array.shape}",
+                field=name,
+            )
+        place = {"knots": (full[0], name), "columns": (full[1], name)}
+        inner = Array(("knots", "columns"), float, self.lower, self.upper, self.infinity)
+        # Checked before it is spread, so that a message names the entry that was given.
+        shown = np.atleast_2d(array) if array.ndim else array.reshape(1, 1)
+        inner.coerce(name, shown, {})
+        return inner.coerce(name, np.broadcast_to(shown, full), place)

@@ -47,7 +47,7 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
     @classmethod
     def of(cls, model: ModelT, options: Mapping[str, Any]) -> Self:
         """Return the formulation of `model` with `options`; an unknown one raises."""
-        known = [field.name for field in dataclasses.fields(cls) if field.name != "model"]
+        known = [f.name for f in dataclasses.fields(cls) if f.init and f.name != "model"]
         for name in options:
             if name not in known:
                 raise UnsupportedOption(

@@ -110,8 +110,11 @@ class Model(ABC, Generic[PlanT]):
 
     def data(self) -> dict[str, Any]:
         """Return the content as JSON data (no NaN, no infinity)."""
+        given = {field.name for field in dataclasses.fields(self) if field.init}
         return {
-            name: spec.encode(getattr(self, name)) for name, spec in self._specs() if name != "name"
+            name: spec.encode(getattr(self, name))
+            for name, spec in self._specs()
+            if name in given and name != "name"
         }
 
     @classmethod

@@ -1,0 +1,480 @@
+"""What the quadratic programs of a piecewise polynomial share: knots, bounds, and refinement.
+
+A corridor or limit holds at every instant, which no finite number of rows can say. The program
+holds it at some instants of each segment, which makes it a relaxation: its optimum is a lower
+bound, and where it is infeasible, so is the model. :meth:`PiecewiseFormulation.refined` then adds
+the instants at which the solution sticks out most (the exchange method for semi-infinite programs),
+until none does.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...errors import InvalidData, UnsupportedOption
+from ..blocks import Block
+from ..formulation import Formulation
+from ..minimum_snap import MinimumDerivative
+from ..polynomials import critical_points, derived, horner
+from ..programs import QuadraticProgram
+from ..trajectory import Trajectory
+
+__all__ = ["Instants", "PiecewiseFormulation", "power_rows"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Share of the tolerance that a violation between the instants may keep.
+SETTLED = 1e-2
+#: Rounds of refinement after which the rest is the verification's to judge.
+ROUNDS = 25
+
+
+class Instants(NamedTuple):
+    """Where one bound is held: its index, and a segment, an axis (or half-space), an s each."""
+
+    bound: Ints
+    segment: Ints
+    axis: Ints
+    s: Floats
+
+
+_NO_INTS: Ints = np.empty(0, np.int64)
+_NONE = Instants(_NO_INTS, _NO_INTS, _NO_INTS, np.empty(0))
+
+
+class _Rows(NamedTuple):
+    """Rows under construction: entries in local coordinates, bounds, and where each lies."""
+
+    matrix: sp.csr_array
+    lower: Floats
+    upper: Floats
+    places: Ints
+
+
+def power_rows(s: Floats, derivative: int, degree: int) -> Floats:
+    """Return the derivatives of 1, s, s², … at `s`, shape (len(s), degree + 1)."""
+    rows = np.zeros((s.size, degree + 1))
+    for power in range(derivative, degree + 1):
+        factor = np.prod(np.arange(power - derivative + 1, power + 1, dtype=float))
+        rows[:, power] = factor * s ** (power - derivative)
+    return rows
+
+
+@dataclass(frozen=True, eq=False)
+class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
+    """Base of the formulations with one vector of coefficients a segment and axis.
+
+    Parameters
+    ----------
+    model : MinimumDerivative
+        The model.
+    samples : int
+        Instants of each segment at which corridor and limits hold from the start; more are added
+        where they are needed.
+    """
+
+    samples: int = 8
+    instants: Instants = field(default=_NONE, init=False, repr=False)
+    rounds: int = field(default=0, init=False, repr=False)
+
+    program_type = QuadraticProgram
+    #: What of the paper the rows of continuity stand for.
+    continuity_equation: ClassVar[str] = "25"
+
+    def __post_init__(self) -> None:
+        if isinstance(self.samples, bool) or not isinstance(self.samples, int):
+            raise UnsupportedOption(f"samples must be a whole number, got {self.samples!r}")
+        if not 2 <= self.samples <= 1000:
+            raise UnsupportedOption(f"samples must lie in [2, 1000], got {self.samples}")
+
+    # -- the basis -------------------------------------------------------------------------------
+
+    @abstractmethod
+    def basis_rows(self, segments: Ints, s: Floats, derivative: int) -> Floats:
+        """Return the derivatives in *time* of a segment's basis functions, one row an instant."""
+
+    @abstractmethod
+    def gram(self) -> Floats:
+        """Return the objective's symmetric blocks Q_k, J = Σ p'Q_k p, shape (segments, n, n)."""
+
+    @abstractmethod
+    def to_powers(self, local: Floats) -> Floats:
+        """Return coefficients (segments, dimensions, n) as ascending powers of s."""
+
+    @abstractmethod
+    def from_powers(self, powers: Floats) -> Floats:
+        """Return what :meth:`to_powers` inverts."""
+
+    # -- the program -----------------------------------------------------------------------------
+
+    def build(self) -> QuadraticProgram:
+        """Return the program."""
+        model = self.model
+        hessian = self._hessian()
+        blocks, parts, at = [], [], 0
+        for name, equation, template, unit, rows in self._all_rows():
+            count = rows.lower.size
+            if count:
+                blocks.append(Block(name, equation, at, count, template, rows.places, unit))
+                parts.append(rows)
+                at += count
+        size = model.segments * model.dimensions * (model.degree + 1)
+        matrix = sp.vstack([p.matrix for p in parts]) if parts else sp.csr_array((0, size))
+        segment, axis, power = np.indices(
+            (model.segments, model.dimensions, model.degree + 1)
+        ).reshape(3, -1)
+        return QuadraticProgram(
+            hessian=hessian,
+            cost=np.zeros(size),
+            matrix=sp.csr_array(matrix),
+            row_lower=np.concatenate([p.lower for p in parts] or [np.empty(0)]),
+            row_upper=np.concatenate([p.upper for p in parts] or [np.empty(0)]),
+            column_lower=np.full(size, -np.inf),
+            column_upper=np.full(size, np.inf),
+            columns=(
+                Block(
+                    "coefficients", "5", 0, size, "coefficient {2} of segment {0}, axis {1}",
+                    np.column_stack([segment, axis, power]),
+                ),
+            ),
+            rows=tuple(blocks),
+            name=f"{model.name or model.kind}, {self.name}",
+        )  # fmt: skip
+
+    def _hessian(self) -> sp.csr_array:
+        model = self.model
+        blocks = np.repeat(2.0 * self.gram(), model.dimensions, axis=0)
+        count, size = blocks.shape[0], blocks.shape[1]
+        start = np.arange(count)[:, None, None] * size
+        rows = np.broadcast_to(start + np.arange(size)[None, :, None], blocks.shape)
+        columns = np.broadcast_to(start + np.arange(size)[None, None, :], blocks.shape)
+        entries = (blocks.ravel(), (rows.ravel(), columns.ravel()))
+        return sp.csr_array(sp.coo_array(entries, shape=(count * size,) * 2))
+
+    def _all_rows(self) -> Iterator[tuple[str, str, str, str, _Rows]]:
+        from ..minimum_snap import derivative_name, derivative_unit
+
+        model = self.model
+        conditions = model.conditions
+        knot_place = "at knot {0}, axis {1}"
+        for order in range(min(conditions.shape[1], self.highest_fixed + 1)):
+            fixed = np.isfinite(conditions[:, order])
+            name, unit = derivative_name(order), derivative_unit(order)
+            ends = np.zeros_like(fixed)
+            ends[[0, -1]] = order > 0
+            for take, title, equation in (
+                (fixed & ends, f"{name} at the ends", "23"),
+                (fixed & ~ends, "waypoints" if not order else f"{name} at knots", "24" if not order else ""),
+            ):  # fmt: skip
+                yield title, equation, knot_place, unit, self._fixed(order, take)
+        for order in range(self.continuity + 1):
+            title = f"continuity of {derivative_name(order)}"
+            yield title, self.continuity_equation, knot_place, "", self._continuous(order)
+        place = "on segment {0}, axis {1}"
+        instants = self._held()
+        for number, bound in enumerate(model.bounds):
+            rows = self._bounded(instants, number, bound.derivative, bound.lower, bound.upper)
+            yield bound.name, "", place, derivative_unit(bound.derivative), rows
+        if model.halfspaces is not None:
+            yield "polytope", "", "on segment {0}, half-space {1}", "m", self._cut(instants)
+
+    @property
+    def continuity(self) -> int:
+        """The highest derivative that the rows keep continuous."""
+        return self.model.continuity
+
+    @property
+    def highest_fixed(self) -> int:
+        """The highest derivative that the rows fix at knots."""
+        return self.model.highest_fixed
+
+    def _columns(self, segment: Ints, axis: Ints) -> Ints:
+        size = self.model.degree + 1
+        first = (segment * self.model.dimensions + axis) * size
+        columns: Ints = first[:, None] + np.arange(size)
+        return columns
+
+    def _sparse(self, *parts: tuple[Ints, Floats]) -> sp.csr_array:
+        """Return rows from blocks of columns and values side by side."""
+        columns = np.concatenate([c for c, _ in parts], axis=1)
+        values = np.concatenate([v for _, v in parts], axis=1)
+        size = self.model.segments * self.model.dimensions * (self.model.degree + 1)
+        start = np.arange(columns.shape[0] + 1) * columns.shape[1]
+        return sp.csr_array(
+            (values.ravel(), columns.ravel(), start), shape=(columns.shape[0], size)
+        )
+
+    def _scaled(self, matrix: sp.csr_array, lower: Floats, upper: Floats, index: Ints) -> _Rows:
+        """Normalise rows to a largest entry of 1: derivatives of short segments are huge."""
+        size = abs(matrix).max(axis=1).toarray().ravel() if matrix.shape[0] else np.empty(0)
+        share = 1.0 / np.where(size > 0, size, 1.0)
+        return _Rows(sp.csr_array(matrix * share[:, None]), lower * share, upper * share, index)
+
+    def _fixed(self, order: int, take: NDArray[np.bool_]) -> _Rows:
+        """Rows that fix a derivative at knots: at the end before it and at the start after it."""
+        model = self.model
+        knots, axes = (a.astype(np.int64) for a in np.nonzero(take))
+        value = model.conditions[knots, order, axes]
+        parts = []
+        # Where the derivative is continuous by other rows, one side is enough.
+        twice = order > self.continuity
+        for side in (0, 1):
+            segment = knots - side
+            there = (segment >= 0) & (segment < model.segments)
+            if side and not twice:
+                there &= knots == model.segments
+            rows = self.basis_rows(segment[there], np.full(int(there.sum()), float(side)), order)
+            matrix = self._sparse((self._columns(segment[there], axes[there]), rows))
+            index = np.column_stack([knots[there], axes[there]])
+            parts.append(self._scaled(matrix, value[there], value[there], index))
+        return _Rows(
+            sp.csr_array(sp.vstack([p.matrix for p in parts])),
+            *(np.concatenate(column) for column in list(zip(*parts, strict=True))[1:]),
+        )
+
+    def _continuous(self, order: int) -> _Rows:
+        model = self.model
+        knots, axes = (
+            a.ravel().astype(np.int64)
+            for a in np.meshgrid(
+                np.arange(1, model.segments), np.arange(model.dimensions), indexing="ij"
+            )
+        )
+        before = self.basis_rows(knots - 1, np.ones(knots.size), order)
+        after = self.basis_rows(knots, np.zeros(knots.size), order)
+        matrix = self._sparse(
+            (self._columns(knots - 1, axes), before), (self._columns(knots, axes), -after)
+        )
+        zero = np.zeros(knots.size)
+        return self._scaled(matrix, zero, zero, np.column_stack([knots, axes]))
+
+    # -- corridor and limits ---------------------------------------------------------------------
+
+    @cached_property
+    def _nodes(self) -> Floats:
+        """The first instants: Chebyshev's extreme points, denser where derivatives peak."""
+        return (1 - np.cos(np.pi * np.arange(self.samples) / (self.samples - 1))) / 2
+
+    def _held(self) -> Instants:
+        """All instants: the first ones of every bounded segment, and those that were added."""
+        model = self.model
+        found = []
+        for number, bound in enumerate(model.bounds):
+            finite = np.isfinite(bound.lower) | np.isfinite(bound.upper)
+            segment, axis = np.nonzero(finite)
+            found.append(self._first(number, segment, axis, bound.derivative, finite))
+        if model.halfspaces is not None:
+            each = np.arange(model.halfspaces.segments.size)
+            found.append(self._first(len(model.bounds), model.halfspaces.segments, each, -1, None))
+        found.append(self.instants)
+        return Instants(*(np.concatenate(column) for column in zip(*found, strict=True)))
+
+    def _first(
+        self,
+        number: int,
+        segment: Ints,
+        axis: Ints,
+        derivative: int,
+        finite: NDArray[np.bool_] | None,
+    ) -> Instants:
+        model, nodes = self.model, self._nodes
+        segments, axes = np.repeat(segment, nodes.size), np.repeat(axis, nodes.size)
+        s = np.tile(nodes, segment.size)
+        keep = np.ones(s.size, bool)
+        if finite is not None:
+            # What is fixed at a knot cannot be moved by a row, and what is continuous there and
+            # bounded alike on both sides needs one row only.
+            bound = model.bounds[number]
+            knots = segments + (s == 1.0)
+            at_knot = (s == 0.0) | (s == 1.0)
+            if derivative < model.conditions.shape[1]:
+                keep &= ~(at_knot & np.isfinite(model.conditions[knots, derivative, axes]))
+            after = np.minimum(segments + 1, model.segments - 1)
+            alike = (bound.lower[segments, axes] == bound.lower[after, axes]) & (
+                bound.upper[segments, axes] == bound.upper[after, axes]
+            )
+            shared = (s == 1.0) & (segments + 1 < model.segments)
+            if derivative <= self.continuity:
+                keep &= ~(shared & alike & finite[after, axes])
+        return Instants(
+            np.full(int(keep.sum()), number), segments[keep].astype(np.int64),
+            axes[keep].astype(np.int64), s[keep],
+        )  # fmt: skip
+
+    def _bounded(
+        self, instants: Instants, number: int, derivative: int, lower: Floats, upper: Floats
+    ) -> _Rows:
+        take = instants.bound == number
+        segment, axis, s = instants.segment[take], instants.axis[take], instants.s[take]
+        order = np.lexsort((s, axis, segment))
+        segment, axis, s = segment[order], axis[order], s[order]
+        matrix = self._sparse(
+            (self._columns(segment, axis), self.basis_rows(segment, s, derivative))
+        )
+        index = np.column_stack([segment, axis])
+        return self._scaled(matrix, lower[segment, axis], upper[segment, axis], index)
+
+    def _cut(self, instants: Instants) -> _Rows:
+        model = self.model
+        spaces = model.halfspaces
+        assert spaces is not None
+        take = instants.bound == len(model.bounds)
+        segment, which, s = instants.segment[take], instants.axis[take], instants.s[take]
+        values = self.basis_rows(segment, s, 0)
+        parts = []
+        for axis in range(model.dimensions):
+            columns = self._columns(segment, np.full(segment.size, axis))
+            parts.append((columns, values * spaces.normals[which, axis][:, None]))
+        matrix = self._sparse(*parts)
+        matrix.sum_duplicates()
+        return self._scaled(
+            matrix, np.full(which.size, -np.inf), spaces.offsets[which],
+            np.column_stack([segment, which]),
+        )  # fmt: skip
+
+    def refined(self, point: NDArray[np.float64], tolerance: float) -> Self | None:
+        """Return the formulation that also holds where `point` sticks out between the instants."""
+        if not self.model.bounded or self.rounds >= ROUNDS:
+            return None
+        plan = self.decode(point)
+        found = [
+            self._violated(plan, number, bound.derivative, bound.lower, bound.upper, tolerance)
+            for number, bound in enumerate(self.model.bounds)
+        ]
+        found.append(self._violated_halfspaces(plan, tolerance))
+        added = Instants(*(np.concatenate(column) for column in zip(*found, strict=True)))
+        if not added.s.size:
+            return None
+        finer = replace(self)
+        held = Instants(*(np.concatenate(pair) for pair in zip(self.instants, added, strict=True)))
+        object.__setattr__(finer, "instants", held)
+        object.__setattr__(finer, "rounds", self.rounds + 1)
+        return finer
+
+    def _violated(
+        self,
+        plan: Trajectory,
+        number: int,
+        derivative: int,
+        lower: Floats,
+        upper: Floats,
+        tolerance: float,
+    ) -> Instants:
+        inner = derived(plan.coefficients, derivative)
+        segment, axis = np.nonzero(np.isfinite(lower) | np.isfinite(upper))
+        scale = plan.durations[segment] ** -float(derivative)
+        rows = inner[segment, :, axis] * scale[:, None]
+        return _outside(
+            rows, lower[segment, axis], upper[segment, axis], tolerance, number, segment, axis,
+            self._reached(plan, number),
+        )  # fmt: skip
+
+    def _violated_halfspaces(self, plan: Trajectory, tolerance: float) -> Instants:
+        spaces = self.model.halfspaces
+        if spaces is None:
+            return _NONE
+        rows = np.einsum("hpd,hd->hp", plan.coefficients[spaces.segments], spaces.normals)
+        which = np.arange(spaces.segments.size)
+        number = len(self.model.bounds)
+        return _outside(
+            rows, np.full(which.size, -np.inf), spaces.offsets, tolerance, number,
+            spaces.segments, which, self._reached(plan, number),
+        )  # fmt: skip
+
+    def _reached(self, plan: Trajectory, number: int) -> float:
+        """Return by how much the solver breaks a bound, relatively, where a row holds it.
+
+        More rows do not help against what is the solver's own inaccuracy.
+        """
+        instants = self._held()
+        take = instants.bound == number
+        segment, axis, s = instants.segment[take], instants.axis[take], instants.s[take]
+        if not s.size:
+            return 0.0
+        if number < len(self.model.bounds):
+            bound = self.model.bounds[number]
+            inner = derived(plan.coefficients, bound.derivative)[segment, :, axis]
+            value = horner(inner[:, :, None], s[:, None])[:, 0]
+            value *= plan.durations[segment] ** -float(bound.derivative)
+            lower, upper = bound.lower[segment, axis], bound.upper[segment, axis]
+        else:
+            spaces = self.model.halfspaces
+            assert spaces is not None
+            rows = np.einsum("hpd,hd->hp", plan.coefficients[segment], spaces.normals[axis])
+            value = horner(rows[:, :, None], s[:, None])[:, 0]
+            lower, upper = np.full(s.size, -np.inf), spaces.offsets[axis]
+        return float(_share(value, lower, upper).max(initial=0.0))
+
+    # -- plans -----------------------------------------------------------------------------------
+
+    def encode(self, plan: Trajectory) -> NDArray[np.float64]:
+        """Return the coefficients of `plan` in this basis."""
+        model = self.model
+        if plan.segments != model.segments or plan.dimensions != model.dimensions:
+            raise InvalidData(
+                f"plan has {plan.segments} segments in {plan.dimensions}-D, the model "
+                f"{model.segments} in {model.dimensions}-D",
+                field="plan",
+            )
+        if plan.degree > model.degree:
+            raise InvalidData(
+                f"plan has degree {plan.degree}, the model allows {model.degree}", field="plan"
+            )
+        powers = np.zeros((model.segments, model.dimensions, model.degree + 1))
+        powers[:, :, : plan.degree + 1] = np.moveaxis(plan.coefficients, 1, 2)
+        return self.from_powers(powers).ravel()
+
+    def decode(self, point: NDArray[np.float64]) -> Trajectory:
+        """Return the trajectory with these coefficients."""
+        model = self.model
+        local = np.asarray(point, float).reshape(model.segments, model.dimensions, -1)
+        return Trajectory(model.times, np.moveaxis(self.to_powers(local), 1, 2))
+
+
+def _share(value: Floats, lower: Floats, upper: Floats) -> Floats:
+    """Return the violation relative to its bound, as the verification scales it."""
+    with np.errstate(invalid="ignore"):
+        low = (lower - value) / np.maximum(1.0, np.abs(lower))
+        high = (value - upper) / np.maximum(1.0, np.abs(upper))
+    worst: Floats = np.maximum(
+        np.where(np.isfinite(lower), low, 0.0), np.where(np.isfinite(upper), high, 0.0)
+    )
+    return np.maximum(worst, 0.0)
+
+
+def _outside(
+    rows: Floats, lower: Floats, upper: Floats, tolerance: float, number: int,
+    segment: Ints, axis: Ints, reached: float,
+) -> Instants:  # fmt: skip
+    """Return the local extremes of the polynomials in `rows` that lie outside their bounds."""
+    from ..polynomials import bernstein_matrix
+
+    control = rows @ bernstein_matrix(rows.shape[1] - 1).T
+    near = np.flatnonzero((control.min(axis=1) < lower) | (control.max(axis=1) > upper))
+    if not near.size:
+        return _NONE
+    s = critical_points(rows[near])
+    value = horner(rows[near][:, :, None], s)
+    share = _share(value, lower[near][:, None], upper[near][:, None])
+    threshold = max(SETTLED * tolerance, 2.0 * reached)
+    row, column = np.nonzero(share > threshold)
+    at: Any = near[row]
+    found = np.round(s[row, column], 12)
+    # One instant stands for all that rounding tells apart.
+    keys = np.unique(np.column_stack([at, found]), axis=0)
+    at = keys[:, 0].astype(np.int64)
+    return Instants(
+        np.full(at.size, number),
+        segment[at].astype(np.int64),
+        axis[at].astype(np.int64),
+        keys[:, 1],
+    )

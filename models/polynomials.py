@@ -1,0 +1,134 @@
+"""Many polynomials on the unit interval at once: values, Bernstein coefficients, exact extrema.
+
+Coefficients stand in ascending powers of s in [0, 1] along one axis of an array.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "bernstein_matrix",
+    "critical_points",
+    "derived",
+    "factorials",
+    "gauss_legendre",
+    "horner",
+    "power_matrix",
+]
+
+Floats = NDArray[np.float64]
+
+#: Leading coefficients below this share of the largest one are rounding noise.
+_NOISE = 1e-14
+
+
+@cache
+def factorials(degree: int, derivative: int) -> Floats:
+    """Return ``j! / (j - derivative)!`` for the powers j = derivative … degree."""
+    powers = range(derivative, degree + 1)
+    return np.array([math.perm(j, derivative) for j in powers], float)
+
+
+def derived(coefficients: Floats, derivative: int) -> Floats:
+    """Return the coefficients of the derivative in s; the powers lie along the second axis.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (N, degree + 1, ...)
+        Ascending powers.
+    derivative : int
+        How often to differentiate; beyond the degree, one zero coefficient is left.
+    """
+    degree = coefficients.shape[1] - 1
+    if derivative == 0:
+        return coefficients
+    if derivative > degree:
+        return np.zeros_like(coefficients[:, :1])
+    factors = factorials(degree, derivative)
+    return coefficients[:, derivative:] * factors.reshape(-1, *[1] * (coefficients.ndim - 2))
+
+
+def horner(coefficients: Floats, s: Floats) -> Floats:
+    """Return the values at `s`, one argument a polynomial.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (N, degree + 1, D)
+        Ascending powers.
+    s : ndarray, shape (N,) or (N, D)
+        Arguments; with D = 1 in `coefficients`, as many as there are.
+    """
+    argument = s[:, None] if s.ndim == 1 else s
+    shape = np.broadcast_shapes(coefficients[:, -1].shape, argument.shape)
+    value = np.broadcast_to(coefficients[:, -1], shape).copy()
+    for power in range(coefficients.shape[1] - 2, -1, -1):
+        value *= argument
+        value += coefficients[:, power]
+    return value
+
+
+@cache
+def bernstein_matrix(degree: int) -> Floats:
+    """Return B with ``control = B @ coefficients``: powers of s to Bernstein coefficients."""
+    matrix = np.zeros((degree + 1, degree + 1))
+    for row in range(degree + 1):
+        for power in range(row + 1):
+            matrix[row, power] = math.comb(row, power) / math.comb(degree, power)
+    return matrix
+
+
+@cache
+def power_matrix(degree: int) -> Floats:
+    """Return the inverse of :func:`bernstein_matrix`: Bernstein coefficients to powers of s."""
+    matrix = np.zeros((degree + 1, degree + 1))
+    for power in range(degree + 1):
+        for row in range(power + 1):
+            sign = -1.0 if (power - row) % 2 else 1.0
+            matrix[power, row] = sign * math.comb(degree, power) * math.comb(power, row)
+    return matrix
+
+
+@cache
+def gauss_legendre(count: int) -> tuple[Floats, Floats]:
+    """Return nodes and weights on [0, 1] that integrate degree ``2 count - 1`` exactly."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return (nodes + 1) / 2, weights / 2
+
+
+def critical_points(coefficients: Floats) -> Floats:
+    """Return arguments in [0, 1] among which every polynomial takes its least and largest value.
+
+    Both ends, and the real part of every root of the derivative, moved into the interval: the part
+    of a complex root is one more sample and does no harm, so that no tolerance decides what is a
+    real root.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (N, degree + 1)
+        Ascending powers.
+
+    Returns
+    -------
+    ndarray, shape (N, max(degree - 1, 0) + 2)
+    """
+    count = coefficients.shape[0]
+    ends = np.broadcast_to(np.array([0.0, 1.0]), (count, 2))
+    slope = derived(coefficients, 1)
+    degree = slope.shape[1] - 1
+    if degree < 1 or count == 0:
+        return ends.copy()
+    largest = np.abs(slope).max(axis=1, keepdims=True)
+    slope = slope / np.where(largest > 0, largest, 1.0)
+    lead = slope[:, -1]
+    # A leading coefficient of 0 is made noise: its root goes far away, the others stay.
+    lead = np.where(np.abs(lead) < _NOISE, np.where(lead < 0, -_NOISE, _NOISE), lead)
+    companion = np.zeros((count, degree, degree))
+    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
+    companion[:, :, -1] = -slope[:, :-1] / lead[:, None]
+    roots = np.linalg.eigvals(companion).real
+    return np.concatenate([ends, np.clip(roots, 0.0, 1.0)], axis=1)
