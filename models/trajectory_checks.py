@@ -131,7 +131,7 @@ def _check_polytopes(model: MinimumDerivative) -> None:
     for side in (0, 1):
         knots = spaces.segments + side
         points = model.waypoints[knots]
-        known: NDArray[np.bool_] = np.isfinite(points).all(axis=1)
+        known = np.asarray(np.isfinite(points).all(axis=1))
         reach = np.einsum("hd,hd->h", np.where(known[:, None], points, 0.0), spaces.normals)
         over = np.where(known, reach - spaces.offsets, 0.0)
         off = over > 1e-12 * np.maximum(1.0, np.abs(spaces.offsets))

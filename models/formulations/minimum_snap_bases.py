@@ -37,14 +37,13 @@ def legendre_basis(order: int, degree: int) -> Floats:
     return basis
 
 
-@cache
-def _unit_gram(order: int, degree: int, name: str, snap: int) -> Floats:
+def _unit_gram(basis: Floats, order: int) -> Floats:
     """Return ∫ φ_m^(order) φ_n^(order) ds over [0, 1] by an exact quadrature."""
+    degree = basis.shape[0] - 1
     nodes, weights = gauss_legendre(degree + 1)
-    rows = power_rows(nodes, order, degree)
-    if name == "legendre":
-        rows = rows @ legendre_basis(snap, degree)
-    return (rows * weights[:, None]).T @ rows
+    rows = power_rows(nodes, order, degree) @ basis
+    gram: Floats = (rows * weights[:, None]).T @ rows
+    return gram
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +73,7 @@ class UnitBasisFormulation(PiecewiseFormulation):
         total = np.zeros((model.segments, model.degree + 1, model.degree + 1))
         for order, weight in enumerate(model.order_weights, start=1):
             if weight:
-                unit = _unit_gram(order, model.degree, self.name, model.order)
+                unit = _unit_gram(self.powers, order)
                 total += (weight * model.durations ** (1.0 - 2 * order))[:, None, None] * unit
         return total * self.scales[:, :, None] * self.scales[:, None, :]
 
@@ -84,7 +83,7 @@ class UnitBasisFormulation(PiecewiseFormulation):
 
     def from_powers(self, powers: Floats) -> Floats:
         """Return powers of s in this basis."""
-        local: Floats = np.linalg.solve(self.powers, np.moveaxis(powers, -1, -2))
+        local = np.linalg.solve(self.powers, np.moveaxis(powers, -1, -2))
         return np.moveaxis(local, -1, -2) / self.scales[:, None, :]
 
 
