@@ -29,10 +29,10 @@ def legendre_basis(order: int, degree: int) -> Floats:
     basis[np.arange(order), np.arange(order)] = 1.0
     for number in range(degree + 1 - order):
         shifted = np.polynomial.legendre.Legendre.basis(number, domain=[0.0, 1.0])
-        powers = shifted.convert(kind=np.polynomial.Polynomial).coef * np.sqrt(2 * number + 1.0)
-        integral: Floats = np.polynomial.polynomial.polyint(
-            np.round(powers / powers[0]) * powers[0], order
-        )
+        # The coefficients are whole numbers; the norm comes last, so that nothing is rounded twice.
+        whole = np.round(shifted.convert(kind=np.polynomial.Polynomial).coef)
+        integral = np.asarray(np.polynomial.polynomial.polyint(whole, order), float)
+        integral *= np.sqrt(2 * number + 1.0)
         basis[: integral.size, order + number] = integral
     return basis
 

@@ -7,20 +7,27 @@ unbounded relaxation does not prove an unbounded program) is decided once, in th
 
 from __future__ import annotations
 
-import threading
-import time
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from enum import StrEnum
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...models.programs import MixedIntegerProgram
+from ..attempts import (
+    Clock,
+    Ended,
+    Outcome,
+    above_cutoff,
+    allowed,
+    holds,
+    limited,
+    obvious,
+    solver_tolerance,
+    stopped,
+    watched,
+)
 from ..backend import Answer, Backend, Control, Guarantee, Limit, Request, Termination
 
 __all__ = [
@@ -39,78 +46,6 @@ __all__ = [
 
 Vector = NDArray[np.float64]
 
-#: How far, relatively, a cutoff is loosened, so that the plan it stems from stays allowed: solvers
-#: compare objectives with tolerances of their own, and 1e-9 was seen to lose the plan in SCIP.
-LOOSENED = 1e-6
-#: Seconds between two looks at a stop request.
-POLL = 0.02
-
-
-class Ended(StrEnum):
-    """How a solver ended, before anybody asks what that proves."""
-
-    PROVEN = "proven"
-    INFEASIBLE = "infeasible"
-    UNBOUNDED = "unbounded"
-    UNCLEAR = "infeasible or unbounded"
-    STOPPED = "stopped"
-    FAILED = "failed"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a solver reports of one run.
-
-    Parameters
-    ----------
-    ended : Ended
-        Its status; ``PROVEN`` is an optimum within the gap.
-    point : ndarray, optional
-        Its best feasible column vector.
-    bound : float, optional
-        Its lower bound on the objective; None or infinite where it has none.
-    duals : ndarray, optional
-        Row multipliers, signed as :meth:`MixedIntegerProgram.dual_bound` wants them.
-    limit : Limit, optional
-        What stopped it, for ``STOPPED``.
-    statistics : mapping
-        Its counts.
-    message : str
-        Its own status, where a person should see it.
-    absolute : bool
-        Whether ``INFEASIBLE`` was proven without the cutoff.
-    """
-
-    ended: Ended
-    point: Vector | None = None
-    bound: float | None = None
-    duals: Vector | None = None
-    limit: Limit | None = None
-    statistics: Mapping[str, float | int | str] = field(default_factory=dict)
-    message: str = ""
-    absolute: bool = False
-
-
-class Clock:
-    """Counts the seconds of a run: what is left of the limit, and what each part took."""
-
-    def __init__(self, limit: float | None) -> None:
-        self._limit = limit
-        self._started = self._mark = time.perf_counter()
-        self.seconds: dict[str, float] = {}
-
-    def left(self) -> float | None:
-        """Return the seconds left, at least 0; None where there is no limit."""
-        if self._limit is None:
-            return None
-        return max(self._limit - (time.perf_counter() - self._started), 0.0)
-
-    def lap(self, part: str) -> None:
-        """Count the time since the last lap as `part`."""
-        now = time.perf_counter()
-        self.seconds[part] = self.seconds.get(part, 0.0) + now - self._mark
-        self._mark = now
-
 
 class Incumbents:
     """Passes a solver's better points on; those that better nothing are dropped."""
@@ -126,48 +61,6 @@ class Incumbents:
         if objective < self._best:
             self._best = objective
             self._control.incumbent(objective, point)
-
-
-def allowed(cutoff: float) -> float:
-    """Return `cutoff` loosened, so that its own plan stays allowed."""
-    return cutoff + LOOSENED * max(1.0, abs(cutoff))
-
-
-def solver_tolerance(tolerance: float, least: float, most: float = 1e-3) -> float:
-    """Return the tolerance to give a solver, within the range it knows.
-
-    A tenth of the request's: solvers measure in their own scaling and before postsolve, and what
-    they let pass at the very edge would fail the verification.
-    """
-    return float(min(max(tolerance / 10, least), most))
-
-
-def limited(control: Control, otherwise: Limit = Limit.INTERRUPTED) -> Limit:
-    """Return the limit that stopped a run: the control's reason, else `otherwise`."""
-    return control.reason if control.stopped and control.reason is not None else otherwise
-
-
-@contextmanager
-def watched(control: Control, stop: Callable[[], Any]) -> Iterator[None]:
-    """Call `stop` from a thread once the control asks to, again and again until the run ends.
-
-    Again, because most solvers forget a stop that reaches them before they have started. Needs a
-    solver that releases the interpreter's lock, and a `stop` that any thread may call.
-    """
-    over = threading.Event()
-
-    def watch() -> None:
-        while not over.wait(POLL):
-            if control.stopped:
-                stop()
-
-    thread = threading.Thread(target=watch, name="crosstrack-stop", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
 
 
 def with_cutoff_row(program: MixedIntegerProgram, cutoff: float | None) -> MixedIntegerProgram:
@@ -224,7 +117,7 @@ class ProgramBackend(Backend):
         """Solve `problem` as `request` asks."""
         self.require()
         clock = Clock(request.time_limit)
-        outcome = _obvious(problem, request) or self._stopped(request, clock)
+        outcome = obvious(problem, request) or stopped(request, clock)
         if outcome is None:
             outcome = self.attempt(problem, request, clock)
             if outcome.ended is Ended.UNCLEAR or (
@@ -232,14 +125,6 @@ class ProgramBackend(Backend):
             ):
                 outcome = self._resolve(problem, request, clock, outcome)
         return _conclude(problem, request, clock, outcome)
-
-    @staticmethod
-    def _stopped(request: Request, clock: Clock) -> Outcome | None:
-        if request.control.stopped:
-            return Outcome(Ended.STOPPED, limit=limited(request.control))
-        if clock.left() == 0.0:
-            return Outcome(Ended.STOPPED, limit=Limit.TIME)
-        return None
 
     def _resolve(
         self, program: MixedIntegerProgram, request: Request, clock: Clock, first: Outcome
@@ -250,9 +135,9 @@ class ProgramBackend(Backend):
         whole points. With rational data, a feasible program whose relaxation is unbounded is
         unbounded itself.
         """
-        stopped = self._stopped(request, clock)
-        if stopped is not None:
-            return stopped
+        over = stopped(request, clock)
+        if over is not None:
+            return over
         # The cutoff stays, as a row: it may be what makes the program infeasible.
         posed = with_cutoff_row(program, request.cutoff)
         question = replace(posed, cost=np.zeros(program.size), offset=0.0)
@@ -267,39 +152,13 @@ class ProgramBackend(Backend):
         return replace(probe, bound=None, duals=None)
 
 
-def _obvious(program: MixedIntegerProgram, request: Request) -> Outcome | None:
-    """Answer what some solvers refuse as malformed: crossed bounds, no columns, empty rows."""
-    for lower, upper, name in (
-        (program.column_lower, program.column_upper, program.column_name),
-        (program.row_lower, program.row_upper, program.row_name),
-    ):
-        crossed = np.flatnonzero(lower > upper)
-        if crossed.size:
-            at = int(crossed[0])
-            return Outcome(
-                Ended.INFEASIBLE,
-                message=f"{name(at)}: the lower bound {lower[at]:g} exceeds the upper {upper[at]:g}",
-                absolute=True,
-            )
-    slack = request.tolerance
-    wrong = (program.row_lower > slack) | (program.row_upper < -slack)
-    wrong &= np.diff(program.matrix.indptr) == 0
-    if wrong.any():
-        row = program.row_name(int(np.flatnonzero(wrong)[0]))
-        message = f"{row}: no column enters, and 0 does not satisfy it"
-        return Outcome(Ended.INFEASIBLE, message=message, absolute=True)
-    if not program.size:
-        return Outcome(Ended.PROVEN, np.zeros(0), program.offset, np.zeros(program.row_count))
-    return None
-
-
 def _tidied(program: MixedIntegerProgram, point: Vector, tolerance: float) -> Vector:
     """Return `point` on its bounds and whole where it must be, if the rows allow it as well."""
     tidy = np.clip(point, program.column_lower, program.column_upper)
     tidy[program.integral] = np.round(tidy[program.integral])
     if np.array_equal(tidy, point):
         return tidy
-    return tidy if _holds(program, tidy, tolerance) else point
+    return tidy if holds(program, tidy, tolerance) else point
 
 
 def _conclude(
@@ -309,7 +168,7 @@ def _conclude(
     point, objective = None, None
     if outcome.point is not None and outcome.ended is not Ended.UNBOUNDED:
         point = _tidied(program, np.array(outcome.point, float), request.tolerance)
-        if outcome.ended is Ended.STOPPED and not _holds(program, point, request.tolerance):
+        if outcome.ended is Ended.STOPPED and not holds(program, point, request.tolerance):
             # A stopped solver may hand back whatever it held, a simplex vertex on its way say.
             point = None
         else:
@@ -329,11 +188,11 @@ def _conclude(
             if request.cutoff is not None and (
                 objective is None or objective > allowed(request.cutoff)
             ):
-                return _above_cutoff(answer, request.cutoff)
+                return above_cutoff(answer, request.cutoff)
             return replace(answer, termination=Termination.OPTIMAL)
         case Ended.INFEASIBLE:
             if request.cutoff is not None and not outcome.absolute:
-                return _above_cutoff(answer, request.cutoff)
+                return above_cutoff(answer, request.cutoff)
             return replace(answer, termination=Termination.INFEASIBLE, dual_bound=None)
         case Ended.UNBOUNDED:
             return replace(answer, termination=Termination.UNBOUNDED, dual_bound=None)
@@ -342,19 +201,6 @@ def _conclude(
             return replace(answer, termination=kind, limit=outcome.limit)
         case Ended.FAILED:
             return replace(answer, duals=None)
-
-
-def _above_cutoff(answer: Answer, cutoff: float) -> Answer:
-    """Return what a search below the cutoff proves when it finds nothing: the cutoff is a bound."""
-    return replace(
-        answer,
-        termination=Termination.NO_SOLUTION,
-        point=None,
-        primal_bound=None,
-        duals=None,
-        dual_bound=cutoff,
-        message="no plan better than the cutoff",
-    )
 
 
 def _settled(
@@ -371,7 +217,3 @@ def _settled(
     if objective is not None and objective < bound <= objective + 1e-6 * max(1.0, abs(objective)):
         return float(objective)
     return float(bound)
-
-
-def _holds(program: MixedIntegerProgram, point: Vector, tolerance: float) -> bool:
-    return bool(np.isfinite(point).all()) and program.verify(point, tolerance=tolerance).ok
