@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 from ..errors import InvalidData, UnknownName, UnsupportedFormulation
-from .fields import Spec, Text, declared, show
+from .fields import Spec, Text, show
 from .verification import TOLERANCE, Verification
 
 if TYPE_CHECKING:
@@ -70,7 +70,8 @@ class Model(ABC, Generic[PlanT]):
         Unit of the objective, which is always minimised.
     """
 
-    name: str = declared(Text(content=False), default="", kw_only=True)
+    # Written out, for type checkers see only through dataclasses.field that it is no position.
+    name: str = dataclasses.field(default="", kw_only=True, metadata={"spec": Text(content=False)})
 
     kind: ClassVar[str] = ""
     formulations: ClassVar[dict[str, str | type[Formulation[Any, Any]]]] = {}

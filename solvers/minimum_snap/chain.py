@@ -1,0 +1,314 @@
+"""A trajectory problem as a chain of segments, for one group of axes that belong together.
+
+Without polytopes every axis is a chain of its own; half-spaces tie all axes into one. The unknowns
+are the derivatives at the knots, times the knot's own time to their order, and what a degree beyond
+``2 r - 1`` leaves free within a segment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.formulations.minimum_snap_hermite import hermite_basis
+from ...models.formulations.piecewise import power_rows
+from ...models.minimum_snap import MinimumDerivative
+from ...models.polynomials import gauss_legendre
+
+__all__ = ["Chain", "Held", "chains"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Held:
+    """Instants at which bounds are held, sorted by segment.
+
+    Parameters
+    ----------
+    bound, segment, which : ndarray of int, shape (Q,)
+        The bound (the half-spaces count as the last), the segment, the axis or half-space.
+    s : ndarray, shape (Q,)
+        The instant.
+    """
+
+    bound: Ints
+    segment: Ints
+    which: Ints
+    s: Floats
+
+    def sorted(self) -> tuple[Held, Ints]:
+        """Return the instants by segment, and the permutation that sorts them."""
+        order = np.lexsort((self.s, self.which, self.bound, self.segment)).astype(np.int64)
+        return self.taken(order), order
+
+    def taken(self, index: Ints) -> Held:
+        """Return the instants at `index`."""
+        return Held(self.bound[index], self.segment[index], self.which[index], self.s[index])
+
+    def joined(self, other: Held) -> Held:
+        """Return these instants and then the others."""
+        return Held(
+            np.concatenate([self.bound, other.bound]),
+            np.concatenate([self.segment, other.segment]),
+            np.concatenate([self.which, other.which]),
+            np.concatenate([self.s, other.s]),
+        )
+
+
+@cache
+def _unit_cost(order: int, degree: int, derivative: int) -> Floats:
+    """Return rows whose squares sum to ∫ (d^j x / ds^j)² ds, for Hermite coordinates on [0, 1].
+
+    The rows are the values at the Gauss-Legendre nodes times the roots of the weights: as exact as
+    the quadrature, which is exact, and no product of the coordinates is ever formed.
+    """
+    nodes, weights = gauss_legendre(degree - derivative + 1)
+    rows = power_rows(nodes, derivative, degree) @ hermite_basis(order, degree)
+    unit: Floats = rows * np.sqrt(weights)[:, None]
+    return unit
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """One group of axes.
+
+    Parameters
+    ----------
+    model : MinimumDerivative
+        The model.
+    axes : tuple of int
+        The axes of the group.
+    """
+
+    model: MinimumDerivative
+    axes: tuple[int, ...]
+
+    @property
+    def jets(self) -> int:
+        """Coordinates of a knot: the order times the axes."""
+        return self.model.order * len(self.axes)
+
+    @property
+    def interior(self) -> int:
+        """Coordinates of a segment beside its knots."""
+        return (self.model.degree + 1 - 2 * self.model.order) * len(self.axes)
+
+    @property
+    def knot_times(self) -> Floats:
+        """Time that scales the derivatives at each knot, shape (knots,)."""
+        long = self.model.durations
+        times: Floats = np.sqrt(
+            np.concatenate([long[:1], long]) * np.concatenate([long, long[-1:]])
+        )
+        return times
+
+    def start(self) -> tuple[NDArray[np.bool_], Floats]:
+        """Return which coordinates of the knots are fixed, and their values (0 where free)."""
+        model, r = self.model, self.model.order
+        fixed = np.full((model.times.size, r, model.dimensions), np.inf)
+        rows = min(r, model.conditions.shape[1])
+        fixed[:, :rows] = model.conditions[:, :rows]
+        fixed = fixed[:, :, list(self.axes)]
+        value = np.where(np.isfinite(fixed), fixed, 0.0)
+        value *= (self.knot_times[:, None] ** np.arange(r))[:, :, None]
+        shape = (model.times.size, self.jets)
+        known = np.moveaxis(np.isfinite(fixed), 1, 2).reshape(shape)
+        return np.ascontiguousarray(known), np.ascontiguousarray(
+            np.moveaxis(value, 1, 2).reshape(shape)
+        )
+
+    def _column_scales(self) -> Floats:
+        """Return what turns coordinates into unit derivatives, shape (segments, degree + 1)."""
+        model, r = self.model, self.model.order
+        orders = np.arange(r)
+        scales = np.ones((model.segments, model.degree + 1))
+        ratio = model.durations / self.knot_times[:-1]
+        scales[:, :r] = ratio[:, None] ** orders
+        scales[:, r : 2 * r] = (model.durations / self.knot_times[1:])[:, None] ** orders
+        return scales
+
+    def _spread(self, rows: Floats, axis: int) -> Floats:
+        """Place rows of one axis, (…, degree + 1), among the local coordinates of the group."""
+        r = self.model.order
+        n, extra = self.jets, self.model.degree + 1 - 2 * r
+        wide = np.zeros((*rows.shape[:-1], 2 * n + self.interior))
+        wide[..., axis * r : (axis + 1) * r] = rows[..., :r]
+        wide[..., n + axis * r : n + (axis + 1) * r] = rows[..., r : 2 * r]
+        if extra:
+            wide[..., 2 * n + axis * extra : 2 * n + (axis + 1) * extra] = rows[..., 2 * r :]
+        return wide
+
+    def cost(self) -> Floats:
+        """Return rows C with J = Σ |C local|², shape (segments, c, width)."""
+        model = self.model
+        scales = self._column_scales()
+        parts = []
+        for order, weight in enumerate(model.order_weights, start=1):
+            if weight:
+                unit = _unit_cost(model.order, model.degree, order)
+                size = np.sqrt(weight * model.durations ** (1.0 - 2 * order))
+                rows = size[:, None, None] * unit * scales[:, None, :]
+                parts += [self._spread(rows, axis) for axis in range(len(self.axes))]
+        return np.ascontiguousarray(np.concatenate(parts, axis=1))
+
+    def rows(self, held: Held) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return the rows of the bounds at `held`, with bounds and scale: all normalised.
+
+        The largest entry of a row is 1; what it was multiplied by comes last.
+        """
+        model = self.model
+        scales = self._column_scales()
+        rows = np.zeros((held.s.size, 2 * self.jets + self.interior))
+        lower, upper = np.full(held.s.size, -np.inf), np.full(held.s.size, np.inf)
+        basis = hermite_basis(model.order, model.degree)
+        position = {axis: at for at, axis in enumerate(self.axes)}
+        for number, bound in enumerate(model.bounds):
+            for axis in self.axes:
+                take = np.flatnonzero((held.bound == number) & (held.which == axis))
+                segment = held.segment[take]
+                unit = power_rows(held.s[take], bound.derivative, model.degree) @ basis
+                unit *= (
+                    scales[segment]
+                    * (model.durations[segment] ** -float(bound.derivative))[:, None]
+                )
+                rows[take] = self._spread(unit, position[axis])
+                lower[take], upper[take] = bound.lower[segment, axis], bound.upper[segment, axis]
+        spaces = model.halfspaces
+        if spaces is not None:
+            take = np.flatnonzero(held.bound == len(model.bounds))
+            unit = power_rows(held.s[take], 0, model.degree) @ basis
+            unit *= scales[held.segment[take]]
+            for at, axis in enumerate(self.axes):
+                normal = spaces.normals[held.which[take], axis]
+                rows[take] += self._spread(unit * normal[:, None], at)
+            upper[take] = spaces.offsets[held.which[take]]
+        largest = np.abs(rows).max(axis=1, initial=0.0)
+        share = 1.0 / np.where(largest > 0, largest, 1.0)
+        return rows * share[:, None], lower * share, upper * share, share
+
+    def powers(self, knots: Floats, inner: Floats) -> Floats:
+        """Return ascending powers of s, shape (segments, degree + 1, axes of the group)."""
+        model, r = self.model, self.model.order
+        basis = hermite_basis(r, model.degree)
+        scales = self._column_scales()
+        group = len(self.axes)
+        extra = model.degree + 1 - 2 * r
+        jets = knots.reshape(-1, group, r)
+        # Positions relative to the segment's start: far from the origin, the Hermite functions
+        # would take differences of large numbers.
+        start = jets[:-1, :, 0].copy()
+        before, after = jets[:-1].copy(), jets[1:].copy()
+        before[:, :, 0] = 0.0
+        after[:, :, 0] -= start
+        local = np.concatenate([before, after, inner.reshape(len(start), group, extra)], axis=2)
+        powers = np.moveaxis((local * scales[:, None, :]) @ basis.T, 1, 2)
+        powers[:, 0] += start
+        return powers
+
+    def first_instants(self, samples: int) -> Held:
+        """Return the instants that are held from the start."""
+        model = self.model
+        nodes = (1 - np.cos(np.pi * np.arange(samples) / (samples - 1))) / 2
+        parts: list[tuple[Ints, Ints, Ints, Floats]] = []
+        for number, bound in enumerate(model.bounds):
+            finite = np.isfinite(bound.lower) | np.isfinite(bound.upper)
+            for axis in self.axes:
+                segment = np.flatnonzero(finite[:, axis])
+                segments, s = np.repeat(segment, samples), np.tile(nodes, segment.size)
+                knots = segments + (s == 1.0)
+                ends = (s == 0.0) | (s == 1.0)
+                keep = np.ones(s.size, bool)
+                if bound.derivative < model.conditions.shape[1]:
+                    # A row cannot move what is fixed.
+                    keep &= ~(ends & np.isfinite(model.conditions[knots, bound.derivative, axis]))
+                after = np.minimum(segments + 1, model.segments - 1)
+                same = (bound.lower[segments, axis] == bound.lower[after, axis]) & (
+                    bound.upper[segments, axis] == bound.upper[after, axis]
+                )
+                if bound.derivative < model.order:
+                    keep &= ~((s == 1.0) & same & (segments + 1 < model.segments))
+                count = int(keep.sum())
+                parts.append(
+                    (np.full(count, number), segments[keep], np.full(count, axis), s[keep])
+                )
+        spaces = model.halfspaces
+        if spaces is not None:
+            which = np.repeat(np.arange(spaces.segments.size), samples)
+            parts.append(
+                (
+                    np.full(which.size, len(model.bounds)),
+                    spaces.segments[which],
+                    which,
+                    np.tile(nodes, spaces.segments.size),
+                )
+            )
+        columns = (
+            [np.concatenate(column) for column in zip(*parts, strict=True)]
+            if parts
+            else [np.empty(0)] * 4
+        )
+        bound_, segment_, which_, s_ = columns
+        return Held(
+            bound_.astype(np.int64), segment_.astype(np.int64), which_.astype(np.int64), s_
+        ).sorted()[0]
+
+    def polynomials(self, powers: Floats) -> tuple[Floats, Floats, Floats, Held]:
+        """Return what is bounded as polynomials in s, with bounds, and where each belongs.
+
+        Derivatives lower the degree; they are padded with zeros to one width.
+        """
+        model = self.model
+        position = {axis: at for at, axis in enumerate(self.axes)}
+        rows, low, high, parts = [], [], [], []
+        for number, bound in enumerate(model.bounds):
+            j = bound.derivative
+            factors = np.array(
+                [
+                    np.prod(np.arange(p - j + 1, p + 1, dtype=float))
+                    for p in range(j, model.degree + 1)
+                ]
+            )
+            for axis in self.axes:
+                finite = np.isfinite(bound.lower[:, axis]) | np.isfinite(bound.upper[:, axis])
+                segment = np.flatnonzero(finite)
+                padded = np.zeros((segment.size, model.degree + 1))
+                inner = powers[segment, j:, position[axis]] * factors
+                padded[:, : model.degree + 1 - j] = (
+                    inner * (model.durations[segment] ** -float(j))[:, None]
+                )
+                rows.append(padded)
+                low.append(bound.lower[segment, axis])
+                high.append(bound.upper[segment, axis])
+                parts.append((np.full(segment.size, number), segment, np.full(segment.size, axis)))
+        spaces = model.halfspaces
+        if spaces is not None:
+            rows.append(np.einsum("hpd,hd->hp", powers[spaces.segments], spaces.normals))
+            low.append(np.full(spaces.segments.size, -np.inf))
+            high.append(spaces.offsets)
+            which = np.arange(spaces.segments.size)
+            parts.append((np.full(which.size, len(model.bounds)), spaces.segments, which))
+        if not parts:
+            none = np.empty(0, np.int64)
+            return (
+                np.empty((0, model.degree + 1)),
+                np.empty(0),
+                np.empty(0),
+                Held(none, none, none, np.empty(0)),
+            )
+        number_, segment_, which_ = (
+            np.concatenate(column).astype(np.int64) for column in zip(*parts, strict=True)
+        )
+        held = Held(number_, segment_, which_, np.zeros(number_.size))
+        return np.concatenate(rows), np.concatenate(low), np.concatenate(high), held
+
+
+def chains(model: MinimumDerivative) -> tuple[Chain, ...]:
+    """Return the groups of axes of `model`: each alone, or all where half-spaces tie them."""
+    if model.halfspaces is not None:
+        return (Chain(model, tuple(range(model.dimensions))),)
+    return tuple(Chain(model, (axis,)) for axis in range(model.dimensions))

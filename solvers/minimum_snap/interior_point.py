@@ -1,0 +1,156 @@
+"""``interior-point``: our own structured interior point for corridors and limits."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ...errors import UnsupportedFormulation
+from ...models.minimum_snap import MinimumDerivative, MinimumSnap
+from ...models.trajectory import Trajectory
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+
+if TYPE_CHECKING:
+    from .interior_solver import ChainResult, Settings
+
+__all__ = ["InteriorPoint"]
+
+
+class InteriorPoint(Backend):
+    """Mehrotra's predictor-corrector on the knots' derivatives, O(segments) an iteration.
+
+    Every axis is a problem of its own unless half-spaces tie them. Corridor and limits hold at
+    instants that are added where the trajectory leaves them in between, so that the bound is one
+    for the model itself. Its proof are its own residuals: see
+    :class:`~crosstrack.solvers.minimum_snap.interior_solver.ChainResult`.
+    """
+
+    name = "interior-point"
+    accepts = MinimumDerivative
+    guarantee = Guarantee.EXACT
+    features = frozenset(
+        {Feature.GAP, Feature.SEED, Feature.THREADS, Feature.DUAL_BOUND, Feature.INTERRUPT}
+    )
+    requires = ("numba",)
+    options: ClassVar[Mapping[str, Option]] = {
+        "samples": Option(
+            8, "Instants of each segment held from the start.", int, lower=2, upper=64
+        ),
+        "iterations": Option(100, "Most Newton steps for one set of instants.", int, lower=1),
+        "rounds": Option(40, "Most additions of instants.", int, lower=1),
+    }
+    summary = "structured interior point for corridors and limits, O(segments); ours"
+    _compiled: ClassVar[bool] = False
+
+    def refuses(self, problem: MinimumDerivative) -> str:
+        """Return what of `problem` its knots cannot express."""
+        if problem.continuity != problem.order - 1:
+            return (
+                f"continuity {problem.continuity}: knots share the derivatives up to "
+                f"{problem.order - 1}"
+            )
+        if (
+            problem.highest_fixed >= problem.order
+            and np.isfinite(problem.conditions[:, problem.order :]).any()
+        ):
+            return f"a derivative above {problem.order - 1} is fixed"
+        return ""
+
+    def prepare(self) -> None:
+        """Compile the kernels, or load them from the cache."""
+        if not InteriorPoint._compiled:
+            tiny = MinimumSnap(
+                np.array([[0.0], [np.inf], [1.0]]),
+                np.array([0.0, 1.0, 2.0]),
+                corridor_lower=np.array([[-0.5]]),
+                corridor_upper=np.array([[1.005]]),
+            )
+            self.run(tiny, Request(options=self.checked_options({})))
+            InteriorPoint._compiled = True
+
+    def run(self, problem: MinimumDerivative, request: Request) -> Answer:
+        """Solve every chain, and say what their residuals prove."""
+        from .chain import chains
+        from .interior_solver import Settings, solve_chain
+
+        self.require()
+        refusal = self.refuses(problem)
+        if refusal:
+            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        begin = time.perf_counter()
+        settings = Settings(
+            gap=float(np.clip(0.01 * request.gap, 1e-11, 1e-8)),
+            tolerance=float(np.clip(1e-4 * request.tolerance, 1e-12, 1e-8)),
+            between=1e-2 * request.tolerance,
+            samples=request.options.get("samples", 8),
+            iterations=request.options.get("iterations", 100),
+            rounds=request.options.get("rounds", 40),
+        )
+        work = partial(solve_chain, settings=settings, flag=request.control.flag)
+        groups = chains(problem)
+        threads = min(request.threads or 1, len(groups))
+        if threads > 1:
+            with ThreadPoolExecutor(threads) as pool:
+                results = list(pool.map(work, groups))
+        else:
+            results = []
+            for group in groups:
+                results.append(work(group))
+                if results[-1].status in ("infeasible", "stopped"):
+                    break
+        answer = _concluded(problem, request, settings, results, len(groups))
+        seconds = {"solve": time.perf_counter() - begin}
+        return Answer(
+            answer.termination, answer.limit, answer.point, answer.primal_bound,
+            answer.dual_bound, seconds=seconds, statistics=answer.statistics,
+            message=answer.message,
+        )  # fmt: skip
+
+
+def _concluded(
+    problem: MinimumDerivative,
+    request: Request,
+    settings: Settings,
+    results: list[ChainResult],
+    groups: int,
+) -> Answer:
+    statistics: dict[str, float | int | str] = {
+        "iterations": sum(r.iterations for r in results),
+        "refinements": max(r.rounds for r in results),
+        "instants": sum(r.instants for r in results),
+        "primal residual": max(r.primal for r in results),
+        "dual residual": max(r.dual for r in results),
+    }
+    for result in results:
+        if result.status == "infeasible":
+            where = ", ".join(map(str, result.conflict[:12].tolist()))
+            return Answer(
+                Termination.INFEASIBLE, statistics=statistics,
+                message=f"the bounds of segment{'s' if result.conflict.size > 1 else ''} {where} "
+                "contradict one another",
+            )  # fmt: skip
+    if any(r.status == "stopped" for r in results) or len(results) < groups:
+        limit = request.control.reason or Limit.INTERRUPTED
+        return Answer(Termination.NO_SOLUTION, limit, statistics=statistics)
+    objective = sum(r.objective for r in results)
+    bound = sum(r.bound for r in results)
+    plan = Trajectory(problem.times, np.concatenate([r.powers for r in results], axis=2))
+    settled = all(r.status == "solved" for r in results)
+    message = "" if settled else "the iterations stalled before the residuals were small"
+    if not settled:
+        worst = max(r.primal for r in results)
+        if worst > request.tolerance:
+            # What violates its bounds has neither an objective nor a bound worth a claim.
+            return Answer(
+                Termination.NO_SOLUTION, Limit.ITERATIONS, statistics=statistics, message=message
+            )
+    return Answer(
+        Termination.OPTIMAL if settled else Termination.FEASIBLE,
+        None if settled else Limit.ITERATIONS,
+        plan, objective, bound, statistics=statistics, message=message,
+    )  # fmt: skip
