@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from .minimum_snap import FREE, MinimumDerivative, MinimumSnap
     from .model import Model
     from .programs import Block, MixedIntegerProgram, Program, QuadraticProgram
+    from .time_allocation import TimeAllocation
     from .trajectory import Trajectory
     from .verification import Check, Verification
 
@@ -29,6 +30,7 @@ __all__ = [
     "ProgramBuilder",
     "QuadraticProgram",
     "Route",
+    "TimeAllocation",
     "Trajectory",
     "Verification",
     "model_type",
@@ -50,6 +52,7 @@ _HOMES = {
     "ProgramBuilder": "builder",
     "QuadraticProgram": "programs",
     "Route": "error_correction",
+    "TimeAllocation": "time_allocation",
     "Trajectory": "trajectory",
     "Verification": "verification",
 }
@@ -61,6 +64,7 @@ _TYPES: dict[str, str | type[Model[Any]]] = {
     "minimum-snap": ".models.minimum_snap:MinimumSnap",
     "mixed-integer-program": ".models.programs:MixedIntegerProgram",
     "quadratic-program": ".models.programs:QuadraticProgram",
+    "time-allocation": ".models.time_allocation:TimeAllocation",
 }
 
 

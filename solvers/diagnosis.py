@@ -8,16 +8,18 @@ from typing import Any
 
 from ..errors import UnsupportedFormulation
 from ..models.model import Model, resolve
-from ..models.programs import MixedIntegerProgram
+from ..models.programs import QuadraticProgram, RowProgram
 from .backend import Backend, Guarantee, Termination
 from .dispatch import solve
 from .registry import find_backend, recommended
 
-__all__ = ["Diagnosis", "Finding", "diagnose"]
+__all__ = ["Diagnosis", "Finding", "diagnose", "filtered"]
 
 #: What finds the place where every extension dies, by the model's kind.
 _NATIVE: Mapping[str, str] = {
     "error-correction": ".solvers.error_correction.diagnosis:diagnose_routing",
+    "minimum-derivative": ".solvers.minimum_snap.diagnosis:diagnose_trajectory",
+    "minimum-snap": ".solvers.minimum_snap.diagnosis:diagnose_trajectory",
 }
 
 
@@ -135,37 +137,39 @@ def diagnose(
     if backend is None and formulation is None and model.kind in _NATIVE:
         native: Callable[[Any], Diagnosis] = resolve(_NATIVE[model.kind])
         return native(model)
-    return _filter(model, backend, formulation, time_limit)
+    return filtered(model, backend, formulation, time_limit)
 
 
-def _filter(
+def filtered(
     model: Model[Any],
     backend: str | Backend | None,
     formulation: str | None,
     time_limit: float | None,
 ) -> Diagnosis:
-    if isinstance(model, MixedIntegerProgram):
+    """Return blocks of rows that no point satisfies together, by a deletion filter.
+
+    The parameters are those of :func:`diagnose`.
+    """
+    if isinstance(model, RowProgram):
         program = model
     else:
-        written = model.formulate(
-            formulation or ("paper" if "paper" in model.formulations else None)
-        )
-        if not isinstance(written.program, MixedIntegerProgram):
-            raise UnsupportedFormulation(
-                f"formulation {written.name!r} is no mixed-integer program"
-            )
+        written = model.formulate(formulation or _covering(model))
+        if not isinstance(written.program, RowProgram):
+            raise UnsupportedFormulation(f"formulation {written.name!r} has no linear rows")
         program = written.program
     solver = recommended(program) if backend is None else find_backend(backend)
-    if solver.guarantee is not Guarantee.EXACT or not issubclass(
-        MixedIntegerProgram, solver.accepts
-    ):
+    if solver.guarantee is not Guarantee.EXACT or not isinstance(program, solver.accepts):
         raise UnsupportedFormulation(
-            f"the deletion filter needs an exact backend for mixed-integer programs; {solver.name!r} is none"
+            f"the deletion filter needs an exact backend for a {program.kind}; "
+            f"{solver.name!r} is none"
         )
     # Only feasibility is asked, so any first point will do.
-    asked = replace(program, cost=program.cost * 0.0, offset=0.0)
+    objective: dict[str, Any] = {"cost": program.cost * 0.0, "offset": 0.0}
+    if isinstance(program, QuadraticProgram):
+        objective["hessian"] = program.hessian * 0.0
+    asked = replace(program, **objective)
 
-    def ends(candidate: MixedIntegerProgram) -> Termination:
+    def ends(candidate: RowProgram) -> Termination:
         return solve(candidate, solver, time_limit=time_limit).termination
 
     method = f"deletion filter over the rows of {program.name or 'the program'} with {solver.name}"
@@ -201,3 +205,14 @@ def _filter(
         else "no plan: the bounds of the columns alone exclude it"
     )
     return Diagnosis(model.name, False, method, summary, findings)
+
+
+def _covering(model: Model[Any]) -> str | None:
+    """Return ``"paper"`` where the paper's formulation covers the model, None for the default."""
+    if "paper" not in model.formulations:
+        return None
+    try:
+        model.formulate("paper")
+    except UnsupportedFormulation:
+        return None
+    return "paper"

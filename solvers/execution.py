@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -243,12 +244,18 @@ def _refine(run: _Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     answer = _attend(run, problem, request)
     total, counts, rounds = dict(answer.seconds), dict(answer.statistics), 1
     while run.target.formulation is not None and answer.point is not None:
-        if answer.termination is not Termination.OPTIMAL:
-            break
         with run.clock("refine"):
             finer = run.target.formulation.refined(answer.point, request.tolerance)
-            if finer is None:
-                break
+        if finer is None:
+            break
+        if answer.termination is not Termination.OPTIMAL:
+            # Stopped on a relaxation: its point is no plan of the model.
+            message = answer.message or "stopped before the program was refined"
+            return replace(
+                answer, termination=Termination.NO_SOLUTION, point=None, primal_bound=None,
+                duals=None, dual_bound=None, seconds=total, statistics=counts, message=message,
+            ), problem  # fmt: skip
+        with run.clock("refine"):
             program = finer.program
         limit = request.control.reason if request.control.stopped else None
         if request.time_limit is not None:
@@ -296,7 +303,7 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
     plan: Any = None
     verification: Verification | None = None
     rejected: Any = None
-    plan_data: Any = None
+    stored: Any = None
     if termination in _CLAIMS_NONE and not exact:
         messages.append(f"claims {termination}, which a {backend.guarantee} backend cannot prove")
         termination = Termination.NO_SOLUTION
@@ -313,10 +320,11 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
             messages.append(f"the point is no plan: {error}")
             termination, plan, dual = Termination.REJECTED, None, None
         else:
-            plan_data = model.plan_to_data(plan)
+            stored = partial(model.plan_to_data, plan)
             if not verification.ok:
                 messages.append(f"plan {verification.summary()}")
-                termination, rejected, plan, plan_data = Termination.REJECTED, plan_data, None, None
+                rejected = model.plan_to_data(plan)
+                termination, plan, stored = Termination.REJECTED, None, None
                 dual = None
     elif termination in _CLAIMS_PLAN:
         messages.append(f"claims {termination} without a point")
@@ -364,7 +372,7 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
         primal_bound=primal,
         dual_bound=dual,
         plan=plan,
-        plan_data=plan_data,
+        stored_plan=stored,
         verification=verification,
         seconds=parts,
         incumbents=tuple(run.incumbents),

@@ -307,7 +307,7 @@ def _salvage(
         limit=limit,
         primal_bound=None if verification is None else verification.objective,
         plan=best,
-        plan_data=None if best is None else job.model.plan_to_data(best),
+        stored_plan=None if best is None else job.model.plan_to_data(best),
         verification=verification,
         seconds={"total": time.monotonic() - begin},
         incumbents=tuple(incumbents),

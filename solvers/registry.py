@@ -36,6 +36,7 @@ _TABLE: Mapping[str, str] = {
     "pulse": ".solvers.error_correction.pulse:Pulse",
     "dynamic-programming": ".solvers.error_correction.dynamic_programming:DynamicProgramming",
     "labelling": ".solvers.error_correction.labelling:Labelling",
+    "interior-point": ".solvers.minimum_snap.interior_point:InteriorPoint",
     "highs": ".solvers.mip.highs:Highs",
     "scip": ".solvers.mip.scip:Scip",
     "scipy": ".solvers.mip.scipy_milp:ScipyMilp",
@@ -43,6 +44,14 @@ _TABLE: Mapping[str, str] = {
     "cp-sat": ".solvers.mip.cp_sat:CpSat",
     "cvxpy": ".solvers.mip.cvxpy_mip:CvxpyMip",
     "gurobi": ".solvers.mip.gurobi:Gurobi",
+    "clarabel": ".solvers.qp.clarabel:Clarabel",
+    "piqp": ".solvers.qp.piqp:Piqp",
+    "proxqp": ".solvers.qp.proxqp:Proxqp",
+    "daqp": ".solvers.qp.daqp:Daqp",
+    "quadprog": ".solvers.qp.quadprog:Quadprog",
+    "osqp": ".solvers.qp.osqp:Osqp",
+    "scs": ".solvers.qp.scs:Scs",
+    "casadi": ".solvers.qp.casadi:CasadiConic",
 }
 
 _session: dict[str, Backend] = {}
@@ -251,7 +260,10 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
             backend = find_backend(name)
         except BackendBroken:
             continue  # a stranger's broken backend must not stop the others; lists show it
-        if backend.missing() or accepted(model, backend, formulation) is None:
+        step = accepted(model, backend, formulation)
+        if backend.missing() or step is None:
+            continue
+        if formulation is None and isinstance(step, backend.accepts) and backend.refuses(step):
             continue
         if backend.guarantee is Guarantee.EXACT:
             return backend

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -103,8 +104,9 @@ class Solution(Generic[PlanT]):
     duals : ndarray, optional
         Row multipliers of a continuous program, signed as
         :meth:`crosstrack.models.programs.MixedIntegerProgram.dual_bound` wants them.
-    plan_data : object
-        The plan as JSON data.
+    stored_plan : object
+        The plan as JSON data, or a function that returns it: a long plan is many small lists, which
+        nobody should wait for who does not ask.
     """
 
     model: str
@@ -130,7 +132,12 @@ class Solution(Generic[PlanT]):
     rejected_plan: Any = None
     starts: tuple[Solution[PlanT], ...] = ()
     duals: NDArray[np.float64] | None = None
-    plan_data: Any = None
+    stored_plan: Any = None
+
+    @cached_property
+    def plan_data(self) -> Any:
+        """The plan as JSON data, None without one."""
+        return self.stored_plan() if callable(self.stored_plan) else self.stored_plan
 
     @property
     def gap(self) -> float | None:
@@ -209,7 +216,7 @@ class Solution(Generic[PlanT]):
             termination=Termination(data["termination"]),
             limit=None if data["limit"] is None else Limit(data["limit"]),
             plan=plan,
-            plan_data=data["plan"],
+            stored_plan=data["plan"],
             verification=None
             if data["verification"] is None
             else Verification.from_dict(data["verification"]),

@@ -52,7 +52,7 @@ class Verdict:
     def best(self) -> Solution[Any] | None:
         """The best verified answer that hangs on no tolerance (any verified one failing that)."""
         ranked = sorted(
-            (s for s in self.solutions if s.plan_data is not None and s.primal_bound is not None),
+            (s for s in self.solutions if s.stored_plan is not None and s.primal_bound is not None),
             key=lambda s: (not _clean(s), s.primal_bound),
         )
         return ranked[0] if ranked else None
@@ -108,7 +108,7 @@ def judge(instance: str, solutions: Sequence[Solution[Any]], exact: frozenset[st
     exact : frozenset of str
         Names of the exact backends, whose bounds and claims of infeasibility count.
     """
-    plans = [s for s in solutions if s.plan_data is not None and s.primal_bound is not None]
+    plans = [s for s in solutions if s.stored_plan is not None and s.primal_bound is not None]
     clean = [s for s in plans if _clean(s)]
     bounds = [s for s in solutions if s.dual_bound is not None and _exact(s, exact)]
     empty = [s for s in solutions if s.termination is Termination.INFEASIBLE and _exact(s, exact)]
@@ -187,7 +187,7 @@ def _notes(solutions: Sequence[Solution[Any]], clean: Sequence[Solution[Any]]) -
     for solution in solutions:
         if (
             solution.verification is not None
-            and solution.plan_data is not None
+            and solution.stored_plan is not None
             and not _clean(solution)
         ):
             for check in solution.verification.within_tolerance:

@@ -32,7 +32,7 @@ def answer(backend, primal=None, dual=None, termination="optimal", worst=0.0):
     return Solution(
         model="error-correction", instance="i", digest="d", backend=backend,
         termination=Termination(termination), primal_bound=primal, dual_bound=dual,
-        plan=None if primal is None else object(), plan_data=None if primal is None else {},
+        plan=None if primal is None else object(), stored_plan=None if primal is None else {},
         verification=None if primal is None else Verification(primal, (check,)),
         options={"gap": 1e-6, "tolerance": 1e-6},
     )  # fmt: skip

@@ -18,6 +18,9 @@ __all__ = ["plot", "register_plot"]
 #: Functions (model, plan, **options) -> Figure by model kind, loaded when first asked for.
 _PICTURES: dict[str, Any] = {
     "error-correction": ".models.plots.error_correction:draw",
+    "minimum-derivative": ".models.plots.trajectory:draw",
+    "minimum-snap": ".models.plots.trajectory:draw",
+    "time-allocation": ".models.plots.trajectory:draw",
 }
 
 
@@ -38,7 +41,8 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
         A plan for it, valid or not; None draws the data only.
     **options
         Those of the model's picture: for error-correction routing
-        :func:`crosstrack.models.plots.error_correction.draw`.
+        :func:`crosstrack.models.plots.error_correction.draw`, for trajectories
+        :func:`crosstrack.models.plots.trajectory.draw`.
 
     Returns
     -------

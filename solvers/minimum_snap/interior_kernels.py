@@ -317,12 +317,13 @@ def _newton(
 def interior_point(
     cost: Floats, rows: Floats, start: Ints, lower: Floats, upper: Floats, fixed: Flags,
     knots: Floats, inner: Floats, below: Floats, above: Floats, z_below: Floats, z_above: Floats,
-    gap_target: float, tolerance: float, most: int, flag: NDArray[np.int8],
+    gap_target: float, tolerance: float, most: int, nothing: float, flag: NDArray[np.int8],
 ) -> tuple[int, int, float, float, float, float]:  # fmt: skip
     """Mehrotra's predictor-corrector from the given iterate, which it improves in place.
 
     Minimise ``|cost @ y|² / 2`` with ``lower <= rows @ y <= upper``; slacks `below` and `above` and
     multipliers `z_below` and `z_above` are positive on entry, those of infinite bounds 1 and 0.
+    An objective below `nothing` counts as that much, where gaps are relative to it.
 
     Returns
     -------
@@ -371,7 +372,7 @@ def interior_point(
                 primal = max(primal, abs(r_high[q]))
                 largest = max(largest, z_above[q])
         mu = comp / pairs
-        size_of = max(objective, 1e-9)
+        size_of = max(objective, nothing)
         merit = max(comp / size_of, primal, dual / largest)
         if comp <= gap_target * size_of and primal <= tolerance and dual <= tolerance * largest:
             status = CONVERGED

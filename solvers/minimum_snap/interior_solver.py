@@ -29,6 +29,8 @@ Floats = NDArray[np.float64]
 REACH = 1e4
 #: Relative complementarity of the iterate from which added instants are taken up.
 CENTRAL = 1e-3
+#: Share of the first guess's objective that counts as 0.
+NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,11 @@ class _State:
         copies = [part.copy() for part in parts]
         self.knots, self.inner, self.below, self.above, self.z_below, self.z_above = copies
 
+    @property
+    def nothing(self) -> float:
+        """The objective, in the model's units, that counts as 0 beside the first guess's."""
+        return NOTHING * self.chain.model.segments * 2.0 / self.scale**2
+
     def descend(self, gap: float) -> tuple[int, int, float, float, float, float]:
         """Run the kernel down to a relative complementarity of `gap`."""
         settings = self.settings
@@ -170,7 +177,7 @@ class _State:
             self.cost, self.rows, self.start, self.lower, self.upper, self.fixed, self.knots,
             self.inner, self.below, self.above, self.z_below, self.z_above, gap,
             settings.tolerance if gap <= settings.gap else max(settings.tolerance, 0.01 * gap),
-            settings.iterations, self.flag,
+            settings.iterations, NOTHING * self.chain.model.segments, self.flag,
         )  # fmt: skip
         return outcome
 
@@ -296,8 +303,8 @@ class _State:
         bound_gradient(self.rows, self.start, above - below, knots, inner)
         knots[self.fixed] = 0.0
         at = row_values(self.rows, self.start, self.knots, self.inner)
-        violation = float(np.sum((below * (self.lower - at))[low]))
-        violation += float(np.sum((above * (at - self.upper))[high]))
+        violation = float(np.sum(below[low] * (self.lower - at)[low]))
+        violation += float(np.sum(above[high] * (at - self.upper)[high]))
         gain = float(
             np.sum(np.abs(knots) * np.maximum(1.0, np.abs(self.knots)))
             + np.sum(np.abs(inner) * np.maximum(1.0, np.abs(self.inner)))
@@ -339,16 +346,14 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
             state.add(fresh, mu)
             rounds += 1
         if gap >= CENTRAL:
-            kept, kept_mu = (
-                state.iterate,
-                comp / pairs if gap > CENTRAL or kept is None else kept_mu,
-            )
+            kept, kept_mu = state.iterate, comp / pairs
         gap = settings.gap if gap <= CENTRAL else max(CENTRAL, gap * 1e-1)
     conflict = np.empty(0, np.int64)
     objective, bound, dual = state.proven()
     if status == "stalled":
         # Good enough is for the caller to judge by the bound; else see whether nothing can be.
-        if abs(objective - bound) <= 1e-6 * abs(objective) and primal <= 1e-7:
+        small = max(1e-6 * abs(objective), state.nothing)
+        if abs(objective - bound) <= small and primal <= 1e-7:
             status = "solved"
         else:
             found = state.contradiction()
