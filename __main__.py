@@ -368,6 +368,68 @@ def check(
 
 @cli.command()
 @click.argument("instance")
+@click.argument("plan", metavar="PLAN.json")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["poly7", "samples", "bezier"]),
+    default="poly7",
+    show_default=True,
+    help="Crazyflie's pieces, samples of all derivatives, or Bézier control points.",
+)
+@click.option("--output", metavar="FILE", required=True, help="The CSV to write.")
+@click.option(
+    "--rate", type=float, default=100.0, show_default=True, help="Samples a second, for samples."
+)
+@click.option(
+    "--precision",
+    type=click.Choice(["float32", "float64"]),
+    default="float32",
+    show_default=True,
+    help="Digits of the numbers in poly7: the firmware's, or all.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
+def export(
+    instance: str, plan: str, form: str, output: str, rate: float, precision: str, as_json: bool
+) -> int:
+    """Write the trajectory PLAN.json for INSTANCE as a CSV that other software flies.
+
+    The plan is verified first: one that does not hold is not written (exit code 6).
+    """
+    from crosstrack.instances import write_bezier, write_poly7, write_samples
+    from crosstrack.models import Trajectory
+    from crosstrack.solvers.report.tables import verification_table
+
+    writable(output, (".csv",))
+    model = ct.load(instance)
+    found = read_plan(model, plan)
+    if not isinstance(found, Trajectory):
+        raise click.UsageError(f"{instance} has no trajectory: nothing to export")
+    verification = ct.verify(model, found)
+    if not verification.ok:
+        show(f"{model.name}: NOT verified, nothing written")
+        show(verification_table(verification))
+        return VIOLATED
+    report: dict[str, Any] = {"format": form, "path": output}
+    if form == "poly7":
+        written = write_poly7(found, output, precision=precision)  # type: ignore[arg-type]
+        report |= written.to_dict()
+        text = str(written)
+    else:
+        if form == "samples":
+            write_samples(found, output, rate=rate)
+        else:
+            write_bezier(found, output)
+        text = f"{output}: {found}"
+    if as_json:
+        emit(report)
+    else:
+        show(text)
+    return VERIFIED
+
+
+@cli.command()
+@click.argument("instance")
 @click.option("--backend", help="Filter the blocks of a program with this backend instead.")
 @click.option("--formulation", help="The program whose rows are filtered (default: paper).")
 @click.option(

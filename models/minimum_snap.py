@@ -290,11 +290,6 @@ class MinimumDerivative(Model[Trajectory]):
         """Whether there is a corridor or a limit."""
         return bool(self.bounds) or self.halfspaces is not None
 
-    @property
-    def objective_unit(self) -> str:  # type: ignore[override]
-        """Unit of the objective."""
-        return f"m²/s^{2 * self.order - 1}"
-
     # -- plans -----------------------------------------------------------------------------------
 
     def objective(self, plan: Trajectory) -> float:
@@ -361,6 +356,7 @@ class MinimumSnap(MinimumDerivative):
     weights: Floats | None = field(init=False, default=None)
 
     kind: ClassVar[str] = "minimum-snap"
+    objective_unit: ClassVar[str] = "m²/s⁷"
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any], *, name: str = "") -> MinimumSnap:

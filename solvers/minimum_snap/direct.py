@@ -96,8 +96,10 @@ class Banded(Backend):
         table[:, :rows] = problem.conditions[:, :rows]
         fixed = np.isfinite(table)
         values = np.moveaxis(np.where(fixed, table, 0.0), 2, 0)
+        # A copy: kernels are compiled for arrays that may be written, and the model's may not.
+        durations = np.array(problem.durations)
         found = solve.solve_hermite(
-            problem.durations,
+            durations,
             np.ascontiguousarray(values),
             np.ascontiguousarray(np.moveaxis(fixed, 2, 0)),
             problem.order_weights,
@@ -124,9 +126,9 @@ class Banded(Backend):
             )
         lows = info["lows"]
         coefficients = (
-            solve.jets_to_coefficients(problem.durations, found.jets)
+            solve.jets_to_coefficients(durations, found.jets)
             if lows is None
-            else solve.jets_to_coefficients(problem.durations, found.jets, lows)
+            else solve.jets_to_coefficients(durations, found.jets, lows)
         )
         plan = Trajectory(problem.times, coefficients)
         objective = float(found.objective.sum())

@@ -287,6 +287,35 @@ class _State:
             knots[:, bound.derivative :: r] = np.where(np.isfinite(wide), wide, own)
         return knots, np.maximum(1.0, np.abs(self.inner))
 
+    def _refined_ray(self, below: Floats, above: Floats) -> tuple[Floats, Floats]:
+        """Make ``G'z`` vanish, changing the ray in place; return what is left of it.
+
+        The barrier only tends to a ray. The least change of the multipliers, each weighed by its
+        own size over its slack, takes what is missing.
+        """
+        count, _, width = self.cost.shape
+        n = self.fixed.shape[1]
+        d_below, d_above = below / self.below, above / self.above
+        largest = max(float((d_below + d_above).max()), 1e-300)
+        d_below, d_above = d_below / largest, d_above / largest
+        typical = max(float(np.linalg.norm(self.cost, axis=2).max()), 1e-300)
+        factors, last = np.zeros((count, width - n, width)), np.zeros((n, n))
+        factorise(
+            self.cost * (1e-8 / typical), self.rows, self.start, np.sqrt(d_below + d_above),
+            self.fixed, factors, last,
+        )  # fmt: skip
+        for turn in range(4):
+            knots, inner = np.zeros_like(self.knots), np.zeros_like(self.inner)
+            bound_gradient(self.rows, self.start, above - below, knots, inner)
+            knots[self.fixed] = 0.0
+            if turn < 3:
+                x_knots, x_inner = -knots, -inner
+                solve_factors(factors, last, self.fixed, x_knots, x_inner)
+                step = row_values(self.rows, self.start, x_knots, x_inner)
+                np.maximum(below - d_below * step, 0.0, out=below)
+                np.maximum(above + d_above * step, 0.0, out=above)
+        return knots, inner
+
     def contradiction(self) -> NDArray[np.int64] | None:
         """Return the segments whose bounds prove that no trajectory keeps them, None without proof.
 
@@ -299,9 +328,7 @@ class _State:
         if not largest > 1.0 or not np.isfinite(largest):
             return None
         below, above = self.z_below / largest, self.z_above / largest
-        knots, inner = np.zeros_like(self.knots), np.zeros_like(self.inner)
-        bound_gradient(self.rows, self.start, above - below, knots, inner)
-        knots[self.fixed] = 0.0
+        knots, inner = self._refined_ray(below, above)
         at = row_values(self.rows, self.start, self.knots, self.inner)
         violation = float(np.sum(below[low] * (self.lower - at)[low]))
         violation += float(np.sum(above[high] * (at - self.upper)[high]))

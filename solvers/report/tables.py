@@ -68,10 +68,11 @@ def render(*parts: Any, width: int = 120) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a bound for people: fixed decimals, an empty cell for None."""
+    """Return a bound for people: fixed decimals, six digits at least, an empty cell for None."""
     if value is None:
         return ""
-    return f"{value:.{digits}f}" if 1e-3 <= abs(value) < 1e9 or value == 0 else f"{value:.6g}"
+    fixed = 100 <= abs(value) < 1e9 or value == 0
+    return f"{value:.{digits}f}" if fixed else f"{value:.{max(digits + 3, 1)}g}"
 
 
 def seconds_text(value: float | None) -> str:
