@@ -19,6 +19,8 @@ __all__ = ["CatalogueEntry", "Provenance", "entries", "entry", "load", "register
 #: Functions that return the entries of a problem, loaded when first asked for.
 _PROBLEMS: dict[str, str] = {
     "error-correction": ".instances.error_correction.listing:catalogue_entries",
+    "minimum-derivative": ".instances.minimum_snap.listing:derivative_entries",
+    "minimum-snap": ".instances.minimum_snap.listing:snap_entries",
 }
 
 #: Entries of users, by name.
@@ -37,8 +39,10 @@ class Provenance(StrEnum):
     PAPER = "paper"
     #: Printed in the paper but for something that is left open, which is ours.
     COMPLETED = "completed"
-    #: Ours, drawn by a fixed seed with the paper's sizes.
+    #: Ours, drawn by a fixed seed; with the paper's sizes where it prints some.
     SEEDED = "seeded"
+    #: Ours, by a formula.
+    OURS = "ours"
     #: Published elsewhere.
     PUBLIC = "public"
 
@@ -58,7 +62,7 @@ class CatalogueEntry:
     paper : str
         The citation.
     provenance : Provenance
-        Whether the data is the paper's, completed by us, ours by seed, or public.
+        Whether the data is the paper's, completed by us, ours by seed or by formula, or public.
     builder : callable or str
         Returns the model; lazily as ``"module:function"``.
     published : mapping
@@ -158,16 +162,43 @@ def load(source: str | os.PathLike[str]) -> Model[Any]:
     if file.is_dir():
         raise InvalidData(f"{file}: a folder, where an instance file was expected")
     if file.suffix.casefold() == ".csv":
-        raise InvalidData(
-            f"{file}: a CSV file holds points and no thresholds. Write an instance file beside it, "
-            f'{{"model": "error-correction", "data": {{"points": "{file.name}", "alpha1": …, '
-            '"alpha2": …, "beta1": …, "beta2": …, "theta": …, "delta": …}}, or call '
-            "crosstrack.instances.read_csv(path, alpha1=…, …)"
-        )
+        raise InvalidData(_about_csv(file))
     from .storage import read_model
 
     model = read_model(file)
     return model if model.name else dataclasses.replace(model, name=file.stem)
+
+
+def _about_csv(file: Path) -> str:
+    """Return what to do with a CSV file, which holds data of an instance but is none."""
+    from .storage import read_text
+
+    first = next((line for line in read_text(file).splitlines() if line.strip()), "")
+    names = [name.strip().casefold() for name in first.lstrip("# ").split(",")]
+    if names[0] == "duration" and "x^0" in names:
+        return (
+            f"{file}: a poly7 file holds a trajectory, which is a plan, and no instance. "
+            "crosstrack.instances.read_poly7(path) returns it: plan(t, derivative=0); its "
+            "waypoints and times make an instance: "
+            "MinimumSnap(waypoints=plan(plan.times), times=plan.times)"
+        )
+    if names[0] == "t" and len(names) > 1:
+        return (
+            f"{file}: a CSV file of samples holds a trajectory at instants, and no instance; "
+            "crosstrack.instances.read_samples(path) returns it"
+        )
+    if names in (["x", "y"], ["x", "y", "z"]) or not re.search("[a-df-z]", first, re.IGNORECASE):
+        return (
+            f"{file}: a CSV file of waypoints holds no times. Write an instance file beside it, "
+            f'{{"model": "minimum-snap", "data": {{"waypoints": "{file.name}", "times": […]}}}}, '
+            "or call crosstrack.instances.read_waypoints(path) and times_by_distance(waypoints)"
+        )
+    return (
+        f"{file}: a CSV file holds points and no thresholds. Write an instance file beside it, "
+        f'{{"model": "error-correction", "data": {{"points": "{file.name}", "alpha1": …, '
+        '"alpha2": …, "beta1": …, "beta2": …, "theta": …, "delta": …}}, or call '
+        "crosstrack.instances.read_csv(path, alpha1=…, …)"
+    )
 
 
 def _find(name: str) -> CatalogueEntry | None:

@@ -35,6 +35,8 @@ References = Callable[[Mapping[str, Any], Path], dict[str, Any]]
 #: Functions of that type, or where to find them, by model kind; loaded when first needed.
 _REFERENCES: dict[str, Any] = {
     "error-correction": ".instances.error_correction.files:resolve_references",
+    "minimum-derivative": ".instances.minimum_snap.tables:resolve_references",
+    "minimum-snap": ".instances.minimum_snap.tables:resolve_references",
 }
 
 

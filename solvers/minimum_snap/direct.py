@@ -124,12 +124,7 @@ class Banded(Backend):
             return Answer(
                 Termination.NO_SOLUTION, seconds=seconds, statistics=statistics, message=message
             )
-        lows = info["lows"]
-        coefficients = (
-            solve.jets_to_coefficients(durations, found.jets)
-            if lows is None
-            else solve.jets_to_coefficients(durations, found.jets, lows)
-        )
+        coefficients = solve.jets_to_coefficients(durations, found.jets, info["lows"])
         plan = Trajectory(problem.times, coefficients)
         objective = float(found.objective.sum())
         solved = time.perf_counter()

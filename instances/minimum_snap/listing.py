@@ -1,0 +1,246 @@
+"""What the catalogue holds of minimum-derivative trajectories."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...models.fields import Real
+from ...models.minimum_snap import MinimumDerivative, MinimumSnap
+from ..catalogue import CatalogueEntry, Provenance
+from .corridors import corridor, gates, hurried
+from .paths import figure_eight, helix, random_walk, random_waypoints, square, times_by_distance
+
+__all__ = ["PAPER", "derivative_entries", "paper_walk", "reach", "snap_entries", "weighted"]
+
+PAPER = (
+    '"Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot in Obstacle '
+    'Environment", Wireless Communications and Mobile Computing, 2021'
+)
+_MELLINGER = "D. Mellinger, V. Kumar: Minimum snap trajectory generation and control, ICRA 2011"
+_RICHTER = "C. Richter, A. Bry, N. Roy: Polynomial trajectory planning, ISRR 2013"
+_HOGAN = "T. Flash, N. Hogan: The coordination of arm movements, Journal of Neuroscience 5(7), 1985"
+
+_OURS = "The waypoints are ours; the papers cited publish none for it."
+_CORRIDOR = (
+    "Ours by seed. Boxes and limits were drawn around a way that keeps each with a margin, so it "
+    "is feasible with slack; at the optimum some boxes and limits of both kinds are active."
+)
+#: The paper's own problem: name, size in words, segments, time of the first knot, what to mind.
+_PAPERS = (
+    ("paper", "3 segments", 3, 0.0, ""),
+    (
+        "paper-5",
+        "5 segments",
+        5,
+        0.0,
+        (
+            " The paper's powers of absolute time are badly scaled by now: its program's "
+            "optimality system has a condition number above 1e20, and some backends fail on it."
+        ),
+    ),
+    (
+        "paper-late",
+        "5 segments, a minute after the clock began",
+        5,
+        60.0,
+        (
+            " It is paper-5 a minute later. In the paper's powers of absolute time few digits or "
+            "none are right, and verification rejects what comes out; a segment's own time knows "
+            "no difference."
+        ),
+    ),
+)
+#: Seed of the small corridor: it turns, and boxes and limits of both kinds are active.
+_TURNING = 357
+#: The segment of corridor-infeasible that cannot be flown.
+_HURRIED = 6
+
+
+def paper_walk(segments: int, start: float = 0.0) -> MinimumSnap:
+    """Return the paper's own problem on a seeded random walk: C², velocity and acceleration at rest.
+
+    Parameters
+    ----------
+    segments : int
+        Number of segments.
+    start : float
+        Time of the first knot, s: the paper's polynomials are of absolute time.
+    """
+    rest = np.zeros((2, 3))
+    points = random_waypoints(segments, 3, seed=2021)
+    return MinimumSnap(
+        waypoints=points,
+        times=np.round(Real(unit="s").coerce("start", start, {}) + times_by_distance(points), 3),
+        continuity=2,
+        start=rest,
+        end=rest,
+    )
+
+
+def reach(distance: float = 0.3, duration: float = 0.8) -> MinimumDerivative:
+    """Return the movement of a hand from rest to rest: one segment of least jerk.
+
+    The optimum is x = d (10 s³ - 15 s⁴ + 6 s⁵) with s = t / T, and costs 720 d² / T⁵.
+
+    Parameters
+    ----------
+    distance : float
+        d, m.
+    duration : float
+        T, s.
+    """
+    far, long = (
+        Real(lower=0, strict=True).coerce(name, value, {})
+        for name, value in (("distance", distance), ("duration", duration))
+    )
+    return MinimumDerivative(
+        waypoints=np.array([[0.0], [far]]), times=np.array([0.0, long]), order=3
+    )
+
+
+def weighted() -> MinimumDerivative:
+    """Return a sum of squared velocity, acceleration and snap, of a higher degree than it needs."""
+    points = random_waypoints(6, 2, seed=3)
+    return MinimumDerivative(
+        waypoints=points,
+        times=times_by_distance(points),
+        weights=np.array([0.1, 1.0, 0.0, 0.1]),
+        degree=9,
+        continuity=4,
+    )
+
+
+def _jerk() -> MinimumDerivative:
+    points = random_waypoints(8, 3, seed=8)
+    return MinimumDerivative(waypoints=points, times=times_by_distance(points), order=3)
+
+
+def _entry(
+    name: str,
+    title: str,
+    builder: Callable[[], MinimumDerivative],
+    *,
+    paper: str = _MELLINGER,
+    provenance: Provenance = Provenance.OURS,
+    note: str = _OURS,
+    published: Mapping[str, Any] | None = None,
+) -> CatalogueEntry:
+    return CatalogueEntry(
+        name=name,
+        model=name.partition("/")[0],
+        title=title,
+        paper=paper,
+        provenance=provenance,
+        builder=builder,
+        published=published or {},
+        note=note,
+    )
+
+
+def snap_entries() -> tuple[CatalogueEntry, ...]:
+    """Return the instances of minimum snap."""
+    seeded = Provenance.SEEDED
+    walks = [
+        _entry(
+            f"minimum-snap/random-{count}",
+            f"A random walk of {count} segments in 3-D, 0.5 to 1.5 m long, at 1 m/s",
+            partial(random_walk, count, seed=count),
+            paper=_RICHTER,
+            provenance=seeded,
+        )
+        for count in (10, 100, 1000)
+    ]
+    papers = [
+        _entry(
+            f"minimum-snap/{name}",
+            f"The paper's own problem, continuous to the acceleration only: {what}",
+            partial(paper_walk, count, start),
+            paper=PAPER,
+            provenance=seeded,
+            note=(
+                "The paper publishes neither coordinates nor times: ours are seeded. Its eq. 25 "
+                "keeps acceleration but not jerk continuous, so this is not the minimum-snap "
+                f"spline: the jerk jumps at the waypoints.{more}"
+            ),
+        )
+        for name, what, count, start, more in _PAPERS
+    ]
+    corridors = [
+        _entry(
+            f"minimum-snap/corridor-{count}",
+            f"A chain of {count} boxes in 3-D with limits of velocity and acceleration",
+            partial(corridor, count, seed=seed),
+            provenance=seeded,
+            note=_CORRIDOR,
+        )
+        for count, seed in ((10, _TURNING), (1000, 0))
+    ]
+    return (
+        _entry("minimum-snap/figure-eight", "A figure eight in 3-D, 12 segments", figure_eight),
+        _entry(
+            "minimum-snap/figure-eight-yaw",
+            "A figure eight in 3-D with yaw along the path as the fourth axis, 12 segments",
+            partial(figure_eight, dimensions=4),
+        ),
+        _entry("minimum-snap/helix", "Three turns of a helix, 24 segments", helix),
+        _entry("minimum-snap/square", "Around a square in the plane, 4 segments", square),
+        *walks,
+        *papers,
+        *corridors,
+        _entry(
+            "minimum-snap/corridor-infeasible",
+            f"A chain of 10 boxes in which segment {_HURRIED} is too long for its time",
+            partial(hurried, 10, _HURRIED, seed=_TURNING),
+            provenance=seeded,
+            note=(
+                "Ours by seed, and infeasible by construction: the velocity limit of segment "
+                f"{_HURRIED} is 0.8 of the mean velocity that its two fixed ends demand. Without "
+                "that limit it is feasible."
+            ),
+        ),
+        _entry(
+            "minimum-snap/gate-2d",
+            "Six slanted rectangles in the plane, as half-spaces, with a velocity limit",
+            gates,
+            provenance=seeded,
+            note=(
+                "Ours by seed. Stopping at every gate is feasible and keeps a margin of 0.3 m to "
+                "every wall."
+            ),
+        ),
+    )
+
+
+def derivative_entries() -> tuple[CatalogueEntry, ...]:
+    """Return the instances that minimise another derivative, or several."""
+    return (
+        _entry(
+            "minimum-derivative/jerk",
+            "Minimum jerk through a random walk of 8 segments in 3-D",
+            _jerk,
+            paper=_HOGAN,
+            provenance=Provenance.SEEDED,
+        ),
+        _entry(
+            "minimum-derivative/reach",
+            "A hand moves 0.3 m in 0.8 s: one segment of minimum jerk",
+            reach,
+            paper=_HOGAN,
+            published={
+                "optimum": 720 * 0.3**2 / 0.8**5,
+                "formula": "720 d² / T⁵, from the paper's x = d (10 s³ - 15 s⁴ + 6 s⁵)",
+            },
+            note="Distance and duration are ours; the shape of the optimum is the paper's.",
+        ),
+        _entry(
+            "minimum-derivative/weighted",
+            "0.1 velocity² + acceleration² + 0.1 snap², degree 9, C⁴: 6 segments in the plane",
+            weighted,
+            paper=_RICHTER,
+            provenance=Provenance.SEEDED,
+        ),
+    )

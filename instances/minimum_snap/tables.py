@@ -1,0 +1,240 @@
+"""Tables of numbers in CSV files: samples of a trajectory, waypoints, and what each file is."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ...models.fields import show
+from ...models.trajectory import Trajectory
+from ..storage import read_text, write_text
+
+__all__ = [
+    "Samples",
+    "number",
+    "numeric_rows",
+    "read_samples",
+    "read_waypoints",
+    "resolve_references",
+    "sample_columns",
+    "write_samples",
+]
+
+Floats = NDArray[np.float64]
+
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+
+_AXES = ("x", "y", "z", "yaw")
+_PREFIXES = ("", "v", "a", "j", "s")
+
+
+# -- rows ------------------------------------------------------------------------------------------
+
+
+def number(text: str, where: str, field: str) -> float:
+    """Return the finite number that `text` writes; `where` and `field` go into the message."""
+    # float() alone would take nan, inf, 1_000 and the digits of every script.
+    stripped = text.strip()
+    value = float(stripped) if _NUMBER.fullmatch(stripped) else math.nan
+    if not math.isfinite(value):
+        raise InvalidData(f"{where}: must be a finite number, got {show(text)}", field=field)
+    return value
+
+
+def numeric_rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number and the values of every line that is not blank.
+
+    Numbers are never quoted. A comma at the end of a line, as several tools write it, opens no
+    further column.
+    """
+    for line, content in enumerate(text.splitlines(), start=1):
+        if content.strip():
+            values = [value.strip() for value in content.split(",")]
+            yield line, values[:-1] if len(values) > 1 and not values[-1] else values
+
+
+def numbers_of(values: Sequence[str], names: Sequence[str], where: str, field: str) -> list[float]:
+    """Return one row as numbers; as many as there are `names`, which go into the message."""
+    if len(values) != len(names):
+        raise InvalidData(
+            f"{where}: {len(values)} values where {len(names)} are allowed: "
+            f"{names[0]} to {names[-1]}",
+            field=field,
+        )
+    return [
+        number(value, f"{where}, column {name}", field)
+        for value, name in zip(values, names, strict=True)
+    ]
+
+
+# -- samples -----------------------------------------------------------------------------------------
+
+
+class Samples(NamedTuple):
+    """A trajectory at instants.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        The instants, s.
+    values : ndarray, shape (derivatives + 1, n, dimensions)
+        ``values[j]`` is derivative j: position, velocity, …
+    """
+
+    times: Floats
+    values: Floats
+
+
+def sample_columns(dimensions: int, derivatives: int = 4) -> tuple[str, ...]:
+    """Return the header of a file of samples: ``t, x, y, z, vx, vy, vz, ax, …, jx, …, sx, …``.
+
+    Parameters
+    ----------
+    dimensions : int
+        Up to 4 axes are called x, y, z, yaw; more are numbered, x0, x1, …
+    derivatives : int
+        The highest derivative; beyond snap they are called d5x, d6x, …
+    """
+    axes = _AXES[:dimensions] if dimensions <= 4 else [f"x{axis}" for axis in range(dimensions)]
+    prefixes = [*_PREFIXES, *(f"d{order}" for order in range(5, derivatives + 1))]
+    return ("t", *(p + axis for p in prefixes[: derivatives + 1] for axis in axes))
+
+
+def write_samples(
+    trajectory: Trajectory,
+    path: str | os.PathLike[str],
+    *,
+    rate: float = 100.0,
+    derivatives: int = 4,
+) -> Path:
+    """Write a trajectory at equal steps of time as CSV, in one step; return the path.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The trajectory.
+    path : path-like
+        The file.
+    rate : float
+        Samples a second (Hz); the last knot is always included.
+    derivatives : int
+        The highest derivative written; 4 is snap.
+
+    Raises
+    ------
+    InvalidData
+        A rate that is not > 0, derivatives that are no whole number >= 0, or a file that cannot
+        be written.
+    """
+    rows = trajectory.sampled(rate, derivatives)
+    header = ",".join(sample_columns(trajectory.dimensions, derivatives))
+    lines = (",".join(map(repr, row)) for row in (rows + 0.0).tolist())
+    return write_text(path, "\n".join([header, *lines]) + "\n")
+
+
+def read_samples(path: str | os.PathLike[str]) -> Samples:
+    """Return the samples that :func:`write_samples` wrote, exactly.
+
+    Raises
+    ------
+    InvalidData
+        Naming file, line, column and value: a header of other names, a row too short or too long,
+        what is no finite number, times that do not increase, a file without samples.
+    """
+    file = str(path)
+    rows = numeric_rows(read_text(path))
+    line, header = next(rows, (1, []))
+    names = [name.casefold() for name in header]
+    shape = _sample_shape(names)
+    if shape is None:
+        raise InvalidData(
+            f"{file}, line {line}: must be the header of samples, such as "
+            f"{','.join(sample_columns(3, 1))},…, got {show(','.join(header))}",
+            field="header",
+        )
+    orders, dimensions = shape
+    table: list[list[float]] = []
+    for line, values in rows:
+        table.append(numbers_of(values, names, f"{file}, line {line}", "samples"))
+        if len(table) > 1 and table[-1][0] <= table[-2][0]:
+            raise InvalidData(
+                f"{file}, line {line}, column t: must be > {table[-2][0]!r}, the time before, "
+                f"got {table[-1][0]!r}",
+                field="t",
+            )
+    if not table:
+        raise InvalidData(f"{file}: no samples below the header", field="samples")
+    array = np.array(table)
+    values_of = np.moveaxis(array[:, 1:].reshape(len(table), orders, dimensions), 1, 0)
+    return Samples(array[:, 0].copy(), np.ascontiguousarray(values_of))
+
+
+def _sample_shape(names: list[str]) -> tuple[int, int] | None:
+    """Return the number of derivatives (position counted) and of axes that a header has."""
+    columns = len(names) - 1
+    for dimensions in range(1, columns + 1):
+        orders, rest = divmod(columns, dimensions)
+        if not rest and tuple(names) == sample_columns(dimensions, orders - 1):
+            return orders, dimensions
+    return None
+
+
+# -- waypoints ---------------------------------------------------------------------------------------
+
+
+def read_waypoints(path: str | os.PathLike[str]) -> Floats:
+    """Return the waypoints in a CSV file: one a line, one coordinate a column (m).
+
+    A line of names (``x,y,z``) may come first; files of uav_trajectories have none. They hold no
+    times: :func:`~crosstrack.instances.times_by_distance` is a first guess.
+
+    Returns
+    -------
+    ndarray, shape (knots, dimensions)
+
+    Raises
+    ------
+    InvalidData
+        Naming file, line, column and value: what is no finite number, rows of different lengths,
+        fewer than two waypoints, a column of times.
+    """
+    file = str(path)
+    points: list[list[float]] = []
+    names: list[str] = []
+    for line, values in numeric_rows(read_text(path)):
+        where = f"{file}, line {line}"
+        if not names:
+            found = [value.lstrip("# ").casefold() for value in values]
+            words = not any(_NUMBER.fullmatch(value) for value in values)
+            if words and ("t" in found or "time" in found or "duration" in found):
+                raise InvalidData(
+                    f"{where}: a column of times, where only coordinates are allowed (x,y,z)",
+                    field="waypoints",
+                )
+            if words and all(re.fullmatch(r"[a-z]\w*", name) for name in found):
+                names = found
+                continue
+            count = len(values)
+            names = list(_AXES[:count]) if count <= 4 else [f"x{axis}" for axis in range(count)]
+        points.append(numbers_of(values, names, where, "waypoints"))
+    if len(points) < 2:
+        raise InvalidData(
+            f"{file}: must hold at least 2 waypoints, got {len(points)}", field="waypoints"
+        )
+    return np.array(points)
+
+
+def resolve_references(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return `data` of an instance with ``"waypoints": "file.csv"`` replaced by the content."""
+    found = dict(data)
+    if isinstance(found.get("waypoints"), str):
+        found["waypoints"] = read_waypoints(folder / found["waypoints"])
+    return found

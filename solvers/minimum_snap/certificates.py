@@ -1,0 +1,145 @@
+"""What the multipliers of the interior point prove: a lower bound, or that there is no solution.
+
+Both are computed from the rows and the multipliers alone, whatever the iterations claim.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .interior_kernels import (
+    bound_gradient,
+    factorise,
+    multiply,
+    row_values,
+    solve_factors,
+    transposed,
+)
+from .interior_state import State
+
+__all__ = ["contradiction", "proven"]
+
+Floats = NDArray[np.float64]
+
+#: How far beyond its present size a coordinate may go before a proof of contradiction ends.
+REACH = 1e4
+
+
+def proven(state: State) -> tuple[float, float, float]:
+    """Return objective, lower bound and dual residual, in the model's units.
+
+    For any λ, ``|Cy|²/2 >= λ'Cy - |λ|²/2``: with multipliers z of the bounds this is linear in y
+    but for a residual ``C'λ - G'z``, which is what no coordinate may gain from. λ = Cy leaves a
+    residual as large as the rounding of y times C'C, so λ and z are refined by themselves: they
+    are small where y is a position far from the origin.
+    """
+    count, _, width = state.cost.shape
+    n = state.fixed.shape[1]
+    low, high = np.isfinite(state.lower), np.isfinite(state.upper)
+    z_below, z_above = state.z_below.copy(), state.z_above.copy()
+    d_below = np.where(low, z_below / state.below, 0.0)
+    d_above = np.where(high, z_above / state.above, 0.0)
+    factors, last = np.zeros((count, width - n, width)), np.zeros((n, n))
+    weight = np.sqrt(d_below + d_above)
+    factorise(state.cost, state.rows, state.start, weight, state.fixed, factors, last)
+    value = multiply(state.cost, state.knots, state.inner)
+    dual = value.copy()
+    for turn in range(4):
+        knots, inner = np.zeros_like(state.knots), np.zeros_like(state.inner)
+        transposed(state.cost, dual, knots, inner)
+        bound_gradient(state.rows, state.start, z_above - z_below, knots, inner)
+        knots[state.fixed] = 0.0
+        if turn == 3:
+            break
+        x_knots, x_inner = -knots, -inner
+        solve_factors(factors, last, state.fixed, x_knots, x_inner)
+        dual += multiply(state.cost, x_knots, x_inner)
+        step = row_values(state.rows, state.start, x_knots, x_inner)
+        z_below = np.maximum(z_below - d_below * step, 0.0)
+        z_above = np.maximum(z_above + d_above * step, 0.0)
+    reach_knots, reach_inner = _reach(state)
+    gain = float(np.sum(np.abs(knots) * reach_knots) + np.sum(np.abs(inner) * reach_inner))
+    at = row_values(state.rows, state.start, state.knots, state.inner)
+    slack = float(np.sum(z_below[low] * (at - state.lower)[low]))
+    slack += float(np.sum(z_above[high] * (state.upper - at)[high]))
+    half = 0.5 * float(np.sum(value**2))
+    away = 0.5 * float(np.sum((value - dual) ** 2))
+    unit = 2.0 / state.scale**2
+    residual = max(float(np.abs(knots).max()), float(np.abs(inner).max(initial=0.0)))
+    return half * unit, (half - away - slack - gain) * unit, residual
+
+
+def _reach(state: State) -> tuple[Floats, Floats]:
+    """Return how far each coordinate may be from the optimum's.
+
+    As far as the corridor and the limits at its knot allow, and ``max(1, |y|)`` without.
+    """
+    model, chain, r = state.chain.model, state.chain, state.chain.model.order
+    knots = np.maximum(1.0, np.abs(state.knots))
+    for bound in model.bounds:
+        if bound.derivative >= r:
+            continue
+        wide = (bound.upper - bound.lower)[:, list(chain.axes)]
+        wide = np.concatenate([wide, wide[-1:]])
+        wide[1:-1] = np.minimum(wide[1:-1], wide[:-2])
+        wide *= (chain.knot_times**bound.derivative)[:, None]
+        own = knots[:, bound.derivative :: r]
+        knots[:, bound.derivative :: r] = np.where(np.isfinite(wide), wide, own)
+    return knots, np.maximum(1.0, np.abs(state.inner))
+
+
+def _refined_ray(state: State, below: Floats, above: Floats) -> tuple[Floats, Floats]:
+    """Make ``G'z`` vanish, changing the ray in place; return what is left of it.
+
+    The barrier only tends to a ray. The least change of the multipliers, each weighed by its
+    own size over its slack, takes what is missing.
+    """
+    count, _, width = state.cost.shape
+    n = state.fixed.shape[1]
+    d_below, d_above = below / state.below, above / state.above
+    largest = max(float((d_below + d_above).max()), 1e-300)
+    d_below, d_above = d_below / largest, d_above / largest
+    typical = max(float(np.linalg.norm(state.cost, axis=2).max()), 1e-300)
+    factors, last = np.zeros((count, width - n, width)), np.zeros((n, n))
+    factorise(
+        state.cost * (1e-8 / typical), state.rows, state.start, np.sqrt(d_below + d_above),
+        state.fixed, factors, last,
+    )  # fmt: skip
+    for turn in range(4):
+        knots, inner = np.zeros_like(state.knots), np.zeros_like(state.inner)
+        bound_gradient(state.rows, state.start, above - below, knots, inner)
+        knots[state.fixed] = 0.0
+        if turn < 3:
+            x_knots, x_inner = -knots, -inner
+            solve_factors(factors, last, state.fixed, x_knots, x_inner)
+            step = row_values(state.rows, state.start, x_knots, x_inner)
+            np.maximum(below - d_below * step, 0.0, out=below)
+            np.maximum(above + d_above * step, 0.0, out=above)
+    return knots, inner
+
+
+def contradiction(state: State) -> NDArray[np.int64] | None:
+    """Return the segments whose bounds prove that no trajectory keeps them, None without proof.
+
+    Where there is none, the multipliers grow without limit along a ray that proves it (Farkas):
+    the weighted sum of the bounds' violations is positive, and no coordinate can lower it.
+    The proof holds for all coordinates within :data:`REACH` times their present size.
+    """
+    low, high = np.isfinite(state.lower), np.isfinite(state.upper)
+    largest = max(float(state.z_below.max(initial=0.0)), float(state.z_above.max(initial=0.0)))
+    if not largest > 1.0 or not np.isfinite(largest):
+        return None
+    below, above = state.z_below / largest, state.z_above / largest
+    knots, inner = _refined_ray(state, below, above)
+    at = row_values(state.rows, state.start, state.knots, state.inner)
+    violation = float(np.sum(below[low] * (state.lower - at)[low]))
+    violation += float(np.sum(above[high] * (at - state.upper)[high]))
+    gain = float(
+        np.sum(np.abs(knots) * np.maximum(1.0, np.abs(state.knots)))
+        + np.sum(np.abs(inner) * np.maximum(1.0, np.abs(state.inner)))
+    )
+    if not violation > REACH * gain:
+        return None
+    found: NDArray[np.int64] = np.unique(state.held.segment[(below + above) > 1e-3])
+    return found

@@ -1,0 +1,224 @@
+"""The iterate of the structured interior point on one chain, and the instants it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .chain import Chain, Held
+from .interior_kernels import (
+    bound_gradient,
+    factorise,
+    interior_point,
+    multiply,
+    row_values,
+    solve_factors,
+    transposed,
+)
+from .separation import outside
+
+__all__ = ["Iterate", "Settings", "State"]
+
+Floats = NDArray[np.float64]
+
+#: Share of the first guess's objective that counts as 0.
+NOTHING = 1e-9
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How far to go.
+
+    Parameters
+    ----------
+    gap : float
+        Relative complementarity at the end.
+    tolerance : float
+        Largest violation at the held instants, in normalised rows.
+    between : float
+        Largest violation between the instants, relative to ``max(1, |bound|)``.
+    samples : int
+        Instants of each segment held from the start.
+    iterations : int
+        Most Newton steps for one set of instants.
+    rounds : int
+        Most additions of instants.
+    """
+
+    gap: float = 1e-10
+    tolerance: float = 1e-10
+    between: float = 1e-8
+    samples: int = 8
+    iterations: int = 100
+    rounds: int = 40
+
+
+class Iterate(NamedTuple):
+    """Coordinates of the knots and the interiors, then slacks and multipliers of both sides."""
+
+    knots: Floats
+    inner: Floats
+    below: Floats
+    above: Floats
+    z_below: Floats
+    z_above: Floats
+
+
+class State:
+    """The iterate of one chain."""
+
+    def __init__(self, chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> None:
+        self.chain, self.settings, self.flag = chain, settings, flag
+        self.fixed, self.knots = chain.start()
+        self.inner = np.zeros((chain.model.segments, chain.interior))
+        # J = Σ |C y|² is twice what the kernel minimises, |C y|² / 2.
+        self.cost = chain.cost()
+        self.held = chain.first_instants(settings.samples)
+        self._pose()
+        self.scale = 1.0
+        self._begin()
+
+    def _pose(self) -> None:
+        count = self.chain.model.segments
+        self.rows, self.lower, self.upper, _ = self.chain.rows(self.held)
+        self.start = np.searchsorted(self.held.segment, np.arange(count + 1)).astype(np.int64)
+
+    def newton(self, weight: Floats, target: Floats, cost: Floats) -> None:
+        """Move to the minimum of |cost y|² + |weight (rows y - target)|²."""
+        count, _, width = cost.shape
+        n = self.fixed.shape[1]
+        own = width - 2 * n
+        factors, last = np.zeros((count, own + n, width)), np.zeros((n, n))
+        factorise(cost, self.rows, self.start, weight, self.fixed, factors, last)
+        for _ in range(2):
+            knots, inner = np.zeros_like(self.knots), np.zeros_like(self.inner)
+            transposed(cost, -multiply(cost, self.knots, self.inner), knots, inner)
+            off = target - row_values(self.rows, self.start, self.knots, self.inner)
+            bound_gradient(self.rows, self.start, weight * weight * off, knots, inner)
+            knots[self.fixed] = 0.0
+            solve_factors(factors, last, self.fixed, knots, inner)
+            self.knots += knots
+            self.inner += inner
+
+    def _begin(self) -> None:
+        """Start smooth and near the middle of the bounds, with slacks and multipliers alike."""
+        low, high = np.isfinite(self.lower), np.isfinite(self.upper)
+        target = np.where(
+            low & high,
+            (np.where(low, self.lower, 0.0) + np.where(high, self.upper, 0.0)) / 2,
+            np.where(low, self.lower, np.where(high, self.upper, 0.0)),
+        )
+        typical = np.linalg.norm(self.cost, axis=2).max()
+        weight = np.full(self.rows.shape[0], 1.0)
+        self.newton(weight, target, self.cost / max(float(typical), 1e-300))
+        value = multiply(self.cost, self.knots, self.inner)
+        # Costs of the order of 1 keep multipliers, slacks and tolerances comparable.
+        self.scale = 1.0 / max(float(np.sqrt(np.sum(value**2) / max(value.shape[0], 1))), 1e-12)
+        self.cost = self.cost * self.scale
+        at = row_values(self.rows, self.start, self.knots, self.inner)
+        wide = np.where(low & high, (self.upper - self.lower) / 2, 1.0)
+        least = np.maximum(0.1 * np.where(np.isfinite(wide), wide, 1.0), 1e-8)
+        self.below = np.where(low, np.maximum(at - self.lower, least), 1.0)
+        self.above = np.where(high, np.maximum(self.upper - at, least), 1.0)
+        pairs = max(int(low.sum() + high.sum()), 1)
+        mu = max(0.5 * float(np.sum((value * self.scale) ** 2)) / pairs, 1e-6)
+        self.z_below = np.where(low, mu / self.below, 0.0)
+        self.z_above = np.where(high, mu / self.above, 0.0)
+
+    def kept(self) -> Iterate:
+        """Return the present iterate, to come back to."""
+        parts = (self.knots, self.inner, self.below, self.above, self.z_below, self.z_above)
+        return Iterate(*(part.copy() for part in parts))
+
+    def back_to(self, iterate: Iterate) -> None:
+        """Take up an iterate that was kept."""
+        copies = [part.copy() for part in iterate]
+        self.knots, self.inner, self.below, self.above, self.z_below, self.z_above = copies
+
+    @property
+    def nothing(self) -> float:
+        """The objective, in the model's units, that counts as 0 beside the first guess's."""
+        return NOTHING * self.chain.model.segments * 2.0 / self.scale**2
+
+    @property
+    def pairs(self) -> int:
+        """Number of bounds that are finite."""
+        return max(int(np.isfinite(self.lower).sum() + np.isfinite(self.upper).sum()), 1)
+
+    def descend(self, gap: float) -> tuple[int, int, float, float, float, float]:
+        """Run the kernel down to a relative complementarity of `gap`."""
+        settings = self.settings
+        outcome: tuple[int, int, float, float, float, float] = interior_point(
+            self.cost, self.rows, self.start, self.lower, self.upper, self.fixed, self.knots,
+            self.inner, self.below, self.above, self.z_below, self.z_above, gap,
+            settings.tolerance if gap <= settings.gap else max(settings.tolerance, 0.01 * gap),
+            settings.iterations, NOTHING * self.chain.model.segments, self.flag,
+        )  # fmt: skip
+        return outcome
+
+    def powers(self) -> Floats:
+        """Return the coefficients of the iterate."""
+        return self.chain.powers(self.knots, self.inner)
+
+    def good(self, primal: float) -> bool:
+        """Whether an iterate that stalled is settled all the same, at the rounding of its rows."""
+        comp = float(np.sum(self.below * self.z_below) + np.sum(self.above * self.z_above))
+        value = multiply(self.cost, self.knots, self.inner)
+        size = max(0.5 * float(np.sum(value**2)), NOTHING * self.chain.model.segments)
+        return primal <= 1e-8 and comp <= 1e-7 * size
+
+    def missing(self, threshold: float) -> tuple[Held | None, float]:
+        """Return the instants at which the iterate lies outside, and by how much at most.
+
+        Violations count from `threshold` on, relative to ``max(1, |bound|)``.
+        """
+        polynomials, low, high, owners = self.chain.polynomials(self.powers())
+        row, s, share = outside(np.ascontiguousarray(polynomials), low, high, threshold)
+        if not row.size:
+            return None, 0.0
+        fresh = owners.taken(row)
+        fresh = Held(fresh.bound, fresh.segment, fresh.which, s)
+        known = dict.fromkeys(zip(self.held.bound.tolist(), self.held.segment.tolist(), self.held.which.tolist(), np.round(self.held.s, 9).tolist(), strict=True))  # fmt: skip
+        keep = []
+        for index, key in enumerate(
+            zip(
+                fresh.bound.tolist(), fresh.segment.tolist(), fresh.which.tolist(),
+                np.round(fresh.s, 9).tolist(), strict=True,
+            )
+        ):  # fmt: skip
+            if key not in known:
+                known[key] = None
+                keep.append(index)
+        found = fresh.taken(np.array(keep, np.int64)) if keep else None
+        return found, float(share.max())
+
+    def add(self, fresh: Held, iterates: Sequence[Iterate]) -> list[Iterate]:
+        """Hold the bounds at more instants; return `iterates` with rows for them."""
+        self.held, order = self.held.joined(fresh).sorted()
+        self._pose()
+        return [self._extended(iterate, order) for iterate in iterates]
+
+    def _extended(self, iterate: Iterate, order: NDArray[np.int64]) -> Iterate:
+        """Return an iterate with slacks and multipliers for new rows at its barrier's own level."""
+        knots, inner, *old = iterate
+        at = row_values(self.rows, self.start, knots, inner)
+        before = old[0].size
+        new = np.flatnonzero(order >= before)
+        comp = float(np.sum(old[0] * old[2]) + np.sum(old[1] * old[3]))
+        mu = max(comp / self.pairs, 1e-300)
+        parts = [
+            np.concatenate([part, np.full(order.size - before, default)])[order]
+            for part, default in zip(old, (1.0, 1.0, 0.0, 0.0), strict=True)
+        ]
+        for bound, slack, z, gap in (
+            (self.lower, parts[0], parts[2], at - self.lower),
+            (self.upper, parts[1], parts[3], self.upper - at),
+        ):
+            there = new[np.isfinite(bound[new])]
+            slack[there] = np.maximum(np.abs(gap[there]), 1e-4)
+            z[there] = mu / slack[there]
+        return Iterate(knots, inner, *parts)

@@ -1,0 +1,190 @@
+"""Tables of piecewise Hermite polynomials, from whole numbers and fractions: see ``hermite``."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Table", "moment_tables", "moments_of_powers", "table_of"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Table(NamedTuple):
+    """The objective of a segment on [0, 1], its orders one below the other.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, 2r)
+        Legendre moments g of every derivative that has a weight, from the scaled jet y, each times
+        the number that makes its row whole.
+    factors : ndarray, shape (N,)
+        Their ``(2i + 1) w_j``, that number divided out.
+    orders : ndarray of int, shape (N,)
+        Their j, so that ``J = Σ factors T^(1 - 2 orders) g²``.
+    grams, gram_lows : ndarray, shape (J, 2r, 2r)
+        The Gram matrix of each derivative that has a weight, and what rounding took from it.
+    gram_weights : ndarray, shape (J,)
+        Their w_j.
+    gram_orders : ndarray of int, shape (J,)
+        Their j.
+    """
+
+    rows: Floats
+    factors: Floats
+    orders: Ints
+    grams: Floats
+    gram_lows: Floats
+    gram_weights: Floats
+    gram_orders: Ints
+
+
+def _legendre(index: int) -> list[int]:
+    """Return the powers of the Legendre polynomial on [0, 1], which is 1 at 1."""
+    sign = (-1) ** index
+    return [
+        sign * (-1) ** m * math.comb(index, m) * math.comb(index + m, m) for m in range(index + 1)
+    ]
+
+
+@cache
+def _hermite_powers(order: int) -> tuple[tuple[Fraction, ...], ...]:
+    """Return the powers 0 … 2r-1 (rows) of the Hermite functions (columns), exactly.
+
+    The powers below r are y_i / i!. The others come from x^(r) = Σ (2i + 1) g_i P_i.
+    """
+    r = order
+    moments = _end_moments(r)
+    powers = [[Fraction(0)] * (2 * r) for _ in range(2 * r)]
+    for i in range(r):
+        powers[i][i] = Fraction(1, math.factorial(i))
+    for i in range(r):
+        for m, value in enumerate(_legendre(i)):
+            for column in range(2 * r):
+                share = Fraction((2 * i + 1) * value * moments[i][column])
+                powers[r + m][column] += share / math.perm(r + m, r)
+    return tuple(map(tuple, powers))
+
+
+def _end_moments(order: int) -> list[list[int]]:
+    """Return ∫ x^(r) P_i ds for i < r from the jet, by parts: whole numbers.
+
+    The m-th derivative of P_i is (i + m)! / (m! (i - m)!) at 1, and that times (-1)^(i + m) at 0.
+    """
+    rows = []
+    for i in range(order):
+        row = [0] * (2 * order)
+        for m in range(i + 1):
+            at_one = math.factorial(i + m) // (math.factorial(m) * math.factorial(i - m))
+            row[2 * order - 1 - m] = (-1) ** m * at_one
+            row[order - 1 - m] = -((-1) ** i) * at_one
+        rows.append(row)
+    return rows
+
+
+@cache
+def moment_tables(order: int) -> tuple[Floats, Floats, Floats]:
+    """Return how to get powers by way of the moments of the r-th derivative.
+
+    Returns
+    -------
+    rows : ndarray, shape (r, 2r)
+        Moments from the scaled jet, whole numbers.
+    blend : ndarray, shape (r, r)
+        The powers r … 2r-1 from the moments.
+    factorials : ndarray, shape (r,)
+        i!, so that the powers below r are y_i / i!.
+    """
+    blend = np.zeros((order, order))
+    for i in range(order):
+        for m, value in enumerate(_legendre(i)):
+            blend[m, i] = float(Fraction((2 * i + 1) * value, math.perm(order + m, order)))
+    factorials = np.array([float(math.factorial(i)) for i in range(order)])
+    return np.array(_end_moments(order), float), blend, factorials
+
+
+@cache
+def _power_moments(order: int, derivative: int) -> tuple[tuple[Fraction, ...], ...]:
+    """Return ∫ (s^n)^(j) P_i ds, shape (2r - j, 2r): rows i, columns n."""
+    j = derivative
+    return tuple(
+        tuple(
+            sum(
+                (Fraction(p * math.perm(n, j), m + n - j + 1) for m, p in enumerate(_legendre(i))),
+                Fraction(0),
+            )
+            if n >= j
+            else Fraction(0)
+            for n in range(2 * order)
+        )
+        for i in range(2 * order - j)
+    )
+
+
+@cache
+def _exact_rows(order: int, derivative: int) -> tuple[tuple[Fraction, ...], ...]:
+    """Return the Legendre moments of the j-th derivative from the scaled jet, (2r - j, 2r).
+
+    Those beyond index r-1 vanish for j = r, where x^(r) has degree r-1; they are left out.
+    """
+    powers = _hermite_powers(order)
+    places = range(2 * order)
+    return tuple(
+        tuple(sum((row[n] * powers[n][p] for n in places), Fraction(0)) for p in places)
+        for row in _power_moments(order, derivative)
+    )
+
+
+@cache
+def _table(weights: tuple[float, ...]) -> Table:
+    r = len(weights)
+    rows, factors, orders, grams, lows, gram_orders = [], [], [], [], [], []
+    for j, weight in enumerate(weights, start=1):
+        if weight == 0.0:
+            continue
+        own = _exact_rows(r, j)
+        for i, row in enumerate(own):
+            # Whole numbers are exact in floating point, so that what costs nothing costs nothing.
+            common = math.lcm(*(value.denominator for value in row))
+            rows.append([float(value * common) for value in row])
+            factors.append(weight * float(Fraction(2 * i + 1, common * common)))
+            orders.append(j)
+        gram = [
+            [
+                sum(((2 * i + 1) * row[p] * row[q] for i, row in enumerate(own)), Fraction(0))
+                for q in range(2 * r)
+            ]
+            for p in range(2 * r)
+        ]
+        grams.append([[float(value) for value in row] for row in gram])
+        lows.append([[float(value - Fraction(float(value))) for value in row] for row in gram])
+        gram_orders.append(j)
+    table = Table(
+        np.array(rows),
+        np.array(factors),
+        np.array(orders, np.int64),
+        np.array(grams),
+        np.array(lows),
+        np.array([weights[j - 1] for j in gram_orders]),
+        np.array(gram_orders, np.int64),
+    )
+    for array in table:
+        array.setflags(write=False)
+    return table
+
+
+def table_of(weights: Floats) -> Table:
+    """Return the table for weights of the orders 1 … r, which are kept for the next call."""
+    return _table(tuple(map(float, weights)))
+
+
+@cache
+def moments_of_powers(order: int, derivative: int) -> Floats:
+    """Return ∫ (s^n)^(j) P_i ds, shape (2r - j, 2r), rounded once."""
+    return np.array([[float(v) for v in row] for row in _power_moments(order, derivative)])
