@@ -375,9 +375,9 @@ def check(
     type=click.Choice(["poly7", "samples", "bezier"]),
     default="poly7",
     show_default=True,
-    help="Crazyflie's pieces, samples of all derivatives, or Bézier control points.",
+    help="Crazyflie's pieces (CSV), samples of all derivatives (CSV), Bézier points (JSON).",
 )
-@click.option("--output", metavar="FILE", required=True, help="The CSV to write.")
+@click.option("--output", metavar="FILE", required=True, help="The file to write.")
 @click.option(
     "--rate", type=float, default=100.0, show_default=True, help="Samples a second, for samples."
 )
@@ -392,7 +392,7 @@ def check(
 def export(
     instance: str, plan: str, form: str, output: str, rate: float, precision: str, as_json: bool
 ) -> int:
-    """Write the trajectory PLAN.json for INSTANCE as a CSV that other software flies.
+    """Write the trajectory PLAN.json for INSTANCE as a file that other software flies.
 
     The plan is verified first: one that does not hold is not written (exit code 6).
     """
@@ -400,7 +400,7 @@ def export(
     from crosstrack.models import Trajectory
     from crosstrack.solvers.report.tables import verification_table
 
-    writable(output, (".csv",))
+    writable(output, (".json",) if form == "bezier" else (".csv",))
     model = ct.load(instance)
     found = read_plan(model, plan)
     if not isinstance(found, Trajectory):

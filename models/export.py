@@ -178,13 +178,14 @@ def qpsolvers_problem(program: QuadraticProgram) -> qpsolvers.Problem:
     inequalities = bool((above | below).any())
     stacked = sp.vstack([matrix[np.flatnonzero(above)], -matrix[np.flatnonzero(below)]])
     bounded = np.isfinite(program.column_lower).any() or np.isfinite(program.column_upper).any()
+    # Copies: the program's arrays are read-only, which some solvers behind qpsolvers refuse.
     return qpsolvers.Problem(
-        P=sp.csc_matrix(program.hessian),
-        q=program.cost,
+        P=sp.csc_matrix(program.hessian, copy=True),
+        q=program.cost.copy(),
         G=sp.csc_matrix(stacked) if inequalities else None,
         h=np.concatenate([high[above], -low[below]]) if inequalities else None,
         A=sp.csc_matrix(matrix[np.flatnonzero(equal)]) if equal.any() else None,
-        b=low[equal] if equal.any() else None,
-        lb=program.column_lower if bounded else None,
-        ub=program.column_upper if bounded else None,
+        b=low[equal].copy() if equal.any() else None,
+        lb=program.column_lower.copy() if bounded else None,
+        ub=program.column_upper.copy() if bounded else None,
     )

@@ -239,6 +239,8 @@ class Array(Spec):
         except (ValueError, TypeError):
             raise InvalidData(f"{name} {self._ragged(value)}", field=name) from None
         kinds = {float: "iuf", int: "iu", bool: "b"}[self.dtype]
+        if self.dtype is not bool and isinstance(value, list | tuple):
+            _refuse_truth(name, value, ())
         if raw.dtype.kind in kinds or raw.size == 0:
             return np.array(raw, dtype=self.dtype)
         if self.dtype is bool and raw.dtype.kind in "iu":
@@ -274,7 +276,8 @@ class Array(Spec):
         self, name: str, array: NDArray[Any], sizes: dict[str, tuple[int, str]]
     ) -> NDArray[Any]:
         if array.size == 0 and array.ndim == 1 and len(self.shape) > 1:
-            array = array.reshape([0, *[d if isinstance(d, int) else 0 for d in self.shape[1:]]])
+            rest = [d if isinstance(d, int) else sizes.get(d, (0, ""))[0] for d in self.shape[1:]]
+            array = array.reshape([0, *rest])
         wrong = array.ndim != len(self.shape) or any(
             isinstance(want, int) and have != want
             for have, want in zip(array.shape, self.shape, strict=False)
@@ -313,6 +316,17 @@ class Array(Spec):
 
     def refreeze(self, value: NDArray[Any]) -> NDArray[Any]:
         return frozen(value)
+
+
+def _refuse_truth(name: str, value: Any, place: tuple[int, ...]) -> None:
+    """Raise where a list of numbers holds a boolean, which NumPy would take for 0 or 1."""
+    for index, entry in enumerate(value):
+        if isinstance(entry, bool | np.bool_):
+            raise InvalidData(
+                f"{_at(name, (*place, index))} must be a number, got {entry}", field=name
+            )
+        if isinstance(entry, list | tuple):
+            _refuse_truth(name, entry, (*place, index))
 
 
 def _at(name: str, place: tuple[int, ...]) -> str:

@@ -120,6 +120,12 @@ class MinimumDerivative(Model[Trajectory]):
         The highest derivative that must be continuous, by default r-1. The paper asks for 2 while it
         minimises snap, which is not the minimum-snap spline: its jerk jumps.
 
+    Notes
+    -----
+    Defaults that depend on the order (`start`, `end`, `degree`, `continuity`) are filled in, so that
+    a default and the same value written out are one content; ``dataclasses.replace(model, order=…)``
+    therefore keeps them, and wants those named that should change with it.
+
     Raises
     ------
     InvalidData
@@ -193,6 +199,8 @@ class MinimumDerivative(Model[Trajectory]):
                     f"got {self.weights.tolist()}",
                     field="weights",
                 )
+        if self.derivatives is not None and self.derivatives.shape[1] == 0:
+            object.__setattr__(self, "derivatives", None)
         least = 2 * self.order - 1
         if self.degree is None:
             object.__setattr__(self, "degree", least)
@@ -285,6 +293,37 @@ class MinimumDerivative(Model[Trajectory]):
             frozen(self.polytope_offsets / length),
         )
 
+    @cached_property
+    def position_scale(self) -> Floats:
+        """What a violation of a position is held against, m, shape (dimensions,).
+
+        The extent of the waypoints and the corridor on each axis, at least 1: it does not change
+        with the origin, as the positions themselves do.
+        """
+        tables = [self.waypoints]
+        tables += [t for t in (self.corridor_lower, self.corridor_upper) if t is not None]
+        table = np.concatenate(tables)
+        low = np.where(np.isfinite(table), table, np.inf).min(axis=0)
+        high = np.where(np.isfinite(table), table, -np.inf).max(axis=0)
+        extent = np.where(np.isfinite(low) & np.isfinite(high), high - low, 0.0)
+        return frozen(np.maximum(1.0, extent))
+
+    def bound_scale(self, bound: Bound) -> tuple[Floats, Floats]:
+        """Return what violations of `bound` from below and above are held against.
+
+        Returns
+        -------
+        tuple of ndarray, shape (segments, dimensions)
+            ``max(1, |bound|)``, and for positions :attr:`position_scale`.
+        """
+        if bound.derivative == 0:
+            scale = np.broadcast_to(self.position_scale, bound.lower.shape)
+            return scale, scale
+        return tuple(
+            np.maximum(1.0, np.where(np.isfinite(edge), np.abs(edge), 1.0))
+            for edge in (bound.lower, bound.upper)
+        )  # type: ignore[return-value]
+
     @property
     def bounded(self) -> bool:
         """Whether there is a corridor or a limit."""
@@ -297,7 +336,7 @@ class MinimumDerivative(Model[Trajectory]):
         total = 0.0
         for order, weight in enumerate(self.order_weights, start=1):
             if weight:
-                total += weight * float(plan.integral_of_square(order).sum())
+                total += float(weight) * float(plan.integral_of_square(order).sum())
         return total
 
     def verify(self, plan: Trajectory, *, tolerance: float = TOLERANCE) -> Verification:

@@ -114,7 +114,7 @@ def critical_points(coefficients: Floats) -> Floats:
 
     Returns
     -------
-    ndarray, shape (N, max(degree - 1, 0) + 2)
+    ndarray, shape (N, 2 + 2 max(degree - 1, 0))
     """
     count = coefficients.shape[0]
     ends = np.broadcast_to(np.array([0.0, 1.0]), (count, 2))
@@ -130,5 +130,13 @@ def critical_points(coefficients: Floats) -> Floats:
     companion = np.zeros((count, degree, degree))
     companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
     companion[:, :, -1] = -slope[:, :-1] / lead[:, None]
-    roots = np.linalg.eigvals(companion).real
-    return np.concatenate([ends, np.clip(roots, 0.0, 1.0)], axis=1)
+    roots = np.clip(np.linalg.eigvals(companion).real, 0.0, 1.0)
+    # Noise for a leading coefficient costs the other roots digits, which Newton's steps bring back.
+    # The roots they start from stay: a step may lead away, and more arguments do no harm.
+    polished = roots
+    bend = derived(slope, 1)
+    for _ in range(3):
+        value, curvature = horner(slope[:, :, None], polished), horner(bend[:, :, None], polished)
+        step = np.divide(value, curvature, out=np.zeros_like(value), where=curvature != 0)
+        polished = np.clip(polished - step, 0.0, 1.0)
+    return np.concatenate([ends, roots, polished], axis=1)

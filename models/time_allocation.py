@@ -153,9 +153,7 @@ continuity
         InvalidData
             They do not increase, or are not one a knot.
         """
-        given = {
-            name: getattr(self, name) for name in _SHARED if name not in ("name", "times")
-        }
+        given = {name: getattr(self, name) for name in _SHARED if name not in ("name", "times")}
         return MinimumDerivative(times=np.asarray(times), name=self.name, **given)
 
     @cached_property
@@ -233,7 +231,7 @@ continuity
                 share = float(plan.integral_of_square(order).sum())
                 total += (2 * order - 1) * weight * share
         price = self.time_weight * plan.duration
-        return abs(price - total) / max(price, total)
+        return float(abs(price - total) / max(price, total))
 
     def verify(self, plan: Trajectory, *, tolerance: float = TOLERANCE) -> Verification:
         """Return J + ρ ΣT, and every constraint of the problem at the plan's own times.
@@ -288,10 +286,5 @@ continuity
         """Return the size in a few words."""
         more = [b.name for b in self.bounds] + (["polytopes"] if self.halfspaces else [])
         what = f"{self.time_weight:g} a second" if self.total_time is None else "of a given total"
-        return ", ".join(
-            [
-                f"times, {what}, of minimum {derivative_name(self.order)}, {self.segments} "
-                f"segments in {self.dimensions}-D",
-                *more,
-            ]
-        )
+        size = f"{self.segments} segments in {self.dimensions}-D"
+        return ", ".join([f"times, {what}, of minimum {derivative_name(self.order)}", size, *more])

@@ -204,7 +204,12 @@ class Trajectory:
             total += (share * (self.durations[part] ** (1 - 2 * order))[:, None]).sum(axis=0)
         return total
 
-    def extremes(self, derivative: int = 0, direction: ArrayLike | None = None) -> Extremes:
+    def extremes(
+        self,
+        derivative: int = 0,
+        direction: ArrayLike | None = None,
+        segments: NDArray[np.int64] | None = None,
+    ) -> Extremes:
         """Return the least and largest value of a derivative on every segment, and where.
 
         Exact up to rounding: the values at the ends and at the roots of the next derivative.
@@ -215,9 +220,12 @@ class Trajectory:
             Which derivative in time.
         direction : ndarray, shape (segments, dimensions), optional
             Look at its component along these vectors instead of the axes: one column comes back.
+        segments : ndarray of int, optional
+            Look at these segments only, which may repeat; a row each.
         """
         order = _order(derivative)
-        inner = derived(self.coefficients, order)
+        own = np.arange(self.segments) if segments is None else np.asarray(segments)
+        inner = derived(self.coefficients[own], order)
         if direction is not None:
             inner = np.einsum("kpd,kd->kp", inner, np.asarray(direction, float))[:, :, None]
         count, powers, width = inner.shape
@@ -233,8 +241,8 @@ class Trajectory:
             result[0, part], result[1, part] = values[rows, low], values[rows, high]
             result[2, part], result[3, part] = s[rows, low], s[rows, high]
         least, largest, where_least, where_largest = (r.reshape(shape) for r in result)
-        scale = (self.durations**-order)[:, None]
-        begin_times, long = self.times[:-1, None], self.durations[:, None]
+        begin_times, long = self.times[own, None], self.durations[own, None]
+        scale = long ** -float(order)
         return Extremes(
             least * scale,
             largest * scale,

@@ -25,7 +25,7 @@ __all__ = ["check_conditions", "verify_trajectory"]
 Floats = NDArray[np.float64]
 
 #: Units in the last place of the terms of a derivative at a knot that its rounding may reach.
-_ULPS = 16 * np.finfo(float).eps
+_ULPS = 16 * float(np.finfo(float).eps)
 
 
 # -- of the data -------------------------------------------------------------------------------------
@@ -164,7 +164,7 @@ def verify_trajectory(
     for order in range(max(model.conditions.shape[1], model.continuity + 1)):
         checks += _knots(model, plan, order, tolerance)
     for bound in model.bounds:
-        checks.append(_bounded(plan, bound, tolerance))
+        checks.append(_bounded(model, plan, bound, tolerance))
     checks += _halfspaces(model, plan, tolerance)
     return Verification(model.objective(plan), tuple(checks))
 
@@ -205,20 +205,22 @@ def _knots(
         factors = factorials(plan.degree, order)
         noise = np.einsum("p,kpd->kd", factors, np.abs(plan.coefficients[:, order:]))
         noise *= _ULPS * (plan.durations**-order)[:, None]
-    largest = np.maximum(np.abs(begin).max(), np.abs(end).max())
-    scale = max(1.0, float(largest))
+    if order == 0:
+        size = np.broadcast_to(model.position_scale, begin.shape)
+    else:
+        size = np.maximum(1.0, np.maximum(np.abs(begin), np.abs(end)))
 
     def check(
-        name: str, equation: str, off: Floats, own: Floats, knots: NDArray[np.int64]
+        name: str, equation: str, off: Floats, own: Floats, scale: Floats, knots: NDArray[np.int64]
     ) -> Check:
-        share = off / (scale * tolerance + own)
+        allowed = scale * tolerance + own
+        share = off / allowed
         row, axis = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
         knot = int(knots[row])
         return Check(
-            name, equation, float(off[row, axis]), unit,
-            float(scale * tolerance + own[row, axis]),
+            name, equation, float(off[row, axis]), unit, float(allowed[row, axis]),
             f"knot {knot}, axis {axis} (t = {model.times[knot]:g} s)",
-            float(scale * ROUNDING + own[row, axis]),
+            float(scale[row, axis] * ROUNDING + own[row, axis]),
         )  # fmt: skip
 
     if order < model.conditions.shape[1]:
@@ -231,25 +233,34 @@ def _knots(
         both = np.concatenate([first, last])
         numbers = np.concatenate([knots, knots + 1])
         twice = np.concatenate([noise, noise])
+        scales = np.concatenate([size, size])
         if order == 0:
-            yield check("waypoints", "24", both, twice, numbers)
+            yield check("waypoints", "24", both, twice, scales, numbers)
         elif known.any():
             ends = np.isin(numbers, (0, model.segments))
             if known[[0, -1]].any():
                 off = np.where(ends[:, None], both, 0.0)
-                yield check(f"{word} at the ends", "23", off, twice, numbers)
+                yield check(f"{word} at the ends", "23", off, twice, scales, numbers)
             if known[1:-1].any():
                 off = np.where(ends[:, None], 0.0, both)
-                yield check(f"{word} at inner knots", "", off, twice, numbers)
+                yield check(f"{word} at inner knots", "", off, twice, scales, numbers)
     if order <= model.continuity and model.segments > 1:
         jump = np.abs(end[:-1] - begin[1:])
+        if order > 0:
+            # The knot's own values, and little of the segments beside it: a wild segment must not
+            # excuse a jump where the path is calm.
+            size = 1e-3 * np.maximum(size[:-1], size[1:])
+            scale = np.maximum(size, np.maximum(np.abs(end[:-1]), np.abs(begin[1:])))
+            scale = np.maximum(scale, 1.0)
+        else:
+            scale = size[1:]
         yield check(
-            f"continuity of {word}", "25", jump, noise[:-1] + noise[1:],
+            f"continuity of {word}", "25", jump, noise[:-1] + noise[1:], scale,
             np.arange(1, model.segments),
         )  # fmt: skip
 
 
-def _bounded(plan: Trajectory, bound: Bound, tolerance: float) -> Check:
+def _bounded(model: MinimumDerivative, plan: Trajectory, bound: Bound, tolerance: float) -> Check:
     """Measure a bound where it is nearest to being broken."""
     from .minimum_snap import derivative_unit
 
@@ -259,32 +270,26 @@ def _bounded(plan: Trajectory, bound: Bound, tolerance: float) -> Check:
     # The control polygon encloses the curve: only segments where it sticks out need their roots.
     control = np.einsum("bp,kpd->kbd", bernstein_matrix(inner.shape[1] - 1), inner)
     low, high = control.min(axis=1) * scale, control.max(axis=1) * scale
-    tight = ((low < bound.lower) | (high > bound.upper)).any(axis=1)
-    where, worst, at_bound = "everywhere inside", 0.0, 0.0
-    if tight.any():
-        rows = np.flatnonzero(tight)
-        part = Trajectory(
-            np.concatenate([[0.0], np.cumsum(plan.durations[rows])]), plan.coefficients[rows]
-        )
-        found = part.extremes(order)
-        near = [
-            (bound.lower[rows] - found.least, found.least_time, bound.lower[rows]),
-            (found.largest - bound.upper[rows], found.largest_time, bound.upper[rows]),
-        ]
+    rows = np.flatnonzero(((low < bound.lower) | (high > bound.upper)).any(axis=1))
+    where, worst, size, noise = "everywhere inside", 0.0, 1.0, 0.0
+    if rows.size:
+        found = plan.extremes(order, segments=rows)
+        low_scale, high_scale = (side[rows] for side in model.bound_scale(bound))
         best = -np.inf
-        for off, times, edge in near:
-            share = off / np.maximum(1.0, np.where(np.isfinite(edge), np.abs(edge), 1.0))
+        for off, times, sizes, edge in (
+            (bound.lower[rows] - found.least, found.least_time, low_scale, bound.lower[rows]),
+            (found.largest - bound.upper[rows], found.largest_time, high_scale, bound.upper[rows]),
+        ):
+            share = off / sizes
             row, axis = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
             if share[row, axis] > best:
                 best = float(share[row, axis])
-                worst, at_bound = float(off[row, axis]), abs(float(edge[row, axis]))
-                segment = int(rows[row])
-                t = plan.times[segment] + times[row, axis] - part.times[row]
-                where = f"segment {segment}, axis {axis} (t = {t:.6g} s)"
-    size = max(1.0, at_bound if np.isfinite(at_bound) else 1.0)
+                worst, size = float(off[row, axis]), float(sizes[row, axis])
+                noise = _ULPS * abs(float(edge[row, axis]))
+                where = f"segment {int(rows[row])}, axis {axis} (t = {times[row, axis]:.6g} s)"
     return Check(
-        bound.name, "", max(worst, 0.0), derivative_unit(order), tolerance * size, where,
-        ROUNDING * size,
+        bound.name, "", max(worst, 0.0), derivative_unit(order), tolerance * size + noise, where,
+        ROUNDING * size + noise,
     )  # fmt: skip
 
 
@@ -292,17 +297,14 @@ def _halfspaces(model: MinimumDerivative, plan: Trajectory, tolerance: float) ->
     spaces = model.halfspaces
     if spaces is None:
         return
-    rows = spaces.segments
-    part = Trajectory(
-        np.concatenate([[0.0], np.cumsum(plan.durations[rows])]), plan.coefficients[rows]
-    )
-    found = part.extremes(0, direction=spaces.normals)
-    size = np.maximum(1.0, np.abs(spaces.offsets))
+    found = plan.extremes(0, direction=spaces.normals, segments=spaces.segments)
+    size = float(model.position_scale.max())
     off = found.largest[:, 0] - spaces.offsets
-    at = int((off / size).argmax())
-    segment = int(rows[at])
-    t = plan.times[segment] + found.largest_time[at, 0] - part.times[at]
+    at = int(off.argmax())
+    noise = _ULPS * abs(float(spaces.offsets[at]))
     yield Check(
-        "polytope", "", max(float(off[at]), 0.0), "m", tolerance * float(size[at]),
-        f"segment {segment}, half-space {at} (t = {t:.6g} s)", ROUNDING * float(size[at]),
+        "polytope", "", max(float(off[at]), 0.0), "m", tolerance * size + noise,
+        f"segment {int(spaces.segments[at])}, half-space {at} "
+        f"(t = {found.largest_time[at, 0]:.6g} s)",
+        ROUNDING * size + noise,
     )  # fmt: skip

@@ -325,6 +325,13 @@ class Backend(ABC):
         """
         return ""
 
+    def interrupts(self, kind: type[Model[Any]]) -> bool:
+        """Return whether a run on a problem of this `kind` can be stopped from within its process.
+
+        Where it cannot, the run moves to a process of its own, which can.
+        """
+        return Feature.INTERRUPT in self.features
+
     def missing(self) -> tuple[str, ...]:
         """Names of the required packages that are not installed; nothing is imported."""
         return tuple(name for name in self.requires if importlib.util.find_spec(name) is None)

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from ..errors import InvalidData
 from ..models.model import Model
 from ..models.verification import TOLERANCE, Verification
-from .backend import Backend, Feature
+from .backend import Backend
 from .execution import execute
 from .isolation import in_worker
 from .job import Job
@@ -114,7 +114,10 @@ def needs_worker(job: Job) -> bool:
     """Whether `job` must leave this process: it cannot be interrupted, or would meet a rival library."""
     backend = job.backend
     assert isinstance(backend, Backend)
-    if backend.requires and Feature.INTERRUPT not in backend.features:
+    target = job.target()
+    formulation = target.formulation
+    kind = type(target.model) if formulation is None else formulation.program_type
+    if backend.requires and not backend.interrupts(kind):
         return True
     return any(module in sys.modules for module in rivals(backend))
 

@@ -29,6 +29,8 @@ log = logging.getLogger("crosstrack")
 
 #: Seconds that a run may take beyond its time limit before it is given up.
 GRACE = 10.0
+#: Difference between objective and bound, in the objective's unit, that rounding explains.
+NOTHING = 1e-9
 
 Listener = Callable[[Incumbent[Any]], None]
 
@@ -238,58 +240,61 @@ def _attend(run: _Run, problem: Any, request: Request) -> Answer:
 def _refine(run: _Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     """Run the backend, and again on refined programs until the formulation is content.
 
-    Returns the last answer, its parts and counts summed over all runs, with the program answered.
+    Each program is a relaxation of the next, so a bound of any of them stands. Returns the last
+    answer, its parts and counts summed over all runs, with the program answered.
     """
     begin = time.perf_counter()
     answer = _attend(run, problem, request)
-    total, counts, rounds = dict(answer.seconds), dict(answer.statistics), 1
+    total, counts = dict(answer.seconds), dict(answer.statistics)
+    rounds, bound = 0, -np.inf
+    exact = run.target.backend.guarantee is Guarantee.EXACT
     while run.target.formulation is not None and answer.point is not None:
         with run.clock("refine"):
             finer = run.target.formulation.refined(answer.point, request.tolerance)
         if finer is None:
             break
-        if answer.termination is not Termination.OPTIMAL:
-            # Stopped on a relaxation: its point is no plan of the model.
-            message = answer.message or "stopped before the program was refined"
-            return replace(
-                answer, termination=Termination.NO_SOLUTION, point=None, primal_bound=None,
-                duals=None, dual_bound=None, seconds=total, statistics=counts, message=message,
-            ), problem  # fmt: skip
+        if exact:
+            bound = max(bound, _bound(problem, answer))
+        limit, message = answer.limit, answer.message
+        if answer.termination is Termination.OPTIMAL:
+            left = None
+            if request.time_limit is not None:
+                left = request.time_limit - (time.perf_counter() - begin)
+                limit = Limit.TIME if left <= 0 else None
+            limit = request.control.reason if request.control.stopped else limit
+            message = "stopped between two refinements of the program"
+        if answer.termination is not Termination.OPTIMAL or limit is not None:
+            # What was solved is a relaxation: its point is no plan of the model.
+            answer = Answer(Termination.NO_SOLUTION, limit, message=message)
+            break
         with run.clock("refine"):
             program = finer.program
-        limit = request.control.reason if request.control.stopped else None
-        if request.time_limit is not None:
-            left = request.time_limit - (time.perf_counter() - begin)
-            limit = limit or (Limit.TIME if left <= 0 else None)
-            request = replace(request, time_limit=left)
-        if limit is not None:
-            # What was solved is a relaxation: its point is no plan, its bound stands.
-            bound = answer.dual_bound
-            if answer.duals is not None and isinstance(problem, QuadraticProgram):
-                bound = problem.dual_bound(answer.duals, answer.point)
-            return Answer(
-                Termination.NO_SOLUTION,
-                limit,
-                dual_bound=bound,
-                seconds=total,
-                statistics=counts,
-                message="stopped between two refinements of the program",
-            ), problem
-        run.target = replace(run.target, formulation=finer)
-        problem = program
-        if request.warm_start is not None:
-            request = replace(request, warm_start=answer.point)
+        run.target, problem = replace(run.target, formulation=finer), program
+        warm = None if request.warm_start is None else answer.point
+        request = replace(request, time_limit=left, warm_start=warm)
         answer = _attend(run, problem, request)
         rounds += 1
         for part, seconds in answer.seconds.items():
             total[part] = total.get(part, 0.0) + seconds
         for name, count in answer.statistics.items():
+            # Counts add up; what is measured, a residual say, is the last one's.
             before = counts.get(name, 0)
-            numbers = isinstance(count, int | float) and isinstance(before, int | float)
-            counts[name] = count + before if numbers else count  # type: ignore[operator]
-    if rounds > 1:
-        counts["refinements"] = rounds - 1
+            whole = isinstance(count, int) and isinstance(before, int)
+            counts[name] = count + before if whole else count  # type: ignore[operator]
+    if rounds:
+        counts["refinements"] = rounds
+    if answer.point is None and answer.termination not in _CLAIMS_NONE and np.isfinite(bound):
+        answer = replace(answer, dual_bound=max(bound, answer.dual_bound or bound))
     return replace(answer, seconds=total, statistics=counts), problem
+
+
+def _bound(problem: Any, answer: Answer) -> float:
+    """Return the lower bound on a program that an answer proves, -inf without one."""
+    if answer.duals is not None and isinstance(problem, QuadraticProgram):
+        return problem.dual_bound(answer.duals, answer.point)
+    if answer.duals is not None and isinstance(problem, MixedIntegerProgram):
+        return problem.dual_bound(answer.duals)
+    return -np.inf if answer.dual_bound is None else answer.dual_bound
 
 
 def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
@@ -332,19 +337,22 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
     primal = verification.objective if plan is not None and verification is not None else None
     if plan is not None and termination in (Termination.NO_SOLUTION, Termination.FAILED):
         termination = Termination.FEASIBLE  # the run ended badly, yet its last incumbent verifies
-    if exact and answer.duals is not None and isinstance(problem, MixedIntegerProgram):
-        # The bound of a linear program is not believed but computed from its multipliers.
-        certified = problem.dual_bound(answer.duals)
-        dual = certified if np.isfinite(certified) else dual
-    elif exact and answer.duals is not None and isinstance(problem, QuadraticProgram):
-        dual = problem.dual_bound(answer.duals, answer.point) if answer.point is not None else None
+    if exact and answer.duals is not None and termination is not Termination.REJECTED:
+        # The bound of a continuous program is not believed but computed from its multipliers.
+        if isinstance(problem, MixedIntegerProgram):
+            certified = problem.dual_bound(answer.duals)
+            dual = certified if np.isfinite(certified) else dual
+        elif isinstance(problem, QuadraticProgram) and answer.point is not None:
+            dual = problem.dual_bound(answer.duals, answer.point)
     if termination is Termination.OPTIMAL and exact:
         dual = answer.primal_bound if dual is None else dual
         if dual is None:
             dual = primal
         gap = relative_gap(primal, dual)
         asked = GAP if job.gap is None else job.gap
-        if gap is None or gap > asked * 1.01 + 1e-6:
+        # A relative gap says nothing of an optimum of 0.
+        apart = primal is None or dual is None or primal - dual > NOTHING
+        if gap is None or (gap > asked * 1.01 + 1e-6 and apart):
             messages.append(f"claims optimal, but the verified plan leaves a gap of {gap}")
             termination = Termination.FEASIBLE
     seconds = dict(run.seconds)

@@ -151,8 +151,9 @@ def snap_entries() -> tuple[CatalogueEntry, ...]:
             partial(random_walk, count, seed=count),
             paper=_RICHTER,
             provenance=seeded,
+            published={"table": 2, "row": row},
         )
-        for count in (10, 100, 1000)
+        for row, count in enumerate((10, 100, 1000), start=len(_PAPERS) + 1)
     ]
     papers = [
         _entry(
@@ -161,13 +162,14 @@ def snap_entries() -> tuple[CatalogueEntry, ...]:
             partial(paper_walk, count, start),
             paper=PAPER,
             provenance=seeded,
+            published={"table": 1, "row": row},
             note=(
                 "The paper publishes neither coordinates nor times: ours are seeded. Its eq. 25 "
                 "keeps acceleration but not jerk continuous, so this is not the minimum-snap "
                 f"spline: the jerk jumps at the waypoints.{more}"
             ),
         )
-        for name, what, count, start, more in _PAPERS
+        for row, (name, what, count, start, more) in enumerate(_PAPERS, start=1)
     ]
     corridors = [
         _entry(

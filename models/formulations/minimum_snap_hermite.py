@@ -158,11 +158,12 @@ class HermiteFormulation(UnitBasisFormulation):
         for name, equation, template, unit, rows in self._all_rows():
             if name in self._bound_names:
                 shift = rows.matrix @ constant
-                reduced = rows.matrix @ matrix
+                reduced = sp.csr_array(rows.matrix @ matrix)
+                reduced.eliminate_zeros()
                 # Rows without a free column say something of the data, which the model has checked.
-                kept = np.diff(sp.csr_array(reduced).indptr) > 0
+                kept = np.diff(reduced.indptr) > 0
                 lower, upper = (rows.lower - shift)[kept], (rows.upper - shift)[kept]
-                parts.append((sp.csr_array(reduced)[np.flatnonzero(kept)], lower, upper))
+                parts.append((reduced[np.flatnonzero(kept)], lower, upper))
                 size = int(kept.sum())
                 blocks.append(Block(name, equation, at, size, template, rows.places[kept], unit))
                 at += size

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, UnsupportedOption
 from ..blocks import Block
 from ..formulation import Formulation
-from ..minimum_snap import MinimumDerivative
+from ..minimum_snap import Bound, MinimumDerivative
 from ..polynomials import critical_points, derived, horner
 from ..programs import QuadraticProgram
 from ..trajectory import Trajectory
@@ -32,8 +32,8 @@ __all__ = ["Instants", "PiecewiseFormulation", "power_rows"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Share of the tolerance that a violation between the instants may keep.
-SETTLED = 1e-2
+#: Share of the tolerance that a violation between the instants may keep: less than rounding.
+SETTLED = 5e-4
 #: Rounds of refinement after which the rest is the verification's to judge.
 ROUNDS = 25
 
@@ -49,6 +49,15 @@ class Instants(NamedTuple):
 
 _NO_INTS: Ints = np.empty(0, np.int64)
 _NONE = Instants(_NO_INTS, _NO_INTS, _NO_INTS, np.empty(0))
+
+
+class _Limits(NamedTuple):
+    """Bounds, and what a violation of each is held against."""
+
+    lower: Floats
+    upper: Floats
+    low_scale: Floats
+    high_scale: Floats
 
 
 class _Rows(NamedTuple):
@@ -91,7 +100,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     continuity_equation: ClassVar[str] = "25"
 
     def __post_init__(self) -> None:
-        if isinstance(self.samples, bool) or not isinstance(self.samples, int):
+        if isinstance(self.samples, bool) or not isinstance(self.samples, int | np.integer):
             raise UnsupportedOption(f"samples must be a whole number, got {self.samples!r}")
         if not 2 <= self.samples <= 1000:
             raise UnsupportedOption(f"samples must lie in [2, 1000], got {self.samples}")
@@ -347,7 +356,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
             return None
         plan = self.decode(point)
         found = [
-            self._violated(plan, number, bound.derivative, bound.lower, bound.upper, tolerance)
+            self._violated(plan, number, bound, tolerance)
             for number, bound in enumerate(self.model.bounds)
         ]
         found.append(self._violated_halfspaces(plan, tolerance))
@@ -360,23 +369,18 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         object.__setattr__(finer, "rounds", self.rounds + 1)
         return finer
 
-    def _violated(
-        self,
-        plan: Trajectory,
-        number: int,
-        derivative: int,
-        lower: Floats,
-        upper: Floats,
-        tolerance: float,
-    ) -> Instants:
-        inner = derived(plan.coefficients, derivative)
-        segment, axis = np.nonzero(np.isfinite(lower) | np.isfinite(upper))
-        scale = plan.durations[segment] ** -float(derivative)
+    def _violated(self, plan: Trajectory, number: int, bound: Bound, tolerance: float) -> Instants:
+        inner = derived(plan.coefficients, bound.derivative)
+        segment, axis = np.nonzero(np.isfinite(bound.lower) | np.isfinite(bound.upper))
+        scale = plan.durations[segment] ** -float(bound.derivative)
         rows = inner[segment, :, axis] * scale[:, None]
-        return _outside(
-            rows, lower[segment, axis], upper[segment, axis], tolerance, number, segment, axis,
-            self._reached(plan, number),
+        low_scale, high_scale = self.model.bound_scale(bound)
+        limits = _Limits(
+            bound.lower[segment, axis], bound.upper[segment, axis],
+            low_scale[segment, axis], high_scale[segment, axis],
         )  # fmt: skip
+        reached = self._reached(plan, number)
+        return _outside(rows, limits, tolerance, number, segment, axis, reached)
 
     def _violated_halfspaces(self, plan: Trajectory, tolerance: float) -> Instants:
         spaces = self.model.halfspaces
@@ -385,10 +389,16 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         rows = np.einsum("hpd,hd->hp", plan.coefficients[spaces.segments], spaces.normals)
         which = np.arange(spaces.segments.size)
         number = len(self.model.bounds)
-        return _outside(
-            rows, np.full(which.size, -np.inf), spaces.offsets, tolerance, number,
-            spaces.segments, which, self._reached(plan, number),
-        )  # fmt: skip
+        reached = self._reached(plan, number)
+        limits = self._space_limits(which)
+        return _outside(rows, limits, tolerance, number, spaces.segments, which, reached)
+
+    def _space_limits(self, which: Ints) -> _Limits:
+        """Return the half-spaces' right-hand sides, each with what it is held against."""
+        spaces = self.model.halfspaces
+        assert spaces is not None
+        size = np.full(which.size, self.model.position_scale.max())
+        return _Limits(np.full(which.size, -np.inf), spaces.offsets[which], size, size)
 
     def _reached(self, plan: Trajectory, number: int) -> float:
         """Return by how much the solver breaks a bound, relatively, where a row holds it.
@@ -405,14 +415,18 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
             inner = derived(plan.coefficients, bound.derivative)[segment, :, axis]
             value = horner(inner[:, :, None], s[:, None])[:, 0]
             value *= plan.durations[segment] ** -float(bound.derivative)
-            lower, upper = bound.lower[segment, axis], bound.upper[segment, axis]
+            low_scale, high_scale = self.model.bound_scale(bound)
+            limits = _Limits(
+                bound.lower[segment, axis], bound.upper[segment, axis],
+                low_scale[segment, axis], high_scale[segment, axis],
+            )  # fmt: skip
         else:
             spaces = self.model.halfspaces
             assert spaces is not None
             rows = np.einsum("hpd,hd->hp", plan.coefficients[segment], spaces.normals[axis])
             value = horner(rows[:, :, None], s[:, None])[:, 0]
-            lower, upper = np.full(s.size, -np.inf), spaces.offsets[axis]
-        return float(_share(value, lower, upper).max(initial=0.0))
+            limits = self._space_limits(axis)
+        return float(_share(value, limits).max(initial=0.0))
 
     # -- plans -----------------------------------------------------------------------------------
 
@@ -440,36 +454,38 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         return Trajectory(model.times, np.moveaxis(self.to_powers(local), 1, 2))
 
 
-def _share(value: Floats, lower: Floats, upper: Floats) -> Floats:
-    """Return the violation relative to its bound, as the verification scales it."""
+def _share(value: Floats, limits: _Limits) -> Floats:
+    """Return the violation relative to what the verification holds it against."""
     with np.errstate(invalid="ignore"):
-        low = (lower - value) / np.maximum(1.0, np.abs(lower))
-        high = (value - upper) / np.maximum(1.0, np.abs(upper))
+        low = (limits.lower - value) / limits.low_scale
+        high = (value - limits.upper) / limits.high_scale
     worst: Floats = np.maximum(
-        np.where(np.isfinite(lower), low, 0.0), np.where(np.isfinite(upper), high, 0.0)
+        np.where(np.isfinite(limits.lower), low, 0.0),
+        np.where(np.isfinite(limits.upper), high, 0.0),
     )
     return np.maximum(worst, 0.0)
 
 
 def _outside(
-    rows: Floats, lower: Floats, upper: Floats, tolerance: float, number: int,
-    segment: Ints, axis: Ints, reached: float,
+    rows: Floats, limits: _Limits, tolerance: float, number: int, segment: Ints, axis: Ints,
+    reached: float,
 ) -> Instants:  # fmt: skip
     """Return the local extremes of the polynomials in `rows` that lie outside their bounds."""
     from ..polynomials import bernstein_matrix
 
     control = rows @ bernstein_matrix(rows.shape[1] - 1).T
-    near = np.flatnonzero((control.min(axis=1) < lower) | (control.max(axis=1) > upper))
+    out = (control.min(axis=1) < limits.lower) | (control.max(axis=1) > limits.upper)
+    near = np.flatnonzero(out)
     if not near.size:
         return _NONE
     s = critical_points(rows[near])
     value = horner(rows[near][:, :, None], s)
-    share = _share(value, lower[near][:, None], upper[near][:, None])
+    share = _share(value, _Limits(*(part[near][:, None] for part in limits)))
     threshold = max(SETTLED * tolerance, 2.0 * reached)
     row, column = np.nonzero(share > threshold)
     at: Any = near[row]
-    found = np.round(s[row, column], 12)
     # One instant stands for all that rounding tells apart.
+    found = np.round(s[row, column], 9)
     keys = np.unique(np.column_stack([at, found]), axis=0)
     at = keys[:, 0].astype(np.int64)
     return Instants(

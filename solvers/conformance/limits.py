@@ -11,7 +11,7 @@ from ..backend import Feature, Limit, Termination
 from .cases import GRACE, Case, Expectation, Run
 from .linear import program
 
-__all__ = ["limit_cases"]
+__all__ = ["limit_cases", "numbers"]
 
 #: The best plan of a long search, its objective, and the bound that search proved.
 _BEST = (
@@ -113,7 +113,7 @@ def limit_cases() -> tuple[Case, ...]:
 def _hard(offset: float = 0.0) -> MixedIntegerProgram:
     """Return a knapsack in twelve dimensions, from a generator that no library can change."""
     size, rows = 90, 12
-    draw = _numbers(1)
+    draw = numbers(1)
     weights = np.array([[10 + next(draw) % 991 for _ in range(size)] for _ in range(rows)], float)
     cost = -np.round(weights.mean(axis=0)) - np.array([next(draw) % 500 for _ in range(size)])
     return program(
@@ -126,7 +126,8 @@ def _hard(offset: float = 0.0) -> MixedIntegerProgram:
     )
 
 
-def _numbers(seed: int) -> Iterator[int]:
+def numbers(seed: int) -> Iterator[int]:
+    """Yield the numbers of a generator that no library can change."""
     while True:
         seed = (seed * 1103515245 + 12345) % 2**31
         yield seed >> 16

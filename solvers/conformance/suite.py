@@ -11,12 +11,13 @@ from enum import StrEnum
 from typing import Any
 
 from ...errors import UnknownName, UnsupportedFormulation, UnsupportedOption
-from ...models.programs import MixedIntegerProgram
 from ..backend import Answer, Backend, Control, Feature, Limit, Request
 from .cases import Case, Run
 from .limits import limit_cases
 from .linear import linear_cases
 from .mixed_integer import integer_cases
+from .quadratic import quadratic_cases
+from .quadratic_limits import quadratic_limit_cases
 
 __all__ = ["CaseResult", "Matrix", "Status", "all_cases", "cases_for", "run_case"]
 
@@ -70,14 +71,21 @@ class CaseResult:
 @functools.cache
 def all_cases() -> Mapping[str, Case]:
     """Return all cases by name."""
-    return {case.name: case for case in (*linear_cases(), *integer_cases(), *limit_cases())}
+    cases = (
+        *linear_cases(),
+        *integer_cases(),
+        *limit_cases(),
+        *quadratic_cases(),
+        *quadratic_limit_cases(),
+    )
+    return {case.name: case for case in cases}
 
 
 def cases_for(backend: Backend) -> tuple[str, ...]:
-    """Return the names of the cases that a backend of this kind must run."""
-    if issubclass(MixedIntegerProgram, backend.accepts):
-        return tuple(all_cases())
-    return ()
+    """Return the names of the cases that a backend must run: those of the programs it accepts."""
+    return tuple(
+        name for name, case in all_cases().items() if isinstance(case.program, backend.accepts)
+    )
 
 
 def run_case(backend: Backend, case: str, options: Mapping[str, Any] | None = None) -> CaseResult:

@@ -24,6 +24,8 @@ Floats = NDArray[np.float64]
 
 #: How far beyond its present size a coordinate may go before a proof of contradiction ends.
 REACH = 1e4
+#: Rounding of a short sum, relative to its terms.
+EIGHT_ULPS = 8 * np.finfo(float).eps
 
 
 def proven(state: State) -> tuple[float, float, float]:
@@ -63,11 +65,20 @@ def proven(state: State) -> tuple[float, float, float]:
     at = row_values(state.rows, state.start, state.knots, state.inner)
     slack = float(np.sum(z_below[low] * (at - state.lower)[low]))
     slack += float(np.sum(z_above[high] * (state.upper - at)[high]))
+    slack += _noise(state, z_below, z_above)
     half = 0.5 * float(np.sum(value**2))
     away = 0.5 * float(np.sum((value - dual) ** 2))
     unit = 2.0 / state.scale**2
     residual = max(float(np.abs(knots).max()), float(np.abs(inner).max(initial=0.0)))
     return half * unit, (half - away - slack - gain) * unit, residual
+
+
+def _noise(state: State, z_below: Floats, z_above: Floats) -> float:
+    """Return what rounding may hide in a sum of multipliers times slacks."""
+    size = row_values(np.abs(state.rows), state.start, np.abs(state.knots), np.abs(state.inner))
+    size_below = size + np.where(np.isfinite(state.lower), np.abs(state.lower), 0.0)
+    size_above = size + np.where(np.isfinite(state.upper), np.abs(state.upper), 0.0)
+    return float(EIGHT_ULPS * (np.sum(z_below * size_below) + np.sum(z_above * size_above)))
 
 
 def _reach(state: State) -> tuple[Floats, Floats]:
@@ -133,13 +144,14 @@ def contradiction(state: State) -> NDArray[np.int64] | None:
     below, above = state.z_below / largest, state.z_above / largest
     knots, inner = _refined_ray(state, below, above)
     at = row_values(state.rows, state.start, state.knots, state.inner)
+    noise = _noise(state, below, above)
     violation = float(np.sum(below[low] * (state.lower - at)[low]))
     violation += float(np.sum(above[high] * (at - state.upper)[high]))
     gain = float(
         np.sum(np.abs(knots) * np.maximum(1.0, np.abs(state.knots)))
         + np.sum(np.abs(inner) * np.maximum(1.0, np.abs(state.inner)))
     )
-    if not violation > REACH * gain:
+    if not violation > REACH * (gain + noise):
         return None
     found: NDArray[np.int64] = np.unique(state.held.segment[(below + above) > 1e-3])
     return found

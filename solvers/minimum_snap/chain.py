@@ -8,7 +8,7 @@ are the derivatives at the knots, times the knot's own time to their order, and 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 from ...models.formulations.minimum_snap_hermite import hermite_basis
 from ...models.formulations.piecewise import power_rows
 from ...models.minimum_snap import MinimumDerivative
-from ...models.polynomials import gauss_legendre
+from ...models.polynomials import factorials, gauss_legendre
 
 __all__ = ["Chain", "Held", "chains"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+#: Lower and upper bounds, and what violations of each are held against.
+Limits = tuple[Floats, Floats, Floats, Floats]
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,21 @@ class Chain:
         """Coordinates of a segment beside its knots."""
         return (self.model.degree + 1 - 2 * self.model.order) * len(self.axes)
 
+    @cached_property
+    def origin(self) -> Floats:
+        """Point that the positions are counted from, in the midst of waypoints and corridor, m.
+
+        Nothing depends on where a problem lies but the digits that are left of a position.
+        """
+        model = self.model
+        tables = [model.waypoints]
+        tables += [t for t in (model.corridor_lower, model.corridor_upper) if t is not None]
+        table = np.concatenate(tables)[:, list(self.axes)]
+        low = np.where(np.isfinite(table), table, np.inf).min(axis=0)
+        high = np.where(np.isfinite(table), table, -np.inf).max(axis=0)
+        middle: Floats = np.where(np.isfinite(low) & np.isfinite(high), 0.5 * (low + high), 0.0)
+        return middle
+
     @property
     def knot_times(self) -> Floats:
         """Time that scales the derivatives at each knot, shape (knots,)."""
@@ -115,6 +132,7 @@ class Chain:
         fixed[:, :rows] = model.conditions[:, :rows]
         fixed = fixed[:, :, list(self.axes)]
         value = np.where(np.isfinite(fixed), fixed, 0.0)
+        value[:, 0] -= np.where(np.isfinite(fixed[:, 0]), self.origin, 0.0)
         value *= (self.knot_times[:, None] ** np.arange(r))[:, :, None]
         shape = (model.times.size, self.jets)
         known = np.moveaxis(np.isfinite(fixed), 1, 2).reshape(shape)
@@ -177,7 +195,9 @@ class Chain:
                     * (model.durations[segment] ** -float(bound.derivative))[:, None]
                 )
                 rows[take] = self._spread(unit, position[axis])
-                lower[take], upper[take] = bound.lower[segment, axis], bound.upper[segment, axis]
+                shift = self.origin[position[axis]] if bound.derivative == 0 else 0.0
+                lower[take] = bound.lower[segment, axis] - shift
+                upper[take] = bound.upper[segment, axis] - shift
         spaces = model.halfspaces
         if spaces is not None:
             take = np.flatnonzero(held.bound == len(model.bounds))
@@ -186,7 +206,8 @@ class Chain:
             for at, axis in enumerate(self.axes):
                 normal = spaces.normals[held.which[take], axis]
                 rows[take] += self._spread(unit * normal[:, None], at)
-            upper[take] = spaces.offsets[held.which[take]]
+            normals = spaces.normals[held.which[take]][:, list(self.axes)]
+            upper[take] = spaces.offsets[held.which[take]] - normals @ self.origin
         largest = np.abs(rows).max(axis=1, initial=0.0)
         share = 1.0 / np.where(largest > 0, largest, 1.0)
         return rows * share[:, None], lower * share, upper * share, share
@@ -207,7 +228,7 @@ class Chain:
         after[:, :, 0] -= start
         local = np.concatenate([before, after, inner.reshape(len(start), group, extra)], axis=2)
         powers = np.moveaxis((local * scales[:, None, :]) @ basis.T, 1, 2)
-        powers[:, 0] += start
+        powers[:, 0] += start + self.origin
         return powers
 
     def first_instants(self, samples: int) -> Held:
@@ -216,6 +237,8 @@ class Chain:
         nodes = (1 - np.cos(np.pi * np.arange(samples) / (samples - 1))) / 2
         parts: list[tuple[Ints, Ints, Ints, Floats]] = []
         for number, bound in enumerate(model.bounds):
+            if bound.derivative > model.degree:
+                continue  # it vanishes, which every limit allows
             finite = np.isfinite(bound.lower) | np.isfinite(bound.upper)
             for axis in self.axes:
                 segment = np.flatnonzero(finite[:, axis])
@@ -257,54 +280,49 @@ class Chain:
             bound_.astype(np.int64), segment_.astype(np.int64), which_.astype(np.int64), s_
         ).sorted()[0]
 
-    def polynomials(self, powers: Floats) -> tuple[Floats, Floats, Floats, Held]:
-        """Return what is bounded as polynomials in s, with bounds, and where each belongs.
+    def polynomials(self, powers: Floats) -> tuple[Floats, Limits, Held]:
+        """Return what is bounded as polynomials in s, with bounds and scales, and their owners.
 
         Derivatives lower the degree; they are padded with zeros to one width.
         """
         model = self.model
         position = {axis: at for at, axis in enumerate(self.axes)}
-        rows, low, high, parts = [], [], [], []
+        none = np.empty(0, np.int64)
+        rows: list[Floats] = [np.empty((0, model.degree + 1))]
+        limits: list[tuple[Floats, ...]] = [(np.empty(0),) * 4]
+        parts: list[tuple[Ints, ...]] = [(none, none, none)]
         for number, bound in enumerate(model.bounds):
             j = bound.derivative
-            factors = np.array(
-                [
-                    np.prod(np.arange(p - j + 1, p + 1, dtype=float))
-                    for p in range(j, model.degree + 1)
-                ]
-            )
+            if j > model.degree:
+                continue
+            factors = factorials(model.degree, j)
+            low_scale, high_scale = model.bound_scale(bound)
             for axis in self.axes:
                 finite = np.isfinite(bound.lower[:, axis]) | np.isfinite(bound.upper[:, axis])
                 segment = np.flatnonzero(finite)
                 padded = np.zeros((segment.size, model.degree + 1))
                 inner = powers[segment, j:, position[axis]] * factors
-                padded[:, : model.degree + 1 - j] = (
-                    inner * (model.durations[segment] ** -float(j))[:, None]
-                )
+                scale = (model.durations[segment] ** -float(j))[:, None]
+                padded[:, : model.degree + 1 - j] = inner * scale
                 rows.append(padded)
-                low.append(bound.lower[segment, axis])
-                high.append(bound.upper[segment, axis])
+                tables = (bound.lower, bound.upper, low_scale, high_scale)
+                limits.append(tuple(table[segment, axis] for table in tables))
                 parts.append((np.full(segment.size, number), segment, np.full(segment.size, axis)))
         spaces = model.halfspaces
         if spaces is not None:
             rows.append(np.einsum("hpd,hd->hp", powers[spaces.segments], spaces.normals))
-            low.append(np.full(spaces.segments.size, -np.inf))
-            high.append(spaces.offsets)
+            size = np.full(spaces.segments.size, model.position_scale.max())
+            limits.append((np.full(size.size, -np.inf), spaces.offsets, size, size))
             which = np.arange(spaces.segments.size)
             parts.append((np.full(which.size, len(model.bounds)), spaces.segments, which))
-        if not parts:
-            none = np.empty(0, np.int64)
-            return (
-                np.empty((0, model.degree + 1)),
-                np.empty(0),
-                np.empty(0),
-                Held(none, none, none, np.empty(0)),
-            )
-        number_, segment_, which_ = (
-            np.concatenate(column).astype(np.int64) for column in zip(*parts, strict=True)
+        owners = [np.concatenate(c).astype(np.int64) for c in zip(*parts, strict=True)]
+        held = Held(owners[0], owners[1], owners[2], np.zeros(owners[0].size))
+        low, high, low_size, high_size = (np.concatenate(c) for c in zip(*limits, strict=True))
+        return (
+            np.ascontiguousarray(np.concatenate(rows)),
+            (low, high, low_size, high_size),
+            held,
         )
-        held = Held(number_, segment_, which_, np.zeros(number_.size))
-        return np.concatenate(rows), np.concatenate(low), np.concatenate(high), held
 
 
 def chains(model: MinimumDerivative) -> tuple[Chain, ...]:

@@ -372,6 +372,8 @@ def interior_point(
                 primal = max(primal, abs(r_high[q]))
                 largest = max(largest, z_above[q])
         mu = comp / pairs
+        if largest > 1e100:  # the ray of a contradiction, or nothing that may move
+            break
         size_of = max(objective, nothing)
         merit = max(comp / size_of, primal, dual / largest)
         if comp <= gap_target * size_of and primal <= tolerance and dual <= tolerance * largest:

@@ -86,7 +86,8 @@ class InteriorPoint(Backend):
         settings = Settings(
             gap=float(np.clip(0.01 * request.gap, 1e-11, 1e-8)),
             tolerance=float(np.clip(1e-4 * request.tolerance, 1e-12, 1e-8)),
-            between=1e-2 * request.tolerance,
+            # Below what rounding explains, so that no verdict hangs on it.
+            between=5e-4 * request.tolerance,
             samples=request.options.get("samples", 8),
             iterations=request.options.get("iterations", 100),
             rounds=request.options.get("rounds", 40),
@@ -138,7 +139,8 @@ def _concluded(
         limit = request.control.reason or Limit.INTERRUPTED
         return Answer(Termination.NO_SOLUTION, limit, statistics=statistics)
     objective = sum(r.objective for r in results)
-    bound = sum(r.bound for r in results)
+    # Each axis is a sum of squares, whatever rounding says of its bound.
+    bound = sum(max(r.bound, 0.0) for r in results)
     plan = Trajectory(problem.times, np.concatenate([r.powers for r in results], axis=2))
     settled = all(r.status == "solved" for r in results)
     message = "" if settled else "the iterations stalled before the residuals were small"

@@ -73,7 +73,7 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
             break
         if code != CONVERGED and not (last and state.good(primal)):
             # Only rows that came late make a start too narrow: without them it is the problem.
-            if rounds == 0 or retreat == 0:
+            if rounds == 0 or retreat == 0 or contradiction(state) is not None:
                 break
             retreat = level = max(min(retreat, level) - 2, 0)
             del kept[level + 1 :]

@@ -84,7 +84,15 @@ class State:
 
     def _pose(self) -> None:
         count = self.chain.model.segments
-        self.rows, self.lower, self.upper, _ = self.chain.rows(self.held)
+        self.rows, self.lower, self.upper, share = self.chain.rows(self.held)
+        # A corridor without width has no interior. It is given one within what counts as kept,
+        # and so is relaxed: what is proven of it is proven of the model.
+        size = np.maximum(share * self.chain.model.position_scale.max(), 1e-3)
+        room = 0.1 * self.settings.between * size
+        with np.errstate(invalid="ignore"):
+            narrow = self.upper - self.lower < 2.0 * room
+        self.lower = np.where(narrow, self.lower - room, self.lower)
+        self.upper = np.where(narrow, self.upper + room, self.upper)
         self.start = np.searchsorted(self.held.segment, np.arange(count + 1)).astype(np.int64)
 
     def newton(self, weight: Floats, target: Floats, cost: Floats) -> None:
@@ -155,7 +163,7 @@ class State:
         outcome: tuple[int, int, float, float, float, float] = interior_point(
             self.cost, self.rows, self.start, self.lower, self.upper, self.fixed, self.knots,
             self.inner, self.below, self.above, self.z_below, self.z_above, gap,
-            settings.tolerance if gap <= settings.gap else max(settings.tolerance, 0.01 * gap),
+max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settings.tolerance,
             settings.iterations, NOTHING * self.chain.model.segments, self.flag,
         )  # fmt: skip
         return outcome
@@ -176,8 +184,8 @@ class State:
 
         Violations count from `threshold` on, relative to ``max(1, |bound|)``.
         """
-        polynomials, low, high, owners = self.chain.polynomials(self.powers())
-        row, s, share = outside(np.ascontiguousarray(polynomials), low, high, threshold)
+        polynomials, limits, owners = self.chain.polynomials(self.powers())
+        row, s, share = outside(polynomials, *limits, threshold)
         if not row.size:
             return None, 0.0
         fresh = owners.taken(row)

@@ -19,7 +19,12 @@ GRID = 32
 
 @kernel
 def outside(
-    powers: Floats, lower: Floats, upper: Floats, threshold: float
+    powers: Floats,
+    lower: Floats,
+    upper: Floats,
+    low_scale: Floats,
+    high_scale: Floats,
+    threshold: float,
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Return the local extremes beyond a bound.
 
@@ -29,8 +34,10 @@ def outside(
         Ascending powers of s in [0, 1].
     lower, upper : ndarray, shape (N,)
         Bounds; infinite where there is none.
+    low_scale, high_scale : ndarray, shape (N,)
+        What violations are held against.
     threshold : float
-        Smallest violation reported, relative to ``max(1, |bound|)``.
+        Smallest violation reported, relative to those.
 
     Returns
     -------
@@ -44,9 +51,10 @@ def outside(
     places = np.empty(room)
     shares = np.empty(room)
     found = 0
+    nodes = np.empty(GRID + 1)  # the violation at each node
+    inside = np.zeros(GRID + 1, np.bool_)  # whether the cell before it has an extreme
+    spots = np.empty(2)
     for row in range(count):
-        low_scale = max(1.0, abs(lower[row])) if lower[row] > -np.inf else 1.0
-        high_scale = max(1.0, abs(upper[row])) if upper[row] < np.inf else 1.0
         before = 0.0
         for node in range(GRID + 1):
             s = node / GRID
@@ -54,55 +62,88 @@ def outside(
             for j in range(degree, -1, -1):
                 slope = slope * s + value
                 value = value * s + powers[row, j]
-            candidate = s
-            use = node == 0 or node == GRID
+            nodes[node] = _share(value, row, lower, upper, low_scale, high_scale)
+            inside[node] = False
             if node > 0 and before * slope < 0.0:
-                left, right, sign = (node - 1) / GRID, s, before
-                x = 0.5 * (left + right)
-                for _ in range(60):
-                    v, d, c = 0.0, 0.0, 0.0
-                    for j in range(degree, -1, -1):
-                        c = c * x + d
-                        d = d * x + v
-                        v = v * x + powers[row, j]
-                    if d * sign > 0:
-                        left = x
-                    else:
-                        right = x
-                    after = x - d / (2.0 * c) if c != 0.0 else 0.5 * (left + right)
-                    if not left < after < right:
-                        after = 0.5 * (left + right)
-                    if abs(after - x) <= 1e-15:
-                        break
-                    x = after
-                for end in range(2):
-                    if end == 1 and not use:
-                        break
-                    place = x if end == 0 else candidate
+                left = (node - 1) / GRID
+                x, bend = _extreme(powers[row], left, s, before)
+                count_here = 1
+                if bend * before > 0.0:
+                    # The wrong kind of extreme lies between two of the right kind.
+                    nudge = 1e-7 / GRID
+                    spots[0], _ = _extreme(powers[row], left, x - nudge, before)
+                    spots[1], _ = _extreme(powers[row], x + nudge, s, before)
+                    count_here = 2
+                else:
+                    spots[0] = x
+                for spot in range(count_here):
+                    x = spots[spot]
                     v = 0.0
                     for j in range(degree, -1, -1):
-                        v = v * place + powers[row, j]
-                    share = max((lower[row] - v) / low_scale, (v - upper[row]) / high_scale)
+                        v = v * x + powers[row, j]
+                    share = _share(v, row, lower, upper, low_scale, high_scale)
                     if share > threshold:
+                        inside[node] = True
                         if found == room:
                             room *= 2
                             rows = _grown(rows, room)
                             places = _grown(places, room)
                             shares = _grown(shares, room)
-                        rows[found], places[found], shares[found] = row, place, share
+                        rows[found], places[found], shares[found] = row, x, share
                         found += 1
-            elif use:
-                share = max((lower[row] - value) / low_scale, (value - upper[row]) / high_scale)
-                if share > threshold:
-                    if found == room:
-                        room *= 2
-                        rows = _grown(rows, room)
-                        places = _grown(places, room)
-                        shares = _grown(shares, room)
-                    rows[found], places[found], shares[found] = row, s, share
-                    found += 1
-            before = slope
+            if slope != 0.0:
+                before = slope
+        # A node above its neighbours speaks for extremes that no change of sign has shown: the
+        # ends, a slope of exactly 0, several extremes in one cell.
+        for node in range(GRID + 1):
+            if nodes[node] <= threshold or inside[node] or (node < GRID and inside[node + 1]):
+                continue
+            if (node > 0 and nodes[node - 1] > nodes[node]) or (
+                node < GRID and nodes[node + 1] > nodes[node]
+            ):
+                continue
+            if found == room:
+                room *= 2
+                rows = _grown(rows, room)
+                places = _grown(places, room)
+                shares = _grown(shares, room)
+            rows[found], places[found], shares[found] = row, node / GRID, nodes[node]
+            found += 1
     return rows[:found], places[:found], shares[:found]
+
+
+@kernel
+def _extreme(powers: Floats, left: float, right: float, before: float) -> tuple[float, float]:
+    """Return a root of the slope, whose sign at `left` is that of `before`, and the curvature."""
+    x, bend = 0.5 * (left + right), 0.0
+    for _ in range(60):
+        v, d, c = 0.0, 0.0, 0.0
+        for j in range(powers.size - 1, -1, -1):
+            c = c * x + d
+            d = d * x + v
+            v = v * x + powers[j]
+        bend = c
+        if d * before > 0:
+            left = x
+        else:
+            right = x
+        after = x - d / (2.0 * c) if c != 0.0 else 0.5 * (left + right)
+        if not left < after < right:
+            after = 0.5 * (left + right)
+        if abs(after - x) <= 1e-15:
+            break
+        x = after
+    return x, bend
+
+
+@kernel
+def _share(
+    value: float, row: int, lower: Floats, upper: Floats, low_scale: Floats, high_scale: Floats
+) -> float:
+    """Return by how much a value lies outside, relatively; negative inside."""
+    below: float = (lower[row] - value) / low_scale[row]
+    above: float = (value - upper[row]) / high_scale[row]
+    return max(below, above)
 
 
 @kernel

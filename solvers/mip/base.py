@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...models.programs import MixedIntegerProgram
+from ...models.programs import MixedIntegerProgram, RowProgram
 from ..attempts import (
     Clock,
     Ended,
@@ -103,7 +104,7 @@ def with_offset_column(program: MixedIntegerProgram) -> MixedIntegerProgram:
 class ProgramBackend(Backend):
     """Base of the backends that solve a :class:`MixedIntegerProgram` to proven optimality."""
 
-    accepts = MixedIntegerProgram
+    accepts: ClassVar[type[RowProgram]] = MixedIntegerProgram
     guarantee = Guarantee.EXACT
 
     @abstractmethod

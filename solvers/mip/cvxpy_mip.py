@@ -1,4 +1,4 @@
-"""HiGHS or SCIP through CVXPY's own modelling layer."""
+"""CVXPY's own modelling layer: HiGHS or SCIP on mixed-integer programs, more on quadratic ones."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import UnsupportedOption
-from ...models.programs import MixedIntegerProgram
-from ..backend import Feature, Limit, Option, Request
+from ...models.programs import MixedIntegerProgram, QuadraticProgram, RowProgram
+from ..backend import Answer, Feature, Limit, Option, Request
 from .base import (
     Clock,
     Ended,
@@ -22,7 +22,13 @@ from .base import (
     with_offset_column,
 )
 
-__all__ = ["CvxpyMip"]
+__all__ = ["CvxpyMip", "row_duals"]
+
+#: Solvers of mixed-integer programs, the default first.
+MIXED_INTEGER = ("HIGHS", "SCIP")
+#: Solvers of quadratic programs, the default first. ProxQP is left out: by way of CVXPY it was seen
+#: to call a feasible linear program infeasible.
+QUADRATIC = ("CLARABEL", "OSQP", "HIGHS", "SCS", "PIQP")
 
 
 class CvxpyMip(ProgramBackend):
@@ -33,6 +39,7 @@ class CvxpyMip(ProgramBackend):
     """
 
     name = "cvxpy"
+    accepts = RowProgram
     features = frozenset(
         {
             Feature.GAP,
@@ -54,15 +61,42 @@ class CvxpyMip(ProgramBackend):
     conflict_group = "highs"
     natives = ("highspy._core",)
     options: ClassVar[Mapping[str, Option]] = {
-        "solver": Option("HIGHS", "CVXPY's name of the solver.", str, ("HIGHS", "SCIP"))
+        "solver": Option(
+            None,
+            f"CVXPY's name of the solver; {MIXED_INTEGER[0]} for mixed-integer programs and "
+            f"{QUADRATIC[0]} for quadratic ones by default.",
+            str,
+            tuple(dict.fromkeys((*MIXED_INTEGER, *QUADRATIC))),
+        )
     }
-    summary = "CVXPY: HiGHS or SCIP behind a modelling layer of its own"
+    summary = "CVXPY: HiGHS, SCIP, Clarabel, OSQP … behind a modelling layer of its own"
+
+    def run(self, problem: RowProgram, request: Request) -> Answer:
+        """Solve `problem`, of either kind, as `request` asks."""
+        quadratic = isinstance(problem, QuadraticProgram)
+        able = QUADRATIC if quadratic else MIXED_INTEGER
+        solver = request.options.get("solver") or able[0]
+        if solver not in able:
+            kind = "quadratic" if quadratic else "mixed-integer"
+            raise UnsupportedOption(
+                f"backend 'cvxpy': solver={solver!r} takes no {kind} program; "
+                f"those that do: {', '.join(able)}"
+            )
+        request = replace(request, options={**request.options, "solver": solver})
+        if isinstance(problem, QuadraticProgram):
+            from ..qp import cvxpy_qp
+            from ..qp.base import answered
+
+            self.require()
+            return answered(problem, request, cvxpy_qp.attempt)
+        assert isinstance(problem, MixedIntegerProgram)
+        return super().run(problem, request)
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
         """Solve through CVXPY."""
         import cvxpy
 
-        solver = request.options.get("solver", "HIGHS")
+        solver = str(request.options["solver"])
         posed, rows = _without_empty_rows(
             with_offset_column(with_cutoff_row(program, request.cutoff))
         )
@@ -89,7 +123,7 @@ class CvxpyMip(ProgramBackend):
         # CVXPY's own tests doubt the duals it reads from SCIP, which lacks those of one-column rows.
         if outcome.ended is Ended.PROVEN and program.continuous and solver != "SCIP":
             duals = np.zeros(program.row_count)
-            duals[rows] = _duals(problem, posed)
+            duals[rows] = row_duals(problem, posed)
             outcome = replace(outcome, duals=duals)
         return outcome
 
@@ -216,7 +250,7 @@ def _bound(
     return float(extra.mip_dual_bound if solver == "HIGHS" else extra["model"].getDualbound())
 
 
-def _duals(problem: Any, program: MixedIntegerProgram) -> np.ndarray[Any, np.dtype[np.float64]]:
+def row_duals(problem: Any, program: RowProgram) -> np.ndarray[Any, np.dtype[np.float64]]:
     """Return the row multipliers, from the constraints in the order of ``to_cvxpy``.
 
     CVXPY gives an inequality a dual that is never negative, and an equality the sign of its

@@ -1,4 +1,4 @@
-"""HiGHS through highspy: the default backend for mixed-integer and linear programs."""
+"""HiGHS through highspy: the default backend for programs with linear rows."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import InvalidData, UnsupportedOption
-from ...models.programs import MixedIntegerProgram
-from ..backend import Feature, Limit, Option, Request
+from ...models.model import Model
+from ...models.programs import MixedIntegerProgram, QuadraticProgram, RowProgram
+from ..backend import Answer, Feature, Limit, Option, Request
 from .base import (
     Clock,
     Ended,
@@ -28,6 +29,7 @@ class Highs(ProgramBackend):
     """HiGHS, called in this process with the program's own arrays."""
 
     name = "highs"
+    accepts = RowProgram
     features = frozenset(
         {
             Feature.GAP,
@@ -53,7 +55,25 @@ class Highs(ProgramBackend):
             0.05, "Share of the time spent on heuristics.", float, lower=0.0, upper=1.0
         ),
     }
-    summary = "HiGHS: branch and cut, simplex and interior point; the default"
+    summary = "HiGHS: branch and cut, simplex, interior point, quadratic active set; the default"
+
+    def interrupts(self, kind: type[Model[Any]]) -> bool:
+        """Its solver for quadratic programs takes no stop."""
+        return not issubclass(kind, QuadraticProgram)
+
+    def run(self, problem: RowProgram, request: Request) -> Answer:
+        """Solve `problem`, of either kind, as `request` asks."""
+        if isinstance(problem, QuadraticProgram):
+            from ..qp import highs as quadratic
+            from ..qp.base import answered
+
+            self.require()
+            refusal = quadratic.refusal(self.options, request)
+            if refusal:
+                raise UnsupportedOption(refusal)
+            return answered(problem, request, quadratic.attempt)
+        assert isinstance(problem, MixedIntegerProgram)
+        return super().run(problem, request)
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
         """Solve with HiGHS."""

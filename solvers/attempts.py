@@ -1,0 +1,204 @@
+"""What every backend for programs shares: the clock, the stop, and how a solver's run ended.
+
+A backend only translates; what its solver's end proves is decided by the base class of its kind
+(:mod:`.mip.base`, :mod:`.qp.base`) in terms of what stands here.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..models.programs import RowProgram
+from .backend import Answer, Control, Limit, Request, Termination
+
+__all__ = [
+    "Clock",
+    "Ended",
+    "Outcome",
+    "above_cutoff",
+    "allowed",
+    "holds",
+    "limited",
+    "obvious",
+    "solver_tolerance",
+    "stopped",
+    "watched",
+]
+
+Vector = NDArray[np.float64]
+
+#: How far, relatively, a cutoff is loosened, so that the plan it stems from stays allowed: solvers
+#: compare objectives with tolerances of their own, and 1e-9 was seen to lose the plan in SCIP.
+LOOSENED = 1e-6
+#: Seconds between two looks at a stop request.
+POLL = 0.02
+
+
+class Ended(StrEnum):
+    """How a solver ended, before anybody asks what that proves."""
+
+    PROVEN = "proven"
+    INFEASIBLE = "infeasible"
+    UNBOUNDED = "unbounded"
+    UNCLEAR = "infeasible or unbounded"
+    STOPPED = "stopped"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a solver reports of one run.
+
+    Parameters
+    ----------
+    ended : Ended
+        Its status; ``PROVEN`` is an optimum within the gap.
+    point : ndarray, optional
+        Its best feasible column vector.
+    bound : float, optional
+        Its lower bound on the objective; None or infinite where it has none.
+    duals : ndarray, optional
+        Row multipliers, signed as the program's ``dual_bound`` wants them.
+    limit : Limit, optional
+        What stopped it, for ``STOPPED``.
+    statistics : mapping
+        Its counts.
+    message : str
+        Its own status, where a person should see it.
+    absolute : bool
+        Whether ``INFEASIBLE`` was proven without the cutoff.
+    """
+
+    ended: Ended
+    point: Vector | None = None
+    bound: float | None = None
+    duals: Vector | None = None
+    limit: Limit | None = None
+    statistics: Mapping[str, float | int | str] = field(default_factory=dict)
+    message: str = ""
+    absolute: bool = False
+
+
+class Clock:
+    """Counts the seconds of a run: what is left of the limit, and what each part took."""
+
+    def __init__(self, limit: float | None) -> None:
+        self._limit = limit
+        self._started = self._mark = time.perf_counter()
+        self.seconds: dict[str, float] = {}
+
+    def left(self) -> float | None:
+        """Return the seconds left, at least 0; None where there is no limit."""
+        if self._limit is None:
+            return None
+        return max(self._limit - (time.perf_counter() - self._started), 0.0)
+
+    def lap(self, part: str) -> None:
+        """Count the time since the last lap as `part`."""
+        now = time.perf_counter()
+        self.seconds[part] = self.seconds.get(part, 0.0) + now - self._mark
+        self._mark = now
+
+
+def allowed(cutoff: float) -> float:
+    """Return `cutoff` loosened, so that its own plan stays allowed."""
+    return cutoff + LOOSENED * max(1.0, abs(cutoff))
+
+
+def solver_tolerance(tolerance: float, least: float, most: float = 1e-3) -> float:
+    """Return the tolerance to give a solver, within the range it knows.
+
+    A tenth of the request's: solvers measure in their own scaling and before postsolve, and what
+    they let pass at the very edge would fail the verification.
+    """
+    return float(min(max(tolerance / 10, least), most))
+
+
+def limited(control: Control, otherwise: Limit = Limit.INTERRUPTED) -> Limit:
+    """Return the limit that stopped a run: the control's reason, else `otherwise`."""
+    return control.reason if control.stopped and control.reason is not None else otherwise
+
+
+@contextmanager
+def watched(control: Control, stop: Callable[[], Any]) -> Iterator[None]:
+    """Call `stop` from a thread once the control asks to, again and again until the run ends.
+
+    Again, because most solvers forget a stop that reaches them before they have started. Needs a
+    solver that releases the interpreter's lock, and a `stop` that any thread may call.
+    """
+    over = threading.Event()
+
+    def watch() -> None:
+        while not over.wait(POLL):
+            if control.stopped:
+                stop()
+
+    thread = threading.Thread(target=watch, name="crosstrack-stop", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def stopped(request: Request, clock: Clock) -> Outcome | None:
+    """Return the outcome of a run that may not go on, None while it may."""
+    if request.control.stopped:
+        return Outcome(Ended.STOPPED, limit=limited(request.control))
+    if clock.left() == 0.0:
+        return Outcome(Ended.STOPPED, limit=Limit.TIME)
+    return None
+
+
+def obvious(program: RowProgram, request: Request) -> Outcome | None:
+    """Answer what some solvers refuse as malformed: crossed bounds, no columns, empty rows."""
+    for lower, upper, name in (
+        (program.column_lower, program.column_upper, program.column_name),
+        (program.row_lower, program.row_upper, program.row_name),
+    ):
+        crossed = np.flatnonzero(lower > upper)
+        if crossed.size:
+            at = int(crossed[0])
+            return Outcome(
+                Ended.INFEASIBLE,
+                message=f"{name(at)}: the lower bound {lower[at]:g} exceeds the upper {upper[at]:g}",
+                absolute=True,
+            )
+    slack = request.tolerance
+    wrong = (program.row_lower > slack) | (program.row_upper < -slack)
+    wrong &= np.diff(program.matrix.indptr) == 0
+    if wrong.any():
+        row = program.row_name(int(np.flatnonzero(wrong)[0]))
+        message = f"{row}: no column enters, and 0 does not satisfy it"
+        return Outcome(Ended.INFEASIBLE, message=message, absolute=True)
+    if not program.size:
+        return Outcome(Ended.PROVEN, np.zeros(0), program.offset, np.zeros(program.row_count))
+    return None
+
+
+def above_cutoff(answer: Answer, cutoff: float) -> Answer:
+    """Return what a search below the cutoff proves when it finds nothing: the cutoff is a bound."""
+    return replace(
+        answer,
+        termination=Termination.NO_SOLUTION,
+        point=None,
+        primal_bound=None,
+        duals=None,
+        dual_bound=cutoff,
+        message="no plan better than the cutoff",
+    )
+
+
+def holds(program: RowProgram, point: Vector, tolerance: float) -> bool:
+    """Return whether `point` is finite and satisfies `program` within `tolerance`."""
+    return bool(np.isfinite(point).all()) and program.verify(point, tolerance=tolerance).ok

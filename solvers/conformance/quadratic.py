@@ -1,0 +1,328 @@
+"""Conformance cases: convex quadratic programs with known value, primal and dual."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from ...models.programs import QuadraticProgram
+from ..backend import Feature, Termination
+from .cases import Case, Expectation
+from .quadratic_larger import horizon, portfolio
+
+__all__ = ["quadratic", "quadratic_cases"]
+
+INF = np.inf
+
+
+def quadratic(
+    hessian: ArrayLike,
+    cost: Sequence[float],
+    matrix: ArrayLike = (),
+    row_lower: ArrayLike = -INF,
+    row_upper: ArrayLike = INF,
+    *,
+    lower: ArrayLike = -INF,
+    upper: ArrayLike = INF,
+    offset: float = 0.0,
+) -> QuadraticProgram:
+    """Return a program from dense data; bounds given once count for all, a vector Hessian is diagonal."""
+    costs = np.asarray(cost, float)
+    size = costs.size
+    curved = np.asarray(hessian, float)
+    if curved.ndim == 1:
+        curved = np.diag(curved) if size else np.zeros((0, 0))
+    given = np.asarray(matrix, float)
+    rows = given.reshape(-1, size) if size else given.reshape(given.shape[0], 0)
+
+    def full(value: ArrayLike, count: int) -> NDArray[Any]:
+        return np.broadcast_to(np.asarray(value, float), (count,)).copy()
+
+    return QuadraticProgram(
+        hessian=sp.csr_array(curved),
+        cost=costs,
+        matrix=sp.csr_array(rows),
+        row_lower=full(row_lower, rows.shape[0]),
+        row_upper=full(row_upper, rows.shape[0]),
+        column_lower=full(lower, size),
+        column_upper=full(upper, size),
+        offset=offset,
+    )
+
+
+def quadratic_cases() -> tuple[Case, ...]:
+    """Return the cases; each that has an optimum comes a second time, for its duals."""
+    primal = [*_small(), *_delicate(), *_larger()]
+    dual = [
+        Case(
+            f"{case.name}, duals",
+            case.program,
+            case.expectation,
+            frozenset({Feature.DUALS}),
+            case.arguments,
+        )
+        for case in primal
+    ]
+    return (*primal, *dual, *_unsolvable(), *_asked_for())
+
+
+def _optimal(
+    objective: float,
+    point: tuple[float, ...] | None = None,
+    duals: tuple[float, ...] | None = None,
+) -> Expectation:
+    return Expectation((Termination.OPTIMAL,), objective, point=point, duals=duals)
+
+
+def _small() -> list[Case]:
+    return [
+        Case(
+            "quadratic: strictly convex, no constraint",
+            quadratic([[2, 1], [1, 2]], [-4, -5]),
+            _optimal(-7, (1, 2), ()),
+        ),
+        Case(
+            "quadratic: equal rows only",
+            quadratic([1, 1, 1], [0, 0, 0], [[1, 2, 3]], 14, 14),
+            _optimal(7, (1, 2, 3), (1,)),
+        ),
+        Case(
+            "quadratic: box",
+            quadratic([2, 2, 2], [-2, -8, 4], lower=0, upper=[5, 3, 5]),
+            _optimal(-16, (1, 3, 0), ()),
+        ),
+        Case(
+            "quadratic: rows from below",
+            quadratic([2, 2], [0, 0], [[1, 1], [1, 0]], [2, 0.5]),
+            _optimal(2, (1, 1), (2, 0)),
+        ),
+        Case(
+            "quadratic: two-sided rows",
+            quadratic([1, 1], [-6, 0], [[1, 1], [1, -1]], [-1, -2], [4, 2]),
+            _optimal(-13, (3, 1), (-1, -2)),
+        ),
+        Case(
+            "quadratic: semidefinite Hessian",
+            # (x + y)^2 / 2 - x: flat along (1, -1), where the cost runs into the bound.
+            quadratic([[1, 1], [1, 1]], [-1, 0], upper=[2, INF]),
+            _optimal(-2, (2, -2), ()),
+        ),
+        Case(
+            "quadratic: free columns, one without curvature",
+            quadratic([1, 1, 0], [0, 0, 1], [[1, 0, 1], [0, 1, 1]], [2, 4]),
+            _optimal(3.5, (0, 1, 3), (0, 1)),
+        ),
+        Case(
+            "quadratic: linear program",
+            quadratic([0, 0], [-3, -5], [[1, 0], [0, 2], [3, 2]], row_upper=[4, 12, 18], lower=0),
+            _optimal(-36, (2, 6), (0, -1.5, -1)),
+        ),
+        Case(
+            "quadratic: no rows, one column linear",
+            quadratic([2, 0], [-2, 1], lower=[-INF, -3], upper=[INF, 4]),
+            _optimal(-4, (1, -3), ()),
+        ),
+        Case("quadratic: offset", quadratic([2], [-6], lower=0, offset=1e3), _optimal(991, (3,))),
+        Case(
+            "quadratic: large negative offset",
+            quadratic([2], [-2], offset=-1e6),
+            _optimal(-1000001, (1,)),
+        ),
+        Case(
+            "quadratic: optimum zero",
+            quadratic([2, 2], [-2, 0], offset=1),
+            _optimal(0, (1, 0)),
+        ),
+        Case(
+            "quadratic: no columns",
+            quadratic(np.zeros((0, 0)), [], np.zeros((1, 0)), -1, 1, offset=3),
+            _optimal(3, ()),
+        ),
+    ]
+
+
+def _delicate() -> list[Case]:
+    return [
+        Case(
+            "quadratic: duplicated rows",
+            quadratic([2, 2], [0, 0], [[1, 1], [1, 1], [2, 2]], [2, 2, 4]),
+            _optimal(2, (1, 1)),
+        ),
+        Case(
+            "quadratic: dependent equalities",
+            quadratic(
+                [1, 1], [0, 0], [[1, 1], [2, 2], [1, -1], [1, 1]], [2, 4, 0, 2], [2, 4, 0, 2]
+            ),
+            _optimal(1, (1, 1)),
+        ),
+        Case(
+            "quadratic: degenerate vertex",
+            quadratic([2, 2], [-4, -4], [[1, 0], [0, 1], [1, 1]], row_upper=[1, 1, 2]),
+            _optimal(-6, (1, 1)),
+        ),
+        Case(
+            "quadratic: a row that binds without force",
+            quadratic([2], [-2], [[1]], row_upper=1),
+            _optimal(-1),
+        ),
+        Case(
+            "quadratic: many optimal points",
+            quadratic([[1, 1], [1, 1]], [-2, -2], lower=0, upper=5),
+            _optimal(-2),
+        ),
+        Case(
+            "quadratic: badly scaled",
+            quadratic([1e-4, 1e4], [-7e-3, -2010], [[1e-3, 1e3]], row_upper=1.05),
+            _optimal(-2.23, (50, 1e-3), (-2,)),
+        ),
+        Case(
+            "quadratic: badly scaled, other way",
+            quadratic([1e4, 1e-4], [0, 0], [[1e4, 0], [0, 1e-4]], [1e4, 1e-4]),
+            _optimal(5000.00005),
+        ),
+        Case(
+            "quadratic: fixed column",
+            quadratic([2, 2], [0, -2], [[1, 1]], 5, lower=[3, -INF], upper=[3, INF]),
+            _optimal(9, (3, 2), (2,)),
+        ),
+        Case(
+            "quadratic: every column fixed",
+            quadratic([1, 1], [0, 0], [[1, 1]], row_upper=4, lower=[1, 2], upper=[1, 2]),
+            _optimal(2.5, (1, 2), (0,)),
+        ),
+        Case(
+            "quadratic: empty and free rows",
+            quadratic([2, 2], [0, 0], [[0, 0], [1, 1], [1, -1]], [-1, 2, -INF], [1, INF, INF]),
+            _optimal(2, (1, 1), (0, 2, 0)),
+        ),
+    ]
+
+
+def _larger() -> list[Case]:
+    found = []
+    for name, (program, point, duals) in {
+        "portfolio": portfolio(),
+        "receding horizon": horizon(),
+    }.items():
+        found.append(
+            Case(
+                f"quadratic: {name}, {program.size} columns",
+                program,
+                _optimal(program.objective(point), tuple(point), tuple(duals)),
+            )
+        )
+    return found
+
+
+def _unsolvable() -> list[Case]:
+    infeasible = Expectation((Termination.INFEASIBLE,))
+    unbounded = Expectation((Termination.UNBOUNDED,))
+    round_ = [2.0, 2.0]
+    return [
+        Case(
+            "quadratic: infeasible rows",
+            quadratic(round_, [-2, -5], [[1, 1], [1, 1]], [3, -INF], [INF, 1]),
+            infeasible,
+        ),
+        Case(
+            "quadratic: infeasible by a thousandth",
+            quadratic(
+                round_, [-2, -5], [[1, 1], [1, 1]], [1.001, -INF], [INF, 1], lower=-9, upper=9
+            ),
+            infeasible,
+        ),
+        Case(
+            "quadratic: infeasible within the bounds",
+            quadratic(round_, [0, 0], [[1, 1]], row_upper=2, lower=[3, 0]),
+            infeasible,
+        ),
+        Case(
+            "quadratic: infeasible equalities",
+            quadratic(round_, [0, 0], [[1, 1], [2, 2]], [1, 3], [1, 3]),
+            infeasible,
+        ),
+        Case(
+            "quadratic: infeasible, its objective unbounded",
+            quadratic([2, 0], [0, -1], [[1, 0], [1, 0]], [1, -INF], [INF, 0]),
+            infeasible,
+        ),
+        Case(
+            "quadratic: crossed bounds",
+            quadratic(round_, [1, 1], [[1, 1]], 1, lower=[0, 3], upper=[5, 2]),
+            infeasible,
+        ),
+        Case(
+            "quadratic: crossed rows",
+            quadratic(round_, [1, 1], [[1, 1]], 3, 2),
+            infeasible,
+        ),
+        Case(
+            "quadratic: empty row that cannot hold",
+            quadratic(round_, [1, 1], [[0, 0], [1, 1]], [1, 0], [2, 9]),
+            infeasible,
+        ),
+        Case(
+            "quadratic: fixed columns break a row",
+            quadratic(round_, [1, 1], [[1, 1]], 3, lower=1, upper=1),
+            infeasible,
+        ),
+        Case(
+            "quadratic: unbounded along a flat direction",
+            quadratic([[1, 1], [1, 1]], [-1, 0]),
+            unbounded,
+        ),
+        Case(
+            "quadratic: unbounded within rows",
+            quadratic([2, 0], [0, -1], [[1, -1]], row_upper=1, lower=0),
+            unbounded,
+        ),
+        Case("quadratic: unbounded linear program", quadratic([0], [1], [[1]], -INF, 5), unbounded),
+    ]
+
+
+def _asked_for() -> list[Case]:
+    rows = quadratic([3, 7], [0, 0], [[1, 1]], 1)
+    at = (0.7, 0.3)
+    cutoff = frozenset({Feature.CUTOFF})
+    return [
+        Case(
+            "quadratic: a small gap",
+            rows,
+            _optimal(1.05, at),
+            frozenset({Feature.GAP}),
+            {"gap": 1e-10},
+        ),
+        Case("quadratic: tight tolerance", rows, _optimal(1.05, at), arguments={"tolerance": 1e-9}),
+        Case(
+            "quadratic: warm start at the optimum",
+            rows,
+            _optimal(1.05, at),
+            frozenset({Feature.WARM_START}),
+            {"warm_start": np.array(at)},
+        ),
+        Case(
+            "quadratic: warm start elsewhere",
+            rows,
+            _optimal(1.05, at),
+            frozenset({Feature.WARM_START}),
+            {"warm_start": np.array([5.0, -4.0])},
+        ),
+        Case(
+            "quadratic, cutoff: at the optimum",
+            rows,
+            _optimal(1.05, at),
+            cutoff,
+            {"cutoff": 1.05},
+        ),
+        Case(
+            "quadratic, cutoff: nothing below",
+            rows,
+            Expectation((Termination.NO_SOLUTION,), 1.05),
+            cutoff,
+            {"cutoff": 1.0},
+        ),
+    ]

@@ -1,0 +1,127 @@
+"""Larger quadratic programs with known optima, by construction: the data are made for the solution."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...models.programs import QuadraticProgram
+from .limits import numbers
+
+__all__ = ["certified", "horizon", "portfolio"]
+
+INF = np.inf
+
+Vector = NDArray[np.float64]
+
+
+def certified(
+    hessian: Any, matrix: Any, point: Vector, duals: Vector, reduced: Vector, room: float = 1.0
+) -> QuadraticProgram:
+    """Return a program that `point` with the multipliers `duals` and `reduced` solves.
+
+    A bound stands at the point where a multiplier pulls, and `room` away where none does; the cost is
+    what makes the gradient of the Lagrangian vanish.
+    """
+    value = matrix @ point
+
+    def bounds(at: Vector, pull: Vector) -> tuple[Vector, Vector]:
+        return np.where(pull > 0, at, at - room), np.where(pull < 0, at, at + room)
+
+    row_lower, row_upper = bounds(value, duals)
+    column_lower, column_upper = bounds(point, reduced)
+    return QuadraticProgram(
+        hessian=sp.csr_array(hessian),
+        cost=matrix.T @ duals + reduced - hessian @ point,
+        matrix=sp.csr_array(matrix),
+        row_lower=row_lower,
+        row_upper=row_upper,
+        column_lower=column_lower,
+        column_upper=column_upper,
+    )
+
+
+def _drawn(count: int, seed: int) -> Vector:
+    draw = numbers(seed)
+    return np.array([next(draw) % 20001 / 10000 - 1 for _ in range(count)])
+
+
+def portfolio() -> tuple[QuadraticProgram, Vector, Vector]:
+    """Shares of 200 assets under ten risk factors: they sum to one, sectors are limited."""
+    size, factors, sectors = 200, 10, 8
+    loads = _drawn(size * factors, 1).reshape(size, factors)
+    hessian = loads @ loads.T + np.diag(0.05 + 0.05 * np.abs(_drawn(size, 2)))
+    matrix = np.vstack(
+        [np.ones(size), np.arange(size)[None, :] % sectors == np.arange(sectors)[:, None]]
+    ).astype(float)
+    held = np.arange(size) % 5 == 0
+    point = np.where(held, 0.01 + 0.01 * np.abs(_drawn(size, 3)), 0.0)
+    # What is not held would cost more than it yields; two sectors are at their limits.
+    reduced = np.where(held, 0.0, 0.1 + np.abs(_drawn(size, 4)))
+    duals = np.zeros(1 + sectors)
+    duals[0], duals[1], duals[5] = 0.7, -0.3, 0.4
+    program = certified(hessian, sp.csr_array(matrix), point, duals, reduced)
+    total = matrix[0] @ point
+    lower, upper = program.row_lower.copy(), program.row_upper.copy()
+    lower[0] = upper[0] = total
+    return _with_rows(program, lower, upper), point, duals
+
+
+def horizon() -> tuple[QuadraticProgram, Vector, Vector]:
+    """Forty steps of a double integrator: states and one control, bounds on both."""
+    steps, each = 40, 3
+    step = 0.1
+    size = steps * each
+    matrix = sp.lil_array((2 * steps, size))
+    for k in range(steps):
+        for row, terms in enumerate(
+            (((1, 0, 1.0), (0, 0, -1.0), (0, 1, -step)), ((1, 1, 1.0), (0, 1, -1.0), (0, 2, -step)))
+        ):
+            for later, entry, value in terms:
+                # The columns of step k hold its control and the state that follows.
+                column = (k + later - 1) * each + entry if entry < 2 else k * each + 2
+                if column >= 0:
+                    matrix[2 * k + row, column] = value
+    rows = sp.csr_array(matrix)
+    hessian = sp.diags_array(np.tile([1.0, 0.1, 0.01], steps))
+    control = np.clip(3 * _drawn(steps, 5), -1, 1)
+    point = np.zeros(size)
+    position, speed = 1.0, 0.0
+    start = (position + step * speed, speed)
+    for k in range(steps):
+        position, speed = position + step * speed, speed + step * control[k]
+        point[k * each : k * each + 3] = position, speed, control[k]
+    duals = 0.1 * _drawn(2 * steps, 6)
+    reduced = np.zeros(size)
+    pull = 0.05 + 0.05 * np.abs(_drawn(steps, 7))
+    reduced[2::each] = np.where(control >= 1, -pull, np.where(control <= -1, pull, 0.0))
+    program = certified(hessian, rows, point, duals, reduced, room=0.5)
+    value = rows @ point
+    value[:2] = start
+    lower, upper = np.full(size, -INF), np.full(size, INF)
+    lower[2::each], upper[2::each] = -1.0, 1.0
+    fixed = QuadraticProgram(
+        hessian=program.hessian,
+        cost=program.cost,
+        matrix=rows,
+        row_lower=value,
+        row_upper=value,
+        column_lower=lower,
+        column_upper=upper,
+    )
+    return fixed, point, duals
+
+
+def _with_rows(program: QuadraticProgram, lower: Vector, upper: Vector) -> QuadraticProgram:
+    return QuadraticProgram(
+        hessian=program.hessian,
+        cost=program.cost,
+        matrix=program.matrix,
+        row_lower=lower,
+        row_upper=upper,
+        column_lower=program.column_lower,
+        column_upper=program.column_upper,
+    )

@@ -1,0 +1,294 @@
+"""Corridor and limits at given durations: the barrier problem, its slope and its curvature."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.time_allocation import TimeAllocation
+from ...models.trajectory import Trajectory
+from .chain import Held
+from .separation import outside
+from .time_curvature import curvature, foreseen
+from .time_held import Group, Iterate, forms_of, groups_of
+from .time_inner import Value
+from .time_kernels import SETTLED, evaluate
+from .time_polynomials import bounded_rows, powers_of
+from .time_rows import knot_scales
+
+__all__ = ["Barrier"]
+
+Floats = NDArray[np.float64]
+
+#: Newton steps for one barrier problem.
+STEPS = 40
+#: Relative error of slack times multiplier, and of the gradient by the coordinates.
+ACCURACY = 1e-6
+#: Largest violation of a held bound, relative.
+FEASIBLE = 1e-9
+#: Share of a slack that a foreseen step may use.
+REACH = 0.95
+#: Relative complementarity of a plan, and its largest violation between the instants.
+SHARP, BETWEEN = 1e-9, 2e-10
+
+
+class _Response(NamedTuple):
+    """What durations do to a group: see :func:`~.time_curvature.curvature`."""
+
+    knots: Floats
+    inner: Floats
+    rows: Floats
+    rates: Floats
+
+
+class _Course(NamedTuple):
+    """Where a step begins, its change of the durations, and what it should do to the iterates."""
+
+    origin: Floats
+    change: Floats
+    iterates: list[Iterate]
+    steps: list[Iterate]
+
+
+class Barrier:
+    """The barrier problem, group by group, each from where it last was.
+
+    Parameters
+    ----------
+    model : TimeAllocation
+        The model.
+    flag : ndarray of int8, shape (1,)
+        Nonzero halts the Newton steps.
+
+    Attributes
+    ----------
+    mu : float
+        Slack times multiplier, in units of J.
+    unit : float
+        A typical J.
+    """
+
+    def __init__(self, model: TimeAllocation, flag: NDArray[np.int8]) -> None:
+        self.model, self.flag = model, flag
+        self.solves = self.steps = 0
+        self.mu = self.unit = 1.0
+        self.accuracy = ACCURACY
+        self.forms = forms_of(model)
+        self.groups = groups_of(self.forms)
+        self._latest: tuple[Floats, float, Value] | None = None
+        self._course: _Course | None = None
+        self._responses: list[_Response] = []
+
+    @property
+    def pairs(self) -> int:
+        """Number of slacks of all groups."""
+        return max(sum(group.pairs for group in self.groups), 1)
+
+    # -- values ----------------------------------------------------------------------------------
+
+    def value(self, durations: Floats, *, afresh: bool = False) -> Value:
+        """Return the barrier's value and its slope; what was found is kept to start from.
+
+        Parameters
+        ----------
+        durations : ndarray, shape (M,)
+            T_k, s.
+        afresh : bool
+            Where the last iterate leads nowhere, start once more without it.
+        """
+        if self._latest is not None:
+            last, mu, known = self._latest
+            if mu == self.mu and np.array_equal(last, durations):
+                return known
+        self.solves += 1
+        durations = np.ascontiguousarray(durations)
+        slope = np.zeros(durations.size)
+        total = objective = 0.0
+        found = []
+        for group, begin in zip(self.groups, self._begin(durations), strict=True):
+            trial, own = begin, np.zeros(durations.size)
+            status, cost, logs = self._solved(group, durations, trial, own, warm=group.warm)
+            if status != SETTLED and afresh and group.warm:
+                trial, own = group.iterate.copied(), np.zeros(durations.size)
+                status, cost, logs = self._solved(group, durations, trial, own, warm=False)
+            if status != SETTLED:
+                return Value(np.inf, np.inf, slope)
+            slope += own
+            objective += cost
+            total += cost - self.mu * logs
+            found.append(trial)
+        for group, trial in zip(self.groups, found, strict=True):
+            group.iterate, group.warm = trial, True
+        value = Value(total, objective, slope)
+        self._latest = (durations.copy(), self.mu, value)
+        return value
+
+    def _solved(
+        self, group: Group, durations: Floats, trial: Iterate, slope: Floats, *, warm: bool
+    ) -> tuple[int, float, float]:
+        """Solve one group in place; return the status, J, and the sum of the slacks' logarithms."""
+        forms, rows = self.forms, group.rows
+        status, steps, cost, logs = evaluate(
+            durations, self.model.order, len(group.axes), forms.unit_cost, forms.cost_orders,
+            rows.unit, rows.mix, rows.derivative, rows.start, rows.lower, rows.upper,
+            group.fixed, group.values, trial.knots, trial.inner, trial.below, trial.above,
+            trial.z_below, trial.z_above, warm, self.unit, self.mu, FEASIBLE, self.accuracy,
+            STEPS, self.flag, slope,
+        )  # fmt: skip
+        self.steps += steps
+        return status, cost, logs
+
+    def curvature(self, durations: Floats) -> Floats | None:
+        """Return the second derivatives of :meth:`value`, shape (M, M); None where it is infinite.
+
+        They take O(M²).
+        """
+        if not np.isfinite(self.value(durations).value):
+            return None
+        durations, forms = np.ascontiguousarray(durations), self.forms
+        hessian = np.zeros((durations.size, durations.size))
+        self._responses = []
+        for group in self.groups:
+            rows, now = group.rows, group.iterate
+            response = curvature(
+                durations, self.model.order, len(group.axes), forms.unit_cost, forms.cost_orders,
+                rows.unit, rows.mix, rows.derivative, rows.start, rows.lower, rows.upper,
+                group.fixed, now.knots, now.inner, now.below, now.above, now.z_below, now.z_above,
+                self.unit, hessian,
+            )  # fmt: skip
+            self._responses.append(_Response(*response))
+        symmetric: Floats = 0.5 * (hessian + hessian.T)
+        return symmetric
+
+    # -- steps that are foreseen -----------------------------------------------------------------
+
+    def aim(self, change: Floats) -> float:
+        """Foresee what a `change` of the durations does, for :meth:`value` to start from.
+
+        To be called after :meth:`curvature`. Returns the share of the change at which a slack would
+        be used up, were everything linear.
+        """
+        assert self._latest is not None
+        far = np.inf
+        steps = []
+        for group, response in zip(self.groups, self._responses, strict=True):
+            rows, now = group.rows, group.iterate
+            knots = np.tensordot(change, response.knots, 1)
+            inner = np.tensordot(change, response.inner, 1)
+            moved = np.zeros(response.rates.size)
+            near = foreseen(
+                rows.start, response.rows, response.rates, change, knots, inner, now.below,
+                now.above, rows.lower, rows.upper, REACH, moved,
+            )  # fmt: skip
+            far = min(far, float(near))
+            z_below, z_above = -moved * now.z_below / now.below, moved * now.z_above / now.above
+            steps.append(Iterate(knots, inner, moved, -moved, z_below, z_above))
+        iterates = [group.iterate for group in self.groups]
+        self._course = _Course(self._latest[0], change, iterates, steps)
+        return far
+
+    def _begin(self, durations: Floats) -> list[Iterate]:
+        """Return iterates to start from: as foreseen, where the durations lie on the course."""
+        course = self._course
+        if course is not None:
+            away = durations - course.origin
+            share = float(away @ course.change) / float(course.change @ course.change)
+            off = float(np.abs(away - share * course.change).max())
+            if share > 0.0 and off <= 0.3 * float(np.abs(away).max()):
+                ratio = knot_scales(durations) / knot_scales(course.origin)
+                pairs = zip(self.groups, course.iterates, course.steps, strict=True)
+                return [self._moved(group, now, step, share, ratio) for group, now, step in pairs]
+        return [group.iterate.copied() for group in self.groups]
+
+    def _moved(
+        self, group: Group, now: Iterate, step: Iterate, share: float, ratio: Floats
+    ) -> Iterate:
+        orders = np.tile(np.arange(self.model.order), len(group.axes))
+        knots = (now.knots + share * step.knots) * ratio[:, None] ** orders
+        # A slack or multiplier that would vanish keeps a part of what it was.
+        rest = [
+            np.maximum(part + share * change, 0.1 * part)
+            for part, change in zip(now[2:], step[2:], strict=True)
+        ]
+        return Iterate(knots, now.inner + share * step.inner, *rest)
+
+    # -- bounds between the instants -------------------------------------------------------------
+
+    def _powers(self, group: Group, durations: Floats) -> Floats:
+        now = group.iterate
+        powers: Floats = powers_of(
+            durations, self.model.order, len(group.axes), self.forms.basis, now.knots, now.inner
+        )
+        return powers
+
+    def exchange(self, durations: Floats, threshold: float) -> int:
+        """Hold the bounds where the iterate at `durations` leaves them; return at how many instants.
+
+        Parameters
+        ----------
+        durations : ndarray, shape (M,)
+            Those of the last :meth:`value`.
+        threshold : float
+            Smallest violation that counts, relative to what it is held against.
+        """
+        count = 0
+        for group in self.groups:
+            spans, owners = group.spans, group.owners
+            polynomials = bounded_rows(
+                self._powers(group, durations), durations, owners.segment, spans.derivative,
+                spans.mix,
+            )  # fmt: skip
+            row, s, _ = outside(
+                polynomials, spans.lower, spans.upper, spans.low_scale, spans.high_scale, threshold
+            )
+            if row.size:
+                at = owners.taken(row)
+                fresh = Held(at.bound, at.segment, at.which, s)
+                count += group.hold(self.forms, fresh, self.mu)
+        if count:
+            self._latest = self._course = None
+        return count
+
+    def settle(self, durations: Floats, threshold: float, rounds: int = 25) -> Value:
+        """Return the value at `durations` with the bounds held wherever it takes."""
+        found = self.value(durations, afresh=True)
+        for _ in range(rounds):
+            if not np.isfinite(found.value) or not self.exchange(durations, threshold):
+                break
+            found = self.value(durations, afresh=True)
+        return found
+
+    def plan(self, durations: Floats) -> Trajectory | None:
+        """Return the best trajectory: the bounds kept at every instant, the barrier next to none.
+
+        What is held meanwhile is forgotten: when a plan is asked for must not change the search.
+        """
+        kept, mu = [replace(group) for group in self.groups], self.mu
+        try:
+            powers = None
+            found = self.settle(durations, BETWEEN)
+            least = SHARP * (
+                self.unit + self.model.time_weight * float(durations.sum())
+            ) / self.pairs  # fmt: skip
+            while np.isfinite(found.value):
+                powers = self._joined(durations)
+                if self.mu <= least:
+                    break
+                self.mu = max(least, 1e-2 * self.mu)
+                found = self.settle(durations, BETWEEN)
+        finally:
+            self.groups, self.mu = kept, mu
+            self._latest = self._course = None
+        return None if powers is None else Trajectory(self.model.times(durations), powers)
+
+    def _joined(self, durations: Floats) -> Floats:
+        """Return the powers of all axes, shape (M, degree + 1, dimensions)."""
+        model = self.model
+        powers = np.zeros((model.segments, model.degree + 1, model.dimensions))
+        for group in self.groups:
+            powers[:, :, list(group.axes)] = self._powers(group, durations)
+        powers[:, 0] += self.forms.origin
+        return powers

@@ -1,0 +1,254 @@
+"""The descent on the logarithms of the durations, barrier by barrier."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.time_allocation import TimeAllocation
+from .time_inner import Inner, Spline
+from .time_search import Descent
+
+if TYPE_CHECKING:
+    from .time_barrier import Barrier
+
+__all__ = ["Allocated", "Variables", "allocate"]
+
+Floats = NDArray[np.float64]
+
+#: Relative complementarity of the barriers, one after the other.
+GAPS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+#: Segments up to which second derivatives, O(M²) and dense, are worth their time.
+NEWTON = 400
+#: Share of the way back to the last durations that had a path, tried where new ones have none.
+BACK = (0.05, 0.2, 0.5, 0.8, 1.0)
+#: Stretches, as logarithms, tried before that where a slower motion keeps all limits.
+SLOWER = (0.002, 0.01, 0.03, 0.1)
+
+
+@dataclass(frozen=True)
+class Variables:
+    """Durations by unbounded variables: ``T = exp(x)``, or their shares of a given total.
+
+    Parameters
+    ----------
+    weight : float
+        ρ.
+    total : float, optional
+        ΣT.
+    """
+
+    weight: float
+    total: float | None
+
+    def durations(self, x: Floats) -> Floats:
+        """Return T, shape (M,)."""
+        if self.total is None:
+            whole: Floats = np.exp(x)
+            return whole
+        share = np.exp(x - x.max())
+        durations: Floats = share * (self.total / share.sum())
+        return durations
+
+    def slope(self, durations: Floats, slope: Floats) -> Floats:
+        """Return the derivatives of J + ρ ΣT by x, from those of J by T."""
+        if self.total is None:
+            return durations * (slope + self.weight)
+        mean = float(durations @ slope) / self.total
+        return durations * (slope - mean)
+
+    def change(self, durations: Floats, way: Floats) -> Floats:
+        """Return the change of T along a change of x."""
+        if self.total is None:
+            return durations * way
+        return durations * (way - float(durations @ way) / self.total)
+
+    def curvature(self, durations: Floats, slope: Floats, bent: Floats) -> Floats:
+        """Return the second derivatives by x, from the first and second ones of J by T."""
+        if self.total is None:
+            inside = durations[:, None] * bent * durations
+            inside[np.diag_indices_from(inside)] += durations * (slope + self.weight)
+            return inside
+        share = durations / self.total
+        turned = durations[:, None] * bent
+        turned = turned - share[:, None] * turned.sum(axis=0)
+        turned = turned * durations
+        turned = turned - turned.sum(axis=1)[:, None] * share
+        away = durations * (slope - float(share @ slope))
+        result: Floats = turned - np.outer(share, away) - np.outer(away, share)
+        result[np.diag_indices_from(result)] += away
+        return result
+
+
+@dataclass
+class Allocated:
+    """Where the descent on the times ended.
+
+    Parameters
+    ----------
+    durations : ndarray, shape (M,)
+        The best durations.
+    gradient : float
+        Largest entry of the gradient by x there, relative to the objective.
+    settled : bool
+        Whether it is as small as was asked.
+    iterations, evaluations : int
+        Counts.
+    """
+
+    durations: Floats
+    gradient: float = np.inf
+    settled: bool = False
+    iterations: int = 0
+    evaluations: int = 0
+
+
+Heard = Callable[[Floats, float], None]
+
+
+def allocate(
+    model: TimeAllocation,
+    inner: Inner,
+    durations: Floats,
+    *,
+    tolerance: float,
+    most: int,
+    between: float,
+    stopped: Callable[[], bool],
+    heard: Heard,
+) -> Allocated:
+    """Descend from `durations`, which must have a path.
+
+    Parameters
+    ----------
+    tolerance : float
+        The gradient that is small enough, relative to the objective.
+    most : int
+        Iterations.
+    between : float
+        Largest violation of a bound between instants at the end, relative.
+    stopped : callable
+        Whether to end here.
+    heard : callable
+        Told better durations and their objective.
+    """
+    variables = Variables(model.time_weight, model.total_time)
+    result = Allocated(durations)
+    x = np.log(durations)
+
+    def function(point: Floats) -> tuple[float, Floats]:
+        now = variables.durations(point)
+        if not (np.all(now > 1e-100) and np.all(np.isfinite(now))):
+            return np.inf, point
+        found = inner.value(now)
+        value = found.value + model.time_weight * float(now.sum())
+        return value, variables.slope(now, found.slope)
+
+    def bent(point: Floats) -> Floats | None:
+        now = variables.durations(point)
+        assert not isinstance(inner, Spline)
+        found = inner.curvature(now)
+        if found is None:
+            return None
+        return variables.curvature(now, inner.value(now).slope, found)
+
+    def aim(point: Floats, way: Floats) -> float:
+        assert not isinstance(inner, Spline)
+        return inner.aim(variables.change(variables.durations(point), way))
+
+    descent = Descent()
+    if isinstance(inner, Spline):
+        reached = descent.descend(
+            function, x, tolerance, most, stopped=stopped,
+            heard=lambda point, value: heard(variables.durations(point), value),
+        )  # fmt: skip
+        result.durations = variables.durations(reached.point)
+        result.gradient = float(np.abs(reached.slope).max()) / max(abs(reached.value), 1e-300)
+        result.settled = reached.settled
+        result.iterations, result.evaluations = reached.iterations, reached.evaluations
+        return result
+    price = model.time_weight
+    size = inner.value(durations).objective + price * float(durations.sum())
+    safe, last, lost = x, False, False
+    for gap in GAPS:
+        inner.mu = gap * size / inner.pairs
+        last = gap == GAPS[-1]
+        goal = tolerance if last else max(0.1 * gap, tolerance)
+        threshold = between if last else max(between, 1e-2 * gap)
+        for _ in range(20):
+            reached = descent.descend(
+                function, x, goal, most - result.iterations,
+                stopped=stopped, curvature=bent if x.size <= NEWTON else None, aim=aim,
+            )  # fmt: skip
+            result.iterations += reached.iterations
+            result.evaluations += reached.evaluations
+            if stopped():
+                result.durations = variables.durations(safe)
+                return result
+            x = reached.point
+            if not np.isfinite(reached.value) or not _exchanged(inner, variables, x, threshold):
+                break
+            inside = _inside(inner, variables, x, safe, threshold, 25 if last else 1)
+            if inside is None:
+                lost = True
+                break
+            x = inside
+            if not last:
+                break
+        if lost or not np.isfinite(reached.value):
+            x = safe
+            break
+        now = variables.durations(x)
+        found = inner.value(now)
+        if not np.isfinite(found.value):
+            x = safe
+            break
+        safe = x
+        size = found.objective + price * float(now.sum())
+        heard(now, size)
+        slope = variables.slope(now, found.slope)
+        result.gradient = float(np.abs(slope).max()) / max(size, 1e-300)
+        if result.iterations >= most:
+            break
+    result.durations = variables.durations(safe)
+    result.settled = last and result.gradient <= 2.0 * tolerance
+    return result
+
+
+def _exchanged(inner: Barrier, variables: Variables, x: Floats, threshold: float) -> bool:
+    now = variables.durations(x)
+    inner.value(now)
+    return inner.exchange(now, threshold) > 0
+
+
+def _inside(
+    inner: Barrier, variables: Variables, x: Floats, safe: Floats, threshold: float, rounds: int
+) -> Floats | None:
+    """Return `x`, or a point near it with a path that keeps all bounds; None if none is found.
+
+    Bounds that are held at more instants may leave no path for durations that had one. From rest
+    to rest a slower motion is the way out, else the way back to where there was one.
+    """
+    for point in _ways(inner, variables, x, safe):
+        if np.isfinite(inner.settle(variables.durations(point), threshold, rounds).value):
+            return point
+        if inner.flag[0]:
+            break
+    return None
+
+
+def _ways(inner: Barrier, variables: Variables, x: Floats, safe: Floats) -> Iterator[Floats]:
+    yield x
+    slower = inner.model.from_rest_to_rest and variables.total is None
+    if slower:
+        for share in SLOWER:
+            yield x + share
+    for share in BACK:
+        yield x + share * (safe - x)
+    if slower:
+        for share in SLOWER:
+            yield safe + 4.0 * share

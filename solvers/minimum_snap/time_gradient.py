@@ -1,0 +1,217 @@
+"""``time-gradient``: our own allocation of times, L-BFGS on their logarithms."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UnsupportedFormulation
+from ...models.time_allocation import TimeAllocation
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+
+if TYPE_CHECKING:
+    from .time_inner import Inner
+
+__all__ = ["NativeTimes", "TimeGradient"]
+
+Floats = NDArray[np.float64]
+
+#: Seconds between two incumbents that are worked out.
+PAUSE = 0.1
+#: Standard deviation of the logarithms of the durations of a further start.
+SPREAD = 0.4
+
+
+class NativeTimes(Backend):
+    """Base of what solves the problem at given times with our own solvers."""
+
+    accepts = TimeAllocation
+    single_threaded = True
+    _compiled: ClassVar[bool] = False
+
+    def refuses(self, problem: TimeAllocation) -> str:
+        """Return what of `problem` our solvers at given times do not cover."""
+        from .direct import Banded
+        from .interior_point import InteriorPoint
+
+        if not problem.bounded:
+            return Banded().refuses(problem.unit)
+        missing = InteriorPoint().missing()
+        if missing:
+            return f"corridor and limits without {', '.join(missing)}"
+        return InteriorPoint().refuses(problem.unit)
+
+    def covered(self, problem: TimeAllocation) -> None:
+        """Raise :class:`UnsupportedFormulation` for what is refused."""
+        refusal = self.refuses(problem)
+        if refusal:
+            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+
+    def prepare(self) -> None:
+        """Compile the kernels, or load them from the cache."""
+        if NativeTimes._compiled:
+            return
+        points = np.array([[0.0, 0.0], [1.0, 0.5], [2.0, 2.0]])
+        cases: tuple[dict[str, Any], ...] = (
+            {}, {"velocity_limit": 1.0}, {"weights": [0.0, 0.1, 0.0, 1.0]},
+        )  # fmt: skip
+        for more in cases:
+            tiny = TimeAllocation(points, 1.0, **more)
+            if not self.refuses(tiny):
+                self.run(tiny, Request(options=self.checked_options({})))
+        NativeTimes._compiled = True
+
+
+def concluded(
+    problem: TimeAllocation,
+    inner: Inner,
+    durations: Floats,
+    request: Request,
+    begin: float,
+    termination: Termination,
+    statistics: dict[str, float | int | str],
+    message: str = "",
+) -> Answer:
+    """Return the answer with the plan at `durations`, which a passed deadline does not prevent."""
+    from .time_inner import Spline
+
+    limit = None
+    if request.control.stopped:
+        limit = request.control.reason or Limit.INTERRUPTED
+        termination = Termination.FEASIBLE
+    if not isinstance(inner, Spline):
+        inner.flag = np.zeros(1, np.int8)
+        statistics["instants"] = sum(group.held.s.size for group in inner.groups)
+    plan = inner.plan(durations)
+    statistics["solves"] = inner.solves
+    if inner.steps:
+        statistics["newton steps"] = inner.steps
+    seconds = {"solve": time.perf_counter() - begin}
+    if plan is None:
+        return Answer(
+            Termination.NO_SOLUTION, limit, seconds=seconds, statistics=statistics,
+            message=message or "the trajectory at the durations found cannot be computed",
+        )  # fmt: skip
+    residual = problem.identity_residual(plan)
+    if residual is not None:
+        statistics["identity residual"] = residual
+    return Answer(
+        termination, limit, plan, problem.objective(plan), seconds=seconds,
+        statistics=statistics, message=message,
+    )  # fmt: skip
+
+
+class TimeGradient(NativeTimes):
+    """Newton and quasi-Newton descent on log T, with the slope of J by the envelope theorem.
+
+    The first start is the better of the trapezoid's and the distance's durations, scaled for
+    J + ρ ΣT and stretched until there is a path within the bounds; a seed above 0 perturbs it.
+    Corridor and limits enter by a barrier that falls; durations without a path are infinitely bad.
+    What it finds is a local optimum: the gradient by log T, relative to the objective, is among
+    the statistics.
+    """
+
+    name = "time-gradient"
+    guarantee = Guarantee.LOCAL
+    features = frozenset({Feature.SEED, Feature.WARM_START, Feature.INCUMBENTS, Feature.INTERRUPT})
+    options: ClassVar[Mapping[str, Option]] = {
+        "gradient": Option(
+            None,
+            "Largest derivative of the objective by log T at the end, relative to it; 1e-6 by "
+            "default with corridor or limits, 1e-8 without.",
+            float, lower=1e-12, upper=1e-1,
+        ),
+        "iterations": Option(2000, "Most quasi-Newton steps.", int, lower=1),
+    }  # fmt: skip
+    summary = "L-BFGS on log T with exact gradients, limits by a barrier; ours"
+
+    def run(self, problem: TimeAllocation, request: Request) -> Answer:
+        """Descend from a start, and say how flat the end is."""
+        from .time_descent import allocate
+        from .time_inner import inner_problem
+
+        self.covered(problem)
+        begin = time.perf_counter()
+        control = request.control
+        inner = inner_problem(problem, control.flag)
+        start = _start(problem, inner, request)
+        if start is None:
+            stopped = control.stopped
+            return Answer(
+                Termination.NO_SOLUTION,
+                (control.reason or Limit.INTERRUPTED) if stopped else None,
+                seconds={"solve": time.perf_counter() - begin},
+                statistics={"solves": inner.solves, "newton steps": inner.steps},
+                message=""
+                if stopped
+                else "no durations were found that leave a path within the "
+                "bounds; this is no proof that there are none",
+            )
+        told = [time.perf_counter()]
+
+        def heard(durations: Floats, value: float) -> None:
+            if time.perf_counter() - told[0] > PAUSE:
+                plan = inner.plan(durations)
+                if plan is not None:
+                    control.incumbent(problem.objective(plan), plan)
+                told[0] = time.perf_counter()
+
+        tolerance = request.options.get("gradient")
+        found = allocate(
+            problem, inner, start,
+            tolerance=tolerance or (1e-6 if problem.bounded else 1e-8),
+            most=request.options.get("iterations", 2000),
+            between=max(1e-3 * request.tolerance, 1e-9),
+            stopped=lambda: control.stopped,
+            heard=heard,
+        )  # fmt: skip
+        statistics: dict[str, Any] = {
+            "iterations": found.iterations,
+            "evaluations": found.evaluations,
+            "gradient": found.gradient,
+        }
+        shortest = float(found.durations.min() / found.durations.max())
+        statistics["shortest to longest"] = shortest
+        done = Termination.LOCALLY_OPTIMAL if found.settled else Termination.FEASIBLE
+        message = (
+            "" if found.settled else "the steps no longer helped before the gradient was small"
+        )
+        if shortest < 1e-8:
+            message = "a duration falls to 0: its segment may be better left out"
+        return concluded(problem, inner, found.durations, request, begin, done, statistics, message)
+
+
+def _start(problem: TimeAllocation, inner: Inner, request: Request) -> Floats | None:
+    """Return durations that have a path: the warm start's, or the better rule's."""
+    from .time_inner import Spline
+    from .time_rules import distance, fitted, hurried, scaled, started, trapezoid
+
+    generator = np.random.default_rng(request.seed) if request.seed else None
+
+    def varied(durations: Floats) -> Floats:
+        if generator is None:
+            return durations
+        return durations * np.exp(SPREAD * generator.standard_normal(durations.size))
+
+    if request.warm_start is not None:
+        given = varied(np.asarray(request.warm_start.durations, float))
+        if problem.total_time is not None:
+            given = given * (problem.total_time / given.sum())
+        return fitted(problem, inner, given) if not isinstance(inner, Spline) else given
+    spline = Spline(problem)
+    ranked = []
+    for rule in (trapezoid, distance):
+        durations = scaled(problem, spline, varied(rule(problem)))
+        cost = spline.value(durations).objective
+        price = problem.time_weight * float(durations.sum())
+        ranked.append((cost + price if np.isfinite(cost) else np.inf, durations))
+    ranked.sort(key=lambda pair: pair[0])
+    for _, durations in ranked:
+        found = started(problem, inner, durations)
+        if found is not None:
+            return found
+    return hurried(problem, inner, ranked[0][1]) if not isinstance(inner, Spline) else None

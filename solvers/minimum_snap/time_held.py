@@ -1,0 +1,284 @@
+"""Axes that belong together under corridor and limits: where bounds are held, and the iterate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.formulations.minimum_snap_hermite import hermite_basis
+from ...models.formulations.piecewise import power_rows
+from ...models.time_allocation import TimeAllocation
+from .chain import Chain, Held, _unit_cost, chains
+from .time_inner import jets_of
+
+__all__ = ["Forms", "Group", "Iterate", "Rows", "forms_of", "groups_of"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+#: Instants of each segment at which bounds are held from the start.
+SAMPLES = 8
+#: Slack of a bound that is held anew, relative to its scale.
+FRESH = 1e-3
+
+
+class Rows(NamedTuple):
+    """Bounded values, ``T^-derivative Σ_axis mix[axis] unit'y[axis]``, sorted by segment.
+
+    Parameters
+    ----------
+    unit : ndarray, shape (Q, degree + 1)
+        In the Hermite coordinates of a segment 1 s long.
+    mix : ndarray, shape (Q, axes)
+        Of which axes each is the sum.
+    derivative : ndarray of int, shape (Q,)
+        Of which order in time.
+    start : ndarray of int, shape (M + 1,)
+        Where those of each segment begin.
+    lower, upper : ndarray, shape (Q,)
+        Their bounds.
+    low_scale, high_scale : ndarray, shape (Q,)
+        What violations of each are held against.
+    """
+
+    unit: Floats
+    mix: Floats
+    derivative: Ints
+    start: Ints
+    lower: Floats
+    upper: Floats
+    low_scale: Floats
+    high_scale: Floats
+
+
+class Iterate(NamedTuple):
+    """Coordinates, slacks and multipliers, all in the model's units.
+
+    Parameters
+    ----------
+    knots : ndarray, shape (M + 1, n)
+        Derivatives at the knots, times the knot's own time to their order.
+    inner : ndarray, shape (M, interior)
+        What a degree beyond 2r-1 leaves free.
+    below, above, z_below, z_above : ndarray, shape (Q,)
+        Slacks and multipliers; 1 and 0 where there is no bound.
+    """
+
+    knots: Floats
+    inner: Floats
+    below: Floats
+    above: Floats
+    z_below: Floats
+    z_above: Floats
+
+    def copied(self) -> Iterate:
+        """Return a copy that may be written to."""
+        return Iterate(*(part.copy() for part in self))
+
+
+class Forms(NamedTuple):
+    """What all groups share.
+
+    Parameters
+    ----------
+    model : TimeAllocation
+        The model.
+    basis : ndarray, shape (degree + 1, degree + 1)
+        Powers of the Hermite functions.
+    unit_cost, cost_orders : ndarray, shapes (C, degree + 1), (C,)
+        Rows with J = Σ T^(1-2j) |row y|² for one axis, and their j.
+    origin : ndarray, shape (dimensions,)
+        Where positions count from.
+    """
+
+    model: TimeAllocation
+    basis: Floats
+    unit_cost: Floats
+    cost_orders: Ints
+    origin: Floats
+
+
+@dataclass
+class Group:
+    """Axes that half-spaces tie together, or one axis alone.
+
+    Parameters
+    ----------
+    axes : tuple of int
+        Which.
+    fixed, values : ndarray, shape (knots, n)
+        Which derivatives are given, and their values.
+    held : Held
+        The instants at which the bounds are held, and
+    rows : Rows
+        the bounded values there.
+    owners : Held
+        One place for every bound of a segment, and
+    spans : Rows
+        what is bounded there.
+    iterate : Iterate
+        The last solution of the barrier problem.
+    warm : bool
+        Whether it is one.
+    """
+
+    axes: tuple[int, ...]
+    fixed: Flags
+    values: Floats
+    held: Held
+    rows: Rows
+    owners: Held
+    spans: Rows
+    iterate: Iterate
+    warm: bool = False
+
+    @property
+    def pairs(self) -> int:
+        """Number of slacks."""
+        return int(np.isfinite(self.rows.lower).sum() + np.isfinite(self.rows.upper).sum())
+
+    def hold(self, forms: Forms, fresh: Held, mu: float) -> int:
+        """Hold the bounds at more instants, with slacks times multipliers of `mu`.
+
+        Returns how many are new.
+        """
+        model = forms.model
+        _, first = np.unique(_keys(model, fresh), return_index=True)
+        fresh = fresh.taken(first)
+        old = np.isin(_keys(model, fresh), _keys(model, self.held))
+        fresh = fresh.taken(np.flatnonzero(~old))
+        if not fresh.s.size:
+            return 0
+        size = self.held.s.size
+        self.held, order = self.held.joined(fresh).sorted()
+        self.rows = _rows(forms, self.axes, self.held)
+        rows = self.rows
+        has_low, has_high = np.isfinite(rows.lower), np.isfinite(rows.upper)
+        slack = FRESH * np.maximum(rows.low_scale, rows.high_scale)
+        more = np.zeros(fresh.s.size)
+
+        def joined(part: Floats, added: Floats) -> Floats:
+            merged: Floats = np.where(order >= size, added, np.concatenate([part, more])[order])
+            return merged
+
+        now = self.iterate
+        self.iterate = Iterate(
+            now.knots,
+            now.inner,
+            joined(now.below, np.where(has_low, slack, 1.0)),
+            joined(now.above, np.where(has_high, slack, 1.0)),
+            joined(now.z_below, np.where(has_low, mu / slack, 0.0)),
+            joined(now.z_above, np.where(has_high, mu / slack, 0.0)),
+        )
+        return int(fresh.s.size)
+
+
+def forms_of(model: TimeAllocation) -> Forms:
+    """Return what all groups of `model` share."""
+    parts, orders = [], []
+    for order, weight in enumerate(model.order_weights, start=1):
+        if weight:
+            own = np.sqrt(weight) * _unit_cost(model.order, model.degree, order)
+            parts.append(own)
+            orders += [order] * len(own)
+    return Forms(
+        model,
+        np.ascontiguousarray(hermite_basis(model.order, model.degree)),
+        np.ascontiguousarray(np.concatenate(parts)),
+        np.array(orders, np.int64),
+        jets_of(model)[2],
+    )
+
+
+def groups_of(forms: Forms) -> list[Group]:
+    """Return the groups of axes of a model, their iterates still to be found."""
+    model = forms.model
+    values, fixed, _ = jets_of(model)
+    groups = []
+    for chain in chains(model.unit):
+        # Coordinates of a knot: axis by axis, the orders within.
+        take = list(chain.axes)
+        shape = (len(model.waypoints), chain.jets)
+        own_fixed = np.ascontiguousarray(np.moveaxis(fixed[take], 0, 1).reshape(shape))
+        own_values = np.ascontiguousarray(np.moveaxis(values[take], 0, 1).reshape(shape))
+        held, owners = chain.first_instants(SAMPLES), _owners(chain)
+        size = held.s.size
+        iterate = Iterate(
+            own_values.copy(), np.zeros((model.segments, chain.interior)),
+            np.ones(size), np.ones(size), np.zeros(size), np.zeros(size),
+        )  # fmt: skip
+        groups.append(
+            Group(
+                chain.axes, own_fixed, own_values, held, _rows(forms, chain.axes, held),
+                owners, _rows(forms, chain.axes, owners), iterate,
+            )
+        )  # fmt: skip
+    return groups
+
+
+def _rows(forms: Forms, axes: tuple[int, ...], held: Held) -> Rows:
+    """Return what is bounded at the instants `held`."""
+    model, basis, origin = forms.model, forms.basis, forms.origin
+    size = held.s.size
+    unit, mix = np.zeros((size, model.degree + 1)), np.zeros((size, len(axes)))
+    derivative = np.zeros(size, np.int64)
+    lower, upper = np.full(size, -np.inf), np.full(size, np.inf)
+    low_scale, high_scale = np.ones(size), np.ones(size)
+    for number, bound in enumerate(model.bounds):
+        low_sizes, high_sizes = model.unit.bound_scale(bound)
+        for at, axis in enumerate(axes):
+            take = np.flatnonzero((held.bound == number) & (held.which == axis))
+            segment = held.segment[take]
+            unit[take] = power_rows(held.s[take], bound.derivative, model.degree) @ basis
+            mix[take, at] = 1.0
+            derivative[take] = bound.derivative
+            shift = origin[axis] if bound.derivative == 0 else 0.0
+            lower[take] = bound.lower[segment, axis] - shift
+            upper[take] = bound.upper[segment, axis] - shift
+            low_scale[take] = low_sizes[segment, axis]
+            high_scale[take] = high_sizes[segment, axis]
+    spaces = model.halfspaces
+    if spaces is not None:
+        take = np.flatnonzero(held.bound == len(model.bounds))
+        which = held.which[take]
+        unit[take] = power_rows(held.s[take], 0, model.degree) @ basis
+        mix[take] = spaces.normals[which][:, list(axes)]
+        upper[take] = spaces.offsets[which] - spaces.normals[which] @ origin
+        high_scale[take] = model.unit.position_scale.max()
+    start = np.searchsorted(held.segment, np.arange(model.segments + 1)).astype(np.int64)
+    return Rows(unit, mix, derivative, start, lower, upper, low_scale, high_scale)
+
+
+def _keys(model: TimeAllocation, held: Held) -> Ints:
+    """Return a number for each instant; those closer than a billionth count as one."""
+    spaces = model.halfspaces
+    width = max(model.dimensions, 0 if spaces is None else spaces.segments.size)
+    number = (held.bound * model.segments + held.segment) * width + held.which
+    keys: Ints = number * 2_000_000_000 + np.round(held.s * 1e9).astype(np.int64)
+    return keys
+
+
+def _owners(chain: Chain) -> Held:
+    """Return a place (at s = 0) for every bound of every segment of a chain."""
+    model = chain.model
+    none = np.empty(0, np.int64)
+    columns: list[tuple[Ints, Ints, Ints]] = [(none, none, none)]
+    for number, bound in enumerate(model.bounds):
+        if bound.derivative > model.degree:
+            continue  # it vanishes, which every limit allows
+        finite = np.isfinite(bound.lower) | np.isfinite(bound.upper)
+        for axis in chain.axes:
+            segment = np.flatnonzero(finite[:, axis])
+            columns.append((np.full(segment.size, number), segment, np.full(segment.size, axis)))
+    spaces = model.halfspaces
+    if spaces is not None:
+        which = np.arange(spaces.segments.size)
+        columns.append((np.full(which.size, len(model.bounds)), spaces.segments, which))
+    number_, segment_, which_ = (
+        np.concatenate(column).astype(np.int64) for column in zip(*columns, strict=True)
+    )
+    return Held(number_, segment_, which_, np.zeros(number_.size)).sorted()[0]

@@ -1,0 +1,129 @@
+"""``time-trapezoid`` and ``time-distance``: durations by rule, with the best total."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.time_allocation import TimeAllocation
+from ..backend import Answer, Feature, Guarantee, Limit, Request, Termination
+from .time_gradient import NativeTimes, concluded
+
+if TYPE_CHECKING:
+    from .time_barrier import Barrier
+    from .time_inner import Inner
+
+__all__ = ["TimeDistance", "TimeTrapezoid"]
+
+Floats = NDArray[np.float64]
+
+#: Relative complementarities of the barriers at which the factor is sought.
+GAPS = (1e-2, 1e-4, 1e-6)
+
+
+class RuleOfThumb(NativeTimes):
+    """Base of the rules: their proportions are kept, their total is the best for J + ρ ΣT.
+
+    Where there are bounds, the total is the best one that leaves a path within them.
+    """
+
+    guarantee = Guarantee.HEURISTIC
+    features = frozenset({Feature.INTERRUPT})
+
+    @abstractmethod
+    def rule(self, problem: TimeAllocation) -> Floats:
+        """Return durations, shape (M,), whose proportions are the rule's."""
+
+    def run(self, problem: TimeAllocation, request: Request) -> Answer:
+        """Scale the rule's durations, and solve for the trajectory."""
+        from .time_inner import Spline, inner_problem
+        from .time_rules import started
+
+        self.covered(problem)
+        begin = time.perf_counter()
+        inner = inner_problem(problem, request.control.flag)
+        durations = started(problem, inner, self.rule(problem))
+        statistics: dict[str, float | int | str] = {}
+        if durations is None:
+            stopped = request.control.stopped
+            limit = (request.control.reason or Limit.INTERRUPTED) if stopped else None
+            return Answer(
+                Termination.NO_SOLUTION, limit,
+                seconds={"solve": time.perf_counter() - begin},
+                message="" if stopped else "no total time was found at which the rule's "
+                "proportions leave a path within the bounds",
+            )  # fmt: skip
+        if not isinstance(inner, Spline) and problem.total_time is None:
+            durations = _stretched(problem, inner, durations)
+        return concluded(
+            problem, inner, durations, request, begin, Termination.FEASIBLE, statistics
+        )
+
+
+def _stretched(problem: TimeAllocation, inner: Barrier, durations: Floats) -> Floats:
+    """Return `durations` times the best factor that leaves a path within the bounds."""
+    from .time_search import Descent
+
+    descent, best = Descent(), durations
+    for gap in GAPS:
+
+        def function(x: Floats) -> tuple[float, Floats]:
+            now = durations * np.exp(x[0])
+            found = inner.value(now)
+            price = problem.time_weight * float(now.sum())
+            return found.value + price, np.array([float(now @ found.slope) + price])
+
+        size = _size(problem, inner, best)
+        inner.mu = gap * size / inner.pairs
+        start = np.array([float(np.log(best[0] / durations[0]))])
+        if not np.isfinite(function(start)[0]):
+            break
+        reached = descent.descend(
+            function, start, 0.1 * gap, 60,
+            stopped=lambda: bool(inner.flag[0]),
+        )  # fmt: skip
+        now = durations * np.exp(reached.point[0])
+        for share in (0.0, 0.1, 0.5, 1.0):
+            tried = now + share * (best - now)
+            if np.isfinite(inner.settle(tried, 1e-8).value):
+                best = tried
+                break
+        if inner.flag[0]:
+            break
+    return best
+
+
+def _size(problem: TimeAllocation, inner: Inner, durations: Floats) -> float:
+    cost = inner.value(durations).objective
+    price = problem.time_weight * float(durations.sum())
+    return price + (cost if np.isfinite(cost) else 0.0)
+
+
+class TimeTrapezoid(RuleOfThumb):
+    """Durations of a trapezoidal velocity profile on each segment, with the best total."""
+
+    name = "time-trapezoid"
+    summary = "each segment as long as a trapezoidal velocity profile takes; best total; ours"
+
+    def rule(self, problem: TimeAllocation) -> Floats:
+        """Return the profile's durations."""
+        from .time_rules import trapezoid
+
+        return trapezoid(problem)
+
+
+class TimeDistance(RuleOfThumb):
+    """Durations proportional to the distance between waypoints, with the best total."""
+
+    name = "time-distance"
+    summary = "durations proportional to the distance between waypoints; best total; ours"
+
+    def rule(self, problem: TimeAllocation) -> Floats:
+        """Return the distances as durations."""
+        from .time_rules import distance
+
+        return distance(problem)

@@ -1,0 +1,123 @@
+"""J of the best trajectory at given durations, and its slope: what an allocation of times descends.
+
+Without corridor and limits the banded solver gives both. With them a barrier problem does: its
+value ``min J - μ Σ log slack`` is smooth in the durations wherever there is a path inside, so that
+quasi-Newton steps are at home, and it falls to J with μ. The slope needs no second solve (the
+envelope theorem): the derivatives at the knots are stationary.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.time_allocation import TimeAllocation
+from ...models.trajectory import Trajectory
+from .banded_fallback import solver
+from .hermite import Outcome, duration_gradient
+
+__all__ = ["Inner", "Spline", "Value", "inner_problem", "jets_of"]
+
+if TYPE_CHECKING:
+    from .time_barrier import Barrier
+
+#: What solves the problem at given times: ``value(durations)``, ``plan(durations)`` and the counts
+#: ``solves`` and ``steps`` (Newton steps). The latter needs Numba.
+Inner: TypeAlias = "Spline | Barrier"
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Value:
+    """J at some durations.
+
+    Parameters
+    ----------
+    value : float
+        What is minimised inside: J, less the barrier's share; inf where there is no path.
+    objective : float
+        J itself.
+    slope : ndarray, shape (M,)
+        The derivative of `value` by each duration.
+    """
+
+    value: float
+    objective: float
+    slope: Floats
+
+
+def inner_problem(model: TimeAllocation, flag: NDArray[np.int8]) -> Inner:
+    """Return what solves `model` at given durations; a nonzero `flag` halts it."""
+    if not model.bounded:
+        return Spline(model)
+    from .time_barrier import Barrier
+
+    return Barrier(model, flag)
+
+
+def jets_of(model: TimeAllocation) -> tuple[Floats, Flags, Floats]:
+    """Return the fixed derivatives below r, which they are, and where positions count from.
+
+    Far from the origin, the differences that count would lose their digits.
+
+    Returns
+    -------
+    values : ndarray, shape (axes, knots, r)
+        0 where free; positions relative to `origin`.
+    fixed : ndarray of bool, shape (axes, knots, r)
+        Which are given.
+    origin : ndarray, shape (axes,)
+        The first position given.
+    """
+    r = model.order
+    rows = min(r, model.conditions.shape[1])
+    table = np.full((model.dimensions, len(model.waypoints), r), np.inf)
+    table[:, :, :rows] = np.moveaxis(model.conditions[:, :rows], 2, 0)
+    fixed = np.isfinite(table)
+    known = fixed[:, :, 0]
+    first = table[np.arange(len(table)), known.argmax(axis=1), 0]
+    origin = np.where(known.any(axis=1), first, 0.0)
+    table[:, :, 0] -= origin[:, None]
+    return np.where(fixed, table, 0.0), fixed, origin
+
+
+class Spline:
+    """No corridor and no limits: one banded solve."""
+
+    def __init__(self, model: TimeAllocation) -> None:
+        self.model = model
+        self.values, self.fixed, self.origin = jets_of(model)
+        self.weights = np.asarray(model.order_weights)
+        self.banded = solver()
+        self.solves = self.steps = 0
+
+    def solve(self, durations: Floats) -> Any:
+        """Return the banded solver's result, None where it has none."""
+        self.solves += 1
+        continuity = min(self.model.continuity, self.model.order - 1)
+        found = self.banded.solve_hermite(
+            durations, self.values, self.fixed, self.weights, continuity
+        )
+        return found if found.info["outcome"] is Outcome.SOLVED else None
+
+    def value(self, durations: Floats) -> Value:
+        """Return J and its slope at `durations`."""
+        found = self.solve(durations)
+        if found is None:
+            return Value(np.inf, np.inf, np.zeros(durations.size))
+        objective = float(found.objective.sum())
+        return Value(objective, objective, duration_gradient(durations, found.jets, self.weights))
+
+    def plan(self, durations: Floats) -> Trajectory | None:
+        """Return the spline itself."""
+        found = self.solve(durations)
+        if found is None:
+            return None
+        powers = self.banded.jets_to_coefficients(durations, found.jets, found.info["lows"])
+        powers[:, 0] += self.origin
+        return Trajectory(self.model.times(durations), powers)

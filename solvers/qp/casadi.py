@@ -1,0 +1,333 @@
+"""The quadratic solvers behind CasADi's ``conic``: one interface, a plugin a solver."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import BackendBroken, UnsupportedFormulation
+from ...models.programs import QuadraticProgram
+from ..attempts import Clock, Ended, Outcome, limited, solver_tolerance
+from ..backend import Limit, Option, Request
+from .base import POLISH, QuadraticBackend, QuadraticOutcome, dense_memory
+from .forms import independent_rows
+
+__all__ = ["CasadiConic", "plugins"]
+
+#: Gigabytes of dense data above which the dense plugins are refused.
+MEMORY = 2.0
+
+
+@dataclass(frozen=True)
+class _Plugin:
+    """How one plugin is told what every solver is told.
+
+    Parameters
+    ----------
+    own : callable
+        Gives its options from the program, the tolerance, the iterations of a call and the seconds left.
+    dense : bool
+        Whether it makes dense copies.
+    independent : bool
+        Whether it fails where equal rows depend on one another.
+    piece : int
+        Iterations of one call, for those without a time limit that go on where they ended; 0 for one call.
+    most : int
+        Iterations at most, where nothing else is asked.
+    """
+
+    own: Callable[[QuadraticProgram, float, int, float | None], dict[str, Any]]
+    dense: bool = False
+    independent: bool = False
+    piece: int = 0
+    most: int = 1000
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _quiet(program: QuadraticProgram, tol: float, most: int, left: float | None) -> dict[str, Any]:
+    return {
+        "print_iter": False,
+        "print_header": False,
+        "print_info": False,
+        "constr_viol_tol": tol,
+        "dual_inf_tol": tol,
+        "max_iter": most,
+    }
+
+
+def _daqp(program: QuadraticProgram, tol: float, most: int, left: float | None) -> dict[str, Any]:
+    values = np.linalg.eigvalsh(program.hessian.toarray())
+    # Without definiteness the plugin gives up, unless it is asked for proximal steps.
+    proximal = {} if values[0] > 1e-9 * values[-1] else {"eps_prox": 1e-6}
+    return {"daqp": {"primal_tol": tol, "dual_tol": tol, "iter_limit": most, **proximal}}
+
+
+#: HPIPM's tolerances: gradient, equalities, inequalities, complementarity.
+_RESIDUALS = ("res_g_max", "res_b_max", "res_d_max", "res_m_max")
+
+_PLUGINS: Mapping[str, _Plugin] = {
+    "qrqp": _Plugin(_quiet, independent=True, piece=5, most=2000),
+    "qpoases": _Plugin(
+        lambda program, tol, most, left: _given(
+            printLevel="none",
+            nWSR=most,
+            CPUtime=left,
+            terminationTolerance=max(tol * 1e-3, 1e-14),
+        ),
+        dense=True,
+        most=100_000,
+    ),
+    "daqp": _Plugin(_daqp, dense=True, independent=True, most=100_000),
+    "highs": _Plugin(
+        lambda program, tol, most, left: {
+            "highs": _given(
+                output_flag=False,
+                primal_feasibility_tolerance=max(tol, 1e-10),
+                dual_feasibility_tolerance=max(tol, 1e-10),
+                qp_iteration_limit=most,
+                time_limit=left,
+            )
+        },
+        most=10_000_000,
+    ),
+    "osqp": _Plugin(
+        lambda program, tol, most, left: {
+            "osqp": {"verbose": False, "eps_abs": tol, "eps_rel": tol, "max_iter": most}
+        },
+        piece=4000,
+        most=200_000,
+    ),
+    "proxqp": _Plugin(
+        lambda program, tol, most, left: {
+            "proxqp": {"eps_abs": tol, "eps_rel": 0.0, "verbose": False, "max_iter": most}
+        },
+        most=2000,
+    ),
+    "piqp": _Plugin(
+        lambda program, tol, most, left: {
+            "piqp": {"eps_abs": tol, "eps_rel": tol, "max_iter": most}
+        },
+    ),
+    "hpipm": _Plugin(
+        # One stage, whose state is all columns: nothing of the structure that HPIPM is made for.
+        lambda program, tol, most, left: {
+            "N": 0,
+            "nx": [program.size],
+            "nu": [0],
+            "ng": [program.row_count],
+            "hpipm": {"iter_max": most, **dict.fromkeys(_RESIDUALS, tol)},
+        },
+        dense=True,
+        most=200,
+    ),
+    "clarabel": _Plugin(lambda program, tol, most, left: {}),
+}
+
+#: Plugins that this process has loaded; CasADi warns when asked again.
+_loaded: set[str] = set()
+
+
+class CasadiConic(QuadraticBackend):
+    """CasADi's ``conic`` with the plugin that is named.
+
+    Which plugins load depends on the wheel: a file that is there may want a library that is not. One that
+    does not load raises :class:`BackendBroken` with CasADi's own words; :func:`plugins` tries them all.
+    """
+
+    name = "casadi"
+    requires = ("casadi",)
+    distribution = "casadi"
+    # CasADi brings a HiGHS that breaks those of highspy and ortools in a process, and is broken
+    # by them. The other plugins keep to themselves, hence the mark.
+    conflict_group = "highs"
+    natives = ("crosstrack.solvers.qp.casadi_highs",)
+    options: ClassVar[Mapping[str, Option]] = {
+        "polish": POLISH,
+        "plugin": Option("qrqp", "CasADi's name of the solver.", str, tuple(_PLUGINS)),
+        "max_iter": Option(None, "Iterations at most; the plugin's own default.", int, lower=1),
+    }
+    summary = "CasADi's conic solvers: qrqp, qpOASES, OSQP, ProxQP, PIQP … by option"
+
+    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Outcome:
+        """Solve with the plugin asked for."""
+        import casadi
+
+        name = str(request.options.get("plugin", "qrqp"))
+        plugin = _PLUGINS[name]
+        _load(name)
+        _refuse(name, plugin, program)
+        posed, rows = independent_rows(program) if plugin.independent else (program, None)
+        most = int(request.options.get("max_iter") or plugin.most)
+        tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-11, 1e-8)
+        options = plugin.own(posed, tolerance, min(plugin.piece or most, most), clock.left())
+        hessian, matrix = _dm(posed.hessian), _dm(posed.matrix)
+        call: Any = casadi
+        try:
+            solver = call.conic(
+                "solver",
+                name,
+                {"h": hessian.sparsity(), "a": matrix.sparsity()},
+                {"error_on_fail": False, **options},
+            )
+        except RuntimeError as error:
+            raise BackendBroken(
+                f"backend 'casadi': plugin {name!r} does not start: {_last(error)}"
+            ) from error
+        data = {
+            "h": hessian,
+            "g": posed.cost,
+            "a": matrix,
+            "lba": posed.row_lower,
+            "uba": posed.row_upper,
+            "lbx": posed.column_lower,
+            "ubx": posed.column_upper,
+        }
+        clock.lap("build")
+        message, done, late = "", 0, False
+        try:
+            while True:
+                found = solver(**data)
+                stats = solver.stats()
+                done += plugin.piece
+                if not plugin.piece or done >= most or _ended(stats)[1] is not Limit.ITERATIONS:
+                    break
+                late = request.control.stopped or clock.left() == 0.0
+                if late:
+                    break
+                data.update(x0=found["x"], lam_x0=found["lam_x"], lam_a0=found["lam_a"])
+        except RuntimeError as error:
+            clock.lap("solve")
+            return QuadraticOutcome(Ended.FAILED, message=f"CasADi {name}: {_last(error)}")
+        clock.lap("solve")
+        point, duals = _vector(found["x"]), -_vector(found["lam_a"])
+        if rows is not None:
+            full = np.zeros(program.row_count)
+            full[rows] = duals
+            duals = full
+        ended, limit = _ended(stats)
+        if late:
+            limit = limited(request.control, Limit.TIME)
+        if ended is not Ended.PROVEN:
+            message = f"CasADi {name}: {_status(stats)}"
+        counts: dict[str, float | int | str] = {"plugin": name}
+        if 0 < int(stats.get("iter_count", -1)) < 10**6:
+            counts["iterations"] = int(stats["iter_count"]) + max(done - plugin.piece, 0)
+        usable = bool(np.isfinite(point).all() and np.isfinite(duals).all())
+        return QuadraticOutcome(
+            ended,
+            point if usable else None,
+            None,
+            duals if usable else None,
+            limit,
+            counts,
+            message,
+            ray=duals if usable and ended is Ended.INFEASIBLE else None,
+            direction=point if usable and ended is Ended.UNBOUNDED else None,
+        )
+
+
+def plugins() -> dict[str, str]:
+    """Return for each plugin why it does not load, ``""`` where it does; each is tried in a worker.
+
+    A worker of its own, because a plugin may break what is loaded beside it, or crash.
+    """
+    from ..isolation import Worker, WorkerFailure
+
+    found: dict[str, str] = {}
+    for name in _PLUGINS:
+        with Worker() as worker:
+            try:
+                found[name] = str(worker.call(_why_not, name, deadline=60.0))
+            except WorkerFailure as error:
+                found[name] = str(error)
+    return found
+
+
+def _why_not(name: str) -> str:
+    try:
+        _load(name)
+    except BackendBroken as error:
+        return str(error)
+    return ""
+
+
+def _load(name: str) -> None:
+    import casadi
+
+    if name == "highs":
+        clashing = [module for module in ("highspy", "ortools.init") if module in sys.modules]
+        if clashing:
+            raise BackendBroken(
+                f"backend 'casadi': plugin 'highs' cannot run beside {clashing[0]} in one process; "
+                "let the run have a worker (isolate=True)"
+            )
+        importlib.import_module(CasadiConic.natives[0])
+    call: Any = casadi
+    if name in _loaded:
+        return
+    try:
+        call.load_conic(name)
+        _loaded.add(name)
+    except RuntimeError as error:
+        raise BackendBroken(
+            f"backend 'casadi': plugin {name!r} does not load: {_last(error)}"
+        ) from error
+
+
+def _refuse(name: str, plugin: _Plugin, program: QuadraticProgram) -> None:
+    if plugin.dense and dense_memory(program, program.row_count) > MEMORY:
+        raise UnsupportedFormulation(
+            f"backend 'casadi': plugin {name!r} is dense: {program.row_count} rows and "
+            f"{program.size} columns would take "
+            f"{dense_memory(program, program.row_count):.1f} GB, and it stops at {MEMORY:g} GB"
+        )
+
+
+def _status(stats: Mapping[str, Any]) -> str:
+    return str(stats.get("return_status", stats.get("unified_return_status", "")))
+
+
+def _ended(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
+    status = _status(stats)
+    if stats.get("success"):
+        return Ended.PROVEN, None
+    words = status.lower()
+    if "unbounded" in words or "dual infeasible" in words or "dual_infeasible" in words:
+        return Ended.UNBOUNDED, None
+    if "infeasib" in words or status == "-1":
+        return Ended.INFEASIBLE, None
+    if "time" in words:
+        return Ended.STOPPED, Limit.TIME
+    if "iter" in words or stats.get("unified_return_status") == "SOLVER_RET_LIMITED":
+        return Ended.STOPPED, Limit.ITERATIONS
+    return Ended.FAILED, None
+
+
+def _dm(matrix: Any) -> Any:
+    import casadi
+
+    csc = matrix.tocsc()
+    csc.sort_indices()
+    sparsity = casadi.Sparsity(
+        csc.shape[0], csc.shape[1], csc.indptr.tolist(), csc.indices.tolist()
+    )
+    return casadi.DM(sparsity, csc.data)
+
+
+def _vector(values: Any) -> NDArray[np.float64]:
+    return np.array(values, float).reshape(-1)
+
+
+def _last(error: Exception) -> str:
+    """Return the last line of CasADi's message that says something."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[-1][:300] if lines else type(error).__name__

@@ -1,0 +1,268 @@
+"""Proofs that a program has no solution: Farkas rays and recession directions, recomputed.
+
+A solver that calls a program infeasible or unbounded may be wrong, and one that returns a point for an
+infeasible program is. What it hands over as a ray is tried; where there is none or it does not hold,
+a linear program of our own (the elastic phase 1, and the steepest recession direction) finds one.
+Either way the proof is recomputed from the program's arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...models.programs import QuadraticProgram
+
+__all__ = ["Findings", "contradiction", "examined", "recedes"]
+
+Vector = NDArray[np.float64]
+
+#: Share of the terms of a sum that may be left where they should cancel.
+CANCELLED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What is proven of a program without solution, or of one that only looked like it.
+
+    Parameters
+    ----------
+    infeasible, unbounded : bool
+        What is proven.
+    source : str
+        Whose ray proves it.
+    point : ndarray, optional
+        A feasible point that was met on the way.
+    violation : float
+        The least sum of violations, each in units of its row, where phase 1 was solved.
+    examined : bool
+        Whether everything was tried.
+    """
+
+    infeasible: bool = False
+    unbounded: bool = False
+    source: str = ""
+    point: Vector | None = None
+    violation: float | None = None
+    examined: bool = False
+
+
+def contradiction(program: QuadraticProgram, ray: Vector) -> bool:
+    """Return whether the row multipliers `ray` prove that no point satisfies all rows.
+
+    Weighted with them, the rows demand more than any point within the column bounds can give. On a
+    column without the bound it needs, the weights must cancel but for rounding.
+    """
+    y = np.where(np.isfinite(ray), ray, 0.0)
+    peak = np.abs(y).max(initial=0.0)
+    if not peak > 0:
+        return False
+    y = program.signed(y / peak)
+    pull = program.matrix.T @ y
+    terms = abs(program.matrix).T @ np.abs(y)
+    endless = np.where(
+        pull > 0, ~np.isfinite(program.column_upper), ~np.isfinite(program.column_lower)
+    )
+    if (np.abs(pull) > CANCELLED * terms)[endless].any():
+        return False
+    pull[endless] = 0.0
+    side = np.where(pull > 0, program.column_upper, program.column_lower)
+    given = pull * np.where(pull != 0, side, 0.0)
+    demanded = np.where(y > 0, program.row_lower, program.row_upper)
+    demanded = y * np.where(y != 0, demanded, 0.0)
+    excess = float(demanded.sum() - given.sum())
+    return excess > CANCELLED * float(np.abs(demanded).sum() + np.abs(given).sum())
+
+
+def recedes(program: QuadraticProgram, direction: Vector) -> bool:
+    """Return whether the objective falls forever along `direction` from any feasible point."""
+    d = np.where(np.isfinite(direction), direction, 0.0)
+    peak = np.abs(d).max(initial=0.0)
+    if not peak > 0:
+        return False
+    d = d / peak
+    size = np.abs(d)
+    falls = program.cost @ d < -CANCELLED * float(np.abs(program.cost) @ size)
+    flat = (np.abs(program.hessian @ d) <= CANCELLED * (abs(program.hessian) @ size)).all()
+    move, noise = program.matrix @ d, CANCELLED * (abs(program.matrix) @ size)
+    rows = (move >= -noise) | ~np.isfinite(program.row_lower)
+    rows &= (move <= noise) | ~np.isfinite(program.row_upper)
+    columns = (d >= 0) | ~np.isfinite(program.column_lower)
+    columns &= (d <= 0) | ~np.isfinite(program.column_upper)
+    return bool(falls and flat and rows.all() and columns.all())
+
+
+def examined(
+    program: QuadraticProgram,
+    *,
+    ray: Vector | None = None,
+    direction: Vector | None = None,
+    point: Vector | None = None,
+    left: Callable[[], float | None] = lambda: None,
+) -> Findings:
+    """Return what can be proven of `program`.
+
+    Parameters
+    ----------
+    program : QuadraticProgram
+        What a solver found no optimum of.
+    ray, direction : ndarray, optional
+        What it offers as proof.
+    point : ndarray, optional
+        A point that is known to be feasible.
+    left : callable, optional
+        The seconds left, None without a limit.
+    """
+    if point is None and ray is not None:
+        for candidate in (ray, _cancelled(program, ray)):
+            if contradiction(program, candidate):
+                return Findings(infeasible=True, source="the solver's ray")
+    violation = None
+    if point is None:
+        point, found, violation = _phase_one(program, left())
+        if found is not None and contradiction(program, found):
+            return Findings(infeasible=True, source="a phase 1 of our own", violation=violation)
+    if direction is not None:
+        for candidate in (direction, _tidy(program, direction)):
+            if point is not None and recedes(program, candidate):
+                return Findings(unbounded=True, source="the solver's direction", point=point)
+    seconds = left()
+    if point is None or (seconds is not None and seconds <= 0):
+        return Findings(point=point, violation=violation, examined=point is None)
+    steepest = _steepest(program, seconds)
+    if steepest is not None and recedes(program, steepest):
+        return Findings(unbounded=True, source="a recession program of our own", point=point)
+    return Findings(point=point, violation=violation, examined=True)
+
+
+def _cancelled(program: QuadraticProgram, ray: Vector) -> Vector:
+    """Return `ray` moved, on its support, so that it cancels on columns without bounds."""
+    from scipy.sparse.linalg import lsqr
+
+    y = np.where(np.isfinite(ray), ray, 0.0)
+    y = program.signed(y / max(np.abs(y).max(initial=0.0), 1e-300))
+    y = np.where(np.abs(y) > 1e-6, y, 0.0)
+    support = np.flatnonzero(y)
+    pull = program.matrix.T @ y
+    endless = np.where(
+        pull > 0, ~np.isfinite(program.column_upper), ~np.isfinite(program.column_lower)
+    )
+    if not support.size or not endless.any():
+        return y
+    block = program.matrix[support][:, np.flatnonzero(endless)].T
+    y[support] -= lsqr(block, pull[endless], atol=1e-15, btol=1e-15, conlim=0.0)[0]
+    return y
+
+
+def _tidy(program: QuadraticProgram, direction: Vector) -> Vector:
+    """Return `direction` without its small entries, and inside the cone of the column bounds."""
+    d = np.where(np.isfinite(direction), direction, 0.0)
+    d /= max(np.abs(d).max(initial=0.0), 1e-300)
+    d = np.where(np.abs(d) > 1e-6, d, 0.0)
+    return np.clip(
+        d,
+        np.where(np.isfinite(program.column_lower), 0.0, -np.inf),
+        np.where(np.isfinite(program.column_upper), 0.0, np.inf),
+    )
+
+
+def _phase_one(
+    program: QuadraticProgram, seconds: float | None
+) -> tuple[Vector | None, Vector | None, float | None]:
+    """Return a feasible point or a ray, and the least sum of violations in units of the rows.
+
+    A column of its own holds each row's value, within the row's bounds: the multipliers of the
+    equal rows are then those of the program's rows.
+    """
+    rows, size = program.row_count, program.size
+    largest = abs(program.matrix).max(axis=1).toarray().ravel() if rows else np.zeros(0)
+    scale = 1.0 / np.where(largest > 0, largest, 1.0)
+    scaled = sp.csr_array(sp.diags_array(scale) @ program.matrix) if rows else program.matrix
+    unit = sp.eye_array(rows, format="csr")
+    cost = np.concatenate([np.zeros(size + rows), np.ones(2 * rows)])
+    lower = np.concatenate([program.column_lower, program.row_lower * scale, np.zeros(2 * rows)])
+    upper = np.concatenate(
+        [program.column_upper, program.row_upper * scale, np.full(2 * rows, np.inf)]
+    )
+    solved = _linear(
+        cost, sp.hstack([scaled, -unit, unit, -unit]), np.zeros(rows), lower, upper, seconds
+    )
+    if solved is None:
+        return None, None, None
+    x, y, value = solved
+    point: Vector = np.clip(x[:size], program.column_lower, program.column_upper)
+    feasible = program.verify(point, tolerance=1e-7).ok
+    return (point if feasible else None), (None if feasible else y * scale), value
+
+
+def _steepest(program: QuadraticProgram, seconds: float | None) -> Vector | None:
+    """Return the direction, within a box, in which the objective falls fastest without curvature."""
+    curved = np.flatnonzero(np.diff(program.hessian.indptr))
+    low, high = np.isfinite(program.row_lower), np.isfinite(program.row_upper)
+    held = np.flatnonzero(low | high)
+    stacked = sp.vstack([program.hessian[curved], program.matrix[held]], format="csr")
+    largest = (
+        abs(stacked).max(axis=1).toarray().ravel() if stacked.nnz else np.zeros(stacked.shape[0])
+    )
+    scaled = sp.diags_array(1.0 / np.where(largest > 0, largest, 1.0)) @ stacked
+    total, size = stacked.shape[0], program.size
+    nothing = np.zeros(curved.size)
+    peak = np.abs(program.cost).max(initial=0.0)
+    if not peak > 0:
+        return None
+    solved = _linear(
+        np.concatenate([program.cost / peak, np.zeros(total)]),
+        sp.hstack([scaled, -sp.eye_array(total)]),
+        np.zeros(total),
+        np.concatenate(
+            [
+                np.where(np.isfinite(program.column_lower), 0.0, -1.0),
+                nothing,
+                np.where(low[held], 0.0, -np.inf),
+            ]
+        ),
+        np.concatenate(
+            [
+                np.where(np.isfinite(program.column_upper), 0.0, 1.0),
+                nothing,
+                np.where(high[held], 0.0, np.inf),
+            ]
+        ),
+        seconds,
+    )
+    return None if solved is None else solved[0][:size]
+
+
+def _linear(
+    cost: Vector,
+    matrix: sp.csr_array,
+    right: Vector,
+    lower: Vector,
+    upper: Vector,
+    seconds: float | None,
+) -> tuple[Vector, Vector, float] | None:
+    """Solve a linear program by SciPy's HiGHS simplex, whose vertices are exact but for rounding."""
+    from scipy.optimize import linprog
+
+    options: dict[str, float | bool] = {
+        "primal_feasibility_tolerance": 1e-10,
+        "dual_feasibility_tolerance": 1e-10,
+    }
+    if seconds is not None:
+        options["time_limit"] = max(seconds, 1e-3)
+    found = linprog(
+        cost,
+        A_eq=sp.csc_array(matrix) if right.size else None,
+        b_eq=right if right.size else None,
+        bounds=np.column_stack([lower, upper]),
+        method="highs-ds",
+        options=options,
+    )
+    if found.status != 0:
+        return None
+    duals = found.eqlin.marginals if right.size else np.zeros(0)
+    return np.asarray(found.x, float), np.asarray(duals, float), float(found.fun)

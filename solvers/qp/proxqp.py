@@ -1,0 +1,154 @@
+"""ProxQP: a proximal augmented Lagrangian method, dense or sparse."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...models.programs import QuadraticProgram
+from ..attempts import Clock, Ended, Outcome, limited, solver_tolerance
+from ..backend import Feature, Limit, Option, Request
+from .base import COMMON, POLISH, QuadraticBackend, QuadraticOutcome
+from .forms import SplitForm
+
+__all__ = ["Proxqp"]
+
+#: Share of entries that are not zero, above which the dense solver is faster.
+DENSE = 0.1
+#: Columns and rows together, up to which it is tried at all.
+LARGEST_DENSE = 2000
+#: Outer iterations until the first look at the clock: ProxQP has neither a time limit nor a callback.
+SLICE = 20
+#: Seconds below which the next slice is longer, for going on loses some of what was learnt.
+SHORT = 0.3
+#: What ProxQP takes for infinite.
+INFINITE = 1e20
+
+
+class Proxqp(QuadraticBackend):
+    """ProxQP (Bambade et al. 2022), which goes on from where a few iterations ended."""
+
+    name = "proxqp"
+    features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
+    requires = ("proxsuite",)
+    distribution = "proxsuite"
+    options: ClassVar[Mapping[str, Option]] = {
+        "polish": POLISH,
+        "max_iter": Option(400, "Outer iterations at most.", int, lower=1),
+        "eps_abs": Option(
+            None, "Absolute precision; a thousandth of the tolerance by default.",
+            float, lower=1e-15, upper=1.0,
+        ),
+        "linear_algebra": Option(
+            "choose", "Dense or sparse factors; by the share of entries by default.", str,
+            ("choose", "dense", "sparse"),
+        ),
+    }  # fmt: skip
+    summary = "ProxQP: proximal augmented Lagrangian, dense or sparse, warm starts"
+
+    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Outcome:
+        """Solve with ProxQP."""
+        from proxsuite import proxqp  # type: ignore[import-untyped]
+
+        split = SplitForm.of(program)
+        dense = _dense(program, request.options.get("linear_algebra", "choose"))
+        bounded = np.flatnonzero(
+            np.isfinite(program.column_lower) | np.isfinite(program.column_upper)
+        )
+        # The columns' bounds are rows like others: the dense solver's own box was seen to lose
+        # precision, and the sparse one has none.
+        unit = sp.eye_array(program.size, format="csr")[bounded]
+        rows = sp.vstack([split.ranged, unit], format="csc")
+        low = np.concatenate([split.low, program.column_lower[bounded]])
+        high = np.concatenate([split.high, program.column_upper[bounded]])
+        module = proxqp.dense if dense else proxqp.sparse
+        solver: Any = module.QP(program.size, split.right.size, low.size)
+
+        def form(matrix: Any) -> Any:
+            return matrix.toarray() if dense else sp.csc_matrix(matrix)
+
+        settings = solver.settings
+        eps = request.options.get("eps_abs") or solver_tolerance(
+            request.tolerance * 1e-2, 1e-11, 1e-8
+        )
+        settings.eps_abs = eps
+        settings.eps_rel = 0.0
+        settings.check_duality_gap = True
+        settings.eps_duality_gap_abs = eps
+        settings.eps_duality_gap_rel = eps
+        # Its defaults of 1e-4 were seen to call feasible programs infeasible, and bounded ones not.
+        settings.eps_primal_inf = settings.eps_dual_inf = 1e-10
+        settings.verbose = False
+        piece = settings.max_iter = SLICE
+        settings.initial_guess = proxqp.InitialGuess.NO_INITIAL_GUESS
+        solver.init(
+            form(program.hessian),
+            program.cost,
+            form(split.equal) if split.right.size else None,
+            split.right if split.right.size else None,
+            form(rows) if low.size else None,
+            np.clip(low, -INFINITE, INFINITE) if low.size else None,
+            np.clip(high, -INFINITE, INFINITE) if low.size else None,
+        )
+        start = request.warm_start
+        if start is not None:
+            settings.initial_guess = proxqp.InitialGuess.WARM_START
+        clock.lap("build")
+        allowed, control = int(request.options.get("max_iter", 400)), request.control
+        states, iterations, outer = proxqp.QPSolverOutput, 0, 0
+        while True:
+            began = time.perf_counter()
+            if start is not None:
+                solver.solve(
+                    np.asarray(start, float), np.zeros(split.right.size), np.zeros(low.size)
+                )
+                start = None
+            else:
+                solver.solve()
+            info = solver.results.info
+            outer, iterations = outer + piece, iterations + int(info.iter)
+            if info.status != states.PROXQP_MAX_ITER_REACHED or outer >= allowed:
+                break
+            if control.stopped or clock.left() == 0.0:
+                break
+            if time.perf_counter() - began < SHORT:
+                piece = settings.max_iter = min(4 * piece, allowed)
+            settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
+        clock.lap("solve")
+        ended, limit = {
+            states.PROXQP_SOLVED: (Ended.PROVEN, None),
+            states.PROXQP_PRIMAL_INFEASIBLE: (Ended.INFEASIBLE, None),
+            states.PROXQP_DUAL_INFEASIBLE: (Ended.UNBOUNDED, None),
+            states.PROXQP_MAX_ITER_REACHED: (Ended.STOPPED, Limit.ITERATIONS),
+        }.get(info.status, (Ended.FAILED, None))
+        if ended is Ended.STOPPED and outer < allowed:
+            limit = limited(control, Limit.TIME)
+        result = solver.results
+        ranged = -np.asarray(result.z, float)[: split.low.size]
+        duals = split.duals(-np.asarray(result.y, float), ranged)
+        point = np.array(result.x, float)
+        return QuadraticOutcome(
+            ended,
+            point,
+            None,
+            duals,
+            limit,
+            {"iterations": iterations, "factors": "dense" if dense else "sparse"},
+            f"ProxQP: {info.status.name}" if ended is Ended.FAILED else "",
+            ray=duals if ended is Ended.INFEASIBLE else None,
+            direction=point if ended is Ended.UNBOUNDED else None,
+        )
+
+
+def _dense(program: QuadraticProgram, asked: str) -> bool:
+    if asked != "choose":
+        return asked == "dense"
+    size, rows = program.size, program.row_count
+    filled = program.hessian.nnz + program.matrix.nnz
+    return size + rows <= LARGEST_DENSE and (
+        size + rows <= 50 or filled > DENSE * size * (size + rows)
+    )

@@ -1,0 +1,116 @@
+"""SCS: a first-order splitting method on the homogeneous embedding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...models.programs import QuadraticProgram
+from ..attempts import Clock, Ended, Outcome, limited
+from ..backend import Feature, Limit, Option, Request
+from .base import COMMON, POLISH, QuadraticBackend, certified, first_order_precision, own_options
+from .forms import ConicForm
+
+__all__ = ["Scs"]
+
+#: Seconds after which SCS is asked to pause, so that a stop is heard: it has no callback.
+SLICE = 0.5
+
+
+class Scs(QuadraticBackend):
+    """SCS (O'Donoghue 2021), which goes on from where a slice of time ended."""
+
+    name = "scs"
+    features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
+    requires = ("scs",)
+    distribution = "scs"
+    options: ClassVar[Mapping[str, Option]] = {
+        "polish": POLISH,
+        "eps": Option(
+            None, "Absolute and relative precision; by default a tenth of the tolerance, which the polish "
+            "does the rest for, or a thousandth without it.",
+            float, lower=1e-15, upper=1.0,
+        ),
+        "max_iters": Option(200_000, "Iterations at most.", int, lower=1),
+        "scale": Option(0.1, "Initial weight of the constraints.", float, lower=1e-6, upper=1e6),
+        "acceleration_lookback": Option(10, "Memory of the acceleration; 0 is none.", int, lower=0),
+    }  # fmt: skip
+    summary = "SCS: first-order, sparse, warm starts; many iterations for high precision"
+
+    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Outcome:
+        """Solve with SCS."""
+        import scs  # type: ignore[import-untyped]
+
+        form = ConicForm.of(program)
+        own = own_options(request, "eps", "max_iters")
+        eps = request.options.get("eps") or first_order_precision(request)
+        if not form.right.size:
+            # SCS needs a row: one that every point satisfies.
+            form = _with_a_row(form, program.size)
+        settings: dict[str, Any] = {
+            "verbose": False,
+            "eps_abs": eps,
+            "eps_rel": eps,
+            "eps_infeas": 1e-9,
+            "max_iters": int(request.options.get("max_iters", 200_000)),
+            **own,
+        }
+        cone = {"z": form.zeros, "l": form.right.size - form.zeros}
+        data = {
+            "P": sp.csc_matrix(sp.triu(program.hessian)),
+            "A": form.matrix,
+            "b": form.right,
+            "c": program.cost,
+        }
+        control, allowed = request.control, settings["max_iters"]
+        start: dict[str, Any] = {"warm_start": False}
+        if request.warm_start is not None:
+            x = np.asarray(request.warm_start, float)
+            slack = form.right - form.matrix @ x
+            slack[: form.zeros] = 0.0
+            start = {
+                "warm_start": True, "x": x, "y": np.zeros(slack.size),
+                "s": np.maximum(slack, 0.0),
+            }  # fmt: skip
+        # The time limit is a setting of the workspace, which therefore is made for a slice.
+        solver = scs.SCS(data, cone, time_limit_secs=_slice(clock), **settings)
+        clock.lap("build")
+        iterations = 0
+        while True:
+            found = solver.solve(**start)
+            info = found["info"]
+            iterations += int(info["iter"])
+            more = "time_limit" in info["status"] and iterations < allowed
+            if not more or control.stopped or clock.left() == 0.0:
+                break
+            start = {"warm_start": True, "x": found["x"], "y": found["y"], "s": found["s"]}
+        clock.lap("solve")
+        ended, limit = {
+            scs.SOLVED: (Ended.PROVEN, None),
+            scs.INFEASIBLE: (Ended.INFEASIBLE, None),
+            scs.UNBOUNDED: (Ended.UNBOUNDED, None),
+            scs.INFEASIBLE_INACCURATE: (Ended.INFEASIBLE, None),
+            scs.UNBOUNDED_INACCURATE: (Ended.UNBOUNDED, None),
+            scs.SOLVED_INACCURATE: (Ended.STOPPED, Limit.ITERATIONS),
+        }.get(int(info["status_val"]), (Ended.FAILED, None))
+        if "time_limit" in info["status"] and iterations < allowed:
+            ended, limit = Ended.STOPPED, limited(control, Limit.TIME)
+        return certified(
+            program, form, found["x"], found["y"], ended, limit, iterations,
+            f"SCS: {info['status']}" if ended is Ended.FAILED else "",
+        )  # fmt: skip
+
+
+def _slice(clock: Clock) -> float:
+    left = clock.left()
+    return SLICE if left is None else max(min(SLICE, left), 1e-3)
+
+
+def _with_a_row(form: ConicForm, size: int) -> ConicForm:
+    row = sp.csc_matrix(([1.0], ([0], [0])), shape=(1, size))
+    # A constant that no solution of moderate size comes near would be a bound; 0 @ x <= 1 is none.
+    row.data[:] = 0.0
+    return ConicForm(row, np.ones(1), 0, form.equal, form.above, form.below)
