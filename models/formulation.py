@@ -43,6 +43,9 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
     name: ClassVar[str]
     program_type: ClassVar[type[Program]]
     summary: ClassVar[str] = ""
+    #: Share of the model's tolerance to which the program must be solved, so that what is decoded
+    #: verifies: a program's rows are held against their terms, a model's constraints against 1.
+    precision: ClassVar[float] = 1.0
 
     @classmethod
     def of(cls, model: ModelT, options: Mapping[str, Any]) -> Self:
@@ -90,8 +93,8 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
 
         For programs that stand for more constraints than can be written, such as a limit at every
         instant: the program holds some of them, and the dispatcher solves, refines and solves again
-        until None says that `point` is settled. Each program must be a relaxation of the next,
-        so that its dual bound, and its being infeasible, hold for the model.
+        until None says that `point` is settled. Each program must be a relaxation of the model,
+        so that its dual bound, and its being infeasible, hold for it.
 
         Parameters
         ----------

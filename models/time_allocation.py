@@ -80,7 +80,7 @@ continuity
     >>> model = TimeAllocation(waypoints=[[0, 0], [1, 2], [3, 2]], time_weight=100)
     >>> found = ct.solve(model)
     >>> found.termination, found.plan.durations.round(3).tolist()
-    (<Termination.LOCALLY_OPTIMAL: 'locally_optimal'>, [1.999, 1.845])
+    (<Termination.LOCALLY_OPTIMAL: 'locally_optimal'>, [2.602, 2.487])
     """
 
     waypoints: Floats = _shared("waypoints")

@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import UnsupportedFormulation
+from ..models.formulation import Formulation
 from ..models.model import Model, resolve
 from ..models.programs import QuadraticProgram, RowProgram
+from ..models.verification import TOLERANCE
 from .backend import Backend, Guarantee, Termination
 from .dispatch import solve
 from .registry import find_backend, recommended
+from .solution import Solution
 
 __all__ = ["Diagnosis", "Finding", "diagnose", "filtered"]
 
@@ -150,6 +153,7 @@ def filtered(
 
     The parameters are those of :func:`diagnose`.
     """
+    written: Formulation[Any, Any] | None = None
     if isinstance(model, RowProgram):
         program = model
     else:
@@ -163,27 +167,35 @@ def filtered(
             f"the deletion filter needs an exact backend for a {program.kind}; "
             f"{solver.name!r} is none"
         )
-    # Only feasibility is asked, so any first point will do.
-    objective: dict[str, Any] = {"cost": program.cost * 0.0, "offset": 0.0}
-    if isinstance(program, QuadraticProgram):
-        objective["hessian"] = program.hessian * 0.0
-    asked = replace(program, **objective)
 
-    def ends(candidate: RowProgram) -> Termination:
-        return solve(candidate, solver, time_limit=time_limit).termination
+    def ends(candidate: RowProgram) -> Solution[Any]:
+        return solve(candidate, solver, time_limit=time_limit)
 
     method = f"deletion filter over the rows of {program.name or 'the program'} with {solver.name}"
-    first = ends(asked)
-    if first in (Termination.OPTIMAL, Termination.FEASIBLE):
+    while True:
+        asked = _feasibility(program)
+        answer = ends(asked)
+        finer = None
+        if answer.plan is not None and written is not None:
+            # A relaxation that has a point proves nothing before it is refined.
+            finer = written.refined(answer.plan, TOLERANCE)
+        if finer is None:
+            break
+        written, refined = finer, finer.program
+        assert isinstance(refined, RowProgram)
+        program = refined
+    if answer.plan is not None:
         return Diagnosis(model.name, True, method, "a plan exists: nothing to explain")
-    if first is not Termination.INFEASIBLE:
-        return Diagnosis(model.name, None, method, f"not settled: {solver.name} ended with {first}")
+    if answer.termination is not Termination.INFEASIBLE:
+        return Diagnosis(
+            model.name, None, method, f"not settled: {solver.name} ended with {answer.termination}"
+        )
     needed = [block.name for block in asked.rows]
     unsure = []
     for name in list(needed):
         kept = [other for other in needed if other != name]
         dropped = [block.name for block in asked.rows if block.name not in kept]
-        outcome = ends(asked.without_rows(dropped))
+        outcome = ends(asked.without_rows(dropped)).termination
         if outcome is Termination.INFEASIBLE:
             needed = kept
         elif outcome not in (Termination.OPTIMAL, Termination.FEASIBLE):
@@ -205,6 +217,14 @@ def filtered(
         else "no plan: the bounds of the columns alone exclude it"
     )
     return Diagnosis(model.name, False, method, summary, findings)
+
+
+def _feasibility(program: RowProgram) -> RowProgram:
+    """Return `program` without its objective: any first point will do."""
+    objective: dict[str, Any] = {"cost": program.cost * 0.0, "offset": 0.0}
+    if isinstance(program, QuadraticProgram):
+        objective["hessian"] = program.hessian * 0.0
+    return replace(program, **objective)
 
 
 def _covering(model: Model[Any]) -> str | None:

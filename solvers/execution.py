@@ -148,7 +148,7 @@ def _build(run: _Run, control: Control) -> tuple[Any, Request]:
     features = run.target.backend.features
     return problem, Request(
         gap=GAP if job.gap is None else float(job.gap),
-        tolerance=TOLERANCE if job.tolerance is None else float(job.tolerance),
+        tolerance=_tolerance(job) * (1.0 if formulation is None else formulation.precision),
         seed=job.seed,
         threads=job.threads,
         warm_start=warm if Feature.WARM_START in features else None,
@@ -156,6 +156,10 @@ def _build(run: _Run, control: Control) -> tuple[Any, Request]:
         options=run.target.backend.checked_options(job.backend_options),
         control=control,
     )
+
+
+def _tolerance(job: Job) -> float:
+    return TOLERANCE if job.tolerance is None else float(job.tolerance)
 
 
 @contextmanager
@@ -243,14 +247,14 @@ def _refine(run: _Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     Each program is a relaxation of the next, so a bound of any of them stands. Returns the last
     answer, its parts and counts summed over all runs, with the program answered.
     """
-    begin = time.perf_counter()
+    begin, whole_limit = time.perf_counter(), request.time_limit
     answer = _attend(run, problem, request)
     total, counts = dict(answer.seconds), dict(answer.statistics)
     rounds, bound = 0, -np.inf
     exact = run.target.backend.guarantee is Guarantee.EXACT
     while run.target.formulation is not None and answer.point is not None:
         with run.clock("refine"):
-            finer = run.target.formulation.refined(answer.point, request.tolerance)
+            finer = run.target.formulation.refined(answer.point, _tolerance(run.job))
         if finer is None:
             break
         if exact:
@@ -258,8 +262,8 @@ def _refine(run: _Run, problem: Any, request: Request) -> tuple[Answer, Any]:
         limit, message = answer.limit, answer.message
         if answer.termination is Termination.OPTIMAL:
             left = None
-            if request.time_limit is not None:
-                left = request.time_limit - (time.perf_counter() - begin)
+            if whole_limit is not None:
+                left = whole_limit - (time.perf_counter() - begin)
                 limit = Limit.TIME if left <= 0 else None
             limit = request.control.reason if request.control.stopped else limit
             message = "stopped between two refinements of the program"
@@ -317,9 +321,7 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
             with run.clock("decode"):
                 plan = run.decode(point)
             with run.clock("verify"):
-                verification = model.verify(
-                    plan, tolerance=TOLERANCE if job.tolerance is None else job.tolerance
-                )
+                verification = model.verify(plan, tolerance=_tolerance(job))
         except InvalidData as error:
             # Whether it does not decode or is no plan of the model: nothing of it is returned.
             messages.append(f"the point is no plan: {error}")

@@ -7,6 +7,7 @@ Directives, all for MyST pages:
 * ``crosstrack-help [commands]``: the real ``--help`` of the command line, or of every subcommand;
 * ``crosstrack-paper-table 1|2|3``: the paper's tables from the catalogue's settings;
 * ``crosstrack-formulations KIND``: the formulations of a model, with the size of an instance;
+* ``crosstrack-instances PROBLEM``: the catalogue's instances of a problem;
 * ``crosstrack-api MODULE``: every public name of a module, except those documented elsewhere.
 """
 
@@ -185,6 +186,26 @@ class Formulations(Made):
         return markdown_table(columns, rows)
 
 
+class Instances(Made):
+    """The catalogue's instances of a problem."""
+
+    required_arguments = 1
+    wide = True
+
+    def make(self) -> str:
+        from crosstrack.instances import entries
+
+        problem = self.arguments[0]
+        rows = [
+            (f"`{entry.name}`", f"{entry.title}. *{entry.note}*", entry.provenance)
+            for entry in entries()
+            if entry.name.startswith(f"{problem}/")
+        ]
+        if not rows:
+            raise self.error(f"the catalogue has no instance of {problem!r}")
+        return markdown_table(("instance", "", "data"), rows)
+
+
 class Api(Made):
     """Every public name of a module with its docstring, those in ``:not:`` excepted."""
 
@@ -268,5 +289,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("crosstrack-help", Help)
     app.add_directive("crosstrack-paper-table", PaperTable)
     app.add_directive("crosstrack-formulations", Formulations)
+    app.add_directive("crosstrack-instances", Instances)
     app.add_directive("crosstrack-api", Api)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -4,7 +4,8 @@ A corridor or limit holds at every instant, which no finite number of rows can s
 holds it at some instants of each segment, which makes it a relaxation: its optimum is a lower
 bound, and where it is infeasible, so is the model. :meth:`PiecewiseFormulation.refined` then adds
 the instants at which the solution sticks out most (the exchange method for semi-infinite programs),
-until none does.
+until none does. An added instant that settles moves, so that no two rows are almost
+the same.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ Ints = NDArray[np.int64]
 
 #: Share of the tolerance that a violation between the instants may keep: less than rounding.
 SETTLED = 5e-4
+#: Distance in s within which a new instant takes the place of an old one.
+BESIDE = 1e-2
 #: Rounds of refinement after which the rest is the verification's to judge.
 ROUNDS = 25
 
@@ -88,14 +91,17 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         The model.
     samples : int
         Instants of each segment at which corridor and limits hold from the start; more are added
-        where they are needed.
+        where they are needed. Few are better: where a limit binds along a whole segment, more rows
+        than its polynomial has coefficients depend on one another.
     """
 
-    samples: int = 8
+    samples: int = 5
     instants: Instants = field(default=_NONE, init=False, repr=False)
     rounds: int = field(default=0, init=False, repr=False)
 
     program_type = QuadraticProgram
+    # The terms of a row may be several times what they sum to.
+    precision = 0.25
     #: What of the paper the rows of continuity stand for.
     continuity_equation: ClassVar[str] = "25"
 
@@ -151,7 +157,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
             column_upper=np.full(size, np.inf),
             columns=(
                 Block(
-                    "coefficients", "5", 0, size, "coefficient {2} of segment {0}, axis {1}",
+                    "coefficient", "5", 0, size, "{2} of segment {0}, axis {1}",
                     np.column_stack([segment, axis, power]),
                 ),
             ),
@@ -452,6 +458,31 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         model = self.model
         local = np.asarray(point, float).reshape(model.segments, model.dimensions, -1)
         return Trajectory(model.times, np.moveaxis(self.to_powers(local), 1, 2))
+
+
+def _moved(held: Instants, added: Instants) -> Instants:
+    """Return the instants with `added`, which take the place of those right beside them.
+
+    As the extremes settle, instants follow one another ever closer, and rows that are almost equal
+    are what interior points fail on. The last place is the best.
+    """
+    keys = [np.column_stack([part.bound, part.segment, part.axis]) for part in (held, added)]
+    _, own = np.unique(np.concatenate(keys), axis=0, return_inverse=True)
+    own = own.ravel()
+    owner = np.concatenate([own[: held.s.size], own[held.s.size :]]) * 2.0
+    place = owner + np.concatenate([held.s, added.s])
+    fresh = np.sort(place[held.s.size :])
+    old = place[: held.s.size]
+    after = np.searchsorted(fresh, old)
+    right = np.where(after < fresh.size, fresh[np.minimum(after, fresh.size - 1)] - old, np.inf)
+    left = np.where(after > 0, old - fresh[np.maximum(after - 1, 0)], np.inf)
+    kept = np.minimum(left, right) > BESIDE
+    return Instants(
+        np.concatenate([held.bound[kept], added.bound]),
+        np.concatenate([held.segment[kept], added.segment]),
+        np.concatenate([held.axis[kept], added.axis]),
+        np.concatenate([held.s[kept], added.s]),
+    )
 
 
 def _share(value: Floats, limits: _Limits) -> Floats:

@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.polynomials import bernstein_matrix, critical_points, horner
 from ...models.time_allocation import TimeAllocation
 from ...models.trajectory import Trajectory
 from .chain import Held
 from .separation import outside
 from .time_curvature import curvature, foreseen
-from .time_held import Group, Iterate, forms_of, groups_of
+from .time_held import Group, Iterate, Rows, forms_of, groups_of
 from .time_inner import Value
 from .time_kernels import SETTLED, evaluate
 from .time_polynomials import bounded_rows, powers_of
@@ -27,8 +28,8 @@ Floats = NDArray[np.float64]
 STEPS = 40
 #: Relative error of slack times multiplier, and of the gradient by the coordinates.
 ACCURACY = 1e-6
-#: Largest violation of a held bound, relative.
-FEASIBLE = 1e-9
+#: Largest violation of a held bound, relative to what it is held against.
+FEASIBLE = 1e-10
 #: Share of a slack that a foreseen step may use.
 REACH = 0.95
 #: Relative complementarity of a plan, and its largest violation between the instants.
@@ -134,7 +135,7 @@ class Barrier:
         status, steps, cost, logs = evaluate(
             durations, self.model.order, len(group.axes), forms.unit_cost, forms.cost_orders,
             rows.unit, rows.mix, rows.derivative, rows.start, rows.lower, rows.upper,
-            group.fixed, group.values, trial.knots, trial.inner, trial.below, trial.above,
+            rows.low_scale, rows.high_scale, group.fixed, group.values, trial.knots, trial.inner, trial.below, trial.above,
             trial.z_below, trial.z_above, warm, self.unit, self.mu, FEASIBLE, self.accuracy,
             STEPS, self.flag, slope,
         )  # fmt: skip
@@ -224,8 +225,10 @@ class Barrier:
         )
         return powers
 
-    def exchange(self, durations: Floats, threshold: float) -> int:
+    def exchange(self, durations: Floats, threshold: float, *, exactly: bool = False) -> int:
         """Hold the bounds where the iterate at `durations` leaves them; return at how many instants.
+
+        A search on a grid may miss two extremes between its nodes; `exactly` finds all, by roots.
 
         Parameters
         ----------
@@ -241,9 +244,13 @@ class Barrier:
                 self._powers(group, durations), durations, owners.segment, spans.derivative,
                 spans.mix,
             )  # fmt: skip
-            row, s, _ = outside(
-                polynomials, spans.lower, spans.upper, spans.low_scale, spans.high_scale, threshold
-            )
+            if exactly:
+                row, s = _beyond(polynomials, spans, threshold)
+            else:
+                row, s, _ = outside(
+                    polynomials, spans.lower, spans.upper, spans.low_scale, spans.high_scale,
+                    threshold,
+                )  # fmt: skip
             if row.size:
                 at = owners.taken(row)
                 fresh = Held(at.bound, at.segment, at.which, s)
@@ -252,12 +259,17 @@ class Barrier:
             self._latest = self._course = None
         return count
 
-    def settle(self, durations: Floats, threshold: float, rounds: int = 25) -> Value:
+    def settle(
+        self, durations: Floats, threshold: float, rounds: int = 25, *, exactly: bool = False
+    ) -> Value:
         """Return the value at `durations` with the bounds held wherever it takes."""
         found = self.value(durations, afresh=True)
         for _ in range(rounds):
-            if not np.isfinite(found.value) or not self.exchange(durations, threshold):
+            if not np.isfinite(found.value):
                 break
+            if not self.exchange(durations, threshold):
+                if not exactly or not self.exchange(durations, threshold, exactly=True):
+                    break
             found = self.value(durations, afresh=True)
         return found
 
@@ -269,7 +281,7 @@ class Barrier:
         kept, mu = [replace(group) for group in self.groups], self.mu
         try:
             powers = None
-            found = self.settle(durations, BETWEEN)
+            found = self.settle(durations, BETWEEN, exactly=True)
             least = SHARP * (
                 self.unit + self.model.time_weight * float(durations.sum())
             ) / self.pairs  # fmt: skip
@@ -278,7 +290,7 @@ class Barrier:
                 if self.mu <= least:
                     break
                 self.mu = max(least, 1e-2 * self.mu)
-                found = self.settle(durations, BETWEEN)
+                found = self.settle(durations, BETWEEN, exactly=True)
         finally:
             self.groups, self.mu = kept, mu
             self._latest = self._course = None
@@ -292,3 +304,17 @@ class Barrier:
             powers[:, :, list(group.axes)] = self._powers(group, durations)
         powers[:, 0] += self.forms.origin
         return powers
+
+
+def _beyond(polynomials: Floats, rows: Rows, threshold: float) -> tuple[NDArray[np.int64], Floats]:
+    """Return rows and arguments of all extremes beyond a bound, by the roots of the derivatives."""
+    control = polynomials @ bernstein_matrix(polynomials.shape[1] - 1).T
+    low, high = rows.lower - threshold * rows.low_scale, rows.upper + threshold * rows.high_scale
+    # The control polygon encloses the curve: only where it sticks out can there be any.
+    near = np.flatnonzero((control.min(axis=1) < low) | (control.max(axis=1) > high))
+    if not near.size:
+        return near.astype(np.int64), np.empty(0)
+    s = critical_points(polynomials[near])
+    values = horner(polynomials[near][:, :, None], s)
+    row, column = np.nonzero((values < low[near, None]) | (values > high[near, None]))
+    return near[row].astype(np.int64), s[row, column]

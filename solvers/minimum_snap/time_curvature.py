@@ -14,7 +14,7 @@ from ..error_correction.jit import kernel
 from .interior_kernels import factorise, solve_factors
 from .time_rows import knot_scales, pose
 
-__all__ = ["curvature", "foreseen"]
+__all__ = ["curvature", "foreseen", "shifted_solve"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -188,6 +188,38 @@ def foreseen(
             if value > 0.0 and upper[q] < np.inf:
                 far = min(far, share * above[q] / value)
     return far
+
+
+@kernel
+def shifted_solve(matrix: Floats, shift: float, right: Floats) -> bool:
+    """Solve ``(matrix + shift I) x = right`` in place by Cholesky; False where it is not positive.
+
+    Compiled rather than LAPACK's, whose threads cost more than such sizes take where cores are busy.
+    """
+    n = right.size
+    factor = np.zeros((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            value = matrix[i, j]
+            if i == j:
+                value += shift
+            for k in range(j):
+                value -= factor[i, k] * factor[j, k]
+            if i > j:
+                factor[i, j] = value / factor[j, j]
+            elif value > 1e-14 * abs(matrix[i, i]):
+                factor[i, i] = np.sqrt(value)
+            else:
+                return False
+    for i in range(n):
+        for k in range(i):
+            right[i] -= factor[i, k] * right[k]
+        right[i] /= factor[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            right[i] -= factor[k, i] * right[k]
+        right[i] /= factor[i, i]
+    return True
 
 
 @kernel

@@ -21,7 +21,9 @@ __all__ = ["Allocated", "Variables", "allocate"]
 Floats = NDArray[np.float64]
 
 #: Relative complementarity of the barriers, one after the other.
-GAPS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+GAPS = tuple(float(gap) for gap in np.geomspace(1e-1, 1e-6, 9))
+#: Gradient at which the descent on a barrier ends, beside its complementarity.
+LOOSE = 1.0
 #: Segments up to which second derivatives, O(M²) and dense, are worth their time.
 NEWTON = 400
 #: Share of the way back to the last durations that had a path, tried where new ones have none.
@@ -120,6 +122,7 @@ def allocate(
     between: float,
     stopped: Callable[[], bool],
     heard: Heard,
+    first: float = GAPS[0],
 ) -> Allocated:
     """Descend from `durations`, which must have a path.
 
@@ -135,6 +138,8 @@ def allocate(
         Whether to end here.
     heard : callable
         Told better durations and their objective.
+    first : float
+        Relative complementarity of the first barrier: a large one leads away from the bounds.
     """
     variables = Variables(model.time_weight, model.total_time)
     result = Allocated(durations)
@@ -174,10 +179,10 @@ def allocate(
     price = model.time_weight
     size = inner.value(durations).objective + price * float(durations.sum())
     safe, last, lost = x, False, False
-    for gap in GAPS:
+    for gap in (g for g in GAPS if g <= first):
         inner.mu = gap * size / inner.pairs
         last = gap == GAPS[-1]
-        goal = tolerance if last else max(0.1 * gap, tolerance)
+        goal = tolerance if last else max(LOOSE * gap, tolerance)
         threshold = between if last else max(between, 1e-2 * gap)
         for _ in range(20):
             reached = descent.descend(

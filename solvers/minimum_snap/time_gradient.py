@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -24,6 +25,8 @@ Floats = NDArray[np.float64]
 PAUSE = 0.1
 #: Standard deviation of the logarithms of the durations of a further start.
 SPREAD = 0.4
+#: Relative complementarity of the first barrier after a warm start, lest it lose its neighbourhood.
+WARM = 1e-3
 
 
 class NativeTimes(Backend):
@@ -57,12 +60,16 @@ class NativeTimes(Backend):
             return
         points = np.array([[0.0, 0.0], [1.0, 0.5], [2.0, 2.0]])
         cases: tuple[dict[str, Any], ...] = (
-            {}, {"velocity_limit": 1.0}, {"weights": [0.0, 0.1, 0.0, 1.0]},
+            {}, {"weights": [0.0, 0.1, 0.0, 1.0]}, {"velocity_limit": 1.0},
         )  # fmt: skip
         for more in cases:
             tiny = TimeAllocation(points, 1.0, **more)
             if not self.refuses(tiny):
                 self.run(tiny, Request(options=self.checked_options({})))
+        if not self.refuses(tiny):
+            from .time_curvature import shifted_solve
+
+            shifted_solve(np.eye(1), 0.0, np.zeros(1))
         NativeTimes._compiled = True
 
 
@@ -168,6 +175,7 @@ class TimeGradient(NativeTimes):
             between=max(1e-3 * request.tolerance, 1e-9),
             stopped=lambda: control.stopped,
             heard=heard,
+            first=1.0 if request.warm_start is None else WARM,
         )  # fmt: skip
         statistics: dict[str, Any] = {
             "iterations": found.iterations,
@@ -183,6 +191,19 @@ class TimeGradient(NativeTimes):
         if shortest < 1e-8:
             message = "a duration falls to 0: its segment may be better left out"
         return concluded(problem, inner, found.durations, request, begin, done, statistics, message)
+
+
+def _no_worse(problem: TimeAllocation, request: Request, answer: Answer) -> Answer:
+    """Return the warm start itself where nothing better was found."""
+    if request.warm_start is None or request.seed:
+        return answer
+    value = problem.objective(request.warm_start)
+    if answer.primal_bound is not None and answer.primal_bound <= value * (1 + 1e-9):
+        return answer
+    return replace(
+        answer, termination=Termination.FEASIBLE, point=request.warm_start, primal_bound=value,
+        message="nothing better than the warm start was found",
+    )  # fmt: skip
 
 
 def _start(problem: TimeAllocation, inner: Inner, request: Request) -> Floats | None:

@@ -85,7 +85,8 @@ def cold_start(
 def centre(
     cost: Floats, rows: Floats, start: Ints, lower: Floats, upper: Floats, fixed: Flags,
     knots: Floats, inner: Floats, below: Floats, above: Floats, z_below: Floats, z_above: Floats,
-    mu: float, tolerance: float, accuracy: float, most: int, flag: NDArray[np.int8],
+    room_low: Floats, room_high: Floats, mu: float, accuracy: float, most: int,
+    flag: NDArray[np.int8],
 ) -> tuple[int, int, float, float]:  # fmt: skip
     """Minimise ``|cost @ y|² / 2 - mu Σ log slack`` by primal-dual Newton steps, in place.
 
@@ -94,8 +95,8 @@ def centre(
 
     Parameters
     ----------
-    tolerance : float
-        Largest violation of a row, relative to its own slack where that is larger.
+    room_low, room_high : ndarray, shape (Q,)
+        Largest violations of the bounds, in the normalised rows.
     accuracy : float
         Largest relative error of slack times multiplier, and of the gradient.
     most : int
@@ -104,7 +105,7 @@ def centre(
     Returns
     -------
     tuple
-        Status, steps, the largest violation, the largest entry of the gradient.
+        Status, steps, the largest share of the room that is used, the largest entry of the gradient.
     """
     count, _, width = cost.shape
     n = fixed.shape[1]
@@ -137,21 +138,21 @@ def centre(
             a_low[q], a_high[q] = 0.0, 0.0
             if lower[q] > -np.inf:
                 a_low[q] = at[q] - lower[q] - below[q]
-                primal = max(primal, abs(a_low[q]) / max(1.0, abs(lower[q])))
+                primal = max(primal, abs(a_low[q]) / room_low[q])
                 off = max(off, abs(below[q] * z_below[q] / mu - 1.0))
                 largest = max(largest, z_below[q])
             if upper[q] < np.inf:
                 a_high[q] = upper[q] - at[q] - above[q]
-                primal = max(primal, abs(a_high[q]) / max(1.0, abs(upper[q])))
+                primal = max(primal, abs(a_high[q]) / room_high[q])
                 off = max(off, abs(above[q] * z_above[q] / mu - 1.0))
                 largest = max(largest, z_above[q])
-        if primal <= tolerance and off <= accuracy:
+        if primal <= 1.0 and off <= accuracy:
             ratio = dual / max(typical, largest, 1e-300)
             # Rounding may leave more than was asked for: then it falls no further.
             if ratio <= accuracy or (ratio <= 1e-5 and ratio > 0.5 * before):
                 return SETTLED, iteration, primal, dual
             before = ratio
-        if primal > tolerance:
+        if primal > 1.0:
             # Where there is no way in, the violation stops falling.
             if primal < 0.7 * best:
                 best, idle = primal, 0
@@ -209,7 +210,7 @@ def centre(
 def evaluate(
     durations: Floats, order: int, axes: int, unit_cost: Floats, cost_orders: Ints,
     unit_rows: Floats, mix: Floats, derivative: Ints, start: Ints, lower: Floats, upper: Floats,
-    fixed: Flags, values: Floats, knots: Floats, inner: Floats, below: Floats, above: Floats,
+    low_scale: Floats, high_scale: Floats, fixed: Flags, values: Floats, knots: Floats, inner: Floats, below: Floats, above: Floats,
     z_below: Floats, z_above: Floats, warm: bool, unit: float, mu: float, tolerance: float,
     accuracy: float, most: int, flag: NDArray[np.int8], slope: Floats,
 ) -> tuple[int, int, float, float]:  # fmt: skip
@@ -221,6 +222,10 @@ def evaluate(
 
     Parameters
     ----------
+    low_scale, high_scale : ndarray, shape (Q,)
+        What violations are held against, and
+    tolerance : float
+        the largest ones relative to it.
     values : ndarray, shape (M + 1, n)
         Derivatives where `fixed`.
     unit : float
@@ -263,7 +268,8 @@ def evaluate(
             z_above[q] = z_above[q] / (unit * share[q]) if warm else inside / above[q]
     status, steps, _, _ = centre(
         cost, rows, start, low, high, fixed, knots, inner, below, above, z_below, z_above,
-        inside, tolerance, accuracy, most, flag,
+        tolerance * low_scale * share + 1e-14, tolerance * high_scale * share + 1e-14, inside,
+        accuracy, most, flag,
     )  # fmt: skip
     pull = np.zeros(at.size)
     logs = 0.0

@@ -24,6 +24,9 @@ ARMIJO, WOLFE = 1e-4, 0.9
 NOISE = 1e-13
 #: Trials along one direction.
 TRIALS = 30
+#: Variables above which no eigenvectors are formed, and shares of the curvature that are added then.
+DENSE = 40
+SHIFTS = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 
 
 @dataclass(frozen=True)
@@ -196,6 +199,16 @@ class Descent:
 
 def _newton(bent: Floats, slope: Floats) -> Floats:
     """Return the step to the minimum of the parabola, curved upwards along every axis of it."""
+    count = slope.size
+    if count > DENSE:
+        # Cholesky with as much of the identity as it takes: eigenvectors cost a hundred times more.
+        from .time_curvature import shifted_solve
+
+        typical = max(float(np.abs(bent).max()), 1e-300)
+        for shift in (0.0, *SHIFTS):
+            step: Floats = -slope
+            if shifted_solve(bent, shift * typical, step):
+                return step
     values, axes = np.linalg.eigh(bent)
     size = np.abs(values)
     size = np.maximum(size, 1e-10 * max(float(size.max()), 1e-300))

@@ -1,0 +1,99 @@
+"""How long an allocation of times takes: twenty waypoints in 3-D with limits on velocity and acceleration.
+
+``pytest tests/benchmarks/test_time_allocation_speed.py -s`` prints the table.
+"""
+
+import statistics
+import time
+
+import numpy as np
+import pytest
+
+import crosstrack as ct
+from crosstrack.models import TimeAllocation
+
+#: Seconds of ``seconds.solve`` that twenty waypoints with limits may take, after the first run.
+GOAL = 0.1
+REPEATS = 7
+
+
+def walk(knots, seed):
+    """Waypoints of a random walk."""
+    steps = np.random.default_rng(seed).uniform(-2, 2, (knots, 3))
+    return np.cumsum(steps, axis=0)
+
+
+def measured(model, backend="time-gradient"):
+    """The solution, the median and the least of ``seconds.solve``, and the least time of the CPU."""
+    wall, cpu = [], []
+    for _ in range(REPEATS):
+        begin = time.process_time()
+        found = ct.solve(model, backend)
+        cpu.append(time.process_time() - begin)
+        wall.append(found.seconds["solve"])
+    return found, statistics.median(wall), min(wall), min(cpu)
+
+
+def line(label, found, median, least, cpu):
+    counts = found.statistics
+    print(
+        f"{label:34} {found.termination!s:18} {1e3 * median:8.1f} {1e3 * least:8.1f} "
+        f"{1e3 * cpu:8.1f} {counts.get('evaluations', 0):6} {counts.get('gradient', 0):9.1e}"
+    )
+
+
+HEAD = (
+    f"{'':34} {'ended':18} {'median':>8} {'least':>8} {'cpu':>8} {'evals':>6} {'gradient':>9}  (ms)"
+)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5])
+def test_twenty_waypoints_with_limits(seed):
+    """Limits on velocity and acceleration at a share of what the free optimum reaches."""
+    points = walk(20, seed)
+    free = ct.solve(TimeAllocation(points, 100.0)).plan
+    peaks = [
+        np.maximum(-found.least, found.largest).max()
+        for found in (free.extremes(1), free.extremes(2))
+    ]
+    print("\n" + HEAD)
+    figures = {}
+    for share in (1.0, 0.8, 0.6, 0.4):
+        model = TimeAllocation(
+            points, 100.0, velocity_limit=share * peaks[0], acceleration_limit=share * peaks[1]
+        )
+        figures[share] = measured(model)
+        line(f"seed {seed}, {share:.0%} of the free peaks", *figures[share])
+        found = figures[share][0]
+        assert found.termination == "locally_optimal"
+        assert found.verification.ok
+        assert not found.verification.within_tolerance
+    # The goal, by the processor's time: what else runs shall not count. Tighter limits leave little
+    # but to hurry, and take longer.
+    assert max(figures[share][3] for share in (1.0, 0.8, 0.6)) < GOAL
+
+
+@pytest.mark.parametrize("weight", [1.0, 1e3, 1e5])
+def test_prices_from_idle_to_hurried(weight):
+    model = TimeAllocation(walk(20, 1), weight, velocity_limit=2.0, acceleration_limit=2.0)
+    figures = measured(model)
+    print("\n" + HEAD)
+    line(f"price {weight:g}", *figures)
+    assert figures[0].termination == "locally_optimal"
+
+
+@pytest.mark.parametrize("knots", [20, 100, 1000, 10_000])
+def test_without_limits(knots):
+    figures = measured(TimeAllocation(walk(knots, 1), 100.0))
+    print("\n" + HEAD)
+    line(f"{knots} waypoints, no limits", *figures)
+    assert figures[0].termination == "locally_optimal"
+
+
+@pytest.mark.parametrize("knots", [50, 100, 200])
+def test_longer_paths_with_limits(knots):
+    model = TimeAllocation(walk(knots, 1), 100.0, velocity_limit=2.0, acceleration_limit=2.0)
+    figures = measured(model)
+    print("\n" + HEAD)
+    line(f"{knots} waypoints with limits", *figures)
+    assert figures[0].termination == "locally_optimal"
