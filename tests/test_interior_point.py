@@ -20,7 +20,7 @@ from crosstrack.models.polynomials import critical_points
 from crosstrack.models.trajectory import Trajectory
 from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.backend import Limit
-from crosstrack.solvers.minimum_snap.interior_kernels import (
+from crosstrack.solvers.minimum_snap.chain_kernels import (
     bound_gradient,
     factorise,
     multiply,

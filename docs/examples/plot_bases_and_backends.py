@@ -148,7 +148,6 @@ comparison = ct.compare(
     [boxes],
     ["interior-point", "clarabel:legendre", "clarabel:hermite", "piqp:legendre", "osqp:legendre"],
     time_limit=8,
-    tolerance=1e-7,
 )
 print(comparison)
 verdict = comparison.verdicts[0]

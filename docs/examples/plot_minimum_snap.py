@@ -107,7 +107,7 @@ narrow = replace(
     name="round trip in a corridor",
 )
 print("the free plan in the corridor:", ct.verify(narrow, free.plan).summary())
-best = ct.solve(narrow, tolerance=1e-7)
+best = ct.solve(narrow)
 print(best)
 print(f"keeping to it costs {best.primal_bound / free.primal_bound - 1:.1%} more")
 limited = ct.plot(narrow, best.plan)
@@ -127,14 +127,12 @@ print(ct.diagnose(hasty))
 # -------------------------
 # Our own interior point and two general solvers of quadratic programs, each in a process of its
 # own. They share neither code nor a formulation. A corridor is held at instants that are added
-# until nothing sticks out by more than a hundredth of the tolerance; asking for a tolerance of 1e-7
-# leaves plans that break nothing by more than rounding, which is what a verdict wants to see.
+# until nothing sticks out by more than rounding, which is what a verdict wants to see.
 
 comparison = ct.compare(
     [narrow],
     ["interior-point", "clarabel:legendre", "piqp:monomial"],
     time_limit=30,
-    tolerance=1e-7,
 )
 print(comparison)
 assert comparison.outcome == "AGREED"

@@ -14,7 +14,7 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,43 +24,18 @@ from ...errors import InvalidData, UnsupportedOption
 from ..blocks import Block
 from ..formulation import Formulation
 from ..minimum_snap import Bound, MinimumDerivative
-from ..polynomials import critical_points, derived, horner
+from ..polynomials import derived, horner
 from ..programs import QuadraticProgram
 from ..trajectory import Trajectory
+from .instants import NOWHERE, Instants, Limits, sticking_out, violation
 
-__all__ = ["Instants", "PiecewiseFormulation", "power_rows"]
+__all__ = ["PiecewiseFormulation", "power_rows"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Share of the tolerance that a violation between the instants may keep: less than rounding.
-SETTLED = 5e-4
-#: Distance in s within which a new instant takes the place of an old one.
-BESIDE = 1e-2
 #: Rounds of refinement after which the rest is the verification's to judge.
 ROUNDS = 25
-
-
-class Instants(NamedTuple):
-    """Where one bound is held: its index, and a segment, an axis (or half-space), an s each."""
-
-    bound: Ints
-    segment: Ints
-    axis: Ints
-    s: Floats
-
-
-_NO_INTS: Ints = np.empty(0, np.int64)
-_NONE = Instants(_NO_INTS, _NO_INTS, _NO_INTS, np.empty(0))
-
-
-class _Limits(NamedTuple):
-    """Bounds, and what a violation of each is held against."""
-
-    lower: Floats
-    upper: Floats
-    low_scale: Floats
-    high_scale: Floats
 
 
 class _Rows(NamedTuple):
@@ -96,7 +71,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     """
 
     samples: int = 5
-    instants: Instants = field(default=_NONE, init=False, repr=False)
+    instants: Instants = field(default=NOWHERE, init=False, repr=False)
     rounds: int = field(default=0, init=False, repr=False)
 
     program_type = QuadraticProgram
@@ -381,30 +356,30 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         scale = plan.durations[segment] ** -float(bound.derivative)
         rows = inner[segment, :, axis] * scale[:, None]
         low_scale, high_scale = self.model.bound_scale(bound)
-        limits = _Limits(
+        limits = Limits(
             bound.lower[segment, axis], bound.upper[segment, axis],
             low_scale[segment, axis], high_scale[segment, axis],
         )  # fmt: skip
         reached = self._reached(plan, number)
-        return _outside(rows, limits, tolerance, number, segment, axis, reached)
+        return sticking_out(rows, limits, tolerance, number, segment, axis, reached)
 
     def _violated_halfspaces(self, plan: Trajectory, tolerance: float) -> Instants:
         spaces = self.model.halfspaces
         if spaces is None:
-            return _NONE
+            return NOWHERE
         rows = np.einsum("hpd,hd->hp", plan.coefficients[spaces.segments], spaces.normals)
         which = np.arange(spaces.segments.size)
         number = len(self.model.bounds)
         reached = self._reached(plan, number)
         limits = self._space_limits(which)
-        return _outside(rows, limits, tolerance, number, spaces.segments, which, reached)
+        return sticking_out(rows, limits, tolerance, number, spaces.segments, which, reached)
 
-    def _space_limits(self, which: Ints) -> _Limits:
+    def _space_limits(self, which: Ints) -> Limits:
         """Return the half-spaces' right-hand sides, each with what it is held against."""
         spaces = self.model.halfspaces
         assert spaces is not None
         size = np.full(which.size, self.model.position_scale.max())
-        return _Limits(np.full(which.size, -np.inf), spaces.offsets[which], size, size)
+        return Limits(np.full(which.size, -np.inf), spaces.offsets[which], size, size)
 
     def _reached(self, plan: Trajectory, number: int) -> float:
         """Return by how much the solver breaks a bound, relatively, where a row holds it.
@@ -422,7 +397,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
             value = horner(inner[:, :, None], s[:, None])[:, 0]
             value *= plan.durations[segment] ** -float(bound.derivative)
             low_scale, high_scale = self.model.bound_scale(bound)
-            limits = _Limits(
+            limits = Limits(
                 bound.lower[segment, axis], bound.upper[segment, axis],
                 low_scale[segment, axis], high_scale[segment, axis],
             )  # fmt: skip
@@ -432,7 +407,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
             rows = np.einsum("hpd,hd->hp", plan.coefficients[segment], spaces.normals[axis])
             value = horner(rows[:, :, None], s[:, None])[:, 0]
             limits = self._space_limits(axis)
-        return float(_share(value, limits).max(initial=0.0))
+        return float(violation(value, limits).max(initial=0.0))
 
     # -- plans -----------------------------------------------------------------------------------
 
@@ -458,70 +433,3 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         model = self.model
         local = np.asarray(point, float).reshape(model.segments, model.dimensions, -1)
         return Trajectory(model.times, np.moveaxis(self.to_powers(local), 1, 2))
-
-
-def _moved(held: Instants, added: Instants) -> Instants:
-    """Return the instants with `added`, which take the place of those right beside them.
-
-    As the extremes settle, instants follow one another ever closer, and rows that are almost equal
-    are what interior points fail on. The last place is the best.
-    """
-    keys = [np.column_stack([part.bound, part.segment, part.axis]) for part in (held, added)]
-    _, own = np.unique(np.concatenate(keys), axis=0, return_inverse=True)
-    own = own.ravel()
-    owner = np.concatenate([own[: held.s.size], own[held.s.size :]]) * 2.0
-    place = owner + np.concatenate([held.s, added.s])
-    fresh = np.sort(place[held.s.size :])
-    old = place[: held.s.size]
-    after = np.searchsorted(fresh, old)
-    right = np.where(after < fresh.size, fresh[np.minimum(after, fresh.size - 1)] - old, np.inf)
-    left = np.where(after > 0, old - fresh[np.maximum(after - 1, 0)], np.inf)
-    kept = np.minimum(left, right) > BESIDE
-    return Instants(
-        np.concatenate([held.bound[kept], added.bound]),
-        np.concatenate([held.segment[kept], added.segment]),
-        np.concatenate([held.axis[kept], added.axis]),
-        np.concatenate([held.s[kept], added.s]),
-    )
-
-
-def _share(value: Floats, limits: _Limits) -> Floats:
-    """Return the violation relative to what the verification holds it against."""
-    with np.errstate(invalid="ignore"):
-        low = (limits.lower - value) / limits.low_scale
-        high = (value - limits.upper) / limits.high_scale
-    worst: Floats = np.maximum(
-        np.where(np.isfinite(limits.lower), low, 0.0),
-        np.where(np.isfinite(limits.upper), high, 0.0),
-    )
-    return np.maximum(worst, 0.0)
-
-
-def _outside(
-    rows: Floats, limits: _Limits, tolerance: float, number: int, segment: Ints, axis: Ints,
-    reached: float,
-) -> Instants:  # fmt: skip
-    """Return the local extremes of the polynomials in `rows` that lie outside their bounds."""
-    from ..polynomials import bernstein_matrix
-
-    control = rows @ bernstein_matrix(rows.shape[1] - 1).T
-    out = (control.min(axis=1) < limits.lower) | (control.max(axis=1) > limits.upper)
-    near = np.flatnonzero(out)
-    if not near.size:
-        return _NONE
-    s = critical_points(rows[near])
-    value = horner(rows[near][:, :, None], s)
-    share = _share(value, _Limits(*(part[near][:, None] for part in limits)))
-    threshold = max(SETTLED * tolerance, 2.0 * reached)
-    row, column = np.nonzero(share > threshold)
-    at: Any = near[row]
-    # One instant stands for all that rounding tells apart.
-    found = np.round(s[row, column], 9)
-    keys = np.unique(np.column_stack([at, found]), axis=0)
-    at = keys[:, 0].astype(np.int64)
-    return Instants(
-        np.full(at.size, number),
-        segment[at].astype(np.int64),
-        axis[at].astype(np.int64),
-        keys[:, 1],
-    )

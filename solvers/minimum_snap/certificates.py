@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .interior_kernels import (
+from .chain_kernels import (
     bound_gradient,
     factorise,
     multiply,

@@ -18,7 +18,7 @@ from ...models.formulations.piecewise import power_rows
 from ...models.minimum_snap import MinimumDerivative
 from ...models.polynomials import factorials, gauss_legendre
 
-__all__ = ["Chain", "Held", "chains"]
+__all__ = ["Chain", "Held", "chains", "unit_cost"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -63,7 +63,7 @@ class Held:
 
 
 @cache
-def _unit_cost(order: int, degree: int, derivative: int) -> Floats:
+def unit_cost(order: int, degree: int, derivative: int) -> Floats:
     """Return rows whose squares sum to ∫ (d^j x / ds^j)² ds, for Hermite coordinates on [0, 1].
 
     The rows are the values at the Gauss-Legendre nodes times the roots of the weights: as exact as
@@ -168,7 +168,7 @@ class Chain:
         parts = []
         for order, weight in enumerate(model.order_weights, start=1):
             if weight:
-                unit = _unit_cost(model.order, model.degree, order)
+                unit = unit_cost(model.order, model.degree, order)
                 size = np.sqrt(weight * model.durations ** (1.0 - 2 * order))
                 rows = size[:, None, None] * unit * scales[:, None, :]
                 parts += [self._spread(rows, axis) for axis in range(len(self.axes))]

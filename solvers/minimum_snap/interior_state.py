@@ -9,16 +9,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.polynomials import bernstein_matrix, critical_points, horner
 from .chain import Chain, Held
-from .interior_kernels import (
+from .chain_kernels import (
     bound_gradient,
     factorise,
-    interior_point,
     multiply,
     row_values,
     solve_factors,
     transposed,
 )
+from .interior_kernels import interior_point
 from .separation import outside
 
 __all__ = ["Iterate", "Settings", "State"]
@@ -179,13 +180,20 @@ max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settin
         size = max(0.5 * float(np.sum(value**2)), NOTHING * self.chain.model.segments)
         return primal <= 1e-8 and comp <= 1e-7 * size
 
-    def missing(self, threshold: float) -> tuple[Held | None, float]:
+    def missing(self, threshold: float, *, exact: bool = False) -> tuple[Held | None, float]:
         """Return the instants at which the iterate lies outside, and by how much at most.
 
-        Violations count from `threshold` on, relative to ``max(1, |bound|)``.
+        Parameters
+        ----------
+        threshold : float
+            Violations count from here on, relative to what the verification holds them against.
+        exact : bool
+            Whether to look at the roots of the slopes instead of their changes of sign on a grid,
+            which miss two extremes in one cell.
         """
         polynomials, limits, owners = self.chain.polynomials(self.powers())
-        row, s, share = outside(polynomials, *limits, threshold)
+        look = _roots_outside if exact else outside
+        row, s, share = look(polynomials, *limits, threshold)
         if not row.size:
             return None, 0.0
         fresh = owners.taken(row)
@@ -230,3 +238,24 @@ max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settin
             slack[there] = np.maximum(np.abs(gap[there]), 1e-4)
             z[there] = mu / slack[there]
         return Iterate(knots, inner, *parts)
+
+
+def _roots_outside(
+    powers: Floats,
+    lower: Floats,
+    upper: Floats,
+    low_scale: Floats,
+    high_scale: Floats,
+    threshold: float,
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """Return what :func:`outside` does, from the roots of the slopes."""
+    control = powers @ bernstein_matrix(powers.shape[1] - 1).T
+    near = np.flatnonzero((control.min(axis=1) < lower) | (control.max(axis=1) > upper))
+    places = critical_points(powers[near])
+    value = horner(powers[near][:, :, None], places)
+    share = np.maximum(
+        (lower[near, None] - value) / low_scale[near, None],
+        (value - upper[near, None]) / high_scale[near, None],
+    )
+    row, column = np.nonzero(share > threshold)
+    return near[row].astype(np.int64), places[row, column], share[row, column]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..error_correction.jit import kernel
-from .interior_kernels import factorise, solve_factors
+from .chain_kernels import factorise, solve_factors
 from .time_rows import knot_scales, pose
 
 __all__ = ["curvature", "foreseen", "shifted_solve"]

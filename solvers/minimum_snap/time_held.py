@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...models.formulations.minimum_snap_hermite import hermite_basis
 from ...models.formulations.piecewise import power_rows
 from ...models.time_allocation import TimeAllocation
-from .chain import Chain, Held, _unit_cost, chains
+from .chain import Chain, Held, chains, unit_cost
 from .time_inner import jets_of
 
 __all__ = ["Forms", "Group", "Iterate", "Rows", "forms_of", "groups_of"]
@@ -182,7 +182,7 @@ def forms_of(model: TimeAllocation) -> Forms:
     parts, orders = [], []
     for order, weight in enumerate(model.order_weights, start=1):
         if weight:
-            own = np.sqrt(weight) * _unit_cost(model.order, model.degree, order)
+            own = np.sqrt(weight) * unit_cost(model.order, model.degree, order)
             parts.append(own)
             orders += [order] * len(own)
     return Forms(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..error_correction.jit import kernel
-from .interior_kernels import (
+from .chain_kernels import (
     bound_gradient,
     factorise,
     multiply,

@@ -1,0 +1,271 @@
+"""Compiled linear algebra on a chain of segments: products, and a factorisation of square roots.
+
+The Newton system ``J'J dy = b``, with J the rows of the cost and the rows of the bounds times their
+weights, is factorised knot by knot with Householder reflections (a square-root information filter).
+J'J itself is never formed: for the slow modes of a long path its condition number exceeds what double
+precision holds, while that of J is its square root.
+
+Local coordinates of a segment are ``[knot before (n) | knot after (n) | interior (i)]``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..error_correction.jit import kernel
+
+__all__ = [
+    "bound_gradient",
+    "factorise",
+    "multiply",
+    "row_values",
+    "solve_factors",
+    "transposed",
+]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+
+@kernel
+def multiply(rows: Floats, knots: Floats, inner: Floats) -> Floats:
+    """Return ``rows[k] @ local[k]`` for dense rows of every segment, shape (segments, c)."""
+    count, c, width = rows.shape
+    n = knots.shape[1]
+    value = np.zeros((count, c))
+    for k in range(count):
+        for row in range(c):
+            total = 0.0
+            for j in range(n):
+                total += rows[k, row, j] * knots[k, j] + rows[k, row, n + j] * knots[k + 1, j]
+            for j in range(width - 2 * n):
+                total += rows[k, row, 2 * n + j] * inner[k, j]
+            value[k, row] = total
+    return value
+
+
+@kernel
+def row_values(rows: Floats, start: Ints, knots: Floats, inner: Floats) -> Floats:
+    """Return the values of the bound rows; those of segment k are ``start[k]`` to ``start[k+1]``."""
+    n = knots.shape[1]
+    width = rows.shape[1]
+    value = np.zeros(rows.shape[0])
+    for k in range(start.size - 1):
+        for q in range(start[k], start[k + 1]):
+            total = 0.0
+            for j in range(n):
+                total += rows[q, j] * knots[k, j] + rows[q, n + j] * knots[k + 1, j]
+            for j in range(width - 2 * n):
+                total += rows[q, 2 * n + j] * inner[k, j]
+            value[q] = total
+    return value
+
+
+@kernel
+def transposed(rows: Floats, value: Floats, knots: Floats, inner: Floats) -> None:
+    """Add ``rows[k]' @ value[k]`` to gradients in knots and interiors."""
+    count, c, width = rows.shape
+    n = knots.shape[1]
+    for k in range(count):
+        for row in range(c):
+            v = value[k, row]
+            for j in range(n):
+                knots[k, j] += rows[k, row, j] * v
+                knots[k + 1, j] += rows[k, row, n + j] * v
+            for j in range(width - 2 * n):
+                inner[k, j] += rows[k, row, 2 * n + j] * v
+
+
+@kernel
+def bound_gradient(rows: Floats, start: Ints, value: Floats, knots: Floats, inner: Floats) -> None:
+    """Add ``G' value`` to gradients in knots and interiors."""
+    n = knots.shape[1]
+    width = rows.shape[1]
+    for k in range(start.size - 1):
+        for q in range(start[k], start[k + 1]):
+            v = value[q]
+            if v != 0.0:
+                for j in range(n):
+                    knots[k, j] += rows[q, j] * v
+                    knots[k + 1, j] += rows[q, n + j] * v
+                for j in range(width - 2 * n):
+                    inner[k, j] += rows[q, 2 * n + j] * v
+
+
+@kernel
+def _reflect(work: Floats, rows: int, first: int, pivots: int, width: int, where: Ints) -> int:
+    """Triangularise columns ``first … first + pivots - 1`` of ``work[:, :rows]``.
+
+    `work` holds a column in each row, so that the inner loops run along memory. ``where[j]``
+    receives the row that column ``first + j`` is solved from, -1 where it is zero and takes none.
+    Returns the number of rows that are taken.
+    """
+    taken = 0
+    for j in range(pivots):
+        column = first + j
+        where[j] = -1
+        if taken >= rows:
+            continue
+        norm = 0.0
+        for i in range(taken + 1, rows):
+            norm += work[column, i] * work[column, i]
+        head = work[column, taken]
+        if norm == 0.0 and head == 0.0:
+            continue
+        where[j] = taken
+        if norm > 0.0:
+            alpha = np.sqrt(head * head + norm)
+            if head > 0:
+                alpha = -alpha
+            pivot = head - alpha
+            # H = I - v v' / (alpha (alpha - head)), v = (head - alpha, the rest of the column).
+            factor = 1.0 / (alpha * (alpha - head))
+            for other in range(column + 1, width):
+                dot = pivot * work[other, taken]
+                for i in range(taken + 1, rows):
+                    dot += work[column, i] * work[other, i]
+                dot *= factor
+                work[other, taken] -= dot * pivot
+                for i in range(taken + 1, rows):
+                    work[other, i] -= dot * work[column, i]
+            work[column, taken] = alpha
+            for i in range(taken + 1, rows):
+                work[column, i] = 0.0
+        taken += 1
+    return taken
+
+
+@kernel
+def factorise(
+    cost: Floats,
+    rows: Floats,
+    start: Ints,
+    weight: Floats,
+    fixed: Flags,
+    factors: Floats,
+    last: Floats,
+) -> None:
+    """Triangularise the cost rows and the weighted bound rows of all segments.
+
+    Parameters
+    ----------
+    cost : ndarray, shape (segments, c, width)
+        Rows whose squares are summed.
+    rows, start, weight : ndarray
+        Bound rows, where those of each segment begin, and the root of their weights.
+    fixed : ndarray of bool, shape (segments + 1, n)
+        Coordinates of knots that do not move.
+    factors : ndarray, shape (segments, interior + n, interior + 2 n)
+        Receives the triangular rows; columns are interior, knot before, knot after.
+    last : ndarray, shape (n, n)
+        Receives the triangle of the last knot.
+    """
+    count, c, width = cost.shape
+    n = fixed.shape[1]
+    inner = width - 2 * n
+    eliminated = inner + n
+    most = 0
+    for k in range(count):
+        most = max(most, start[k + 1] - start[k])
+    work = np.zeros((width, 2 * n + c + most + eliminated))
+    carry = np.zeros((n, n))
+    where = np.zeros(max(eliminated, n), np.int64)
+    for k in range(count):
+        held = start[k + 1] - start[k]
+        total = n + c + held
+        for column in range(width):
+            # Position of this column in the cost and bound rows, and the knot it moves.
+            if column < inner:
+                place, frozen = 2 * n + column, False
+            elif column < eliminated:
+                place, frozen = column - inner, fixed[k, column - inner]
+            else:
+                place, frozen = column - inner, fixed[k + 1, column - eliminated]
+            if frozen:
+                for i in range(total):
+                    work[column, i] = 0.0
+                continue
+            # Large rows first: that is what keeps reflections accurate row by row.
+            for q in range(held):
+                work[column, q] = weight[start[k] + q] * rows[start[k] + q, place]
+            for i in range(c):
+                work[column, held + i] = cost[k, i, place]
+            for i in range(n):
+                value = 0.0
+                if inner <= column < eliminated:
+                    value = carry[i, column - inner]
+                work[column, held + c + i] = value
+        taken = _reflect(work, total, 0, eliminated, width, where)
+        for i in range(eliminated):
+            row = where[i]
+            for column in range(width):
+                factors[k, i, column] = work[column, row] if row >= 0 and column >= i else 0.0
+        # What is left of the rows speaks of the next knot only: n rows are enough.
+        rest = total - taken
+        for column in range(eliminated, width):
+            for i in range(rest):
+                work[column, i] = work[column, i + taken]
+        _reflect(work, rest, eliminated, n, width, where)
+        for i in range(n):
+            row = where[i]
+            for column in range(n):
+                value = 0.0
+                if row >= 0 and i <= column:
+                    value = work[eliminated + column, row]
+                carry[i, column] = value
+    last[:] = carry
+
+
+@kernel
+def solve_factors(
+    factors: Floats, last: Floats, fixed: Flags, knots: Floats, inner: Floats
+) -> None:
+    """Solve ``R'R x = b`` in place; `knots` and `inner` hold b and receive x."""
+    count, eliminated, _ = factors.shape
+    n = fixed.shape[1]
+    own = eliminated - n
+    tiny = 1e-150
+    w = np.zeros(eliminated)
+    for k in range(count):
+        for i in range(eliminated):
+            value = inner[k, i] if i < own else knots[k, i - own]
+            for j in range(i):
+                value -= factors[k, j, i] * w[j]
+            pivot = factors[k, i, i]
+            w[i] = value / pivot if abs(pivot) > tiny else 0.0
+        for i in range(eliminated):
+            if i < own:
+                inner[k, i] = w[i]
+            else:
+                knots[k, i - own] = w[i]
+        for j in range(n):
+            value = knots[k + 1, j]
+            for i in range(eliminated):
+                value -= factors[k, i, eliminated + j] * w[i]
+            knots[k + 1, j] = value
+    for i in range(n):
+        value = knots[count, i]
+        for j in range(i):
+            value -= last[j, i] * knots[count, j]
+        knots[count, i] = value / last[i, i] if abs(last[i, i]) > tiny else 0.0
+    for i in range(n - 1, -1, -1):
+        value = knots[count, i]
+        for j in range(i + 1, n):
+            value -= last[i, j] * knots[count, j]
+        knots[count, i] = value / last[i, i] if abs(last[i, i]) > tiny else 0.0
+    for k in range(count - 1, -1, -1):
+        for i in range(eliminated - 1, -1, -1):
+            value = inner[k, i] if i < own else knots[k, i - own]
+            for j in range(i + 1, eliminated):
+                x = inner[k, j] if j < own else knots[k, j - own]
+                value -= factors[k, i, j] * x
+            for j in range(n):
+                value -= factors[k, i, eliminated + j] * knots[k + 1, j]
+            pivot = factors[k, i, i]
+            value = value / pivot if abs(pivot) > tiny else 0.0
+            if i < own:
+                inner[k, i] = value
+            else:
+                knots[k, i - own] = value
