@@ -21,6 +21,7 @@ _PROBLEMS: dict[str, str] = {
     "error-correction": ".instances.error_correction.listing:catalogue_entries",
     "minimum-derivative": ".instances.minimum_snap.listing:derivative_entries",
     "minimum-snap": ".instances.minimum_snap.listing:snap_entries",
+    "time-allocation": ".instances.minimum_snap.listing:allocation_entries",
 }
 
 #: Entries of users, by name.

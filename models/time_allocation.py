@@ -207,11 +207,6 @@ continuity
         """Whether stretching time keeps every constraint, so that ``ρ ΣT = Σ (2j-1) J_j``."""
         return self.from_rest_to_rest and all(b.derivative == 0 for b in self.bounds)
 
-    @property
-    def objective_unit(self) -> str:  # type: ignore[override]
-        """Unit of the objective."""
-        return f"m²/s^{2 * self.order - 1}"
-
     # -- plans -----------------------------------------------------------------------------------
 
     def objective(self, plan: Trajectory) -> float:

@@ -219,3 +219,28 @@ def test_bad_files_are_refused(tmp_path):
     done = run("solve", path, code=2)
     assert "times[2]" in done.stderr
     assert "bad.json" in done.stderr
+
+
+def test_times_that_are_sought(tmp_path):
+    done = run(
+        "solve", "time-allocation/walk-20-limited", "--json", "--output", tmp_path / "s.json",
+        "--plot", tmp_path / "s.png",
+    )  # fmt: skip
+    answer = json.loads(done.stdout)
+    assert answer["termination"] == "locally_optimal"
+    assert (tmp_path / "s.png").stat().st_size > 10_000
+    checks = {c["name"]: c for c in answer["verification"]["checks"]}
+    assert checks["velocity limit"]["ok"]
+    assert checks["acceleration limit"]["ok"]
+    run("check", "time-allocation/walk-20-limited", tmp_path / "s.json")
+    run(
+        "export",
+        "time-allocation/walk-20-limited",
+        tmp_path / "s.json",
+        "--output",
+        tmp_path / "f.csv",
+    )
+    names = "time-gradient,time-simplex,time-distance"
+    done = run("compare", "time-allocation/lap-8s", "--backends", names, "--json", code=4)
+    assert json.loads(done.stdout)["verdict"] == "INCONCLUSIVE"  # no rule proves a bound
+    assert "objective (" not in run("solve", "time-allocation/lap-8s").stdout

@@ -10,11 +10,23 @@ import numpy as np
 
 from ...models.fields import Real
 from ...models.minimum_snap import MinimumDerivative, MinimumSnap
+from ...models.model import Model
+from ...models.time_allocation import TimeAllocation
+from ...models.trajectory import Trajectory
 from ..catalogue import CatalogueEntry, Provenance
 from .corridors import corridor, gates, hurried
 from .paths import figure_eight, helix, random_walk, random_waypoints, square, times_by_distance
 
-__all__ = ["PAPER", "derivative_entries", "paper_walk", "reach", "snap_entries", "weighted"]
+__all__ = [
+    "PAPER",
+    "allocation_entries",
+    "derivative_entries",
+    "paper_walk",
+    "reach",
+    "snap_entries",
+    "times_for_walk",
+    "weighted",
+]
 
 PAPER = (
     '"Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot in Obstacle '
@@ -122,7 +134,7 @@ def _jerk() -> MinimumDerivative:
 def _entry(
     name: str,
     title: str,
-    builder: Callable[[], MinimumDerivative],
+    builder: Callable[[], Model[Trajectory]],
     *,
     paper: str = _MELLINGER,
     provenance: Provenance = Provenance.OURS,
@@ -242,6 +254,57 @@ def derivative_entries() -> tuple[CatalogueEntry, ...]:
             "minimum-derivative/weighted",
             "0.1 velocity² + acceleration² + 0.1 snap², degree 9, C⁴: 6 segments in the plane",
             weighted,
+            paper=_RICHTER,
+            provenance=Provenance.SEEDED,
+        ),
+    )
+
+
+def times_for_walk(segments: int, seed: int = 0, *, limited: bool = True) -> TimeAllocation:
+    """Return a random walk whose times are sought.
+
+    Parameters
+    ----------
+    segments : int
+        Number of segments.
+    seed : int
+        Seed of the waypoints.
+    limited : bool
+        Whether velocity and acceleration are limited, to 0.8 m/s and 1 m/s².
+    """
+    return TimeAllocation(
+        waypoints=random_waypoints(segments, 3, seed=seed),
+        time_weight=50.0,
+        velocity_limit=np.array([[0.8]]) if limited else None,
+        acceleration_limit=np.array([[1.0]]) if limited else None,
+    )
+
+
+def _lap() -> TimeAllocation:
+    """Return a lap around a square in a given time."""
+    return TimeAllocation(waypoints=square().waypoints, total_time=8.0)
+
+
+def allocation_entries() -> tuple[CatalogueEntry, ...]:
+    """Return the instances whose times are sought."""
+    return (
+        _entry(
+            "time-allocation/lap-8s",
+            "Around a square in 8 s: when to be at which corner",
+            _lap,
+            paper=_RICHTER,
+        ),
+        _entry(
+            "time-allocation/walk-20",
+            "The times of 20 waypoints in 3-D, J + 50 T, without limits",
+            partial(times_for_walk, 19, 20, limited=False),
+            paper=_RICHTER,
+            provenance=Provenance.SEEDED,
+        ),
+        _entry(
+            "time-allocation/walk-20-limited",
+            "The times of 20 waypoints in 3-D with limits of velocity and acceleration, J + 50 T",
+            partial(times_for_walk, 19, 20),
             paper=_RICHTER,
             provenance=Provenance.SEEDED,
         ),

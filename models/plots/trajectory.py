@@ -15,7 +15,7 @@ import numpy as np
 from ...errors import InvalidData
 from ..fields import show
 from ..minimum_snap import derivative_name
-from .trajectory_data import Scene, pretty_unit, scene_of
+from .trajectory_data import Scene, given_times, pretty_unit, scene_of
 from .trajectory_panels import draw_panel, panel_handles, title_of, told
 from .trajectory_path import draw_path
 from .trajectory_style import BLACK, RED, number
@@ -192,7 +192,7 @@ def _title(scene: Scene) -> str:
         found = scene.verification
         if found is not None and found.objective is not None:
             unit = pretty_unit(model.objective_unit)
-            letter = "J" if hasattr(model, "times") else "objective"
+            letter = "J" if given_times(model) is not None else "objective"
             parts.append(f"{letter} = {number(found.objective)} {unit}".rstrip())
         parts.append(f"{number(scene.plan.duration, 5)} s")
     text = f"{name}  ·  {', '.join(parts)}" if name else ", ".join(parts)
@@ -209,7 +209,7 @@ def _what(model: Any) -> str:
     weights = getattr(model, "weights", None)
     orders = [order] if weights is None else [k for k, w in enumerate(weights, 1) if w]
     words = "minimum " + " + ".join(derivative_name(k) for k in orders)
-    return words if hasattr(model, "times") else f"{words}, times chosen"
+    return words if given_times(model) is not None else f"{words}, times chosen"
 
 
 def _left(

@@ -17,7 +17,7 @@ from ..polynomials import derived
 from ..trajectory import Trajectory
 from ..verification import Check, Verification
 
-__all__ = ["Mark", "Scene", "pretty_unit", "scene_of"]
+__all__ = ["Mark", "Scene", "given_times", "pretty_unit", "scene_of"]
 
 Floats = NDArray[np.float64]
 
@@ -50,6 +50,12 @@ class Mark(NamedTuple):
     time: float
     value: float
     position: Floats
+
+
+def given_times(model: Any) -> Any:
+    """Return the times of a model's knots, None where they are sought."""
+    times = getattr(model, "times", None)
+    return None if callable(times) else times
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +95,12 @@ class Scene:
     @cached_property
     def timed(self) -> bool:
         """Whether the knots have times: the model's, or the plan's."""
-        return getattr(self.model, "times", None) is not None or self.plan is not None
+        return given_times(self.model) is not None or self.plan is not None
 
     @cached_property
     def times(self) -> Floats:
         """Times of the knots, or their numbers where nothing tells the times."""
-        given = getattr(self.model, "times", None)
+        given = given_times(self.model)
         if given is None:
             given = np.arange(len(self.waypoints)) if self.plan is None else self.plan.times
         return np.asarray(given, float)
