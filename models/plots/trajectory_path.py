@@ -361,7 +361,9 @@ def _frame(scene: Scene, shown: tuple[int, ...], axes: Any, low: Floats, high: F
         axes.set_aspect("equal")
         bare(axes)
         return
-    axes.set_box_aspect(end - begin, zoom=1.0)
+    sides = end - begin
+    # A tall box fills the frame to its foot, where the labels of the floor want room as well.
+    axes.set_box_aspect(sides, zoom=1.0 if sides[2] <= sides[:2].max() else 0.86)
     axes.tick_params(labelsize=7.5, pad=0)
     axes.view_init(elev=28, azim=-62)
     for pane in (axes.xaxis, axes.yaxis, axes.zaxis):

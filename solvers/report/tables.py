@@ -71,8 +71,10 @@ def number(value: float | None, digits: int = 3) -> str:
     """Return a bound for people: fixed decimals, six digits at least, an empty cell for None."""
     if value is None:
         return ""
-    fixed = 100 <= abs(value) < 1e9 or value == 0
-    return f"{value:.{digits}f}" if fixed else f"{value:.{max(digits + 3, 1)}g}"
+    if value and not 1e-3 <= abs(value) < 1e9:
+        return f"{value:.6g}"
+    whole = len(str(int(abs(value)))) if abs(value) >= 1 else 0
+    return f"{value:.{max(digits, digits + 3 - whole)}f}"
 
 
 def seconds_text(value: float | None) -> str:

@@ -42,6 +42,6 @@ def pytest_terminal_summary(
 ) -> None:
     found = config.stash[_LEDGER]
     if found.titles or found.starts:
-        terminalreporter.section("label-setting and its peers")
+        terminalreporter.section("ours and their peers")
         for line in found.lines():
             terminalreporter.write_line(line)

@@ -59,15 +59,12 @@ class Ledger:
                 versions.append(f"{name} not installed")
         load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
         yield f"{', '.join(versions)}; {os.cpu_count()} cores{load}"
-        yield (
-            "own: from coordinates to a proven route (build + solve), compilation and verification "
-            "apart; whole: the call with its"
-        )
-        yield "verification, on a model never solved before; ratio: median own / label-setting's"
+        yield "own: build and solve, compilation and verification apart; whole: the call with its"
+        yield "verification, on a model never solved before; ratio: median own / that of the first row"
         header = ("solver", "own min", "own median", "whole", "ratio", "work", "outcome")
         for case, title in self.titles.items():
             rows = [row for row in self.rows if row.case == case]
-            base = next((median(row.own) for row in rows if row.solver == "label-setting"), None)
+            base = next((median(row.own) for row in rows if row.own), None)
             yield ""
             yield title
             yield from _aligned([header, *(_cells(row, base) for row in rows)])

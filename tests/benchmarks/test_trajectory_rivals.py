@@ -23,7 +23,7 @@ from crosstrack.instances.minimum_snap import corridor, random_walk
 from crosstrack.models import MinimumSnap, Trajectory
 
 #: Quadratic solvers on the Legendre program, by the seconds that one run of them is worth.
-QUADRATIC = ("piqp", "clarabel", "osqp", "proxqp", "cvxpy")
+QUADRATIC = ("piqp", "clarabel", "osqp", "cvxpy")
 
 
 def seconds_of(call: Callable[[], Any], repeats: int) -> tuple[float, Any]:
@@ -116,8 +116,10 @@ def test_corridor(count: int, limit: float, capsys: Any) -> None:
         ("interior-point", median(r.seconds["solve"] for r in runs), f"gap {best.gap:.1e}")
     ]
     agreed = 0
-    for name in QUADRATIC:
-        spent, answer, ended = solved(model, name, limit)
+    # A long corridor takes the others minutes: two of them are enough, and may take that long.
+    rivals, patience = (QUADRATIC, limit) if count < 1000 else (QUADRATIC[:2], max(limit, 300.0))
+    for name in rivals:
+        spent, answer, ended = solved(model, name, patience)
         if answer.termination == "optimal":
             off = abs(answer.primal_bound / best.primal_bound - 1)
             ended += f", objective differs by {off:.1e}"
