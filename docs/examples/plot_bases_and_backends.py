@@ -206,7 +206,7 @@ bare = min(answer.seconds["solve"] for answer in direct)
 print(f"{'SciPy spline':20} {min(spline() for _ in range(5)) / unit:8.2f} times the time of banded")
 print(f"{'banded, bare solve':20} {bare / unit:8.2f} times the time of banded")
 for backend, basis in (("interior-point", None), ("clarabel", "legendre"), ("clarabel", "hermite"),
-                       ("osqp", "legendre")):  # fmt: skip
+                       ("piqp", "legendre")):  # fmt: skip
     answers = [solved(backend, basis) for _ in range(5)]
     ratio = min(map(elapsed, answers)) / unit
     who, first = backend + (f":{basis}" if basis else ""), answers[0]
