@@ -244,7 +244,7 @@ def _attend(run: _Run, problem: Any, request: Request) -> Answer:
 def _refine(run: _Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     """Run the backend, and again on refined programs until the formulation is content.
 
-    Each program is a relaxation of the next, so a bound of any of them stands. Returns the last
+    Each program is a relaxation of the model, so a bound of any of them stands. Returns the last
     answer, its parts and counts summed over all runs, with the program answered.
     """
     begin, whole_limit = time.perf_counter(), request.time_limit
