@@ -332,7 +332,7 @@ class MinimumDerivative(Model[Trajectory]):
     # -- plans -----------------------------------------------------------------------------------
 
     def objective(self, plan: Trajectory) -> float:
-        """Return Σ w_j ∫ |x^(j)|² dt, over all axes."""
+        """Return Σ w_j ∫ (x^(j))² dt, over all axes."""
         total = 0.0
         for order, weight in enumerate(self.order_weights, start=1):
             if weight:
