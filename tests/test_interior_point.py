@@ -569,7 +569,13 @@ def test_three_hundred_segments():
 
 @pytest.mark.slow
 def test_a_thousand_segments():
-    agree(corridor(18, count=1000, axes=3), "piqp")
+    model = corridor(18, count=1000, axes=3)
+    ours = solved(model)
+    assert ours.termination == "optimal"
+    # With fewer instants from the start its last refinement stalls at a residual of 1e-6.
+    other = ct.solve(model, "piqp", formulation="legendre", formulation_options={"samples": 8})
+    assert other.termination == "optimal", other
+    assert ours.primal_bound == pytest.approx(other.primal_bound, rel=1e-6)
 
 
 # -- kernels ----------------------------------------------------------------------------------------------
