@@ -347,7 +347,7 @@ class Broadcast(Array):
     """
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        array = self._numbers(name, None if value is None else value)
+        array = self._numbers(name, value)
         rows, columns = (sizes[str(part)][0] for part in self.shape)
         full = (max(rows - 1, 0), columns)
         fits = array.ndim <= 2 and all(

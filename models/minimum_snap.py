@@ -7,7 +7,6 @@ Mellinger and Kumar 2011; Richter, Bry and Roy 2013; MINCO (Wang, Zhou, Xu, Gao)
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
@@ -21,7 +20,15 @@ from .model import Model
 from .trajectory import Trajectory, increasing
 from .verification import TOLERANCE, Verification
 
-__all__ = ["FREE", "Bound", "Halfspaces", "MinimumDerivative", "MinimumSnap", "derivative_name"]
+__all__ = [
+    "FREE",
+    "Bound",
+    "Halfspaces",
+    "MinimumDerivative",
+    "MinimumSnap",
+    "derivative_name",
+    "derivative_unit",
+]
 
 Floats = NDArray[np.float64]
 
@@ -396,8 +403,3 @@ class MinimumSnap(MinimumDerivative):
 
     kind: ClassVar[str] = "minimum-snap"
     objective_unit: ClassVar[str] = "m²/s⁷"
-
-    @classmethod
-    def from_data(cls, data: Mapping[str, Any], *, name: str = "") -> MinimumSnap:
-        """Return the model that :meth:`data` wrote; unknown and missing keys raise."""
-        return super().from_data(data, name=name)

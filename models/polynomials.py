@@ -137,6 +137,7 @@ def critical_points(coefficients: Floats) -> Floats:
     bend = derived(slope, 1)
     for _ in range(3):
         value, curvature = horner(slope[:, :, None], polished), horner(bend[:, :, None], polished)
-        step = np.divide(value, curvature, out=np.zeros_like(value), where=curvature != 0)
+        with np.errstate(over="ignore"):  # a step without end is cut off like any other
+            step = np.divide(value, curvature, out=np.zeros_like(value), where=curvature != 0)
         polished = np.clip(polished - step, 0.0, 1.0)
     return np.concatenate([ends, roots, polished], axis=1)

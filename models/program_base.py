@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -38,9 +39,9 @@ class Program(Model[Vector]):
         return Array((size,)).coerce("point", data, {})
 
     @property
+    @abstractmethod
     def size(self) -> int:
         """Number of columns."""
-        raise NotImplementedError
 
 
 class RowProgram(Program):
@@ -62,9 +63,9 @@ class RowProgram(Program):
 
     kind: ClassVar[str] = "linearly-constrained-program"
 
+    @abstractmethod
     def objective(self, point: Vector) -> float:
         """Return the objective at `point`."""
-        raise NotImplementedError
 
     def check(self) -> None:
         """Refuse blocks that do not cover the program."""

@@ -125,7 +125,7 @@ def diagnose(
     formulation : str, optional
         The formulation to filter; ``"paper"`` unless another is named.
     time_limit : float, optional
-        Seconds for each program that the filter solves.
+        Seconds for each search, or program that the filter solves.
 
     Returns
     -------
@@ -138,8 +138,8 @@ def diagnose(
         The backend is not exact, or takes no program.
     """
     if backend is None and formulation is None and model.kind in _NATIVE:
-        native: Callable[[Any], Diagnosis] = resolve(_NATIVE[model.kind])
-        return native(model)
+        native: Callable[[Any, float | None], Diagnosis] = resolve(_NATIVE[model.kind])
+        return native(model, time_limit)
     return filtered(model, backend, formulation, time_limit)
 
 

@@ -1115,7 +1115,7 @@ def test_refinement_adds_instants_until_the_exact_extremes_settle(name, samples)
         finer = written.refined(answer.point, 1e-6)
         if finer is None:
             break
-        # An instant that settles takes the place of the one beside it, so rows are not lost.
+        # The old program is a relaxation of the new one: its rows are among the new ones.
         assert finer.program.row_count >= written.program.row_count
         written = finer
     assert all(a <= b * (1 + 1e-5) for a, b in pairwise(values))

@@ -99,8 +99,7 @@ class MonomialFormulation(UnitBasisFormulation):
 class LegendreFormulation(UnitBasisFormulation):
     """1, s, …, s^(r-1) and r-fold integrals of Legendre polynomials: the Hessian is diag(0, 1).
 
-    The one basis measured in which interior-point solvers get corridors of 1000 segments right.
-    With weights for lower orders, only the part of the order r is diagonal.
+    Interior-point solvers get corridors of 1000 segments right in it. With weights for lower orders, only the part of the order r is diagonal.
     """
 
     name = "legendre"

@@ -17,7 +17,7 @@ from ..trajectory import Trajectory
 from .minimum_snap_bases import UnitBasisFormulation, legendre_basis
 from .piecewise import power_rows
 
-__all__ = ["HermiteFormulation", "hermite_basis"]
+__all__ = ["HermiteFormulation", "hermite_basis", "knot_times"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,6 +37,17 @@ def hermite_basis(order: int, degree: int) -> Floats:
     basis[: 2 * order, : 2 * order] = np.linalg.inv(ends)
     basis[:, 2 * order :] = legendre_basis(order, degree)[:, 2 * order :]
     return basis
+
+
+def knot_times(durations: Floats) -> Floats:
+    """Return a time for each knot that scales its derivatives, shape (segments + 1,).
+
+    The geometric mean of the durations beside it, the same for both segments that share it.
+    """
+    times: Floats = np.sqrt(
+        np.concatenate([durations[:1], durations]) * np.concatenate([durations, durations[-1:]])
+    )
+    return times
 
 
 class _Reduction(NamedTuple):
@@ -103,9 +114,7 @@ class HermiteFormulation(UnitBasisFormulation):
         constant = np.zeros((count, model.dimensions, size))
         number = np.full((count, model.dimensions, size), -1, np.int64)
         scale = np.ones((count, model.dimensions, size))
-        # A knot's local time, the same for both segments that share its derivatives.
-        long = model.durations
-        local = np.sqrt(np.concatenate([long[:1], long]) * np.concatenate([long, long[-1:]]))
+        local = knot_times(model.durations)
         total = 0
         for order in range(r):
             free = ~np.isfinite(fixed[:, order])

@@ -4,8 +4,7 @@ A corridor or limit holds at every instant, which no finite number of rows can s
 holds it at some instants of each segment, which makes it a relaxation: its optimum is a lower
 bound, and where it is infeasible, so is the model. :meth:`PiecewiseFormulation.refined` then adds
 the instants at which the solution sticks out most (the exchange method for semi-infinite programs),
-until none does. An added instant that settles moves, so that no two rows are almost
-the same.
+until none does.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -27,7 +25,7 @@ from ..minimum_snap import Bound, MinimumDerivative
 from ..polynomials import derived, horner
 from ..programs import QuadraticProgram
 from ..trajectory import Trajectory
-from .instants import NOWHERE, Instants, Limits, sticking_out, violation
+from .instants import NOWHERE, Instants, Limits, first_instants, sticking_out, violation
 
 __all__ = ["PiecewiseFormulation", "power_rows"]
 
@@ -249,56 +247,10 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     # -- corridor and limits ---------------------------------------------------------------------
 
-    @cached_property
-    def _nodes(self) -> Floats:
-        """The first instants: Chebyshev's extreme points, denser where derivatives peak."""
-        return (1 - np.cos(np.pi * np.arange(self.samples) / (self.samples - 1))) / 2
-
     def _held(self) -> Instants:
         """All instants: the first ones of every bounded segment, and those that were added."""
-        model = self.model
-        found = []
-        for number, bound in enumerate(model.bounds):
-            finite = np.isfinite(bound.lower) | np.isfinite(bound.upper)
-            segment, axis = np.nonzero(finite)
-            found.append(self._first(number, segment, axis, bound.derivative, finite))
-        if model.halfspaces is not None:
-            each = np.arange(model.halfspaces.segments.size)
-            found.append(self._first(len(model.bounds), model.halfspaces.segments, each, -1, None))
-        found.append(self.instants)
-        return Instants(*(np.concatenate(column) for column in zip(*found, strict=True)))
-
-    def _first(
-        self,
-        number: int,
-        segment: Ints,
-        axis: Ints,
-        derivative: int,
-        finite: NDArray[np.bool_] | None,
-    ) -> Instants:
-        model, nodes = self.model, self._nodes
-        segments, axes = np.repeat(segment, nodes.size), np.repeat(axis, nodes.size)
-        s = np.tile(nodes, segment.size)
-        keep = np.ones(s.size, bool)
-        if finite is not None:
-            # What is fixed at a knot cannot be moved by a row, and what is continuous there and
-            # bounded alike on both sides needs one row only.
-            bound = model.bounds[number]
-            knots = segments + (s == 1.0)
-            at_knot = (s == 0.0) | (s == 1.0)
-            if derivative < model.conditions.shape[1]:
-                keep &= ~(at_knot & np.isfinite(model.conditions[knots, derivative, axes]))
-            after = np.minimum(segments + 1, model.segments - 1)
-            alike = (bound.lower[segments, axes] == bound.lower[after, axes]) & (
-                bound.upper[segments, axes] == bound.upper[after, axes]
-            )
-            shared = (s == 1.0) & (segments + 1 < model.segments)
-            if derivative <= self.continuity:
-                keep &= ~(shared & alike & finite[after, axes])
-        return Instants(
-            np.full(int(keep.sum()), number), segments[keep].astype(np.int64),
-            axes[keep].astype(np.int64), s[keep],
-        )  # fmt: skip
+        first = first_instants(self.model, self.samples, self.continuity)
+        return first.joined(self.instants)
 
     def _bounded(
         self, instants: Instants, number: int, derivative: int, lower: Floats, upper: Floats
@@ -345,7 +297,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         if not added.s.size:
             return None
         finer = replace(self)
-        held = Instants(*(np.concatenate(pair) for pair in zip(self.instants, added, strict=True)))
+        held = self.instants.joined(added)
         object.__setattr__(finer, "instants", held)
         object.__setattr__(finer, "rounds", self.rounds + 1)
         return finer

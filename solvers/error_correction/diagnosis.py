@@ -17,12 +17,19 @@ __all__ = ["diagnose_routing"]
 _METHOD = "search for the points that any walk from A can reach"
 
 
-def diagnose_routing(model: ErrorCorrectionRouting) -> Diagnosis:
+def diagnose_routing(model: ErrorCorrectionRouting, time_limit: float | None = None) -> Diagnosis:
     """Return which points stop every extension, and by how much the thresholds miss.
 
     Where B cannot be reached even with revisits, every point that is reached is named with the step
     beyond that misses by least. Where it can, and only the ban on revisits is in the way, the
     points are named that a route would have to visit twice.
+
+    Parameters
+    ----------
+    model : ErrorCorrectionRouting
+        What is asked.
+    time_limit : float, optional
+        Seconds for each search.
     """
     least = reachable(model)
     reached = np.flatnonzero(np.isfinite(least))
@@ -35,14 +42,19 @@ def diagnose_routing(model: ErrorCorrectionRouting) -> Diagnosis:
         return Diagnosis(
             model.name, False, _METHOD, summary, tuple(_finding(model, r) for r in found)
         )
-    answer = solve(model, "label-setting")
+    answer = solve(model, "label-setting", time_limit=time_limit)
     if answer.plan is not None:
         summary = f"a route exists: {answer.plan}, {answer.primal_bound:.10g} m"
         return Diagnosis(model.name, True, "label-setting", summary)
     if answer.termination is not Termination.INFEASIBLE:
         return Diagnosis(model.name, None, "label-setting", f"not settled: {answer.termination}")
-    walk = solve(replace(model, revisits=True), "label-setting").plan
-    assert walk is not None, "B is reachable by a walk"
+    free = solve(replace(model, revisits=True), "label-setting", time_limit=time_limit)
+    walk = free.plan
+    if walk is None:
+        return Diagnosis(
+            model.name, False, "label-setting",
+            f"no route; which points it would visit twice is not settled: {free.termination}",
+        )  # fmt: skip
     points, times = np.unique(walk.route, return_counts=True)
     twice = points[times > 1].tolist()
     names = ", ".join(model.label(point) for point in twice)

@@ -13,53 +13,18 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.formulations.minimum_snap_hermite import hermite_basis
+from ...models.formulations.instants import Instants, first_instants
+from ...models.formulations.minimum_snap_hermite import hermite_basis, knot_times
 from ...models.formulations.piecewise import power_rows
 from ...models.minimum_snap import MinimumDerivative
 from ...models.polynomials import factorials, gauss_legendre
 
-__all__ = ["Chain", "Held", "chains", "unit_cost"]
+__all__ = ["Chain", "chains", "unit_cost"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 #: Lower and upper bounds, and what violations of each are held against.
 Limits = tuple[Floats, Floats, Floats, Floats]
-
-
-@dataclass(frozen=True)
-class Held:
-    """Instants at which bounds are held, sorted by segment.
-
-    Parameters
-    ----------
-    bound, segment, which : ndarray of int, shape (Q,)
-        The bound (the half-spaces count as the last), the segment, the axis or half-space.
-    s : ndarray, shape (Q,)
-        The instant.
-    """
-
-    bound: Ints
-    segment: Ints
-    which: Ints
-    s: Floats
-
-    def sorted(self) -> tuple[Held, Ints]:
-        """Return the instants by segment, and the permutation that sorts them."""
-        order = np.lexsort((self.s, self.which, self.bound, self.segment)).astype(np.int64)
-        return self.taken(order), order
-
-    def taken(self, index: Ints) -> Held:
-        """Return the instants at `index`."""
-        return Held(self.bound[index], self.segment[index], self.which[index], self.s[index])
-
-    def joined(self, other: Held) -> Held:
-        """Return these instants and then the others."""
-        return Held(
-            np.concatenate([self.bound, other.bound]),
-            np.concatenate([self.segment, other.segment]),
-            np.concatenate([self.which, other.which]),
-            np.concatenate([self.s, other.s]),
-        )
 
 
 @cache
@@ -118,11 +83,7 @@ class Chain:
     @property
     def knot_times(self) -> Floats:
         """Time that scales the derivatives at each knot, shape (knots,)."""
-        long = self.model.durations
-        times: Floats = np.sqrt(
-            np.concatenate([long[:1], long]) * np.concatenate([long, long[-1:]])
-        )
-        return times
+        return knot_times(self.model.durations)
 
     def start(self) -> tuple[NDArray[np.bool_], Floats]:
         """Return which coordinates of the knots are fixed, and their values (0 where free)."""
@@ -174,7 +135,7 @@ class Chain:
                 parts += [self._spread(rows, axis) for axis in range(len(self.axes))]
         return np.ascontiguousarray(np.concatenate(parts, axis=1))
 
-    def rows(self, held: Held) -> tuple[Floats, Floats, Floats, Floats]:
+    def rows(self, held: Instants) -> tuple[Floats, Floats, Floats, Floats]:
         """Return the rows of the bounds at `held`, with bounds and scale: all normalised.
 
         The largest entry of a row is 1; what it was multiplied by comes last.
@@ -187,7 +148,7 @@ class Chain:
         position = {axis: at for at, axis in enumerate(self.axes)}
         for number, bound in enumerate(model.bounds):
             for axis in self.axes:
-                take = np.flatnonzero((held.bound == number) & (held.which == axis))
+                take = np.flatnonzero((held.bound == number) & (held.axis == axis))
                 segment = held.segment[take]
                 unit = power_rows(held.s[take], bound.derivative, model.degree) @ basis
                 unit *= (
@@ -204,10 +165,10 @@ class Chain:
             unit = power_rows(held.s[take], 0, model.degree) @ basis
             unit *= scales[held.segment[take]]
             for at, axis in enumerate(self.axes):
-                normal = spaces.normals[held.which[take], axis]
+                normal = spaces.normals[held.axis[take], axis]
                 rows[take] += self._spread(unit * normal[:, None], at)
-            normals = spaces.normals[held.which[take]][:, list(self.axes)]
-            upper[take] = spaces.offsets[held.which[take]] - normals @ self.origin
+            normals = spaces.normals[held.axis[take]][:, list(self.axes)]
+            upper[take] = spaces.offsets[held.axis[take]] - normals @ self.origin
         largest = np.abs(rows).max(axis=1, initial=0.0)
         share = 1.0 / np.where(largest > 0, largest, 1.0)
         return rows * share[:, None], lower * share, upper * share, share
@@ -231,56 +192,12 @@ class Chain:
         powers[:, 0] += start + self.origin
         return powers
 
-    def first_instants(self, samples: int) -> Held:
-        """Return the instants that are held from the start."""
+    def first_instants(self, samples: int) -> Instants:
+        """Return the instants that are held from the start, by segment."""
         model = self.model
-        nodes = (1 - np.cos(np.pi * np.arange(samples) / (samples - 1))) / 2
-        parts: list[tuple[Ints, Ints, Ints, Floats]] = []
-        for number, bound in enumerate(model.bounds):
-            if bound.derivative > model.degree:
-                continue  # it vanishes, which every limit allows
-            finite = np.isfinite(bound.lower) | np.isfinite(bound.upper)
-            for axis in self.axes:
-                segment = np.flatnonzero(finite[:, axis])
-                segments, s = np.repeat(segment, samples), np.tile(nodes, segment.size)
-                knots = segments + (s == 1.0)
-                ends = (s == 0.0) | (s == 1.0)
-                keep = np.ones(s.size, bool)
-                if bound.derivative < model.conditions.shape[1]:
-                    # A row cannot move what is fixed.
-                    keep &= ~(ends & np.isfinite(model.conditions[knots, bound.derivative, axis]))
-                after = np.minimum(segments + 1, model.segments - 1)
-                same = (bound.lower[segments, axis] == bound.lower[after, axis]) & (
-                    bound.upper[segments, axis] == bound.upper[after, axis]
-                )
-                if bound.derivative < model.order:
-                    keep &= ~((s == 1.0) & same & (segments + 1 < model.segments))
-                count = int(keep.sum())
-                parts.append(
-                    (np.full(count, number), segments[keep], np.full(count, axis), s[keep])
-                )
-        spaces = model.halfspaces
-        if spaces is not None:
-            which = np.repeat(np.arange(spaces.segments.size), samples)
-            parts.append(
-                (
-                    np.full(which.size, len(model.bounds)),
-                    spaces.segments[which],
-                    which,
-                    np.tile(nodes, spaces.segments.size),
-                )
-            )
-        columns = (
-            [np.concatenate(column) for column in zip(*parts, strict=True)]
-            if parts
-            else [np.empty(0)] * 4
-        )
-        bound_, segment_, which_, s_ = columns
-        return Held(
-            bound_.astype(np.int64), segment_.astype(np.int64), which_.astype(np.int64), s_
-        ).sorted()[0]
+        return first_instants(model, samples, model.order - 1, self.axes).sorted()[0]
 
-    def polynomials(self, powers: Floats) -> tuple[Floats, Limits, Held]:
+    def polynomials(self, powers: Floats) -> tuple[Floats, Limits, Instants]:
         """Return what is bounded as polynomials in s, with bounds and scales, and their owners.
 
         Derivatives lower the degree; they are padded with zeros to one width.
@@ -316,7 +233,7 @@ class Chain:
             which = np.arange(spaces.segments.size)
             parts.append((np.full(which.size, len(model.bounds)), spaces.segments, which))
         owners = [np.concatenate(c).astype(np.int64) for c in zip(*parts, strict=True)]
-        held = Held(owners[0], owners[1], owners[2], np.zeros(owners[0].size))
+        held = Instants(owners[0], owners[1], owners[2], np.zeros(owners[0].size))
         low, high, low_size, high_size = (np.concatenate(c) for c in zip(*limits, strict=True))
         return (
             np.ascontiguousarray(np.concatenate(rows)),

@@ -18,7 +18,9 @@ from ..error_correction.jit import kernel
 __all__ = [
     "bound_gradient",
     "factorise",
+    "hold_still",
     "multiply",
+    "newton_step",
     "row_values",
     "solve_factors",
     "transposed",
@@ -269,3 +271,36 @@ def solve_factors(
                 inner[k, i] = value
             else:
                 knots[k, i - own] = value
+
+
+@kernel
+def hold_still(fixed: Flags, knots: Floats) -> None:
+    """Set what belongs to fixed coordinates to 0."""
+    for k in range(fixed.shape[0]):
+        for j in range(fixed.shape[1]):
+            if fixed[k, j]:
+                knots[k, j] = 0.0
+
+
+@kernel
+def newton_step(
+    cost: Floats,
+    rows: Floats,
+    start: Ints,
+    weight: Floats,
+    fixed: Flags,
+    factors: Floats,
+    last: Floats,
+    b_knots: Floats,
+    b_inner: Floats,
+) -> tuple[Floats, Floats]:
+    """Solve ``(C'C + G'W²G) x = b`` with the factors, refined once against the rows themselves."""
+    x_knots, x_inner = b_knots.copy(), b_inner.copy()
+    solve_factors(factors, last, fixed, x_knots, x_inner)
+    r_knots, r_inner = b_knots.copy(), b_inner.copy()
+    transposed(cost, -multiply(cost, x_knots, x_inner), r_knots, r_inner)
+    value = row_values(rows, start, x_knots, x_inner)
+    bound_gradient(rows, start, -weight * weight * value, r_knots, r_inner)
+    hold_still(fixed, r_knots)
+    solve_factors(factors, last, fixed, r_knots, r_inner)
+    return x_knots + r_knots, x_inner + r_inner

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models.minimum_snap import Bound, MinimumDerivative, derivative_name, derivative_unit
 from ...models.trajectory import Trajectory
-from ..backend import Request, Termination
+from ..backend import Control, Termination
 from ..diagnosis import Diagnosis, Finding, filtered
 from .interior_point import InteriorPoint
 
@@ -36,13 +36,12 @@ def diagnose_trajectory(model: MinimumDerivative, time_limit: float | None = 60.
     model : MinimumDerivative
         What is asked.
     time_limit : float, optional
-        Seconds for each program, where the interior point does not cover the model and the deletion
-        filter over rows is used.
+        Seconds for each problem that the filter solves.
     """
     backend = InteriorPoint()
     if backend.refuses(model) or backend.missing():
         return filtered(model, None, None, time_limit)
-    ends = _ends(backend)
+    ends = _ends(time_limit)
     first, segments = ends(model)
     if first is Termination.OPTIMAL:
         return Diagnosis(model.name, True, _METHOD, "a plan exists: nothing to explain")
@@ -72,7 +71,7 @@ def diagnose_trajectory(model: MinimumDerivative, time_limit: float | None = 60.
 
 
 def _ends(
-    backend: InteriorPoint,
+    time_limit: float | None,
 ) -> Callable[[MinimumDerivative], tuple[Termination, frozenset[int]]]:
     """Return what solves a model and says how it ended, with the segments of a contradiction."""
     from .chain import chains
@@ -82,10 +81,17 @@ def _ends(
 
     def ends(model: MinimumDerivative) -> tuple[Termination, frozenset[int]]:
         results = []
-        for chain in chains(model):
-            results.append(solve_chain(chain, settings, Request().control.flag))
-            if results[-1].status == "infeasible":
-                return Termination.INFEASIBLE, frozenset(results[-1].conflict.tolist())
+        control = Control()
+        control.arm(time_limit)
+        try:
+            for chain in chains(model):
+                results.append(solve_chain(chain, settings, control.flag))
+                if results[-1].status == "infeasible":
+                    return Termination.INFEASIBLE, frozenset(results[-1].conflict.tolist())
+        finally:
+            control.disarm()
+        if control.stopped:
+            return Termination.NO_SOLUTION, frozenset()
         # Any trajectory will do, be it the best or not.
         plan = Trajectory(model.times, np.concatenate([r.powers for r in results], axis=2))
         return (Termination.OPTIMAL if model.verify(plan).ok else Termination.FAILED), frozenset()

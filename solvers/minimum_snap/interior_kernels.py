@@ -9,9 +9,10 @@ from ..error_correction.jit import kernel
 from .chain_kernels import (
     bound_gradient,
     factorise,
+    hold_still,
     multiply,
+    newton_step,
     row_values,
-    solve_factors,
     transposed,
 )
 
@@ -22,41 +23,6 @@ CONVERGED, STALLED, STOPPED = 0, 1, 2
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-
-
-@kernel
-def _clear(fixed: Flags, knots: Floats) -> None:
-    for k in range(fixed.shape[0]):
-        for j in range(fixed.shape[1]):
-            if fixed[k, j]:
-                knots[k, j] = 0.0
-
-
-@kernel
-def _newton(
-    cost: Floats,
-    rows: Floats,
-    start: Ints,
-    weight: Floats,
-    fixed: Flags,
-    factors: Floats,
-    last: Floats,
-    b_knots: Floats,
-    b_inner: Floats,
-) -> tuple[Floats, Floats]:
-    """Solve with the factors and refine once against the rows themselves."""
-    x_knots, x_inner = b_knots.copy(), b_inner.copy()
-    solve_factors(factors, last, fixed, x_knots, x_inner)
-    for _ in range(1):
-        r_knots, r_inner = b_knots.copy(), b_inner.copy()
-        transposed(cost, -multiply(cost, x_knots, x_inner), r_knots, r_inner)
-        value = row_values(rows, start, x_knots, x_inner)
-        bound_gradient(rows, start, -weight * weight * value, r_knots, r_inner)
-        _clear(fixed, r_knots)
-        solve_factors(factors, last, fixed, r_knots, r_inner)
-        x_knots += r_knots
-        x_inner += r_inner
-    return x_knots, x_inner
 
 
 @kernel
@@ -102,7 +68,7 @@ def interior_point(
         g_knots, g_inner = np.zeros(knots.shape), np.zeros(inner.shape)
         transposed(cost, value, g_knots, g_inner)
         bound_gradient(rows, start, z_above - z_below, g_knots, g_inner)
-        _clear(fixed, g_knots)
+        hold_still(fixed, g_knots)
         dual = max(np.max(np.abs(g_knots)), np.max(np.abs(g_inner)) if own else 0.0)
         r_low, r_high = np.zeros(size), np.zeros(size)
         comp, primal, largest = 0.0, 0.0, 1.0
@@ -155,8 +121,8 @@ def interior_point(
                     pull[q] += (c_high[q] + z_above[q] * r_high[q]) / above[q]
             b_knots, b_inner = -g_knots, -g_inner
             bound_gradient(rows, start, pull, b_knots, b_inner)
-            _clear(fixed, b_knots)
-            x_knots, x_inner = _newton(
+            hold_still(fixed, b_knots)
+            x_knots, x_inner = newton_step(
                 cost, rows, start, weight, fixed, factors, last, b_knots, b_inner
             )
             step = row_values(rows, start, x_knots, x_inner)

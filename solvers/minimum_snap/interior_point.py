@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
@@ -16,7 +17,7 @@ from ...models.trajectory import Trajectory
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 
 if TYPE_CHECKING:
-    from .interior_solver import ChainResult, Settings
+    from .interior_solver import ChainResult
 
 __all__ = ["InteriorPoint"]
 
@@ -104,19 +105,13 @@ class InteriorPoint(Backend):
                 results.append(work(group))
                 if results[-1].status in ("infeasible", "stopped"):
                     break
-        answer = _concluded(problem, request, settings, results, len(groups))
-        seconds = {"solve": time.perf_counter() - begin}
-        return Answer(
-            answer.termination, answer.limit, answer.point, answer.primal_bound,
-            answer.dual_bound, seconds=seconds, statistics=answer.statistics,
-            message=answer.message,
-        )  # fmt: skip
+        answer = _concluded(problem, request, results, len(groups))
+        return replace(answer, seconds={"solve": time.perf_counter() - begin})
 
 
 def _concluded(
     problem: MinimumDerivative,
     request: Request,
-    settings: Settings,
     results: list[ChainResult],
     groups: int,
 ) -> Answer:

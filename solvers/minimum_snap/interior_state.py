@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.polynomials import bernstein_matrix, critical_points, horner
-from .chain import Chain, Held
+from ...models.formulations.instants import Instants
+from .chain import Chain
 from .chain_kernels import (
     bound_gradient,
     factorise,
@@ -20,7 +20,7 @@ from .chain_kernels import (
     transposed,
 )
 from .interior_kernels import interior_point
-from .separation import outside
+from .separation import outside, roots_outside
 
 __all__ = ["Iterate", "Settings", "State"]
 
@@ -180,7 +180,7 @@ max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settin
         size = max(0.5 * float(np.sum(value**2)), NOTHING * self.chain.model.segments)
         return primal <= 1e-8 and comp <= 1e-7 * size
 
-    def missing(self, threshold: float, *, exact: bool = False) -> tuple[Held | None, float]:
+    def missing(self, threshold: float, *, exact: bool = False) -> tuple[Instants | None, float]:
         """Return the instants at which the iterate lies outside, and by how much at most.
 
         Parameters
@@ -192,27 +192,14 @@ max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settin
             which miss two extremes in one cell.
         """
         polynomials, limits, owners = self.chain.polynomials(self.powers())
-        look = _roots_outside if exact else outside
+        look = roots_outside if exact else outside
         row, s, share = look(polynomials, *limits, threshold)
         if not row.size:
             return None, 0.0
-        fresh = owners.taken(row)
-        fresh = Held(fresh.bound, fresh.segment, fresh.which, s)
-        known = dict.fromkeys(zip(self.held.bound.tolist(), self.held.segment.tolist(), self.held.which.tolist(), np.round(self.held.s, 9).tolist(), strict=True))  # fmt: skip
-        keep = []
-        for index, key in enumerate(
-            zip(
-                fresh.bound.tolist(), fresh.segment.tolist(), fresh.which.tolist(),
-                np.round(fresh.s, 9).tolist(), strict=True,
-            )
-        ):  # fmt: skip
-            if key not in known:
-                known[key] = None
-                keep.append(index)
-        found = fresh.taken(np.array(keep, np.int64)) if keep else None
-        return found, float(share.max())
+        fresh = self.held.fresh(owners.taken(row)._replace(s=s))
+        return (fresh if fresh.s.size else None), float(share.max())
 
-    def add(self, fresh: Held, iterates: Sequence[Iterate]) -> list[Iterate]:
+    def add(self, fresh: Instants, iterates: Sequence[Iterate]) -> list[Iterate]:
         """Hold the bounds at more instants; return `iterates` with rows for them."""
         self.held, order = self.held.joined(fresh).sorted()
         self._pose()
@@ -238,24 +225,3 @@ max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settin
             slack[there] = np.maximum(np.abs(gap[there]), 1e-4)
             z[there] = mu / slack[there]
         return Iterate(knots, inner, *parts)
-
-
-def _roots_outside(
-    powers: Floats,
-    lower: Floats,
-    upper: Floats,
-    low_scale: Floats,
-    high_scale: Floats,
-    threshold: float,
-) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """Return what :func:`outside` does, from the roots of the slopes."""
-    control = powers @ bernstein_matrix(powers.shape[1] - 1).T
-    near = np.flatnonzero((control.min(axis=1) < lower) | (control.max(axis=1) > upper))
-    places = critical_points(powers[near])
-    value = horner(powers[near][:, :, None], places)
-    share = np.maximum(
-        (lower[near, None] - value) / low_scale[near, None],
-        (value - upper[near, None]) / high_scale[near, None],
-    )
-    row, column = np.nonzero(share > threshold)
-    return near[row].astype(np.int64), places[row, column], share[row, column]

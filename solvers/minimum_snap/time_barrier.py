@@ -8,13 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.polynomials import bernstein_matrix, critical_points, horner
 from ...models.time_allocation import TimeAllocation
 from ...models.trajectory import Trajectory
-from .chain import Held
-from .separation import outside
+from .separation import outside, roots_outside
 from .time_curvature import curvature, foreseen
-from .time_held import Group, Iterate, Rows, forms_of, groups_of
+from .time_held import Group, Iterate, forms_of, groups_of
 from .time_inner import Value
 from .time_kernels import SETTLED, evaluate
 from .time_polynomials import bounded_rows, powers_of
@@ -244,16 +242,12 @@ class Barrier:
                 self._powers(group, durations), durations, owners.segment, spans.derivative,
                 spans.mix,
             )  # fmt: skip
-            if exactly:
-                row, s = _beyond(polynomials, spans, threshold)
-            else:
-                row, s, _ = outside(
-                    polynomials, spans.lower, spans.upper, spans.low_scale, spans.high_scale,
-                    threshold,
-                )  # fmt: skip
+            look = roots_outside if exactly else outside
+            row, s, _ = look(
+                polynomials, spans.lower, spans.upper, spans.low_scale, spans.high_scale, threshold
+            )
             if row.size:
-                at = owners.taken(row)
-                fresh = Held(at.bound, at.segment, at.which, s)
+                fresh = owners.taken(row)._replace(s=s)
                 count += group.hold(self.forms, fresh, self.mu)
         if count:
             self._latest = self._course = None
@@ -304,17 +298,3 @@ class Barrier:
             powers[:, :, list(group.axes)] = self._powers(group, durations)
         powers[:, 0] += self.forms.origin
         return powers
-
-
-def _beyond(polynomials: Floats, rows: Rows, threshold: float) -> tuple[NDArray[np.int64], Floats]:
-    """Return rows and arguments of all extremes beyond a bound, by the roots of the derivatives."""
-    control = polynomials @ bernstein_matrix(polynomials.shape[1] - 1).T
-    low, high = rows.lower - threshold * rows.low_scale, rows.upper + threshold * rows.high_scale
-    # The control polygon encloses the curve: only where it sticks out can there be any.
-    near = np.flatnonzero((control.min(axis=1) < low) | (control.max(axis=1) > high))
-    if not near.size:
-        return near.astype(np.int64), np.empty(0)
-    s = critical_points(polynomials[near])
-    values = horner(polynomials[near][:, :, None], s)
-    row, column = np.nonzero((values < low[near, None]) | (values > high[near, None]))
-    return near[row].astype(np.int64), s[row, column]

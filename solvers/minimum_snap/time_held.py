@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.formulations.instants import Instants
 from ...models.formulations.minimum_snap_hermite import hermite_basis
 from ...models.formulations.piecewise import power_rows
 from ...models.time_allocation import TimeAllocation
-from .chain import Chain, Held, chains, unit_cost
+from .chain import Chain, chains, unit_cost
 from .time_inner import jets_of
 
 __all__ = ["Forms", "Group", "Iterate", "Rows", "forms_of", "groups_of"]
@@ -112,11 +113,11 @@ class Group:
         Which.
     fixed, values : ndarray, shape (knots, n)
         Which derivatives are given, and their values.
-    held : Held
+    held : Instants
         The instants at which the bounds are held, and
     rows : Rows
         the bounded values there.
-    owners : Held
+    owners : Instants
         One place for every bound of a segment, and
     spans : Rows
         what is bounded there.
@@ -129,9 +130,9 @@ class Group:
     axes: tuple[int, ...]
     fixed: Flags
     values: Floats
-    held: Held
+    held: Instants
     rows: Rows
-    owners: Held
+    owners: Instants
     spans: Rows
     iterate: Iterate
     warm: bool = False
@@ -141,16 +142,12 @@ class Group:
         """Number of slacks."""
         return int(np.isfinite(self.rows.lower).sum() + np.isfinite(self.rows.upper).sum())
 
-    def hold(self, forms: Forms, fresh: Held, mu: float) -> int:
+    def hold(self, forms: Forms, fresh: Instants, mu: float) -> int:
         """Hold the bounds at more instants, with slacks times multipliers of `mu`.
 
         Returns how many are new.
         """
-        model = forms.model
-        _, first = np.unique(_keys(model, fresh), return_index=True)
-        fresh = fresh.taken(first)
-        old = np.isin(_keys(model, fresh), _keys(model, self.held))
-        fresh = fresh.taken(np.flatnonzero(~old))
+        fresh = self.held.fresh(fresh)
         if not fresh.s.size:
             return 0
         size = self.held.s.size
@@ -220,7 +217,7 @@ def groups_of(forms: Forms) -> list[Group]:
     return groups
 
 
-def _rows(forms: Forms, axes: tuple[int, ...], held: Held) -> Rows:
+def _rows(forms: Forms, axes: tuple[int, ...], held: Instants) -> Rows:
     """Return what is bounded at the instants `held`."""
     model, basis, origin = forms.model, forms.basis, forms.origin
     size = held.s.size
@@ -231,7 +228,7 @@ def _rows(forms: Forms, axes: tuple[int, ...], held: Held) -> Rows:
     for number, bound in enumerate(model.bounds):
         low_sizes, high_sizes = model.unit.bound_scale(bound)
         for at, axis in enumerate(axes):
-            take = np.flatnonzero((held.bound == number) & (held.which == axis))
+            take = np.flatnonzero((held.bound == number) & (held.axis == axis))
             segment = held.segment[take]
             unit[take] = power_rows(held.s[take], bound.derivative, model.degree) @ basis
             mix[take, at] = 1.0
@@ -244,7 +241,7 @@ def _rows(forms: Forms, axes: tuple[int, ...], held: Held) -> Rows:
     spaces = model.halfspaces
     if spaces is not None:
         take = np.flatnonzero(held.bound == len(model.bounds))
-        which = held.which[take]
+        which = held.axis[take]
         unit[take] = power_rows(held.s[take], 0, model.degree) @ basis
         mix[take] = spaces.normals[which][:, list(axes)]
         upper[take] = spaces.offsets[which] - spaces.normals[which] @ origin
@@ -253,16 +250,7 @@ def _rows(forms: Forms, axes: tuple[int, ...], held: Held) -> Rows:
     return Rows(unit, mix, derivative, start, lower, upper, low_scale, high_scale)
 
 
-def _keys(model: TimeAllocation, held: Held) -> Ints:
-    """Return a number for each instant; those closer than a billionth count as one."""
-    spaces = model.halfspaces
-    width = max(model.dimensions, 0 if spaces is None else spaces.segments.size)
-    number = (held.bound * model.segments + held.segment) * width + held.which
-    keys: Ints = number * 2_000_000_000 + np.round(held.s * 1e9).astype(np.int64)
-    return keys
-
-
-def _owners(chain: Chain) -> Held:
+def _owners(chain: Chain) -> Instants:
     """Return a place (at s = 0) for every bound of every segment of a chain."""
     model = chain.model
     none = np.empty(0, np.int64)
@@ -281,4 +269,4 @@ def _owners(chain: Chain) -> Held:
     number_, segment_, which_ = (
         np.concatenate(column).astype(np.int64) for column in zip(*columns, strict=True)
     )
-    return Held(number_, segment_, which_, np.zeros(number_.size)).sorted()[0]
+    return Instants(number_, segment_, which_, np.zeros(number_.size)).sorted()[0]

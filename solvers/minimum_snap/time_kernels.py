@@ -9,9 +9,10 @@ from ..error_correction.jit import kernel
 from .chain_kernels import (
     bound_gradient,
     factorise,
+    hold_still,
     multiply,
+    newton_step,
     row_values,
-    solve_factors,
     transposed,
 )
 from .time_rows import knot_scales, pose, slopes
@@ -23,31 +24,6 @@ SETTLED, UNSETTLED, HALTED = 0, 1, 2
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-
-
-@kernel
-def _held_still(fixed: Flags, knots: Floats) -> None:
-    for k in range(fixed.shape[0]):
-        for j in range(fixed.shape[1]):
-            if fixed[k, j]:
-                knots[k, j] = 0.0
-
-
-@kernel
-def _newton(
-    cost: Floats, rows: Floats, start: Ints, weight: Floats, fixed: Flags, factors: Floats,
-    last: Floats, b_knots: Floats, b_inner: Floats,
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """Solve ``(C'C + G'W²G) x = b`` with the factors, refined once."""
-    x_knots, x_inner = b_knots.copy(), b_inner.copy()
-    solve_factors(factors, last, fixed, x_knots, x_inner)
-    r_knots, r_inner = b_knots.copy(), b_inner.copy()
-    transposed(cost, -multiply(cost, x_knots, x_inner), r_knots, r_inner)
-    value = row_values(rows, start, x_knots, x_inner)
-    bound_gradient(rows, start, -weight * weight * value, r_knots, r_inner)
-    _held_still(fixed, r_knots)
-    solve_factors(factors, last, fixed, r_knots, r_inner)
-    return x_knots + r_knots, x_inner + r_inner
 
 
 @kernel
@@ -75,8 +51,10 @@ def cold_start(
     b_knots, b_inner = np.zeros(knots.shape), np.zeros(inner.shape)
     transposed(scaled, -multiply(scaled, knots, inner), b_knots, b_inner)
     bound_gradient(rows, start, target - row_values(rows, start, knots, inner), b_knots, b_inner)
-    _held_still(fixed, b_knots)
-    x_knots, x_inner = _newton(scaled, rows, start, weight, fixed, factors, last, b_knots, b_inner)
+    hold_still(fixed, b_knots)
+    x_knots, x_inner = newton_step(
+        scaled, rows, start, weight, fixed, factors, last, b_knots, b_inner
+    )
     knots += x_knots
     inner += x_inner
 
@@ -131,7 +109,7 @@ def centre(
                 for j in range(width):
                     typical = max(typical, abs(cost[k, i, j] * value[k, i]))
         bound_gradient(rows, start, z_above - z_below, g_knots, g_inner)
-        _held_still(fixed, g_knots)
+        hold_still(fixed, g_knots)
         dual = max(np.max(np.abs(g_knots)), np.max(np.abs(g_inner)) if own else 0.0)
         primal, off, largest = 0.0, 0.0, 0.0
         for q in range(size):
@@ -173,8 +151,8 @@ def centre(
         factorise(cost, rows, start, weight, fixed, factors, last)
         b_knots, b_inner = -g_knots, -g_inner
         bound_gradient(rows, start, pull, b_knots, b_inner)
-        _held_still(fixed, b_knots)
-        x_knots, x_inner = _newton(
+        hold_still(fixed, b_knots)
+        x_knots, x_inner = newton_step(
             cost, rows, start, weight, fixed, factors, last, b_knots, b_inner
         )
         step = row_values(rows, start, x_knots, x_inner)
