@@ -22,7 +22,7 @@ from .base import (
     solver_tolerance,
 )
 
-__all__ = ["Highs"]
+__all__ = ["Highs", "pass_rows"]
 
 
 class Highs(ProgramBackend):
@@ -81,7 +81,7 @@ class Highs(ProgramBackend):
 
         highs = highspy.Highs()
         _configure(highspy, highs, program, request)
-        _pass(highspy, highs, program)
+        pass_rows(highspy, highs, program, program.integral)
         if request.warm_start is not None:
             columns = np.arange(program.size, dtype=np.int32)
             highs.setSolution(program.size, columns, np.asarray(request.warm_start, float))
@@ -122,7 +122,8 @@ def _configure(highspy: Any, highs: Any, program: MixedIntegerProgram, request: 
             raise UnsupportedOption(f"backend 'highs': HiGHS refuses {name} = {value!r}")
 
 
-def _pass(highspy: Any, highs: Any, program: MixedIntegerProgram) -> None:
+def pass_rows(highspy: Any, highs: Any, program: RowProgram, integral: Any) -> None:
+    """Hand HiGHS the linear part of a program; ``InvalidData`` where it refuses."""
     matrix = program.matrix
     passed = highs.passModel(
         program.size,
@@ -139,7 +140,7 @@ def _pass(highspy: Any, highs: Any, program: MixedIntegerProgram) -> None:
         matrix.indptr.astype(np.int32),
         matrix.indices.astype(np.int32),
         matrix.data,
-        program.integral.astype(np.int32),
+        integral.astype(np.int32),
     )
     if passed == highspy.HighsStatus.kError:
         # Solved all the same, it would be the empty model.

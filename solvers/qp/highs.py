@@ -16,6 +16,7 @@ from ...errors import InvalidData, UnsupportedOption
 from ...models.programs import QuadraticProgram
 from ..attempts import Clock, Ended, Outcome, limited, solver_tolerance
 from ..backend import Limit, Option, Request
+from ..mip.highs import pass_rows
 from .base import QuadraticOutcome
 
 __all__ = ["attempt", "refusal"]
@@ -82,36 +83,20 @@ def _pass(highspy: Any, highs: Any, program: QuadraticProgram) -> None:
             row_lower=np.full(1, -np.inf),
             row_upper=np.full(1, np.inf),
         )
-    matrix = program.matrix
-    passed = highs.passModel(
-        program.size,
-        program.row_count,
-        matrix.nnz,
-        int(highspy.MatrixFormat.kRowwise),
-        int(highspy.ObjSense.kMinimize),
-        program.offset,
-        program.cost,
-        program.column_lower,
-        program.column_upper,
-        program.row_lower,
-        program.row_upper,
-        matrix.indptr.astype(np.int32),
-        matrix.indices.astype(np.int32),
-        matrix.data,
-        np.zeros(program.size, np.int32),
-    )
+    pass_rows(highspy, highs, program, np.zeros(program.size, bool))
     lower = sp.csc_array(sp.tril(program.hessian))
-    if passed != highspy.HighsStatus.kError and lower.nnz:
-        passed = highs.passHessian(
-            program.size,
-            lower.nnz,
-            int(highspy.HessianFormat.kTriangular),
-            lower.indptr.astype(np.int32),
-            lower.indices.astype(np.int32),
-            lower.data,
-        )
+    if not lower.nnz:
+        return
+    passed = highs.passHessian(
+        program.size,
+        lower.nnz,
+        int(highspy.HessianFormat.kTriangular),
+        lower.indptr.astype(np.int32),
+        lower.indices.astype(np.int32),
+        lower.data,
+    )
     if passed == highspy.HighsStatus.kError:
-        raise InvalidData(f"backend 'highs': HiGHS refuses the program ({program.describe()})")
+        raise InvalidData(f"backend 'highs': HiGHS refuses the Hessian ({program.describe()})")
 
 
 def _outcome(highspy: Any, highs: Any, program: QuadraticProgram, request: Request) -> Outcome:
