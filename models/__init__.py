@@ -11,7 +11,13 @@ if TYPE_CHECKING:
     from .formulation import Formulation
     from .minimum_snap import FREE, MinimumDerivative, MinimumSnap
     from .model import Model
-    from .programs import Block, MixedIntegerProgram, Program, QuadraticProgram
+    from .programs import (
+        Block,
+        MixedIntegerProgram,
+        NonlinearProgram,
+        Program,
+        QuadraticProgram,
+    )
     from .time_allocation import TimeAllocation
     from .trajectory import Trajectory
     from .verification import Check, Verification
@@ -26,6 +32,7 @@ __all__ = [
     "MinimumSnap",
     "MixedIntegerProgram",
     "Model",
+    "NonlinearProgram",
     "Program",
     "ProgramBuilder",
     "QuadraticProgram",
@@ -48,6 +55,7 @@ _HOMES = {
     "MinimumSnap": "minimum_snap",
     "MixedIntegerProgram": "programs",
     "Model": "model",
+    "NonlinearProgram": "programs",
     "Program": "programs",
     "ProgramBuilder": "builder",
     "QuadraticProgram": "programs",
@@ -63,6 +71,7 @@ _TYPES: dict[str, str | type[Model[Any]]] = {
     "minimum-derivative": ".models.minimum_snap:MinimumDerivative",
     "minimum-snap": ".models.minimum_snap:MinimumSnap",
     "mixed-integer-program": ".models.programs:MixedIntegerProgram",
+    "nonlinear-program": ".models.programs:NonlinearProgram",
     "quadratic-program": ".models.programs:QuadraticProgram",
     "time-allocation": ".models.time_allocation:TimeAllocation",
 }

@@ -1,4 +1,4 @@
-"""The base of all programs, and of those whose constraints are linear rows and bounds."""
+"""The bases of all programs, of those with bounded blocks, and of those with linear rows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .verification import ROUNDING, TOLERANCE, Check, Verification
 if TYPE_CHECKING:
     import cvxpy
 
-__all__ = ["Program", "RowProgram"]
+__all__ = ["BlockProgram", "Program", "RowProgram"]
 
 Vector = NDArray[np.float64]
 
@@ -44,24 +44,19 @@ class Program(Model[Vector]):
         """Number of columns."""
 
 
-class RowProgram(Program):
-    """Base of the programs with ``row_lower <= matrix @ x <= row_upper`` and column bounds.
+class BlockProgram(Program):
+    """Base of the programs whose rows and columns have bounds and come in named blocks.
 
     A subclass is a dataclass that declares the fields named here, and its objective.
     """
 
     if TYPE_CHECKING:
-        cost: Vector
-        matrix: sp.csr_array
         row_lower: Vector
         row_upper: Vector
         column_lower: Vector
         column_upper: Vector
-        offset: float
         columns: tuple[Block, ...]
         rows: tuple[Block, ...]
-
-    kind: ClassVar[str] = "linearly-constrained-program"
 
     @abstractmethod
     def objective(self, point: Vector) -> float:
@@ -81,46 +76,12 @@ class RowProgram(Program):
     @property
     def size(self) -> int:
         """Number of columns."""
-        return int(self.cost.size)
+        return int(self.column_lower.size)
 
     @property
     def row_count(self) -> int:
         """Number of rows."""
         return int(self.row_lower.size)
-
-    def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective and the worst violation of every block of rows and columns.
-
-        A row's tolerance is relative to the largest of its terms and bounds, and at least absolute.
-        """
-        point = np.asarray(plan, float)
-        if point.shape != (self.size,):
-            raise InvalidData(
-                f"point must have shape ({self.size},), got {point.shape}", field="point"
-            )
-        if not np.isfinite(point).all():
-            place = int(np.flatnonzero(~np.isfinite(point))[0])
-            raise InvalidData(f"point[{place}] must be finite, got {point[place]}", field="point")
-        terms = self.matrix * point[None, :]
-        largest = (
-            abs(terms).max(axis=1).toarray().ravel()
-            if self.row_count and terms.nnz
-            else np.zeros(self.row_count)
-        )
-        checks = [
-            *self._checks(
-                self.matrix @ point, self.row_lower, self.row_upper, largest, self._rows, tolerance
-            ),
-            *self._checks(
-                point,
-                self.column_lower,
-                self.column_upper,
-                np.zeros(self.size),
-                self._columns,
-                tolerance,
-            ),
-        ]
-        return Verification(self.objective(point), tuple(checks))
 
     @property
     def _rows(self) -> tuple[Block, ...]:
@@ -129,6 +90,18 @@ class RowProgram(Program):
     @property
     def _columns(self) -> tuple[Block, ...]:
         return self.columns or ((Block("column", "", 0, self.size),) if self.size else ())
+
+    def _point(self, plan: Vector) -> Vector:
+        """Return `plan` as a column vector of this program; ``InvalidData`` where it is none."""
+        point = np.asarray(plan, float)
+        if point.shape != (self.size,):
+            raise InvalidData(
+                f"point must have shape ({self.size},), got {point.shape}", field="point"
+            )
+        if not np.isfinite(point).all():
+            place = int(np.flatnonzero(~np.isfinite(point))[0])
+            raise InvalidData(f"point[{place}] must be finite, got {point[place]}", field="point")
+        return point
 
     @staticmethod
     def _checks(
@@ -171,6 +144,47 @@ class RowProgram(Program):
     def column_block(self, name: str) -> Block:
         """Return the block of columns called `name`."""
         return next(block for block in self.columns if block.name == name)
+
+
+class RowProgram(BlockProgram):
+    """Base of the programs with ``row_lower <= matrix @ x <= row_upper`` and column bounds.
+
+    A subclass is a dataclass that declares the fields named here, and its objective.
+    """
+
+    if TYPE_CHECKING:
+        cost: Vector
+        matrix: sp.csr_array
+        offset: float
+
+    kind: ClassVar[str] = "linearly-constrained-program"
+
+    def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return the objective and the worst violation of every block of rows and columns.
+
+        A row's tolerance is relative to the largest of its terms and bounds, and at least absolute.
+        """
+        point = self._point(plan)
+        terms = self.matrix * point[None, :]
+        largest = (
+            abs(terms).max(axis=1).toarray().ravel()
+            if self.row_count and terms.nnz
+            else np.zeros(self.row_count)
+        )
+        checks = [
+            *self._checks(
+                self.matrix @ point, self.row_lower, self.row_upper, largest, self._rows, tolerance
+            ),
+            *self._checks(
+                point,
+                self.column_lower,
+                self.column_upper,
+                np.zeros(self.size),
+                self._columns,
+                tolerance,
+            ),
+        ]
+        return Verification(self.objective(point), tuple(checks))
 
     def without_rows(self, names: Iterable[str]) -> Self:
         """Return the program without the row blocks called `names`."""

@@ -16,13 +16,22 @@ from numpy.typing import NDArray
 from ..errors import InvalidData
 from .blocks import Block, Blocks, Sparse
 from .fields import Array, Real, declared
-from .program_base import Program, RowProgram
+from .nonlinear import NonlinearProgram
+from .program_base import BlockProgram, Program, RowProgram
 from .verification import ROUNDING, TOLERANCE, Check, Verification
 
 if TYPE_CHECKING:
     import qpsolvers
 
-__all__ = ["Block", "MixedIntegerProgram", "Program", "QuadraticProgram", "RowProgram"]
+__all__ = [
+    "Block",
+    "BlockProgram",
+    "MixedIntegerProgram",
+    "NonlinearProgram",
+    "Program",
+    "QuadraticProgram",
+    "RowProgram",
+]
 
 Vector = NDArray[np.float64]
 
