@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import re
 from collections.abc import Callable, Mapping
@@ -21,6 +20,8 @@ _PROBLEMS: dict[str, str] = {
     "error-correction": ".instances.error_correction.listing:catalogue_entries",
     "minimum-derivative": ".instances.minimum_snap.listing:derivative_entries",
     "minimum-snap": ".instances.minimum_snap.listing:snap_entries",
+    "optimal-control": ".instances.optimal_control.listing:catalogue_entries",
+    "satellite-slew": ".instances.satellite_slew.listing:catalogue_entries",
     "time-allocation": ".instances.minimum_snap.listing:allocation_entries",
 }
 
@@ -100,7 +101,7 @@ class CatalogueEntry:
         """Return the model, which bears the entry's name."""
         builder: Any = self.builder
         model: Model[Any] = resolve(builder)()
-        return model if model.name == self.name else dataclasses.replace(model, name=self.name)
+        return model if model.name == self.name else model.renamed(self.name)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry as JSON data, without the instance itself."""
@@ -167,7 +168,7 @@ def load(source: str | os.PathLike[str]) -> Model[Any]:
     from .storage import read_model
 
     model = read_model(file)
-    return model if model.name else dataclasses.replace(model, name=file.stem)
+    return model if model.name else model.renamed(file.stem)
 
 
 def _about_csv(file: Path) -> str:

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .builder import ProgramBuilder
+    from .control_plan import ControlPlan, PhasePlan
     from .error_correction import ErrorCorrectionRouting, Route
     from .formulation import Formulation
     from .minimum_snap import FREE, MinimumDerivative, MinimumSnap
     from .model import Model
+    from .optimal_control import OptimalControlProblem
     from .programs import (
         Block,
         MixedIntegerProgram,
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
         Program,
         QuadraticProgram,
     )
+    from .satellite_slew import SatelliteSlew
     from .time_allocation import TimeAllocation
     from .trajectory import Trajectory
     from .verification import Check, Verification
@@ -26,6 +29,7 @@ __all__ = [
     "FREE",
     "Block",
     "Check",
+    "ControlPlan",
     "ErrorCorrectionRouting",
     "Formulation",
     "MinimumDerivative",
@@ -33,10 +37,13 @@ __all__ = [
     "MixedIntegerProgram",
     "Model",
     "NonlinearProgram",
+    "OptimalControlProblem",
+    "PhasePlan",
     "Program",
     "ProgramBuilder",
     "QuadraticProgram",
     "Route",
+    "SatelliteSlew",
     "TimeAllocation",
     "Trajectory",
     "Verification",
@@ -49,6 +56,7 @@ _HOMES = {
     "FREE": "minimum_snap",
     "Block": "programs",
     "Check": "verification",
+    "ControlPlan": "control_plan",
     "ErrorCorrectionRouting": "error_correction",
     "Formulation": "formulation",
     "MinimumDerivative": "minimum_snap",
@@ -56,10 +64,13 @@ _HOMES = {
     "MixedIntegerProgram": "programs",
     "Model": "model",
     "NonlinearProgram": "programs",
+    "OptimalControlProblem": "optimal_control",
+    "PhasePlan": "control_plan",
     "Program": "programs",
     "ProgramBuilder": "builder",
     "QuadraticProgram": "programs",
     "Route": "error_correction",
+    "SatelliteSlew": "satellite_slew",
     "TimeAllocation": "time_allocation",
     "Trajectory": "trajectory",
     "Verification": "verification",
@@ -72,7 +83,9 @@ _TYPES: dict[str, str | type[Model[Any]]] = {
     "minimum-snap": ".models.minimum_snap:MinimumSnap",
     "mixed-integer-program": ".models.programs:MixedIntegerProgram",
     "nonlinear-program": ".models.programs:NonlinearProgram",
+    "optimal-control": ".models.optimal_control:OptimalControlProblem",
     "quadratic-program": ".models.programs:QuadraticProgram",
+    "satellite-slew": ".models.satellite_slew:SatelliteSlew",
     "time-allocation": ".models.time_allocation:TimeAllocation",
 }
 

@@ -46,6 +46,11 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
     #: Share of the model's tolerance to which the program must be solved, so that what is decoded
     #: verifies: a program's rows are held against their terms, a model's constraints against 1.
     precision: ClassVar[float] = 1.0
+    #: Whether every program is a relaxation of the model, so that its bound and its being infeasible
+    #: hold for the model. Else it is an approximation, such as one mesh of several.
+    relaxes: ClassVar[bool] = True
+    #: Whether :meth:`started` draws a start, so that no backend need do it.
+    draws: ClassVar[bool] = False
 
     @classmethod
     def of(cls, model: ModelT, options: Mapping[str, Any]) -> Self:
@@ -91,10 +96,9 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
     def refined(self, point: NDArray[np.float64], tolerance: float) -> Self | None:
         """Return the formulation with what `point`, a solution of its program, shows to be missing.
 
-        For programs that stand for more constraints than can be written, such as a limit at every
-        instant: the program holds some of them, and the dispatcher solves, refines and solves again
-        until None says that `point` is settled. Each program must be a relaxation of the model,
-        so that its dual bound, and its being infeasible, hold for it.
+        For programs that stand for more than can be written, such as a limit or a motion at every
+        instant: the program holds some of it, and the dispatcher solves, refines and solves again
+        until None says that `point` is settled, or that nothing more can be done.
 
         Parameters
         ----------
@@ -104,3 +108,17 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
             Largest violation that may stay, scaled as the model's verification scales it.
         """
         return None
+
+    def started(self, seed: int) -> Self:
+        """Return the formulation with its program's guess drawn by `seed`, where :attr:`draws`."""
+        return self
+
+    def explained(
+        self, plan: PlanT, point: NDArray[np.float64], duals: NDArray[np.float64]
+    ) -> PlanT:
+        """Return `plan` with what the row multipliers at `point` tell of it, such as costates."""
+        return plan
+
+    def statistics(self, plan: PlanT) -> dict[str, float | int | str]:
+        """Return counts of the formulation's own for a solution with `plan`."""
+        return {}

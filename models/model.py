@@ -197,6 +197,10 @@ class Model(ABC, Generic[PlanT]):
                     hasher.update(chunk)
         return hasher.hexdigest()
 
+    def renamed(self, name: str) -> Self:
+        """Return the same model under another name."""
+        return dataclasses.replace(self, name=name)
+
     # -- plans -----------------------------------------------------------------------------------
 
     @abstractmethod
@@ -244,7 +248,11 @@ class Model(ABC, Generic[PlanT]):
     # -- formulations ----------------------------------------------------------------------------
 
     def lower(self) -> Model[Any] | None:
-        """Return the more general model that this one is a case of, None where there is none."""
+        """Return the more general model that this one is a case of, None where there is none.
+
+        A plan of the one is a plan of the other: whoever solves the general model, the plan is
+        verified by the model that was asked.
+        """
         return None
 
     @classmethod

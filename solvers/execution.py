@@ -129,10 +129,15 @@ def execute(
 def _build(run: _Run, control: Control) -> tuple[Any, Request]:
     """Return the problem for the backend, with the warm start verified and encoded."""
     job, formulation = run.job, run.target.formulation
-    warm, cutoff = job.warm_start, None
+    warm, cutoff, seed = job.warm_start, None, job.seed
     with run.clock("build"):
+        if formulation is not None and formulation.draws:
+            if seed:
+                formulation = formulation.started(seed)
+                run.target = replace(run.target, formulation=formulation)
+            seed = None
         if warm is not None:
-            checked = run.target.model.verify(warm)
+            checked = job.model.verify(warm)
             if not checked.ok:
                 raise InvalidData(
                     f"warm_start is no plan of the model: {checked.summary()}", field="warm_start"
@@ -149,7 +154,7 @@ def _build(run: _Run, control: Control) -> tuple[Any, Request]:
     return problem, Request(
         gap=GAP if job.gap is None else float(job.gap),
         tolerance=_tolerance(job) * (1.0 if formulation is None else formulation.precision),
-        seed=job.seed,
+        seed=seed,
         threads=job.threads,
         warm_start=warm if Feature.WARM_START in features else None,
         cutoff=cutoff if Feature.CUTOFF in features else None,
@@ -244,7 +249,7 @@ def _attend(run: _Run, problem: Any, request: Request) -> Answer:
 def _refine(run: _Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     """Run the backend, and again on refined programs until the formulation is content.
 
-    Each program is a relaxation of the model, so a bound of any of them stands. Returns the last
+    Where each program is a relaxation of the model, a bound of any of them stands. Returns the last
     answer, its parts and counts summed over all runs, with the program answered.
     """
     begin, whole_limit = time.perf_counter(), request.time_limit
@@ -253,28 +258,39 @@ def _refine(run: _Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     rounds, bound = 0, -np.inf
     exact = run.target.backend.guarantee is Guarantee.EXACT
     while run.target.formulation is not None and answer.point is not None:
+        before = run.target, problem, answer
+        relaxes = run.target.formulation.relaxes
+        if not relaxes and answer.termination not in _CLAIMS_PLAN:
+            break
         with run.clock("refine"):
             finer = run.target.formulation.refined(answer.point, _tolerance(run.job))
         if finer is None:
             break
-        if exact:
+        if exact and relaxes:
             bound = max(bound, _bound(problem, answer))
+        left = None
         limit, message = answer.limit, answer.message
-        if answer.termination is Termination.OPTIMAL:
-            left = None
+        solved = answer.termination is Termination.OPTIMAL
+        if solved or not relaxes:
             if whole_limit is not None:
                 left = whole_limit - (time.perf_counter() - begin)
-                limit = Limit.TIME if left <= 0 else None
+                limit = Limit.TIME if left <= 0 else limit
             limit = request.control.reason if request.control.stopped else limit
             message = "stopped between two refinements of the program"
-        if answer.termination is not Termination.OPTIMAL or limit is not None:
-            # What was solved is a relaxation: its point is no plan of the model.
-            answer = Answer(Termination.NO_SOLUTION, limit, message=message)
+        if limit is not None or (relaxes and not solved):
+            # The point of a relaxation is no plan of the model; that of an approximation may be one.
+            answer = (
+                Answer(Termination.NO_SOLUTION, limit, message=message)
+                if relaxes
+                else replace(answer, limit=limit, message=message)
+            )
             break
         with run.clock("refine"):
             program = finer.program
         run.target, problem = replace(run.target, formulation=finer), program
         warm = None if request.warm_start is None else answer.point
+        if not relaxes and Feature.WARM_START in run.target.backend.features:
+            warm = program.guess  # type: ignore[attr-defined]
         request = replace(request, time_limit=left, warm_start=warm)
         answer = _attend(run, problem, request)
         rounds += 1
@@ -282,9 +298,16 @@ def _refine(run: _Run, problem: Any, request: Request) -> tuple[Answer, Any]:
             total[part] = total.get(part, 0.0) + seconds
         for name, count in answer.statistics.items():
             # Counts add up; what is measured, a residual say, is the last one's.
-            before = counts.get(name, 0)
-            whole = isinstance(count, int) and isinstance(before, int)
-            counts[name] = count + before if whole else count  # type: ignore[operator]
+            former = counts.get(name, 0)
+            whole = isinstance(count, int) and isinstance(former, int)
+            counts[name] = count + former if whole else count  # type: ignore[operator]
+        if not relaxes and (answer.point is None or answer.termination not in _CLAIMS_PLAN):
+            # What the coarser program gave is still the best there is; verification judges it.
+            ended = f"on the refined program {answer.termination}: {answer.message}".rstrip(": ")
+            limit = answer.limit
+            run.target, problem, answer = before
+            answer = replace(answer, limit=limit, message=ended)
+            break
     if rounds:
         counts["refinements"] = rounds
     if answer.point is None and answer.termination not in _CLAIMS_NONE and np.isfinite(bound):
@@ -304,7 +327,7 @@ def _bound(problem: Any, answer: Answer) -> float:
 def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
     """Decode and verify what the backend claims, and keep only what stands."""
     job, target = run.job, run.target
-    backend, model = target.backend, target.model
+    backend, model = target.backend, job.model
     exact = backend.guarantee is Guarantee.EXACT
     point = run.last_point if answer.point is None else answer.point
     termination, messages = answer.termination, [answer.message]
@@ -320,6 +343,8 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
         try:
             with run.clock("decode"):
                 plan = run.decode(point)
+                if target.formulation is not None and answer.duals is not None:
+                    plan = target.formulation.explained(plan, point, answer.duals)
             with run.clock("verify"):
                 verification = model.verify(plan, tolerance=_tolerance(job))
         except InvalidData as error:
@@ -357,6 +382,9 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
         if gap is None or (gap > asked * 1.01 + 1e-6 and apart):
             messages.append(f"claims optimal, but the verified plan leaves a gap of {gap}")
             termination = Termination.FEASIBLE
+    counts = dict(answer.statistics)
+    if plan is not None and target.formulation is not None:
+        counts.update(target.formulation.statistics(plan))
     seconds = dict(run.seconds)
     waited = seconds.pop("run", 0.0)
     reported = dict(answer.seconds)
@@ -391,7 +419,7 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
         options=job.options(),
         formulation_options=dict(job.formulation_options),
         seed=job.seed,
-        statistics=dict(answer.statistics),
+        statistics=counts,
         message="; ".join(text for text in messages if text),
         rejected_plan=rejected,
         duals=None if plan is None else answer.duals,

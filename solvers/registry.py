@@ -42,6 +42,9 @@ _TABLE: Mapping[str, str] = {
     "time-trapezoid": ".solvers.minimum_snap.time_heuristics:TimeTrapezoid",
     "time-distance": ".solvers.minimum_snap.time_heuristics:TimeDistance",
     "time-simplex": ".solvers.minimum_snap.time_simplex:TimeSimplex",
+    "slew-pseudo-inverse": ".solvers.satellite_slew.eigenaxis:PseudoInverseSteering",
+    "slew-singularity-robust": ".solvers.satellite_slew.eigenaxis:SingularityRobust",
+    "slew-generalised": ".solvers.satellite_slew.eigenaxis:Generalised",
     # Before HiGHS, whose quadratic solver is slower and was seen to fail on flat objectives.
     "clarabel": ".solvers.qp.clarabel:Clarabel",
     "highs": ".solvers.mip.highs:Highs",
@@ -58,6 +61,15 @@ _TABLE: Mapping[str, str] = {
     "osqp": ".solvers.qp.osqp:Osqp",
     "scs": ".solvers.qp.scs:Scs",
     "casadi": ".solvers.qp.casadi:CasadiConic",
+    "ipopt": ".solvers.nlp.ipopt:Ipopt",
+    "uno": ".solvers.nlp.uno:Uno",
+    "fatrop": ".solvers.nlp.fatrop:Fatrop",
+    "sqpmethod": ".solvers.nlp.sqpmethod:SqpMethod",
+    "sleqp": ".solvers.nlp.sleqp:Sleqp",
+    "blocksqp": ".solvers.nlp.blocksqp:BlockSqp",
+    "bonmin": ".solvers.nlp.bonmin:Bonmin",
+    "slsqp": ".solvers.nlp.slsqp:Slsqp",
+    "trust-constr": ".solvers.nlp.trust_constr:TrustConstr",
 }
 
 _session: dict[str, Backend] = {}

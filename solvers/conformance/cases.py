@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.programs import MixedIntegerProgram, QuadraticProgram, RowProgram
+from ...models.program_base import BlockProgram
+from ...models.programs import MixedIntegerProgram, NonlinearProgram, QuadraticProgram, RowProgram
 from ..backend import Answer, Feature, Limit, Request, Termination
 
 __all__ = ["Case", "Expectation", "Run"]
@@ -18,6 +19,11 @@ __all__ = ["Case", "Expectation", "Run"]
 SLACK = 1e-6
 #: Seconds that a solver may need beyond its time limit or a stop, on a busy machine.
 GRACE = 3.0
+
+#: Largest reduced cost, relative to the objective's gradient, that a local optimum may leave.
+STATIONARY = 1e-3
+#: How a run ends that claims an optimum.
+_OPTIMAL = (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL)
 
 Vector = NDArray[np.float64]
 
@@ -53,6 +59,9 @@ class Expectation:
     duals: tuple[float, ...] | None = None
     limit: Limit | None = None
     through: bool = False
+    any_limit: bool = False
+    objectives: tuple[float, ...] = ()
+    slack: float = SLACK
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +101,7 @@ class Case:
     ----------
     name : str
         What it tries.
-    program : RowProgram
+    program : BlockProgram
         What is asked; its type decides which backends the case is for.
     expectation : Expectation
         What is known.
@@ -109,7 +118,7 @@ class Case:
     """
 
     name: str
-    program: RowProgram
+    program: BlockProgram
     expectation: Expectation
     needs: frozenset[Feature] = frozenset()
     arguments: Mapping[str, Any] = field(default_factory=dict)
@@ -126,8 +135,8 @@ class Case:
         return None if self.further is None else self.further(self, run)
 
 
-def _slack(value: float) -> float:
-    return SLACK * max(1.0, abs(value))
+def _slack(value: float, relative: float = SLACK) -> float:
+    return relative * max(1.0, abs(value))
 
 
 def _termination(case: Case, run: Run) -> str | None:
@@ -135,7 +144,9 @@ def _termination(case: Case, run: Run) -> str | None:
     if answer.termination not in expected.termination:
         allowed = " or ".join(expected.termination)
         return f"ended {answer.termination}, expected {allowed}; {answer.message}".rstrip("; ")
-    if expected.through and answer.termination is Termination.OPTIMAL and answer.limit is None:
+    if expected.through and answer.termination in _OPTIMAL and answer.limit is None:
+        return None
+    if expected.any_limit and answer.limit is Limit.ITERATIONS:
         return None
     if answer.limit is not expected.limit:
         return f"named the limit {answer.limit}, expected {expected.limit}"
@@ -144,7 +155,7 @@ def _termination(case: Case, run: Run) -> str | None:
 
 def _point(case: Case, run: Run) -> str | None:
     answer, expected = run.answer, case.expectation
-    has_plan = answer.termination in (Termination.OPTIMAL, Termination.FEASIBLE)
+    has_plan = answer.termination in (*_OPTIMAL, Termination.FEASIBLE)
     if not has_plan:
         return None if answer.point is None else f"ended {answer.termination}, yet has a point"
     if answer.point is None or answer.primal_bound is None:
@@ -159,17 +170,28 @@ def _point(case: Case, run: Run) -> str | None:
     if abs(value - answer.primal_bound) > _slack(value):
         return f"claims the objective {answer.primal_bound!r}, its point has {value!r}"
     least = expected.objective if expected.objective is not None else expected.floor
-    if least is not None and value < least - _slack(least):
+    if least is not None and value < least - _slack(least, expected.slack):
         return f"the point has the objective {value!r}, below the proven bound {least!r}"
-    if answer.termination is not Termination.OPTIMAL:
+    if answer.termination not in _OPTIMAL:
         return None
-    if expected.objective is not None:
-        most = expected.objective + run.request.gap * abs(value) + _slack(expected.objective)
-        if value > most:
-            return f"called {value!r} optimal, the optimum is {expected.objective!r}"
-    if expected.point is not None and not np.allclose(point, expected.point, rtol=0, atol=1e-5):
+    local = answer.termination is Termination.LOCALLY_OPTIMAL
+    optima = expected.objectives if local else ()
+    if not optima and expected.objective is not None:
+        optima = (expected.objective,)
+    gap = run.request.gap * abs(value)
+    if optima and not any(abs(value - one) <= gap + _slack(one, expected.slack) for one in optima):
+        return f"called {value!r} {answer.termination}, known are {list(optima)}"
+    if expected.point is not None and not _near(case.program, point, expected):
         return f"found {point.tolist()}, the only optimum is {list(expected.point)}"
     return None
+
+
+def _near(program: BlockProgram, point: Vector, expected: Expectation) -> bool:
+    """Whether `point` is the one expected, as far as its objective's slack decides it."""
+    size = program.column_scale if isinstance(program, NonlinearProgram) else 1.0
+    # Where the objective is known to s, a point of a curved one is known to the root of s.
+    allowed = 1e-5 if isinstance(program, RowProgram) else max(np.sqrt(expected.slack), 1e-5)
+    return bool((np.abs(point - np.asarray(expected.point)) <= allowed * size).all())
 
 
 def _bounds(case: Case, run: Run) -> str | None:
@@ -196,13 +218,15 @@ def _bounds(case: Case, run: Run) -> str | None:
 
 def _duals(case: Case, run: Run) -> str | None:
     answer, program, expected = run.answer, case.program, case.expectation
-    if Feature.DUALS not in case.needs or answer.termination is not Termination.OPTIMAL:
+    if Feature.DUALS not in case.needs or answer.termination not in _OPTIMAL:
         return None
     if answer.duals is None:
         return "declares duals, returned none"
     duals = np.asarray(answer.duals, float)
     if duals.shape != (program.row_count,):
         return f"the duals have shape {duals.shape}, expected ({program.row_count},)"
+    if isinstance(program, NonlinearProgram):
+        return _multipliers(program, duals, answer, expected)
     optimum = expected.objective
     bound = _proven(program, duals, answer.point)
     if optimum is not None and not abs(bound - optimum) <= _slack(optimum):
@@ -212,7 +236,30 @@ def _duals(case: Case, run: Run) -> str | None:
     return None
 
 
-def _proven(program: RowProgram, duals: Vector, point: Any) -> float:
+def _multipliers(
+    program: NonlinearProgram, duals: Vector, answer: Answer, expected: Expectation
+) -> str | None:
+    """Return what is wrong with the multipliers of a local optimum."""
+    point = np.asarray(answer.point, float)
+    unit = float(np.abs(program.gradient(point) * program.column_scale).max(initial=0.0))
+    left = program.stationarity(point, duals) / max(1.0, unit / program.objective_scale)
+    if not left <= STATIONARY:
+        return f"the duals {duals.tolist()} leave a reduced cost of {left:.2g} unexplained"
+    rows = program.values(point)[1]
+    slack = np.where(duals > 0, rows - program.row_lower, program.row_upper - rows)
+    with np.errstate(invalid="ignore"):
+        idle = np.where(duals == 0, 0.0, np.abs(duals) * slack) / program.objective_scale
+    if not (idle <= STATIONARY).all():
+        row = program.row_name(int(idle.argmax()))
+        return f"the dual of {row} is not zero, or of the wrong sign, where the row does not bind"
+    if expected.duals is not None:
+        sizes = program.row_scale / program.objective_scale
+        if not (np.abs(duals - np.asarray(expected.duals)) * sizes <= STATIONARY).all():
+            return f"the duals are {duals.tolist()}, the only ones are {list(expected.duals)}"
+    return None
+
+
+def _proven(program: BlockProgram, duals: Vector, point: Any) -> float:
     """Return the bound that row multipliers prove; of a quadratic program, with the point."""
     if isinstance(program, QuadraticProgram):
         return program.dual_bound(duals, np.asarray(point, float))

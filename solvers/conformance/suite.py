@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import importlib.util
 import threading
 import time
 from collections.abc import Iterable, Mapping
@@ -11,11 +12,13 @@ from enum import StrEnum
 from typing import Any
 
 from ...errors import UnknownName, UnsupportedFormulation, UnsupportedOption
+from ...models.programs import NonlinearProgram
 from ..backend import Answer, Backend, Control, Feature, Limit, Request
 from .cases import Case, Run
 from .limits import limit_cases
 from .linear import linear_cases
 from .mixed_integer import integer_cases
+from .nonlinear import nonlinear_cases
 from .quadratic import quadratic_cases
 from .quadratic_limits import quadratic_limit_cases
 
@@ -68,9 +71,13 @@ class CaseResult:
         return cls(**{**data, "status": Status(data["status"])})
 
 
-@functools.cache
 def all_cases() -> Mapping[str, Case]:
-    """Return all cases by name."""
+    """Return all cases by name; those of nonlinear programs only where CasADi is installed."""
+    return {**_row_cases(), **_nonlinear_cases()}
+
+
+@functools.cache
+def _row_cases() -> Mapping[str, Case]:
     cases = (
         *linear_cases(),
         *integer_cases(),
@@ -81,11 +88,20 @@ def all_cases() -> Mapping[str, Case]:
     return {case.name: case for case in cases}
 
 
+@functools.cache
+def _nonlinear_cases() -> Mapping[str, Case]:
+    """Return what only CasADi can state: apart, so that nothing else has to load it."""
+    if importlib.util.find_spec("casadi") is None:
+        return {}
+    return {case.name: case for case in nonlinear_cases()}
+
+
 def cases_for(backend: Backend) -> tuple[str, ...]:
     """Return the names of the cases that a backend must run: those of the programs it accepts."""
-    return tuple(
-        name for name, case in all_cases().items() if isinstance(case.program, backend.accepts)
-    )
+    known = dict(_row_cases())
+    if issubclass(NonlinearProgram, backend.accepts):
+        known.update(_nonlinear_cases())
+    return tuple(name for name, case in known.items() if isinstance(case.program, backend.accepts))
 
 
 def run_case(backend: Backend, case: str, options: Mapping[str, Any] | None = None) -> CaseResult:
@@ -110,9 +126,9 @@ def run_case(backend: Backend, case: str, options: Mapping[str, Any] | None = No
     UnknownName
         No case bears the name.
     """
-    if case not in all_cases():
+    asked = _row_cases().get(case) or _nonlinear_cases().get(case)
+    if asked is None:
         raise UnknownName("conformance case", case, all_cases())
-    asked = all_cases()[case]
     lacking = asked.needs - backend.features
     if lacking:
         return CaseResult(

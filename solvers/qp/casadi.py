@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import BackendBroken, UnsupportedFormulation
 from ...models.programs import QuadraticProgram
 from ..attempts import Clock, Ended, Outcome, limited, solver_tolerance
 from ..backend import Limit, Option, Request
+from ..casadi_plugins import HIGHS_MARK, last_line, load_plugin, status_of, vector
 from .base import POLISH, QuadraticBackend, QuadraticOutcome, dense_memory
 from .forms import independent_rows
 
@@ -132,9 +130,6 @@ _PLUGINS: Mapping[str, _Plugin] = {
     "clarabel": _Plugin(lambda program, tol, most, left: {}),
 }
 
-#: Plugins that this process has loaded; CasADi warns when asked again.
-_loaded: set[str] = set()
-
 
 class CasadiConic(QuadraticBackend):
     """CasADi's ``conic`` with the plugin that is named.
@@ -149,7 +144,7 @@ class CasadiConic(QuadraticBackend):
     # CasADi brings a HiGHS that breaks those of highspy and ortools in a process, and is broken
     # by them. The other plugins keep to themselves, hence the mark.
     conflict_group = "highs"
-    natives = ("crosstrack.solvers.qp.casadi_highs",)
+    natives = (HIGHS_MARK,)
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "plugin": Option("qrqp", "CasADi's name of the solver.", str, tuple(_PLUGINS)),
@@ -180,7 +175,7 @@ class CasadiConic(QuadraticBackend):
             )
         except RuntimeError as error:
             raise BackendBroken(
-                f"backend 'casadi': plugin {name!r} does not start: {_last(error)}"
+                f"backend 'casadi': plugin {name!r} does not start: {last_line(error)}"
             ) from error
         data = {
             "h": hessian,
@@ -206,9 +201,9 @@ class CasadiConic(QuadraticBackend):
                 data.update(x0=found["x"], lam_x0=found["lam_x"], lam_a0=found["lam_a"])
         except RuntimeError as error:
             clock.lap("solve")
-            return QuadraticOutcome(Ended.FAILED, message=f"CasADi {name}: {_last(error)}")
+            return QuadraticOutcome(Ended.FAILED, message=f"CasADi {name}: {last_line(error)}")
         clock.lap("solve")
-        point, duals = _vector(found["x"]), -_vector(found["lam_a"])
+        point, duals = vector(found["x"]), -vector(found["lam_a"])
         if rows is not None:
             full = np.zeros(program.row_count)
             full[rows] = duals
@@ -217,7 +212,7 @@ class CasadiConic(QuadraticBackend):
         if late:
             limit = limited(request.control, Limit.TIME)
         if ended is not Ended.PROVEN:
-            message = f"CasADi {name}: {_status(stats)}"
+            message = f"CasADi {name}: {status_of(stats)}"
         counts: dict[str, float | int | str] = {"plugin": name}
         if 0 < int(stats.get("iter_count", -1)) < 10**6:
             counts["iterations"] = int(stats["iter_count"]) + max(done - plugin.piece, 0)
@@ -261,26 +256,7 @@ def _why_not(name: str) -> str:
 
 
 def _load(name: str) -> None:
-    import casadi
-
-    if name == "highs":
-        clashing = [module for module in ("highspy", "ortools.init") if module in sys.modules]
-        if clashing:
-            raise BackendBroken(
-                f"backend 'casadi': plugin 'highs' cannot run beside {clashing[0]} in one process; "
-                "let the run have a worker (isolate=True)"
-            )
-        importlib.import_module(CasadiConic.natives[0])
-    call: Any = casadi
-    if name in _loaded:
-        return
-    try:
-        call.load_conic(name)
-        _loaded.add(name)
-    except RuntimeError as error:
-        raise BackendBroken(
-            f"backend 'casadi': plugin {name!r} does not load: {_last(error)}"
-        ) from error
+    load_plugin("casadi", "conic", name, brings_highs=name == "highs")
 
 
 def _refuse(name: str, plugin: _Plugin, program: QuadraticProgram) -> None:
@@ -292,12 +268,8 @@ def _refuse(name: str, plugin: _Plugin, program: QuadraticProgram) -> None:
         )
 
 
-def _status(stats: Mapping[str, Any]) -> str:
-    return str(stats.get("return_status", stats.get("unified_return_status", "")))
-
-
 def _ended(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
-    status = _status(stats)
+    status = status_of(stats)
     if stats.get("success"):
         return Ended.PROVEN, None
     words = status.lower()
@@ -321,13 +293,3 @@ def _dm(matrix: Any) -> Any:
         csc.shape[0], csc.shape[1], csc.indptr.tolist(), csc.indices.tolist()
     )
     return casadi.DM(sparsity, csc.data)
-
-
-def _vector(values: Any) -> NDArray[np.float64]:
-    return np.array(values, float).reshape(-1)
-
-
-def _last(error: Exception) -> str:
-    """Return the last line of CasADi's message that says something."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[-1][:300] if lines else type(error).__name__

@@ -1,0 +1,114 @@
+"""Oscillators: van der Pol's and Rayleigh's, the harmonic one, and a problem that is singular."""
+
+from __future__ import annotations
+
+import math
+
+from ...models.optimal_control import OptimalControlProblem
+
+__all__ = ["aly_chan", "harmonic_oscillator", "rayleigh", "van_der_pol"]
+
+
+def van_der_pol(
+    name: str = "optimal-control/van-der-pol", *, state_limit: float | None = None
+) -> OptimalControlProblem:
+    """Return van der Pol's oscillator, damped over 5 time units at least ∫ (x1² + x2² + u²) dt.
+
+    With -0.3 <= u <= 1; and in a second form with x1 >= -0.4 also, where the optimum runs along the
+    bound for a while (Vassiliadis, Sargent and Pantelides, "Solution of a class of multistage dynamic optimization
+    problems. 2", Industrial and Engineering Chemistry Research 33, 1994).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    state_limit : float, optional
+        Largest -x1.
+    """
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, 5))
+    x1 = phase.state("x1", initial=0, lower=None if state_limit is None else -state_limit)
+    x2 = phase.state("x2", initial=1)
+    u = phase.control("u", lower=-0.3, upper=1)
+    phase.dynamics({x1: (1 - x2**2) * x1 - x2 + u, x2: x1})
+    phase.guess(x2=[1, 0])
+    ocp.minimise(phase.integral(x1**2 + x2**2 + u**2))
+    return ocp
+
+
+def rayleigh(
+    name: str = "optimal-control/rayleigh", *, horizon: float = 4.5, limited: bool = True
+) -> OptimalControlProblem:
+    """Return Rayleigh's model of a tunnel-diode oscillator, calmed from (-5, -5).
+
+    Least ∫ (x1² + u²) dt, in 4.5 time units to rest with |u| <= 1, or in 2.5 without that limit and
+    to anywhere (Maurer and Augustin, "Sensitivity analysis and real-time control of parametric optimal
+    control problems using boundary value methods", in "Online Optimization of Large Scale
+    Systems", Springer, 2001).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    horizon : float
+        tf.
+    limited : bool
+        Whether |u| is limited and the end is to be at rest.
+    """
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, horizon))
+    end, limit = (0, 1) if limited else (None, None)
+    x1 = phase.state("x1", initial=-5, final=end, scale=5)
+    x2 = phase.state("x2", initial=-5, final=end, scale=5)
+    u = phase.control("u", lower=None if limit is None else -limit, upper=limit)
+    phase.dynamics({x1: x2, x2: -x1 + x2 * (1.4 - 0.14 * x2**2) + 4 * u})
+    phase.guess(x1=[-5, 0], x2=[-5, 0], u=0)
+    ocp.minimise(phase.integral(x1**2 + u**2))
+    return ocp
+
+
+def harmonic_oscillator(name: str = "optimal-control/harmonic-oscillator") -> OptimalControlProblem:
+    """Return the quickest way to stop a frictionless swing by a force of at most 1, from (3, 0).
+
+    The force is -1, +1 and -1: arcs of circles in the phase plane, the middle one a half circle,
+    and so of duration π (Pontryagin et al., "The Mathematical Theory of Optimal Processes", 1962,
+    section 5, example 2).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, (1, 12)))
+    x = phase.state("x", initial=3, final=0, lower=-5, upper=5)
+    v = phase.state("v", initial=0, final=0, lower=-5, upper=5)
+    force = phase.control("force", lower=-1, upper=1)
+    phase.dynamics({x: v, v: -x + force})
+    # The swing as it would go by itself.
+    phase.guess(time=[0, 5], x=lambda t: 3 * math.cos(t), v=lambda t: -3 * math.sin(t), force=0)
+    ocp.minimise(phase.end)
+    return ocp
+
+
+def aly_chan(name: str = "optimal-control/aly-chan") -> OptimalControlProblem:
+    """Return a double integrator whose optimum is singular throughout: u = -sin t, of cost 0.
+
+    The control enters linearly and the cost not at all, so the Hamiltonian says nothing of it
+    (Aly and Chan, "Application of a modified quasilinearization technique to totally singular
+    optimal control problems", International Journal of Control 17, 1973).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, math.pi / 2))
+    x = phase.state("x", initial=0, lower=-5, upper=5, scale=1)
+    v = phase.state("v", initial=1, lower=-5, upper=5, scale=1)
+    u = phase.control("u", lower=-1, upper=1)
+    phase.dynamics({x: v, v: u})
+    phase.guess(x=[0, 1], v=[1, 0], u=0)
+    ocp.minimise(phase.integral((v**2 - x**2) / 2))
+    return ocp

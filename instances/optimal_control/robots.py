@@ -1,0 +1,282 @@
+"""Machines that move: cranes, arms, cars, carts with poles, quadrotors and robots in space."""
+
+from __future__ import annotations
+
+import math
+
+from ...models.optimal_control import OptimalControlProblem
+
+__all__ = [
+    "around_discs",
+    "cart_pole",
+    "container_crane",
+    "dubins",
+    "free_flying_robot",
+    "quadrotor",
+    "robot_arm",
+]
+
+
+def container_crane(name: str = "optimal-control/container-crane") -> OptimalControlProblem:
+    """Return the move of a container by a crane in 9 s with little swing and little effort.
+
+    Trolley and hoist go from motion to motion (Sakawa and Shindo, "Optimal control of container
+    cranes", Automatica 18, 1982), with the weight of the effort of Augustin and Maurer,
+    "Sensitivity analysis and real-time control of a container crane under state constraints", in
+    "Online Optimization of Large Scale Systems", Springer, 2001.
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, 9))
+    trolley = phase.state("trolley", initial=0, final=10, lower=-1, upper=15, unit="m")
+    rope = phase.state("rope", initial=22, final=14, lower=5, upper=30, unit="m")
+    swing = phase.state("swing", initial=0, final=0, lower=-1, upper=1, scale=0.1, unit="rad")
+    drive = phase.state("drive", initial=0, final=2.5, lower=-2.5, upper=2.5, unit="m/s")
+    hoist = phase.state("hoist", initial=-1, final=0, lower=-1, upper=1, unit="m/s")
+    turn = phase.state("turn", initial=0, final=0, lower=-1, upper=1, scale=0.1, unit="rad/s")
+    pull = phase.control("pull", lower=-2.83374, upper=2.83374, unit="m/s²")
+    lift = phase.control("lift", lower=-0.80865, upper=0.71265, unit="m/s²")
+    phase.dynamics(
+        {
+            trolley: drive,
+            rope: hoist,
+            swing: turn,
+            drive: pull + 17.2656 * swing,
+            hoist: lift,
+            turn: -(pull + 27.0756 * swing + 2 * hoist * turn) / rope,
+        }
+    )
+    phase.guess(pull=0, lift=0)
+    ocp.minimise(phase.integral((swing**2 + turn**2 + 0.01 * (pull**2 + lift**2)) / 2))
+    return ocp
+
+
+def robot_arm(name: str = "optimal-control/robot-arm") -> OptimalControlProblem:
+    """Return the quickest turn of a robot arm by 120°, whose rod slides in to turn faster.
+
+    Three bang-bang controls (Mössner-Beigel, thesis, Heidelberg, 1995; problem 8 of COPS 3.0, 2004:
+    9.1409).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    import casadi
+
+    length = 5.0
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, (1, 20)))
+    # How far the rod sticks out, and its two angles.
+    rho = phase.state("rho", initial=4.5, final=4.5, lower=0, upper=length)
+    theta = phase.state("theta", initial=0, final=2 * math.pi / 3, lower=-math.pi, upper=math.pi)
+    phi = phase.state("phi", initial=math.pi / 4, final=math.pi / 4, lower=0.1, upper=math.pi)
+    rho_rate = phase.state("rho_rate", initial=0, final=0, lower=-5, upper=5, scale=1)
+    theta_rate = phase.state("theta_rate", initial=0, final=0, lower=-5, upper=5, scale=1)
+    phi_rate = phase.state("phi_rate", initial=0, final=0, lower=-5, upper=5, scale=1)
+    u = phase.control("u", 3, lower=-1, upper=1)
+    inertia = ((length - rho) ** 3 + rho**3) / 3
+    phase.dynamics(
+        {
+            rho: rho_rate,
+            theta: theta_rate,
+            phi: phi_rate,
+            rho_rate: u[0] / length,
+            theta_rate: u[1] / (inertia * casadi.sin(phi) ** 2),
+            phi_rate: u[2] / inertia,
+        }
+    )
+    # The straight way that COPS starts from, at a guessed duration.
+    phase.guess(time=[0, 10], theta=lambda t: 2 * math.pi / 3 * (t / 10) ** 2)
+    ocp.minimise(phase.end)
+    return ocp
+
+
+def dubins(name: str = "optimal-control/dubins") -> OptimalControlProblem:
+    """Return the shortest way of a car that drives forwards only and turns with radius 1 or more.
+
+    From (0, 0) heading along x to (4, 4) heading back: an arc, a straight line and an arc (Dubins,
+    "On curves of minimal length with a constraint on average curvature", American Journal of
+    Mathematics 79, 1957). The straight line is a singular arc.
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    import casadi
+
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, (1, 20)))
+    x = phase.state("x", initial=0, final=4, lower=-10, upper=10)
+    y = phase.state("y", initial=0, final=4, lower=-10, upper=10)
+    heading = phase.state(
+        "heading", initial=0, final=math.pi, lower=-math.pi, upper=2 * math.pi, unit="rad"
+    )
+    turn = phase.control("turn", lower=-1, upper=1, unit="rad/s")
+    phase.dynamics({x: casadi.cos(heading), y: casadi.sin(heading), heading: turn})
+    phase.guess(time=[0, 7], turn=0)
+    ocp.minimise(phase.end)
+    return ocp
+
+
+#: Discs in the way of :func:`around_discs`: centre and radius.
+DISCS = (((1.2, 0.3), 0.5), ((2.8, -0.3), 0.5))
+
+
+def around_discs(name: str = "optimal-control/around-discs") -> OptimalControlProblem:
+    """Return the shortest way from (0, 0) to (4, 0) at unit speed between two discs.
+
+    Straight lines that touch the discs, and an arc along each, on which a path constraint is
+    active. Other ways around the discs are local optima of their own: the guess decides (Latombe,
+    "Robot Motion Planning", Kluwer, 1991, chapter 4).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    import casadi
+
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, (4, 8)))
+    x = phase.state("x", initial=0, final=4, lower=-1, upper=5, unit="m")
+    y = phase.state("y", initial=0, final=0, lower=-3, upper=3, unit="m")
+    heading = phase.control("heading", lower=-math.pi, upper=math.pi, unit="rad")
+    phase.dynamics({x: casadi.cos(heading), y: casadi.sin(heading)})
+    for k, ((cx, cy), radius) in enumerate(DISCS, start=1):
+        phase.path((x - cx) ** 2 + (y - cy) ** 2, lower=radius**2, name=f"clear of disc {k}")
+    # Below the first, and above the second.
+    phase.guess(
+        time=[0, 1.3, 2.9, 4.2], x=[0, 1.2, 2.8, 4], y=[0, -0.25, 0.25, 0],
+        heading=[-0.2, 0.2, 0.2, -0.2],
+    )  # fmt: skip
+    ocp.minimise(phase.end)
+    return ocp
+
+
+def cart_pole(name: str = "optimal-control/cart-pole") -> OptimalControlProblem:
+    """Return the swing-up of a pendulum on a cart in 2 s with least ∫ force² dt.
+
+    Kelly, "An introduction to trajectory optimization: how to do your own direct collocation", SIAM
+    Review 59, 2017, section 6.
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    import casadi
+
+    cart, bob, length, gravity = 1.0, 0.3, 0.5, 9.81
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, 2))
+    position = phase.state("position", initial=0, final=1, lower=-2, upper=2, unit="m")
+    # From hanging down to standing up.
+    angle = phase.state("angle", initial=0, final=math.pi, lower=-7, upper=7, unit="rad")
+    speed = phase.state("speed", initial=0, final=0, lower=-20, upper=20, scale=5, unit="m/s")
+    rate = phase.state("rate", initial=0, final=0, lower=-50, upper=50, scale=10, unit="rad/s")
+    force = phase.control("force", lower=-20, upper=20, unit="N")
+    sine, cosine = casadi.sin(angle), casadi.cos(angle)
+    inertia = cart + bob * sine**2
+    phase.dynamics(
+        {
+            position: speed,
+            angle: rate,
+            speed: (length * bob * sine * rate**2 + force + bob * gravity * cosine * sine)
+            / inertia,
+            rate: -(
+                length * bob * cosine * sine * rate**2
+                + force * cosine
+                + (cart + bob) * gravity * sine
+            )
+            / (length * inertia),
+        }
+    )
+    phase.guess(force=0)
+    ocp.minimise(phase.integral(force**2), unit="N² s")
+    return ocp
+
+
+def quadrotor(name: str = "optimal-control/quadrotor") -> OptimalControlProblem:
+    """Return the quickest move of a quadrotor by 5 m in the plane, from hovering to hovering.
+
+    Sought are the thrust per mass, bang-bang, and the pitch rate, bang-singular (Hehn, Ritz and
+    D'Andrea, "Performance benchmarking of quadrotor systems using time-optimal control", Autonomous
+    Robots 33, 2012).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    import casadi
+
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, (0.5, 4)))
+    x = phase.state("x", initial=0, final=5, lower=-1, upper=6, unit="m")
+    z = phase.state("z", initial=0, final=0, lower=-2, upper=2, unit="m")
+    vx = phase.state("vx", initial=0, final=0, lower=-20, upper=20, unit="m/s")
+    vz = phase.state("vz", initial=0, final=0, lower=-20, upper=20, unit="m/s")
+    pitch = phase.state("pitch", initial=0, final=0, lower=-math.pi, upper=math.pi, unit="rad")
+    thrust = phase.control("thrust", lower=1, upper=20, unit="m/s²")
+    pitch_rate = phase.control("pitch_rate", lower=-10, upper=10, unit="rad/s")
+    phase.dynamics(
+        {
+            x: vx,
+            z: vz,
+            vx: thrust * casadi.sin(pitch),
+            vz: thrust * casadi.cos(pitch) - 9.81,
+            pitch: pitch_rate,
+        }
+    )
+    phase.guess(
+        time=[0, 0.5, 1, 1.5], vx=[0, 5, 5, 0], pitch=[0, 1, -1, 0], thrust=15, pitch_rate=0
+    )
+    ocp.minimise(phase.end, unit="s")
+    return ocp
+
+
+def free_flying_robot(name: str = "optimal-control/free-flying-robot") -> OptimalControlProblem:
+    """Return the move of a robot in space by four jets in 12 s, with least propellant.
+
+    Every jet is on or off (Sakawa, "Trajectory planning of a free-flying robot by using the optimal
+    control", Optimal Control Applications and Methods 20, 1999; Betts, 2010, section 6.13:
+    7.9101).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    import casadi
+
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, 12))
+    x = phase.state("x", initial=-10, final=0, lower=-15, upper=15)
+    y = phase.state("y", initial=-10, final=0, lower=-15, upper=15)
+    theta = phase.state("theta", initial=math.pi / 2, final=0, lower=-5, upper=5, unit="rad")
+    vx = phase.state("vx", initial=0, final=0, lower=-5, upper=5)
+    vy = phase.state("vy", initial=0, final=0, lower=-5, upper=5)
+    omega = phase.state("omega", initial=0, final=0, lower=-3, upper=3, scale=1, unit="rad/s")
+    # Forwards and backwards of one side, then of the other.
+    jets = phase.control("jets", 4, lower=0, upper=1)
+    one, other = jets[0] - jets[1], jets[2] - jets[3]
+    phase.dynamics(
+        {
+            x: vx,
+            y: vy,
+            theta: omega,
+            vx: (one + other) * casadi.cos(theta),
+            vy: (one + other) * casadi.sin(theta),
+            omega: 0.2 * one - 0.2 * other,
+        }
+    )
+    phase.path(jets[0] + jets[1], upper=1, name="one side")
+    phase.path(jets[2] + jets[3], upper=1, name="other side")
+    ocp.minimise(phase.integral(casadi.sum1(jets)))
+    return ocp

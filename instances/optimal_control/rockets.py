@@ -1,0 +1,231 @@
+"""Rockets: the linear-tangent law of steering, staging, orbits, and a sounding rocket's thrust."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ...models.optimal_control import OptimalControlProblem
+
+__all__ = [
+    "goddard",
+    "goddard_phases",
+    "linear_tangent_steering",
+    "orbit_raising",
+    "two_stage_ascent",
+]
+
+
+def linear_tangent_steering(
+    name: str = "optimal-control/linear-tangent-steering",
+) -> OptimalControlProblem:
+    """Return the quickest way to height 5 and speed 45 level, at a constant acceleration of 100.
+
+    The tangent of the optimal angle falls linearly in time (Bryson and Ho, 1975, section 2.4; the
+    numbers are those of "particle steering" in COPS 3.0, 2004).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    import casadi
+
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, (0.1, 5)))
+    x = phase.state("x", initial=0, lower=0, upper=100)
+    y = phase.state("y", initial=0, final=5, lower=0, upper=20)
+    vx = phase.state("vx", initial=0, final=45, lower=-100, upper=100)
+    vy = phase.state("vy", initial=0, final=0, lower=-100, upper=100)
+    angle = phase.control("angle", lower=-math.pi / 2, upper=math.pi / 2, unit="rad")
+    phase.dynamics({x: vx, y: vy, vx: 100 * casadi.cos(angle), vy: 100 * casadi.sin(angle)})
+    phase.guess(time=[0, 0.3, 0.6], x=[0, 3, 12], vy=[0, 20, 0], angle=[1, 0, -1])
+    ocp.minimise(phase.end)
+    return ocp
+
+
+#: Two stages: thrust (t km/s²), propellant flow (t/s), mass at ignition and at burn-out (t). The
+#: second may stop before it is empty.
+STAGES = ((1.8, 0.64, 120.0, 40.0), (0.35, 0.08, 30.0, 4.0))
+#: g on a flat Earth, km/s², and the height and speed of the orbit, km and km/s.
+GRAVITY, ORBIT_HEIGHT, ORBIT_SPEED = 0.00981, 200.0, 7.8
+
+
+def two_stage_ascent(name: str = "optimal-control/two-stage-ascent") -> OptimalControlProblem:
+    """Return the ascent of a rocket of two stages into orbit with most mass left.
+
+    Two phases, linked in position and velocity, while the mass falls at the staging by the empty
+    first stage. The Earth is flat and airless, so that the linear-tangent law holds through both
+    stages (Bryson and Ho, 1975, section 2.4).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    import casadi
+
+    ocp = OptimalControlProblem(name)
+    burn = (STAGES[0][2] - STAGES[0][3]) / STAGES[0][1]
+    longest = (STAGES[1][2] - STAGES[1][3]) / STAGES[1][1]
+    phases = []
+    for k, (thrust, flow, full, empty) in enumerate(STAGES):
+        first = k == 0
+        phase = ocp.phase(
+            f"stage {k + 1}",
+            time=(0, burn) if first else (burn, (burn + 50, burn + longest)),
+        )
+        at = (0, 0, 0, 0) if first else (None, None, None, None)
+        to = (None, None, None, None) if first else (None, ORBIT_HEIGHT, ORBIT_SPEED, 0)
+        x = phase.state("x", initial=at[0], lower=0, upper=4000, scale=1000, unit="km")
+        y = phase.state("y", initial=at[1], final=to[1], lower=0, upper=1000, scale=200, unit="km")
+        vx = phase.state("vx", initial=at[2], final=to[2], lower=0, upper=10, unit="km/s")
+        vy = phase.state("vy", initial=at[3], final=to[3], lower=-2, upper=5, unit="km/s")
+        m = phase.state("mass", initial=full, lower=empty, upper=full, unit="t")
+        pitch = phase.control("pitch", lower=-math.pi / 2, upper=math.pi / 2, unit="rad")
+        phase.dynamics(
+            {
+                x: vx,
+                y: vy,
+                vx: thrust / m * casadi.cos(pitch),
+                vy: thrust / m * casadi.sin(pitch) - GRAVITY,
+                m: -flow,
+            }
+        )
+        phases.append(phase)
+    boost, sustain = phases
+    boost.guess(x=[0, 100], y=[0, 80], vx=[0, 2], vy=[0, 1.2], mass=[120, 40], pitch=[1, 0.7])
+    sustain.guess(
+        time=[burn, burn + 300], x=[100, 1300], y=[80, 200], vx=[2, ORBIT_SPEED], vy=[1.2, 0],
+        mass=[30, 6], pitch=[0.7, 0],
+    )  # fmt: skip
+    ocp.link(boost, sustain, "x", "y", "vx", "vy")
+    ocp.minimise(-sustain.final(m), unit="t")
+    return ocp
+
+
+def orbit_raising(name: str = "optimal-control/orbit-raising") -> OptimalControlProblem:
+    """Return the transfer from a circular orbit to the largest that a low thrust reaches in 3.32.
+
+    In units of the first orbit; the thrust of 0.1405 burns 0.0749 of the mass a time unit. From the
+    Earth's orbit that is nearly the orbit of Mars, 1.525, in 193 days (Bryson and Ho, 1975, section
+    2.5, after Moyer and Pinkham).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    import casadi
+
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, 3.32))
+    r = phase.state("r", initial=1, lower=0.5, upper=3)
+    radial = phase.state("radial", initial=0, final=0, lower=-2, upper=2)
+    tangential = phase.state("tangential", initial=1, lower=0, upper=2)
+    # From the tangent outwards: it turns by once in all, so it is no angle in [-π, π].
+    angle = phase.control("angle", lower=0, upper=2 * math.pi, unit="rad")
+    push = 0.1405 / (1 - 0.0749 * phase.time)
+    phase.dynamics(
+        {
+            r: radial,
+            radial: tangential**2 / r - 1 / r**2 + push * casadi.sin(angle),
+            tangential: -radial * tangential / r + push * casadi.cos(angle),
+        }
+    )
+    ocp.subject_to(phase.final(tangential**2 * r), equals=1, name="the last orbit is circular")
+    # Outwards first and inwards then.
+    phase.guess(
+        r=[1, 1.5],
+        radial=[0, 0.2, 0],
+        tangential=[1, 0.8],
+        angle=lambda t: 0.5 + 5.2 * t / 3.32,
+    )
+    ocp.minimise(-phase.final(r))
+    return ocp
+
+
+#: Goddard's rocket in units of its first height, mass and weight: largest thrust, drag, the inverse
+#: of the air's scale height, speed of the exhaust, and the empty mass.
+THRUST, DRAG, AIR, EXHAUST, EMPTY = 3.5, 310.0, 500.0, 0.5, 0.6
+
+
+def goddard(name: str = "optimal-control/goddard") -> OptimalControlProblem:
+    """Return Goddard's rocket: how to burn the propellant so as to rise highest.
+
+    Full thrust, then a singular arc on which thrust balances drag against gravity loss, then none:
+    h = 1.0128369 (Goddard, "A method of reaching extreme altitudes", 1919; the numbers are those of
+    Dolan, Moré and Munson, COPS 3.0, 2004, problem 10).
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    import casadi
+
+    ocp = OptimalControlProblem(name)
+    phase = ocp.phase(time=(0, (0.05, 1)))
+    h = phase.state("h", initial=1, lower=1, upper=1.1, scale=0.01)
+    v = phase.state("v", initial=0, lower=0, upper=0.5, scale=0.1)
+    m = phase.state("m", initial=1, final=EMPTY, lower=EMPTY, upper=1)
+    thrust = phase.control("thrust", lower=0, upper=THRUST)
+    drag = DRAG * v**2 * casadi.exp(-AIR * (h - 1))
+    phase.dynamics({h: v, v: (thrust - drag) / m - 1 / h**2, m: -thrust / EXHAUST})
+    phase.guess(time=[0, 0.1, 0.2], h=[1, 1.006, 1.01], v=[0, 0.1, 0], thrust=[THRUST, 1, 0])
+    ocp.minimise(-phase.final(h))
+    return ocp
+
+
+def goddard_phases(name: str = "optimal-control/goddard-phases") -> OptimalControlProblem:
+    """Return Goddard's rocket in three phases: full thrust, singular arc, coasting.
+
+    With its structure declared the problem is smooth in each phase. On the singular arc
+    m g - (1 + v / c) D stays at 0 (Betts, 2010, section 4.14.1); here it is only told to stay, and
+    the optimum finds the level. The empty rocket coasts, so that phase has no mass and no control.
+
+    Parameters
+    ----------
+    name : str
+        Name of the problem.
+    """
+    import casadi
+
+    def drag(h: Any, v: Any) -> Any:
+        return DRAG * v**2 * casadi.exp(-AIR * (h - 1))
+
+    ocp = OptimalControlProblem(name)
+    wide: dict[str, dict[str, Any]] = {
+        "h": {"lower": 1, "upper": 1.1, "scale": 0.01},
+        "v": {"lower": 0, "upper": 0.5},
+    }
+
+    boost = ocp.phase("boost", time=(0, (0.005, 0.05)))
+    h = boost.state("h", initial=1, **wide["h"])
+    v = boost.state("v", initial=0, **wide["v"])
+    m = boost.state("m", initial=1, lower=EMPTY, upper=1)
+    boost.dynamics({h: v, v: (THRUST - drag(h, v)) / m - 1 / h**2, m: -THRUST / EXHAUST})
+    boost.guess(time=[0, 0.02], h=[1, 1.001], v=[0, 0.12], m=[1, 0.85])
+
+    arc = ocp.phase("singular arc", time=((0.005, 0.05), (0.05, 0.1)))
+    h = arc.state("h", **wide["h"])
+    v = arc.state("v", **wide["v"])
+    m = arc.state("m", final=EMPTY, lower=EMPTY, upper=1)
+    thrust = arc.control("thrust", lower=0, upper=THRUST)
+    rates = {h: v, v: (thrust - drag(h, v)) / m - 1 / h**2, m: -thrust / EXHAUST}
+    arc.dynamics(rates)
+    level = m / h**2 - (1 + v / EXHAUST) * drag(h, v)
+    drift = sum(casadi.gradient(level, one) * rate for one, rate in rates.items())
+    arc.path(drift, equals=0, name="thrust of the singular arc", scale=10)
+    arc.guess(time=[0.02, 0.07], h=[1.001, 1.005], v=[0.12, 0.13], m=[0.85, EMPTY], thrust=2)
+
+    coast = ocp.phase("coast", time=((0.05, 0.1), (0.1, 0.4)))
+    h = coast.state("h", **wide["h"])
+    v = coast.state("v", final=0, **wide["v"])
+    coast.dynamics({h: v, v: -drag(h, v) / EMPTY - 1 / h**2})
+    coast.guess(time=[0.07, 0.2], h=[1.005, 1.012], v=[0.13, 0])
+
+    ocp.link(boost, arc)
+    ocp.link(arc, coast)
+    ocp.minimise(-coast.final(h))
+    return ocp

@@ -1,0 +1,128 @@
+"""What the catalogue holds of satellite slews."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from ...models.satellite_slew import SatelliteSlew
+from ..catalogue import CatalogueEntry, Provenance
+
+__all__ = ["PAPER", "catalogue_entries"]
+
+PAPER = (
+    '"Path Planning for Rapid Large-Angle Maneuver of Satellites Based on the Gauss Pseudospectral '
+    'Method", Mathematical Problems in Engineering, 2016'
+)
+
+#: What the paper prints of its slew: final time (s), seconds of computing, tolerance.
+_PRINTED: Mapping[str, Any] = {"final_time": 7.836, "computing_seconds": 246.0, "tolerance": 1e-3}
+#: The best of several starts on a refined mesh.
+_REFINED = "ours: the best of several starts, on a mesh refined until the motion agrees to 1e-5"
+
+_COMPLETED = (
+    "The paper prints neither the wheels' momentum h0 nor the weight R of the gimbal rates, and the "
+    "final time depends on both"
+)
+_OURS = "The satellite is the paper's; the turn is ours."
+
+
+def catalogue_entries() -> tuple[CatalogueEntry, ...]:
+    """Return the instances."""
+    return (*_papers(), *_turns(), *_variants())
+
+
+def _entry(
+    name: str,
+    title: str,
+    builder: Any,
+    note: str,
+    *,
+    provenance: Provenance = Provenance.OURS,
+    published: Mapping[str, Any] | None = None,
+) -> CatalogueEntry:
+    return CatalogueEntry(
+        name=f"satellite-slew/{name}",
+        model="satellite-slew",
+        title=title,
+        paper=PAPER,
+        provenance=provenance,
+        builder=builder,
+        published=published or {},
+        note=note,
+    )
+
+
+def _papers() -> tuple[CatalogueEntry, ...]:
+    return (
+        _entry(
+            "paper",
+            "45° about roll in the least time, 4 gyros",
+            SatelliteSlew,
+            f"{_COMPLETED}: h0 = 17.53 N m s and R = 0.1 s² are ours, and give 7.8258 s.",
+            provenance=Provenance.COMPLETED,
+            published={**_PRINTED, "objective": 8.652909, "source": _REFINED},
+        ),
+        _entry(
+            "paper-7836",
+            "The same with the wheels' momentum at which it takes the paper's 7.836 s",
+            partial(SatelliteSlew, momentum=17.468),
+            f"{_COMPLETED}: h0 = 17.468 N m s and R = 0.1 s² are ours.",
+            provenance=Provenance.COMPLETED,
+            published=_PRINTED,
+        ),
+        _entry(
+            "paper-light",
+            "The same with lighter wheels, and gimbal rates that cost a tenth",
+            partial(SatelliteSlew, momentum=16.704, rate_weight=0.01),
+            f"{_COMPLETED}: h0 = 16.704 N m s and R = 0.01 s² are ours. With so little weight there "
+            "are many local optima: solvers stop at final times from 7.7 to 8.1 s, the paper's "
+            "among them, so use several starts.",
+            provenance=Provenance.COMPLETED,
+            published=_PRINTED,
+        ),
+    )
+
+
+def _turns() -> tuple[CatalogueEntry, ...]:
+    turns = (
+        ("pitch-45", "45° about pitch", "pitch", 45.0),
+        ("yaw-45", "45° about yaw", "yaw", 45.0),
+        ("roll-90", "90° about roll", "roll", 90.0),
+        ("roll-180", "180° about roll: the far side, where the scalar part of q ends at 0", "roll", 180.0),
+        ("skew-60", "60° about (1, 1, 1)", (1.0, 1.0, 1.0), 60.0),
+        ("skew-30", "30° about (2, -2, 1)", (2.0, -2.0, 1.0), 30.0),
+    )  # fmt: skip
+    return tuple(
+        _entry(name, title, partial(SatelliteSlew.about, axis, angle), _OURS)
+        for name, title, axis, angle in turns
+    )
+
+
+def _variants() -> tuple[CatalogueEntry, ...]:
+    return (
+        *(
+            _entry(
+                f"margin-{share}",
+                f"The paper's turn with {share} % of the actuators' limits in reserve",
+                partial(SatelliteSlew, margin=share / 100),
+                "The reserve is ours: a plan at the limits saturates the controller that tracks it.",
+            )
+            for share in (10, 20)
+        ),
+        _entry(
+            "free-gimbals",
+            "The paper's turn, the gimbals ending anywhere",
+            partial(SatelliteSlew, final_gimbals=None),
+            "The freedom is ours.",
+        ),
+        _entry(
+            "infeasible",
+            "The paper's turn in 8 s with a fifth of its torque: too little for the time",
+            partial(SatelliteSlew, torque_limit=5.0, time_range=(1.0, 8.0)),
+            "Ours, and infeasible by construction. As the total momentum is zero, I ẇ = T_c: the rate "
+            "grows by at most |(5/228, 5/188, 5/176)| = 0.0446 rad/s² and has to come down again, so "
+            "45° take at least 8.39 s.",
+        ),
+    )

@@ -1,0 +1,442 @@
+"""What solves an optimal control problem: states and controls as piecewise polynomials of time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InvalidData, UnknownName
+from .fields import Array, frozen, show
+
+__all__ = ["ControlPlan", "PhasePlan", "Piecewise", "barycentric_weights", "interpolation"]
+
+Floats = NDArray[np.float64]
+
+#: How far outside its interval, relative to the whole length, a time may lie by rounding.
+EDGE = 1e-9
+
+
+def barycentric_weights(nodes: ArrayLike) -> Floats:
+    """Return the barycentric weights of distinct nodes, scaled to a largest magnitude of 1.
+
+    Computed through logarithms, so that hundreds of nodes neither overflow nor underflow (Berrut
+    and Trefethen, "Barycentric Lagrange interpolation", 2004).
+    """
+    x = np.asarray(nodes, float)
+    if x.size == 1:
+        return np.ones(1)
+    apart = x[:, None] - x[None, :]
+    np.fill_diagonal(apart, 1.0)
+    logs = -np.log(np.abs(apart)).sum(axis=1)
+    signs = np.sign(apart).prod(axis=1)
+    weights: Floats = signs * np.exp(logs - logs.max())
+    return weights
+
+
+def interpolation(nodes: ArrayLike, points: ArrayLike, weights: Floats | None = None) -> Floats:
+    """Return the matrix that turns values at `nodes` into values at `points`, (points, nodes)."""
+    x, t = np.asarray(nodes, float), np.atleast_1d(np.asarray(points, float))
+    w = barycentric_weights(x) if weights is None else weights
+    apart = t[:, None] - x[None, :]
+    hit = apart == 0.0
+    apart[hit] = 1.0
+    matrix: Floats = w / apart
+    matrix /= matrix.sum(axis=1, keepdims=True)
+    rows = hit.any(axis=1)
+    matrix[rows] = hit[rows].astype(float)
+    return matrix
+
+
+def differentiation(nodes: ArrayLike) -> Floats:
+    """Return the matrix that turns values at `nodes` into derivatives there, (nodes, nodes)."""
+    x = np.asarray(nodes, float)
+    w = barycentric_weights(x)
+    apart = x[:, None] - x[None, :]
+    np.fill_diagonal(apart, 1.0)
+    matrix: Floats = (w[None, :] / w[:, None]) / apart
+    np.fill_diagonal(matrix, 0.0)
+    np.fill_diagonal(matrix, -matrix.sum(axis=1))
+    return matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Piecewise:
+    """A vector of functions of time, one polynomial in Lagrange form an interval.
+
+    Parameters
+    ----------
+    knots : ndarray, shape (intervals + 1,)
+        Where the intervals begin and end, increasing.
+    nodes : tuple of ndarray
+        One an interval: distinct positions in [-1, 1], where -1 is its begin and 1 its end.
+    values : tuple of ndarray, shape (nodes, size)
+        The values at the nodes.
+    lower, upper : ndarray, shape (size,), optional
+        Where the values saturate: what lies beyond is cut off, as an actuator does it.
+    """
+
+    knots: Floats
+    nodes: tuple[Floats, ...]
+    values: tuple[Floats, ...]
+    lower: Floats | None = None
+    upper: Floats | None = None
+
+    def __post_init__(self) -> None:
+        knots = Array(("knots",)).coerce("knots", self.knots, {})
+        if knots.size < 2 or not (np.diff(knots) > 0).all():
+            raise InvalidData(f"knots must increase, got {show(knots.tolist())}", field="knots")
+        count = knots.size - 1
+        if len(self.nodes) != count or len(self.values) != count:
+            raise InvalidData(
+                f"{count} intervals need as many nodes and values, "
+                f"got {len(self.nodes)} and {len(self.values)}",
+                field="nodes",
+            )
+        sizes: dict[str, tuple[int, str]] = {}
+        nodes: list[Floats] = []
+        values: list[Floats] = []
+        for k in range(count):
+            at = Array(("n",), lower=-1.0, upper=1.0).coerce(f"nodes[{k}]", self.nodes[k], {})
+            if at.size == 0 or not (np.diff(at) > 0).all():
+                raise InvalidData(f"nodes[{k}] must increase, got {at.tolist()}", field="nodes")
+            if k and at.size == nodes[-1].size and (at == nodes[-1]).all():
+                at = nodes[-1]  # kept once: a mesh has few different sets
+            inner = {**sizes, "nodes": (at.size, f"nodes[{k}]")}
+            table = Array(("nodes", "size")).coerce(f"values[{k}]", self.values[k], inner)
+            sizes.setdefault("size", (table.shape[1], "values[0]"))
+            nodes.append(at)
+            values.append(table)
+        object.__setattr__(self, "knots", knots)
+        object.__setattr__(self, "nodes", tuple(nodes))
+        object.__setattr__(self, "values", tuple(values))
+        for name, sign in (("lower", -1), ("upper", 1)):
+            if getattr(self, name) is not None:
+                bound = Array(("size",), infinity=sign).coerce(name, getattr(self, name), sizes)
+                object.__setattr__(self, name, bound)
+
+    @property
+    def size(self) -> int:
+        """Number of functions."""
+        return int(self.values[0].shape[1])
+
+    @property
+    def intervals(self) -> int:
+        """Number of intervals."""
+        return int(self.knots.size) - 1
+
+    @cached_property
+    def _weights(self) -> tuple[Floats, ...]:
+        known: dict[int, Floats] = {}
+        return tuple(known.setdefault(id(at), barycentric_weights(at)) for at in self.nodes)
+
+    def _cut(self, values: Floats) -> Floats:
+        if self.lower is None and self.upper is None:
+            return values
+        found: Floats = np.clip(values, self.lower, self.upper)
+        return found
+
+    def on(self, interval: int, points: ArrayLike) -> Floats:
+        """Return the values in `interval` at `points` in [-1, 1], shape (points, size)."""
+        matrix = interpolation(self.nodes[interval], points, self._weights[interval])
+        return self._cut(matrix @ self.values[interval])
+
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Floats:
+        """Return the values at times `t`, shape (…, size); at a knot, those of the interval after it.
+
+        A derivative is that of the polynomials, saturation left aside.
+
+        Raises
+        ------
+        InvalidData
+            A time lies outside the knots.
+        """
+        times = np.asarray(t, float)
+        flat = times.reshape(-1)
+        begin, end = self.knots[0], self.knots[-1]
+        slack = EDGE * max(end - begin, abs(begin), abs(end))
+        outside = ~((flat >= begin - slack) & (flat <= end + slack))
+        if outside.any():
+            raise InvalidData(
+                f"t must lie in [{begin:g}, {end:g}], got {flat[outside][0]:g}", field="t"
+            )
+        flat = np.clip(flat, begin, end)
+        place = np.clip(np.searchsorted(self.knots, flat, side="right") - 1, 0, self.intervals - 1)
+        found = np.empty((flat.size, self.size))
+        for k in np.unique(place):
+            here = place == k
+            low, high = self.knots[k], self.knots[k + 1]
+            tau = 2.0 * (flat[here] - low) / (high - low) - 1.0
+            if derivative == 0:
+                found[here] = self.on(int(k), tau)
+                continue
+            table = self.values[k]
+            turn = differentiation(self.nodes[k]) * (2.0 / (high - low))
+            for _ in range(derivative):
+                table = turn @ table
+            found[here] = interpolation(self.nodes[k], tau, self._weights[k]) @ table
+        return found.reshape((*times.shape, self.size))
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the functions as JSON data."""
+
+        def bound(values: Floats | None, sign: int) -> Any:
+            return None if values is None else Array(("n",), infinity=sign).encode(values)
+
+        return {
+            "nodes": [at.tolist() for at in self.nodes],
+            "values": [table.tolist() for table in self.values],
+            "lower": bound(self.lower, -1),
+            "upper": bound(self.upper, 1),
+        }
+
+    @classmethod
+    def from_data(cls, data: Any, knots: Any, what: str) -> Piecewise:
+        """Return the functions that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        keys = {"nodes", "values", "lower", "upper"}
+        if not isinstance(data, Mapping) or not {"nodes", "values"} <= set(data) <= keys:
+            raise InvalidData(
+                f"{what} must be an object with nodes and values (lower, upper), got {show(data)}",
+                field=what,
+            )
+        for key in ("nodes", "values"):
+            if not isinstance(data[key], Sequence) or isinstance(data[key], str):
+                raise InvalidData(
+                    f"{what}: {key} must be a list, one entry an interval, got {show(data[key])}",
+                    field=what,
+                )
+        return cls(
+            knots, tuple(data["nodes"]), tuple(data["values"]), data.get("lower"), data.get("upper")
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PhasePlan:
+    """States and controls over one phase.
+
+    Parameters
+    ----------
+    name : str
+        The phase's name.
+    states, controls : Piecewise
+        The functions, on the same knots; a control may saturate.
+    state_names, control_names : tuple of str
+        One a function; entries of a vector are called ``"q[0]"``, ``"q[1]"`` …
+    costates : Piecewise, optional
+        Multipliers of the dynamics (λ), one a state, where a transcription gave them.
+    """
+
+    name: str
+    states: Piecewise
+    controls: Piecewise
+    state_names: tuple[str, ...]
+    control_names: tuple[str, ...]
+    costates: Piecewise | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "state_names", tuple(self.state_names))
+        object.__setattr__(self, "control_names", tuple(self.control_names))
+        for what, part, names in (
+            ("states", self.states, self.state_names),
+            ("controls", self.controls, self.control_names),
+            ("costates", self.costates, self.state_names),
+        ):
+            if part is not None and part.size != len(names):
+                raise InvalidData(
+                    f"phase {self.name!r}: {what} has {part.size} columns for {len(names)} names",
+                    field=what,
+                )
+            if part is not None and not np.array_equal(part.knots, self.states.knots):
+                raise InvalidData(
+                    f"phase {self.name!r}: {what} must have the knots of states", field=what
+                )
+
+    @property
+    def start(self) -> float:
+        """Time at which the phase begins (t0)."""
+        return float(self.states.knots[0])
+
+    @property
+    def end(self) -> float:
+        """Time at which it ends (tf)."""
+        return float(self.states.knots[-1])
+
+    @property
+    def duration(self) -> float:
+        """Its length in time."""
+        return self.end - self.start
+
+    def grid(self, count: int = 201) -> Floats:
+        """Return `count` even times from begin to end."""
+        return np.linspace(self.start, self.end, count)
+
+    def __getitem__(self, name: str) -> Signal:
+        """Return the state or control called `name` as a function of time."""
+        for part, names in (
+            (self.states, self.state_names),
+            (self.controls, self.control_names),
+        ):
+            if name in names:
+                return Signal(part, (names.index(name),), scalar=True)
+            entries = tuple(k for k, one in enumerate(names) if one.startswith(f"{name}["))
+            if entries:
+                return Signal(part, entries, scalar=False)
+        raise UnknownName(
+            f"state or control of phase {self.name!r}",
+            name,
+            [*self.state_names, *self.control_names],
+        )
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the phase as JSON data."""
+        return {
+            "name": self.name,
+            "knots": self.states.knots.tolist(),
+            "state_names": list(self.state_names),
+            "control_names": list(self.control_names),
+            "states": self.states.to_data(),
+            "controls": self.controls.to_data(),
+            "costates": None if self.costates is None else self.costates.to_data(),
+        }
+
+    @classmethod
+    def from_data(cls, data: Any) -> PhasePlan:
+        """Return the phase that :meth:`to_data` wrote."""
+        keys = {"name", "knots", "state_names", "control_names", "states", "controls"}
+        if not isinstance(data, Mapping) or not keys <= set(data) <= keys | {"costates"}:
+            raise InvalidData(
+                f"a phase of a plan has the keys {', '.join(sorted(keys))}, got {show(data)}",
+                field="phases",
+            )
+        knots = data["knots"]
+        costates = data.get("costates")
+        return cls(
+            str(data["name"]),
+            Piecewise.from_data(data["states"], knots, "states"),
+            Piecewise.from_data(data["controls"], knots, "controls"),
+            tuple(map(str, data["state_names"])),
+            tuple(map(str, data["control_names"])),
+            None if costates is None else Piecewise.from_data(costates, knots, "costates"),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """One state or control of a plan as a function of time.
+
+    Parameters
+    ----------
+    source : Piecewise
+        Where it stands.
+    entries : tuple of int
+        Its columns there.
+    scalar : bool
+        Whether its values are numbers, not vectors.
+    """
+
+    source: Piecewise
+    entries: tuple[int, ...]
+    scalar: bool
+
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Floats:
+        """Return the values at times `t`, of its shape, with one more axis for a vector."""
+        found = self.source(t, derivative)[..., list(self.entries)]
+        return found[..., 0] if self.scalar else found
+
+
+@dataclass(frozen=True, eq=False)
+class ControlPlan:
+    """States, controls, times and parameters that answer an optimal control problem.
+
+    ``plan["x"](t)`` is a state or control of a plan with one phase; with several, ask the phase:
+    ``plan.phases[1]["x"](t)`` or ``plan.phase("coast")["x"](t)``.
+
+    Parameters
+    ----------
+    phases : tuple of PhasePlan
+        In the order of the problem.
+    parameters : mapping of str to ndarray
+        Values of the parameters.
+    """
+
+    phases: tuple[PhasePlan, ...]
+    parameters: Mapping[str, Floats] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "phases", tuple(self.phases))
+        values = {
+            name: frozen(np.atleast_1d(np.array(value, float)))
+            for name, value in self.parameters.items()
+        }
+        object.__setattr__(self, "parameters", values)
+        if not self.phases:
+            raise InvalidData("a plan has at least 1 phase, got 0", field="phases")
+
+    def phase(self, name: str) -> PhasePlan:
+        """Return the phase called `name`."""
+        for one in self.phases:
+            if one.name == name:
+                return one
+        raise UnknownName("phase", name, [one.name for one in self.phases])
+
+    @property
+    def start(self) -> float:
+        """Time at which the first phase begins."""
+        return self.phases[0].start
+
+    @property
+    def end(self) -> float:
+        """Time at which the last phase ends."""
+        return self.phases[-1].end
+
+    def grid(self, count: int = 201) -> Floats:
+        """Return `count` even times over a plan's only phase."""
+        return self._only("grid").grid(count)
+
+    def __getitem__(self, name: str) -> Signal:
+        """Return a state or control of a plan's only phase as a function of time."""
+        return self._only(repr(name))[name]
+
+    def __iter__(self) -> Iterator[PhasePlan]:
+        return iter(self.phases)
+
+    def _only(self, what: str) -> PhasePlan:
+        if len(self.phases) > 1:
+            names = ", ".join(repr(one.name) for one in self.phases)
+            raise InvalidData(
+                f"{what}: the plan has {len(self.phases)} phases ({names}); ask one of them",
+                field="phases",
+            )
+        return self.phases[0]
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the plan as JSON data."""
+        return {
+            "phases": [one.to_data() for one in self.phases],
+            "parameters": {name: value.tolist() for name, value in self.parameters.items()},
+        }
+
+    @classmethod
+    def from_data(cls, data: Any) -> ControlPlan:
+        """Return the plan that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        if not isinstance(data, Mapping) or not {"phases"} <= set(data) <= {"phases", "parameters"}:
+            raise InvalidData(
+                f"a plan must be an object with phases and parameters, got {show(data)}",
+                field="plan",
+            )
+        if not isinstance(data["phases"], Sequence) or isinstance(data["phases"], str):
+            raise InvalidData(f"phases must be a list, got {show(data['phases'])}", field="phases")
+        parameters = data.get("parameters", {})
+        if not isinstance(parameters, Mapping):
+            raise InvalidData(
+                f"parameters must be an object, got {show(parameters)}", field="parameters"
+            )
+        values = {
+            str(name): Array(("size",)).coerce(f"parameters[{name!r}]", value, {})
+            for name, value in parameters.items()
+        }
+        return cls(tuple(PhasePlan.from_data(one) for one in data["phases"]), values)

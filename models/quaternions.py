@@ -1,0 +1,109 @@
+"""Attitudes as unit quaternions, scalar first: Hamilton's product, body axes seen from inertial ones.
+
+A quaternion q = (q0, q1, q2, q3) turns a vector's body components into its inertial ones, v_I =
+R(q) v_B. With the body rates w its motion is q̇ = ½ q ∘ (0, w), in parts q̇0 = -½ w·q and
+q̇ = -½ w×q + ½ q0 w: eq. 10 of "Path Planning for Rapid Large-Angle Maneuver of Satellites Based on
+the Gauss Pseudospectral Method" (Mathematical Problems in Engineering, 2016). q and -q are the same
+attitude. All functions take stacks of quaternions, shape (…, 4).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "attitude_error",
+    "axis_and_angle",
+    "conjugate",
+    "product",
+    "quaternion_rate",
+    "rotation_about",
+    "rotation_matrix",
+]
+
+Floats = NDArray[np.float64]
+
+#: Length of the vector part below which a rotation has no axis.
+STILL = 1e-12
+_SIGNS = np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def product(left: ArrayLike, right: ArrayLike) -> Floats:
+    """Return Hamilton's product `left` ∘ `right`, shape (…, 4)."""
+    p, q = np.asarray(left, float), np.asarray(right, float)
+    a, b, c, d = (p[..., k] for k in range(4))
+    e, f, g, h = (q[..., k] for k in range(4))
+    found = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    found[..., 0] = a * e - b * f - c * g - d * h
+    found[..., 1] = a * f + b * e + c * h - d * g
+    found[..., 2] = a * g - b * h + c * e + d * f
+    found[..., 3] = a * h + b * g - c * f + d * e
+    return found
+
+
+def conjugate(q: ArrayLike) -> Floats:
+    """Return the conjugate, which is the inverse of a unit quaternion, shape (…, 4)."""
+    found: Floats = np.asarray(q, float) * _SIGNS
+    return found
+
+
+def rotation_matrix(q: ArrayLike) -> Floats:
+    """Return R(q), which turns body components into inertial ones, shape (…, 3, 3).
+
+    R(q) = (q0² - |q|²) 1 + 2 q qᵀ + 2 q0 [q×], for a quaternion of length 1.
+    """
+    given = np.asarray(q, float)
+    a, b, c, d = (given[..., k] for k in range(4))
+    rows = [
+        [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
+        [2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)],
+        [2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rotation_about(axis: ArrayLike, angle: ArrayLike) -> Floats:
+    """Return the rotation by `angle` (rad) about `axis`, shape (…, 4).
+
+    Parameters
+    ----------
+    axis : array_like, shape (3,)
+        Any length but 0.
+    angle : array_like, shape (…)
+        Angles, rad.
+    """
+    unit = np.asarray(axis, float)
+    unit = unit / np.linalg.norm(unit)
+    half = 0.5 * np.asarray(angle, float)[..., None]
+    return np.concatenate([np.cos(half), np.sin(half) * unit], axis=-1)
+
+
+def axis_and_angle(q: ArrayLike) -> tuple[Floats, float]:
+    """Return the axis, shape (3,), and the angle (rad, 0 to π) of a rotation, the short way round.
+
+    A rotation by nothing has the axis x.
+    """
+    turn = np.asarray(q, float)
+    turn = -turn if turn[0] < 0.0 else turn
+    length = float(np.linalg.norm(turn[1:]))
+    if length < STILL:
+        return np.array([1.0, 0.0, 0.0]), 0.0
+    return turn[1:] / length, 2.0 * float(np.arctan2(length, turn[0]))
+
+
+def quaternion_rate(q: ArrayLike, rates: ArrayLike) -> Floats:
+    """Return q̇ = ½ q ∘ (0, w) for the body rates w (rad/s): eq. 10, shape (…, 4)."""
+    w = np.asarray(rates, float)
+    return 0.5 * product(q, np.concatenate([np.zeros_like(w[..., :1]), w], axis=-1))
+
+
+def attitude_error(q: ArrayLike, desired: ArrayLike) -> Floats:
+    """Return the error quaternion q_e = q_d* ∘ q, shape (…, 4): eq. 25.
+
+    Its scalar part is q_e0 = q0 q_d0 + q·q_d, which the paper prints with a minus; the vector part,
+    half the angle of a small error, is q_d0 q - q0 q_d - q_d×q. The sign is that of q_e0 >= 0.
+    """
+    error = product(conjugate(desired), q)
+    found: Floats = np.where(error[..., :1] < 0.0, -error, error)
+    return found

@@ -1,0 +1,96 @@
+"""The eigenaxis slew: one rotation about one axis, its rate going up, along and down (bang-coast-bang)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .quaternions import axis_and_angle, conjugate, product, rotation_about
+
+__all__ = ["EigenaxisProfile"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class EigenaxisProfile:
+    """A turn from rest to rest about one axis, the rate a trapezoid of time, or a triangle.
+
+    Parameters
+    ----------
+    initial : ndarray, shape (4,)
+        The attitude at the begin.
+    axis : ndarray, shape (3,)
+        Unit vector, in body axes; they stay the same along the way.
+    angle : float
+        How far to turn, rad.
+    peak : float
+        Highest rate, rad/s; a short turn does not reach it.
+    acceleration : float
+        Of both ramps, rad/s².
+    """
+
+    initial: Floats
+    axis: Floats
+    angle: float
+    peak: float
+    acceleration: float
+
+    @classmethod
+    def between(
+        cls, initial: ArrayLike, final: ArrayLike, peak: float, acceleration: float
+    ) -> EigenaxisProfile:
+        """Return the turn from one attitude to another, the short way."""
+        begin = np.asarray(initial, float)
+        axis, angle = axis_and_angle(product(conjugate(begin), final))
+        return cls(begin, axis, angle, peak, acceleration)
+
+    @property
+    def ramp(self) -> float:
+        """How long each ramp lasts, s."""
+        return min(self.peak / self.acceleration, float(np.sqrt(self.angle / self.acceleration)))
+
+    @property
+    def reached(self) -> float:
+        """The highest rate that is reached, rad/s."""
+        return self.acceleration * self.ramp
+
+    @property
+    def duration(self) -> float:
+        """How long the turn lasts, s."""
+        if self.angle == 0.0:
+            return 0.0
+        return self.ramp + self.angle / self.reached
+
+    @property
+    def breaks(self) -> Floats:
+        """The times at which the acceleration jumps, from 0 to the duration, increasing."""
+        inner = [self.ramp, self.duration - self.ramp]
+        times = np.array([0.0, *inner, self.duration])
+        found: Floats = times[np.concatenate([[True], np.diff(times) > 1e-9])]
+        return found
+
+    def turned(self, t: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return the angle (rad), its rate and its acceleration at times `t`, each of its shape.
+
+        After the end the turn stands still; at a jump, the acceleration is that after it.
+        """
+        times = np.clip(np.asarray(t, float), 0.0, self.duration)
+        ramp, rate, long = self.ramp, self.acceleration, self.duration
+        left = long - times
+        before, after = times < ramp, left <= ramp
+        along = 0.5 * rate * ramp**2 + self.reached * (times - ramp)
+        angle = np.where(before, 0.5 * rate * times**2, along)
+        angle = np.where(after, self.angle - 0.5 * rate * left**2, angle)
+        speed = np.where(before, rate * times, np.where(after, rate * left, self.reached))
+        push = np.where(before, rate, np.where(after, -rate, 0.0))
+        push = np.where(np.asarray(t, float) >= long, 0.0, push)
+        return angle, speed, push
+
+    def course(self, t: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return attitude (…, 4), body rates (…, 3) and their derivatives (…, 3) at times `t`."""
+        angle, speed, push = self.turned(t)
+        attitude = product(self.initial, rotation_about(self.axis, angle))
+        return attitude, speed[..., None] * self.axis, push[..., None] * self.axis

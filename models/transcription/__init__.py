@@ -1,0 +1,1 @@
+"""Optimal control problems written as nonlinear programs: collocation schemes, meshes, refinement."""

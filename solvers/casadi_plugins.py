@@ -1,0 +1,130 @@
+"""What the backends over CasADi share: loading a plugin, and what CasADi says where it does not load."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import os
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BackendBroken
+
+__all__ = ["HIGHS_MARK", "last_line", "load_plugin", "muted", "status_of", "vector"]
+
+#: The module whose presence means that CasADi's own HiGHS is loaded, which breaks those of highspy
+#: and ortools in a process and is broken by them.
+HIGHS_MARK = "crosstrack.solvers.qp.casadi_highs"
+
+#: Plugins that this process has loaded; CasADi warns when asked again.
+_loaded: set[tuple[str, str]] = set()
+#: One thread at a time exchanges the standard output.
+_quiet_lock = threading.Lock()
+
+
+def load_plugin(backend: str, kind: str, name: str, *, brings_highs: bool = False) -> None:
+    """Load CasADi's plugin `name` of `kind` (``"conic"``, ``"nlpsol"``) for `backend`.
+
+    Parameters
+    ----------
+    backend : str
+        Whose name stands in messages.
+    kind, name : str
+        CasADi's names.
+    brings_highs : bool
+        Whether CasADi's own HiGHS comes with it.
+
+    Raises
+    ------
+    BackendBroken
+        The plugin does not load, with CasADi's own words, or would meet another HiGHS.
+    """
+    import casadi
+
+    if brings_highs:
+        clashing = [module for module in ("highspy", "ortools.init") if module in sys.modules]
+        if clashing:
+            raise BackendBroken(
+                f"backend {backend!r}: plugin {name!r} cannot run beside {clashing[0]} in one "
+                "process; let the run have a worker (isolate=True)"
+            )
+        importlib.import_module(HIGHS_MARK)
+    if (kind, name) in _loaded:
+        return
+    call: Any = casadi
+    try:
+        getattr(call, f"load_{kind}")(name)
+        _loaded.add((kind, name))
+    except RuntimeError as error:
+        raise BackendBroken(
+            f"backend {backend!r}: plugin {name!r} does not load: {last_line(error)}"
+        ) from error
+
+
+@contextmanager
+def muted(*, native: bool = False) -> Iterator[None]:
+    """Keep what this thread's solver writes to the standard output from appearing there.
+
+    CasADi's output goes through Python's ``sys.stdout``, and other threads keep writing there.
+
+    Parameters
+    ----------
+    native : bool
+        Also what goes past Python, to the file descriptor: that of the whole process, so only for
+        solvers that run in a process of their own.
+    """
+    with _quiet_lock:
+        before, saved = sys.stdout, -1
+        sys.stdout = _Mute(before, threading.get_ident())
+        if native:
+            saved = os.dup(1)
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, 1)
+            os.close(nowhere)
+        try:
+            yield
+        finally:
+            sys.stdout = before
+            if native:
+                os.dup2(saved, 1)
+                os.close(saved)
+
+
+class _Mute(io.TextIOBase):
+    """A standard output that forgets what one thread writes."""
+
+    def __init__(self, target: Any, thread: int) -> None:
+        self._target, self._thread = target, thread
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, text: str) -> int:
+        if threading.get_ident() == self._thread:
+            return len(text)
+        return int(self._target.write(text))
+
+    def flush(self) -> None:
+        self._target.flush()
+
+
+def status_of(stats: Mapping[str, Any]) -> str:
+    """Return what a plugin calls its end."""
+    return str(stats.get("return_status", stats.get("unified_return_status", "")))
+
+
+def vector(values: Any) -> NDArray[np.float64]:
+    """Return CasADi's column of numbers as an array."""
+    return np.array(values, float).reshape(-1)
+
+
+def last_line(error: Exception) -> str:
+    """Return the last line of CasADi's message that says something."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[-1][:300] if lines else type(error).__name__

@@ -1,0 +1,123 @@
+"""Conformance cases: nonlinear programs that take a while, for limits and stops, and a larger one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..backend import Feature, Limit, Termination
+from .cases import Case, Expectation, Run
+from .nonlinear_posing import ENDS, nonlinear
+
+__all__ = ["chain_case", "nonlinear_limit_cases"]
+
+#: Columns of the valley that takes a while: a search follows its bends one after the other.
+SIZE = 200
+#: Steps of the pendulum.
+STEPS = 160
+
+
+def nonlinear_limit_cases() -> tuple[Case, ...]:
+    """Return the cases."""
+    valley = nonlinear(_valley, np.tile([-1.2, 1.0], SIZE // 2), lower=-10, upper=10)
+    ends = (*ENDS, Termination.FEASIBLE, Termination.NO_SOLUTION)
+
+    def expect(limit: Limit, through: bool = True) -> Expectation:
+        # Every seed leads to a local optimum; the best there is has the objective 0.
+        allowed = ends if through else ends[2:]
+        return Expectation(allowed, floor=0.0, limit=limit, through=through, any_limit=through)
+
+    best = np.ones(SIZE)
+    return (
+        Case("nonlinear, limit: time", valley, expect(Limit.TIME), arguments={"time_limit": 0.1}),
+        Case(
+            "nonlinear, limit: no time at all",
+            valley,
+            expect(Limit.TIME, through=False),
+            arguments={"time_limit": 0.0},
+        ),
+        Case(
+            "nonlinear, stop: before it starts",
+            valley,
+            expect(Limit.INTERRUPTED, through=False),
+            arguments={"time_limit": 30.0},
+            stop_after=0.0,
+        ),
+        Case(
+            "nonlinear, stop: while it runs",
+            valley,
+            expect(Limit.INTERRUPTED),
+            frozenset({Feature.INTERRUPT}),
+            {"time_limit": 30.0},
+            stop_after=0.05,
+        ),
+        Case(
+            "nonlinear, warm start: kept",
+            valley,
+            expect(Limit.TIME, through=False),
+            frozenset({Feature.WARM_START}),
+            {"time_limit": 0.0, "warm_start": best},
+            further=_no_worse,
+        ),
+    )
+
+
+def _valley(x: Any) -> tuple[Any, list[Any]]:
+    """Return the chained function of Rosenbrock."""
+    import casadi
+
+    return 100 * casadi.sumsqr(x[1:] - x[:-1] ** 2) + casadi.sumsqr(1 - x[:-1]), []
+
+
+def _no_worse(case: Case, run: Run) -> str | None:
+    value = run.answer.primal_bound
+    return None if value is not None and value <= 1e-9 else f"lost the warm start, has {value!r}"
+
+
+def chain_case() -> Case:
+    """Return a pendulum of 480 columns, made around its solution.
+
+    Angle, speed and torque of each step, ``a' = a + h v`` and ``v' = v + h (u - sin a)``; the
+    objective is the squared distance from where its gradient at the solution is what the
+    multipliers chosen explain. They are small, so that the solution is a strict local optimum.
+    """
+    import casadi
+
+    k, h = np.arange(STEPS), 0.05
+    torque = np.clip(0.8 * np.sin(k * h * 1.3) + 0.3 * np.cos(k * h * 2.9), -0.7, 0.7)
+    angle, speed = np.zeros(STEPS), np.zeros(STEPS)
+    for at in range(STEPS - 1):
+        angle[at + 1] = angle[at] + h * speed[at]
+        speed[at + 1] = speed[at] + h * (torque[at] - np.sin(angle[at]))
+    point = np.concatenate([angle, speed, torque])
+    duals = 0.2 * np.concatenate([np.sin(1 + 0.1 * k[1:]), np.cos(2 + 0.07 * k[1:])])
+    reduced = np.zeros(point.size)
+    reduced[2 * STEPS :] = np.where(torque >= 0.7, -0.3, np.where(torque <= -0.7, 0.3, 0.0))
+
+    def rows(x: Any) -> list[Any]:
+        a, v, u = x[:STEPS], x[STEPS : 2 * STEPS], x[2 * STEPS :]
+        return [
+            a[1:] - a[:-1] - h * v[:-1],
+            v[1:] - v[:-1] - h * (u[:-1] - casadi.sin(a[:-1])),
+        ]
+
+    lower = np.concatenate([np.full(2 * STEPS, -np.inf), np.full(STEPS, -0.7)])
+    lower[[0, STEPS]] = 0.0
+    upper = np.where(np.isfinite(lower), -lower, np.inf)
+    fixed = nonlinear(lambda x: (casadi.SX(0), rows(x)), point)
+    centre = point - fixed.jacobian(point).T @ duals - reduced
+    program = nonlinear(
+        lambda x: (0.5 * casadi.sumsqr(x - centre), rows(x)),
+        np.zeros(point.size),
+        0.0,
+        0.0,
+        lower=lower,
+        upper=upper,
+    )
+    objective = 0.5 * float(((point - centre) ** 2).sum())
+    return Case(
+        f"nonlinear: pendulum, {point.size} columns",
+        program,
+        Expectation(ENDS, objective, point=tuple(point), duals=tuple(duals)),
+    )

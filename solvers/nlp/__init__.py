@@ -1,0 +1,1 @@
+"""Backends for nonlinear programs: one file a solver; the plugins of ``casadi.nlpsol`` share one."""

@@ -1,0 +1,47 @@
+"""Bonmin: branch and bound over Ipopt, which a program without integers leaves at its root."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from ...models.nonlinear import NonlinearProgram
+from ..backend import Option, Request
+from .casadi_nlp import DERIVATIVES, CasadiNlp
+
+__all__ = ["Bonmin"]
+
+
+class Bonmin(CasadiNlp):
+    """Bonmin, whose multipliers CasADi does not read: they are estimated from its point.
+
+    It hears of no stop, so that its runs move to a process of their own.
+    """
+
+    name = "bonmin"
+    plugin = "bonmin"
+    given = DERIVATIVES
+    watchable = False
+    talks = "python"
+    options: ClassVar[Mapping[str, Option]] = {
+        "max_iter": Option(3000, "Iterations of each search at most.", int, lower=1),
+    }
+    summary = "Bonmin: branch and bound over Ipopt, by CasADi"
+
+    def settings(
+        self, program: NonlinearProgram, request: Request, left: float | None
+    ) -> dict[str, Any]:
+        """Return the plugin's options."""
+        options: dict[str, Any] = {
+            "print_level": 0,
+            "sb": "yes",
+            "bb_log_level": 0,
+            "nlp_log_level": 0,
+            "lp_log_level": 0,
+            "nlp_log_at_root": 0,
+            "tol": 1e-8,
+            "max_iter": request.options.get("max_iter", 3000),
+        }
+        if left is not None:
+            options["time_limit"] = max(left, 1e-3)
+        return {"bonmin": options}

@@ -1,0 +1,221 @@
+"""The solvers behind CasADi's ``nlpsol``: how a plugin is posed a program, watched and read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import BackendBroken
+from ...models.nonlinear import NonlinearProgram
+from ..attempts import Clock, Ended, limited
+from ..backend import Limit, Request
+from ..casadi_plugins import last_line, load_plugin, muted, status_of, vector
+from .base import NonlinearBackend, NonlinearOutcome
+from .quality import estimated_duals
+from .scaled import Scaled
+
+__all__ = ["DERIVATIVES", "CasadiNlp", "ended_by_words"]
+
+Vector = NDArray[np.float64]
+
+#: What Ipopt and its kin can be given.
+DERIVATIVES: Mapping[str, str] = {"grad_f": "gradient", "jac_g": "jacobian", "hess_lag": "hessian"}
+
+
+class CasadiNlp(NonlinearBackend):
+    """Base of the backends over a plugin of ``casadi.nlpsol``.
+
+    A plugin that does not load raises :class:`BackendBroken` with CasADi's own words.
+
+    Attributes
+    ----------
+    plugin : str
+        CasADi's name of it.
+    given : mapping of str to str
+        Which of the program's own derivatives it can be given: CasADi's option, and the name in
+        :class:`~.scaled.Scaled`. The others it has differentiated automatically.
+    watchable : bool
+        Whether it calls back at each iteration and stops when told to.
+    brings_highs : bool
+        Whether CasADi's own HiGHS comes with it.
+    talks : str
+        Where it writes whatever it is told: ``"python"`` by way of ``sys.stdout``, ``"native"`` past
+        it, empty where it is quiet.
+    """
+
+    requires = ("casadi",)
+    distribution = "casadi"
+    plugin: ClassVar[str]
+    given: ClassVar[Mapping[str, str]] = {}
+    watchable: ClassVar[bool] = True
+    brings_highs: ClassVar[bool] = False
+    talks: ClassVar[str] = ""
+
+    def settings(
+        self, program: NonlinearProgram, request: Request, left: float | None
+    ) -> dict[str, Any]:
+        """Return the plugin's options for a run with `left` seconds: quiet, and precise enough."""
+        return {}
+
+    def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
+        """Return how the plugin ended, by what it says of itself."""
+        return ended_by_words(stats)
+
+    def load(self, request: Request) -> None:
+        """Load the plugin and whatever it needs."""
+        load_plugin(self.name, "nlpsol", self.plugin, brings_highs=self.brings_highs)
+
+    def attempt(
+        self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
+    ) -> NonlinearOutcome:
+        """Pose the program to the plugin, with a watcher where it takes one."""
+        import casadi
+
+        self.load(request)
+        scaled = Scaled(program)
+        options: dict[str, Any] = {
+            "error_on_fail": False,
+            "print_time": False,
+            "show_eval_warnings": False,
+            **{name: getattr(scaled, self.given[name]) for name in self.given},
+        }
+        watcher = None
+        if self.watchable:
+            # CasADi keeps no reference of its own: the watcher must outlive the call.
+            watcher = _watcher(program, lambda: _over(request, clock))
+            options["iteration_callback"] = watcher
+        options.update(self.settings(program, request, clock.left()))
+        call: Any = casadi
+        try:
+            with muted(native=self.talks == "native"):
+                solver = call.nlpsol("solver", self.plugin, scaled.problem(), options)
+        except RuntimeError as error:
+            raise BackendBroken(
+                f"backend {self.name!r}: plugin {self.plugin!r} does not start: {last_line(error)}"
+            ) from error
+        clock.lap("build")
+        first = {} if request.warm_start is None else self.first(scaled, start)
+        try:
+            with self.silence(request):
+                found = solver(x0=scaled.start(start), **scaled.bounds, **first)
+        except RuntimeError as error:
+            clock.lap("solve")
+            return self.stumbled(error, scaled, request, clock, watcher)
+        clock.lap("solve")
+        try:
+            stats = solver.stats()
+        except RuntimeError:
+            stats = {}  # one that failed early has none
+        return self.outcome(stats, found, scaled, request, clock)
+
+    def silence(self, request: Request) -> AbstractContextManager[None]:
+        """Return what keeps the plugin from writing to the standard output while it runs."""
+        return muted(native=self.talks == "native") if self.talks else nullcontext()
+
+    def first(self, scaled: Scaled, start: Vector) -> dict[str, Any]:
+        """Return what else a warm start gives: the multipliers that fit it, by CasADi's names."""
+        duals = estimated_duals(scaled.program, start)
+        if duals is None:
+            return {}
+        return scaled.multipliers(start, duals)
+
+    def outcome(
+        self, stats: Mapping[str, Any], found: Any, scaled: Scaled, request: Request, clock: Clock
+    ) -> NonlinearOutcome:
+        """Return what the plugin's results say in the program's own units."""
+        point, duals = scaled.point(vector(found["x"])), scaled.duals(vector(found["lam_g"]))
+        ended, limit = self.ended(stats)
+        late = _over(request, clock)
+        if ended is not Ended.PROVEN and late is not None:
+            ended, limit = Ended.STOPPED, late
+        message = "" if ended is Ended.PROVEN else f"{self.name}: {status_of(stats)}"
+        count = stats.get("iter_count")
+        return NonlinearOutcome(
+            ended,
+            point if np.isfinite(point).all() else None,
+            None,
+            duals if np.isfinite(duals).all() else None,
+            limit,
+            message=message,
+            iterations=None if count is None or int(count) < 0 else int(count),
+        )
+
+    def stumbled(
+        self, error: RuntimeError, scaled: Scaled, request: Request, clock: Clock, watcher: Any
+    ) -> NonlinearOutcome:
+        """Return the outcome of a run that CasADi ended with an exception: some end a stop so."""
+        late = _over(request, clock)
+        point = duals = None
+        if watcher is not None and watcher.last is not None:
+            point, duals = scaled.point(watcher.last[0]), scaled.duals(watcher.last[1])
+        return NonlinearOutcome(
+            Ended.FAILED if late is None else Ended.STOPPED,
+            point,
+            None,
+            duals,
+            late,
+            message=f"{self.name}: {last_line(error)}",
+        )
+
+
+def ended_by_words(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
+    """Return how a plugin ended, by its success and by the words of its status."""
+    if stats.get("success"):
+        return Ended.PROVEN, None
+    words = status_of(stats).lower().replace("_", " ")
+    if "infeasib" in words:
+        return Ended.INFEASIBLE, None
+    if "unbounded" in words or "diverging" in words:
+        return Ended.UNBOUNDED, None
+    if "user" in words:
+        return Ended.STOPPED, Limit.INTERRUPTED
+    if "time" in words:
+        return Ended.STOPPED, Limit.TIME
+    if "iter" in words or stats.get("unified_return_status") == "SOLVER_RET_LIMITED":
+        return Ended.STOPPED, Limit.ITERATIONS
+    return Ended.FAILED, None
+
+
+def _over(request: Request, clock: Clock) -> Limit | None:
+    """Return the limit that says stop, None while there is none."""
+    if request.control.stopped:
+        return limited(request.control)
+    return Limit.TIME if clock.left() == 0.0 else None
+
+
+def _watcher(program: NonlinearProgram, over: Callable[[], Limit | None]) -> Any:
+    """Return a CasADi callback that stops the plugin once `over` names a limit."""
+    import casadi
+
+    sizes = {"f": 1, "x": program.size, "lam_x": program.size}
+    sizes.update(g=program.row_count, lam_g=program.row_count)
+    places = {casadi.nlpsol_out(index): index for index in range(casadi.nlpsol_n_out())}
+
+    class Watcher(casadi.Callback):
+        """Looks at the clock and at stop requests at every iteration."""
+
+        def __init__(self) -> None:
+            casadi.Callback.__init__(self)
+            self.last: tuple[Vector, Vector] | None = None
+            self.construct("watcher", {})
+
+        def get_n_in(self) -> int:
+            return int(casadi.nlpsol_n_out())
+
+        def get_n_out(self) -> int:
+            return 1
+
+        def get_sparsity_in(self, index: int) -> Any:
+            return casadi.Sparsity.dense(sizes.get(casadi.nlpsol_out(index), 0), 1)
+
+        def eval(self, arg: Any) -> list[int]:
+            if over() is None:
+                return [0]
+            self.last = vector(arg[places["x"]]), vector(arg[places["lam_g"]])
+            return [1]
+
+    return Watcher()

@@ -1,0 +1,232 @@
+"""A nonlinear program in the units its solvers work in: columns, rows and objective of size 1."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.nonlinear import NonlinearProgram
+
+if TYPE_CHECKING:
+    import casadi
+
+__all__ = ["Scaled"]
+
+Vector = NDArray[np.float64]
+
+
+class Scaled:
+    """`program` in ``z = x / column_scale``, rows ``g / row_scale``, objective ``f / objective_scale``.
+
+    Its functions take ``(x, p)``, as CasADi names them, with x standing for z and no parameters p, so
+    that ``nlpsol`` can have them for its own. A scale of 1 costs nothing, any other one product a
+    nonzero.
+    """
+
+    def __init__(self, program: NonlinearProgram) -> None:
+        self.program = program
+        self._columns = _unless_one(program.column_scale)
+        self._rows = _unless_one(program.row_scale)
+        self._objective = program.objective_scale
+
+    # -- numbers ---------------------------------------------------------------------------------
+
+    def start(self, point: Vector) -> Vector:
+        """Return the column vector `point` in the solver's units."""
+        return point if self._columns is None else point / self._columns
+
+    def point(self, z: Vector) -> Vector:
+        """Return the solver's `z` as a column vector of the program."""
+        return z if self._columns is None else z * self._columns
+
+    def duals(self, multipliers: Vector) -> Vector:
+        """Return CasADi's multipliers of the scaled rows as the program signs and measures them."""
+        return -multipliers * self._objective / self.program.row_scale
+
+    def multipliers(self, point: Vector, duals: Vector) -> dict[str, Vector]:
+        """Return CasADi's multipliers of the scaled rows and columns, ``lam_g0`` and ``lam_x0``."""
+        p = self.program
+        reduced = p.reduced_costs(point, duals)
+        bound = np.minimum(point - p.column_lower, p.column_upper - point) <= 1e-6 * p.column_scale
+        return {
+            "lam_g0": -duals * p.row_scale / self._objective,
+            "lam_x0": np.where(bound, -reduced * p.column_scale / self._objective, 0.0),
+        }
+
+    @property
+    def bounds(self) -> dict[str, Vector]:
+        """Bounds of columns and rows under CasADi's names: ``lbx, ubx, lbg, ubg``."""
+        p = self.program
+        return {
+            "lbx": p.column_lower / p.column_scale,
+            "ubx": p.column_upper / p.column_scale,
+            "lbg": p.row_lower / p.row_scale,
+            "ubg": p.row_upper / p.row_scale,
+        }
+
+    # -- functions -------------------------------------------------------------------------------
+
+    @cached_property
+    def objective_only(self) -> Any:
+        """``(x) -> (f)``, unscaled; apart, because line searches want one without the other."""
+        return _part(self.program.function, ["x"], "f")
+
+    @cached_property
+    def rows_only(self) -> Any:
+        """``(x) -> (g)``, unscaled."""
+        return _part(self.program.function, ["x"], "g")
+
+    def problem(self) -> dict[str, Any]:
+        """Return the program as ``nlpsol`` takes it: ``{"x", "f", "g"}``."""
+        z = self._symbol()
+        x = self._unscaled(z)
+        return {"x": z, "f": self._f(x), "g": self._g(x)}
+
+    @cached_property
+    def gradient(self) -> casadi.Function:
+        """``(x, p) -> (f, grad_f_x)``."""
+        import casadi
+
+        z = self._symbol()
+        x = self._unscaled(z)
+        grad = self._grad(_part(self.program.first_order, ["x"], "grad_f")(x))
+        return casadi.Function(
+            "nlp_grad_f", [z, _none()], [self._f(x), grad], ["x", "p"], ["f", "grad_f_x"]
+        )
+
+    @cached_property
+    def jacobian(self) -> casadi.Function:
+        """``(x, p) -> (g, jac_g_x)``."""
+        import casadi
+
+        z = self._symbol()
+        x = self._unscaled(z)
+        jac = self._jac(_part(self.program.first_order, ["x"], "jac_g")(x))
+        return casadi.Function(
+            "nlp_jac_g", [z, _none()], [self._g(x), jac], ["x", "p"], ["g", "jac_g_x"]
+        )
+
+    @cached_property
+    def first_order(self) -> casadi.Function:
+        """``(x, p) -> (f, grad_f_x, g, jac_g_x)``, for solvers that want all at once."""
+        import casadi
+
+        z = self._symbol()
+        x = self._unscaled(z)
+        f, g = self.program.function(x)
+        grad, jac = self.program.first_order(x)
+        return casadi.Function(
+            "nlp_jac_fg",
+            [z, _none()],
+            [f / self._objective, self._grad(grad), self._scaled_rows(g), self._jac(jac)],
+            ["x", "p"],
+            ["f", "grad_f_x", "g", "jac_g_x"],
+        )
+
+    @cached_property
+    def hessian(self) -> casadi.Function:
+        """``(x, p, lam_f, lam_g) -> (triu_hess_gamma_x_x)``, the upper triangle."""
+        return self._hessian("triu_hess_gamma_x_x", lambda upper: upper)
+
+    @cached_property
+    def whole_hessian(self) -> casadi.Function:
+        """``(x, p, lam_f, lam_g) -> (hess_gamma_x_x)``, both triangles."""
+        import casadi
+
+        return self._hessian("hess_gamma_x_x", casadi.triu2symm)
+
+    # -- parts -----------------------------------------------------------------------------------
+
+    def _hessian(self, result: str, shape: Callable[[Any], Any]) -> casadi.Function:
+        import casadi
+
+        z, weight = self._symbol(), casadi.MX.sym("lam_f")
+        duals = casadi.MX.sym("lam_g", self.program.row_count)
+        hess = self.program.second_order(
+            self._unscaled(z), weight / self._objective, self._scaled_rows(duals)
+        )
+        if self._columns is not None:
+            at, by = _places(hess)
+            hess = hess * casadi.DM(hess.sparsity(), self._columns[at] * self._columns[by])
+        return casadi.Function(
+            "nlp_hess_l",
+            [z, _none(), weight, duals],
+            [shape(hess)],
+            ["x", "p", "lam_f", "lam_g"],
+            [result],
+        )
+
+    def _symbol(self) -> Any:
+        import casadi
+
+        return casadi.MX.sym("x", self.program.size)
+
+    def _unscaled(self, z: Any) -> Any:
+        import casadi
+
+        return z if self._columns is None else z * casadi.DM(self._columns)
+
+    def _f(self, x: Any) -> Any:
+        return self.objective_only(x) / self._objective
+
+    def _g(self, x: Any) -> Any:
+        return self._scaled_rows(self.rows_only(x))
+
+    def _scaled_rows(self, rows: Any) -> Any:
+        import casadi
+
+        return rows if self._rows is None else rows * casadi.DM(1.0 / self._rows)
+
+    def _grad(self, grad: Any) -> Any:
+        import casadi
+
+        grad = casadi.densify(grad)
+        if self._columns is None:
+            return grad if self._objective == 1.0 else grad / self._objective
+        return grad * casadi.DM(self._columns / self._objective)
+
+    def _jac(self, jac: Any) -> Any:
+        import casadi
+
+        if self._columns is None and self._rows is None:
+            return jac
+        at, by = _places(jac)
+        factor = np.ones(at.size) if self._columns is None else self._columns[by]
+        if self._rows is not None:
+            factor = factor / self._rows[at]
+        return jac * casadi.DM(jac.sparsity(), factor)
+
+
+def _unless_one(scale: Vector) -> Vector | None:
+    return None if (scale == 1.0).all() else scale
+
+
+def _none() -> Any:
+    """Return the parameters, of which there are none."""
+    import casadi
+
+    return casadi.MX.sym("p", 0)
+
+
+def _places(matrix: Any) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    rows, columns = matrix.sparsity().get_triplet()
+    return np.asarray(rows, np.int64), np.asarray(columns, np.int64)
+
+
+def _part(function: Any, arguments: list[str], result: str) -> Any:
+    """Return `function` with one of its results only, freed from what the others need.
+
+    A function that is no expression (a stranger's callback) stays whole.
+    """
+    import casadi
+
+    try:
+        return function.factory(f"only_{result}", arguments, [result])
+    except RuntimeError:
+        x = casadi.MX.sym("x", *function.size_in(0))
+        at = function.name_out().index(result)
+        return casadi.Function(f"only_{result}", [x], [function(x)[at]], arguments, [result])

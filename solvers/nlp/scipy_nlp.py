@@ -1,0 +1,126 @@
+"""What SciPy's two methods for constraints share: the program as functions of arrays."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...models.nonlinear import NonlinearProgram
+from ..attempts import Clock, Ended, limited
+from ..backend import Feature, Limit, Request
+from ..casadi_plugins import last_line, vector
+from .base import COMMON, NonlinearBackend, NonlinearOutcome
+from .scaled import Scaled
+
+__all__ = ["Posed", "ScipyNlp"]
+
+Vector = NDArray[np.float64]
+
+
+class _Stopped(Exception):
+    """Raised within SciPy's search, which has no other way out that all its parts respect."""
+
+
+class Posed:
+    """A scaled program as functions of arrays, which remember their last values.
+
+    Every evaluation looks at the clock and at stop requests.
+    """
+
+    def __init__(self, program: NonlinearProgram, over: Callable[[], bool]) -> None:
+        self.scaled = Scaled(program)
+        self.size, self.row_count = program.size, program.row_count
+        self._over = over
+        self._kept: dict[str, tuple[bytes, Any]] = {}
+        self.last: Vector | None = None
+        self.count = 0
+
+    def _value(self, name: str, make: Callable[[], Any], z: Vector) -> Any:
+        key = z.tobytes()
+        kept = self._kept.get(name)
+        if kept is not None and kept[0] == key:
+            return kept[1]
+        if self._over():
+            raise _Stopped
+        value = make()
+        self._kept[name] = key, value
+        return value
+
+    def objective(self, z: Vector) -> float:
+        """Return the objective."""
+        f, _ = self._value("f", lambda: self.scaled.gradient(z, []), z)
+        return float(f)
+
+    def gradient(self, z: Vector) -> Vector:
+        """Return the gradient of the objective, (n,)."""
+        _, gradient = self._value("f", lambda: self.scaled.gradient(z, []), z)
+        return vector(gradient)
+
+    def rows(self, z: Vector) -> Vector:
+        """Return the rows, (m,)."""
+        rows, _ = self._value("g", lambda: self.scaled.jacobian(z, []), z)
+        return vector(rows)
+
+    def jacobian(self, z: Vector) -> sp.csc_array:
+        """Return the Jacobian of the rows, (m, n)."""
+        _, jacobian = self._value("g", lambda: self.scaled.jacobian(z, []), z)
+        return sp.csc_array(jacobian.sparse())
+
+    def hessian(self, z: Vector, weight: float, duals: Vector) -> sp.csc_array:
+        """Return the Hessian of ``weight f + duals·g``, both triangles, (n, n)."""
+        upper = sp.csc_array(self.scaled.hessian(z, [], weight, duals).sparse())
+        return sp.csc_array(upper + sp.triu(upper, 1).T)
+
+    def seen(self, z: Vector) -> None:
+        """Remember `z` as the point of an iteration."""
+        self.last, self.count = np.array(z, float), self.count + 1
+
+
+class ScipyNlp(NonlinearBackend):
+    """Base of the backends over ``scipy.optimize.minimize``."""
+
+    requires = ("casadi",)
+    distribution = "scipy"
+    features = COMMON | {Feature.INTERRUPT}
+    single_threaded: ClassVar[bool] = True
+
+    @abstractmethod
+    def search(
+        self, posed: Posed, bounds: Mapping[str, Vector], request: Request, start: Vector
+    ) -> NonlinearOutcome:
+        """Let SciPy search in scaled columns; the point and duals of the outcome are scaled too."""
+
+    def attempt(
+        self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
+    ) -> NonlinearOutcome:
+        """Pose the program to SciPy; a stop comes back with the point of the last iteration."""
+        posed = Posed(program, partial(_over, request, clock))
+        scaled = posed.scaled
+        z = scaled.start(start)
+        posed.last = z
+        clock.lap("build")
+        try:
+            with np.errstate(all="ignore"):
+                outcome = self.search(posed, scaled.bounds, request, z)
+        except _Stopped:
+            limit = limited(request.control, Limit.TIME)
+            outcome = NonlinearOutcome(Ended.STOPPED, posed.last, None, None, limit)
+            outcome = replace(outcome, iterations=posed.count)
+        except (RuntimeError, ValueError, np.linalg.LinAlgError) as error:
+            message = f"{self.name}: {last_line(error)}"
+            outcome = NonlinearOutcome(Ended.FAILED, posed.last, message=message)
+        clock.lap("solve")
+        point = None if outcome.point is None else scaled.point(outcome.point)
+        duals = None if outcome.duals is None else scaled.duals(outcome.duals)
+        return replace(outcome, point=point, duals=duals)
+
+
+def _over(request: Request, clock: Clock) -> bool:
+    return request.control.stopped or clock.left() == 0.0

@@ -1,0 +1,47 @@
+"""SLEQP: active sets from linear programs, steps from equations, through CasADi."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from ...models.nonlinear import NonlinearProgram
+from ..attempts import Ended
+from ..backend import Feature, Limit, Option, Request
+from ..casadi_plugins import HIGHS_MARK, status_of
+from .base import COMMON
+from .casadi_nlp import CasadiNlp, ended_by_words
+
+__all__ = ["Sleqp"]
+
+
+class Sleqp(CasadiNlp):
+    """SLEQP with CasADi's HiGHS for its linear programs, which clashes with highspy and ortools."""
+
+    name = "sleqp"
+    plugin = "sleqp"
+    prompt = False
+    brings_highs = True
+    features = COMMON | {Feature.INTERRUPT}
+    conflict_group = "highs"
+    natives = (HIGHS_MARK,)
+    options: ClassVar[Mapping[str, Option]] = {
+        "max_iter": Option(1000, "Iterations at most.", int, lower=1),
+    }
+    summary = "SLEQP: linear programs choose the active set, by CasADi"
+
+    def settings(
+        self, program: NonlinearProgram, request: Request, left: float | None
+    ) -> dict[str, Any]:
+        """Return the plugin's options."""
+        options: dict[str, Any] = {
+            "max_iter": request.options.get("max_iter", 1000),
+            "print_level": 0,
+        }
+        if left is not None:
+            options["max_wall_time"] = max(left, 1e-3)
+        return options
+
+    def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
+        """Return how the plugin ended: it calls every end a success."""
+        return ended_by_words({**stats, "success": status_of(stats) == "optimal"})

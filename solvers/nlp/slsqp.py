@@ -1,0 +1,103 @@
+"""SLSQP, from SciPy: dense sequential quadratic programming for small programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.nonlinear import NonlinearProgram
+from ..attempts import Ended
+from ..backend import Limit, Option, Request
+from .base import NonlinearOutcome
+from .scipy_nlp import Posed, ScipyNlp
+
+__all__ = ["Slsqp"]
+
+Vector = NDArray[np.float64]
+
+#: Gigabytes of the dense Jacobian above which a program is refused.
+MEMORY = 1.0
+
+
+class Slsqp(ScipyNlp):
+    """SciPy's ``minimize(method="SLSQP")``; its multipliers are estimated from its point."""
+
+    name = "slsqp"
+    prompt = False
+    options: ClassVar[Mapping[str, Option]] = {
+        "max_iter": Option(500, "Iterations at most.", int, lower=1),
+    }
+    summary = "SciPy's SLSQP: dense, for small programs"
+
+    def refuses(self, problem: NonlinearProgram) -> str:
+        """Return why the program is too large."""
+        size = 8.0 * problem.size * (problem.size + problem.row_count) / 1e9
+        if size <= MEMORY:
+            return ""
+        return (
+            f"backend 'slsqp' is dense: {problem.row_count} rows and {problem.size} columns would "
+            f"take {size:.1f} GB, and it stops at {MEMORY:g} GB"
+        )
+
+    def search(
+        self, posed: Posed, bounds: Mapping[str, Vector], request: Request, start: Vector
+    ) -> NonlinearOutcome:
+        """Run SLSQP on rows split into equations and inequalities."""
+        from scipy.optimize import minimize
+
+        low, high = bounds["lbg"], bounds["ubg"]
+        equal = np.flatnonzero(low == high)
+        above = np.flatnonzero(np.isfinite(low) & (low != high))
+        below = np.flatnonzero(np.isfinite(high) & (low != high))
+        constraints: list[dict[str, Any]] = []
+        if equal.size:
+            constraints.append(
+                {
+                    "type": "eq",
+                    "fun": lambda z: posed.rows(z)[equal] - low[equal],
+                    "jac": lambda z: posed.jacobian(z)[equal].toarray(),
+                }
+            )
+        if above.size or below.size:
+
+            def slack(z: Vector) -> Vector:
+                rows = posed.rows(z)
+                return np.concatenate([rows[above] - low[above], high[below] - rows[below]])
+
+            def slopes(z: Vector) -> Vector:
+                jacobian = posed.jacobian(z)
+                whole: Vector = np.vstack([jacobian[above].toarray(), -jacobian[below].toarray()])
+                return whole
+
+            constraints.append({"type": "ineq", "fun": slack, "jac": slopes})
+        found = minimize(
+            posed.objective,
+            start,
+            jac=posed.gradient,
+            method="SLSQP",
+            bounds=np.column_stack([bounds["lbx"], bounds["ubx"]]),
+            constraints=constraints,
+            callback=posed.seen,
+            options={
+                "maxiter": request.options.get("max_iter", 1000),
+                # Of the objective: what it lacks is about the square of what the point lacks.
+                "ftol": max(min(1e-11, request.tolerance * 1e-5), 1e-15),
+            },
+        )
+        ended, limit = {0: (Ended.PROVEN, None), 9: (Ended.STOPPED, Limit.ITERATIONS)}.get(
+            int(found.status), (Ended.FAILED, None)
+        )
+        if found.status == 4:
+            ended = Ended.INFEASIBLE
+        return NonlinearOutcome(
+            ended,
+            np.array(found.x, float),
+            None,
+            None,
+            limit,
+            message="" if ended is Ended.PROVEN else f"slsqp: {found.message}",
+            iterations=int(found.nit),
+        )

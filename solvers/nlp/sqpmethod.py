@@ -1,0 +1,114 @@
+"""CasADi's own sequential quadratic programming, on any of its quadratic solvers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...models.nonlinear import NonlinearProgram
+from ..attempts import Ended
+from ..backend import Feature, Limit, Option, Request
+from ..casadi_plugins import load_plugin, muted, status_of
+from .base import COMMON
+from .casadi_nlp import CasadiNlp, ended_by_words
+
+__all__ = ["SqpMethod"]
+
+#: Columns of a block of the Hessian above which its eigenvalues are left alone.
+LARGE = 50
+#: What keeps each quadratic solver quiet.
+_QUIET: Mapping[str, Mapping[str, Any]] = {
+    "qrqp": {"print_iter": False, "print_header": False, "print_info": False},
+    "qpoases": {"printLevel": "none"},
+    "osqp": {"osqp": {"verbose": False, "eps_abs": 1e-10, "eps_rel": 1e-10, "max_iter": 20000}},
+    "daqp": {},
+}
+
+
+class SqpMethod(CasadiNlp):
+    """CasADi's ``sqpmethod``: a line search on a merit function, with the quadratic solver named.
+
+    Left out are those that made it give up where these do not (HiGHS, ipqp, ProxQP), and PIQP, which
+    writes of rows without bounds to the error output.
+    """
+
+    name = "sqpmethod"
+    plugin = "sqpmethod"
+    prompt = False
+    given = {"jac_fg": "first_order", "hess_lag": "whole_hessian"}
+    features = COMMON | {Feature.INTERRUPT}
+    options: ClassVar[Mapping[str, Option]] = {
+        "qp": Option("qrqp", "CasADi's name of the quadratic solver.", str, tuple(_QUIET)),
+        "max_iter": Option(500, "Iterations at most.", int, lower=1),
+        "hessian": Option(
+            "exact",
+            "The exact Hessian, or an approximation from gradients.",
+            str,
+            ("exact", "limited-memory"),
+        ),
+        "convexify": Option(
+            "auto",
+            "What makes the Hessian convex: a multiple of the identity, or its eigenvalues, block "
+            "by block; auto takes the eigenvalues where no block is large.",
+            str,
+            ("auto", "regularize", "eigen-reflect", "eigen-clip"),
+        ),
+    }
+    summary = "CasADi's SQP method on qrqp, qpOASES, OSQP … by option"
+
+    def load(self, request: Request) -> None:
+        """Load the plugin and its quadratic solver."""
+        super().load(request)
+        qp = str(request.options.get("qp", "qrqp"))
+        load_plugin(self.name, "conic", qp)
+
+    def settings(
+        self, program: NonlinearProgram, request: Request, left: float | None
+    ) -> dict[str, Any]:
+        """Return the plugin's options."""
+        own = request.options
+        qp = str(own.get("qp", "qrqp"))
+        exact = own.get("hessian", "exact")
+        options: dict[str, Any] = {
+            "qpsol": qp,
+            "qpsol_options": {"error_on_fail": False, **_QUIET[qp]},
+            "print_header": False,
+            "print_iteration": False,
+            "print_status": False,
+            "max_iter": own.get("max_iter", 500),
+            "tol_pr": max(min(1e-9, request.tolerance * 1e-3), 1e-12),
+            "tol_du": max(min(1e-7, request.tolerance * 1e-1), 1e-11),
+            "hessian_approximation": exact,
+        }
+        if exact == "exact":
+            how = str(own.get("convexify", "auto"))
+            options["convexify_strategy"] = _strategy(program) if how == "auto" else how
+        return options
+
+    def silence(self, request: Request) -> AbstractContextManager[None]:
+        """Keep qpOASES from introducing itself."""
+        return muted() if request.options.get("qp") == "qpoases" else nullcontext()
+
+    def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
+        """Return how the plugin ended."""
+        if status_of(stats) == "Search_Direction_Becomes_Too_Small":
+            return Ended.FAILED, None
+        return ended_by_words(stats)
+
+
+def _strategy(program: NonlinearProgram) -> str:
+    """Return the convexification: eigenvalues, unless columns hang together in a large block.
+
+    CasADi's eigenvalues take long where a block has more columns, and then fail to converge.
+    """
+    import scipy.sparse as sp
+    from scipy.sparse.csgraph import connected_components
+
+    hessian = program.second_order.sparsity_out(0)
+    rows, columns = (np.asarray(places, np.int64) for places in hessian.get_triplet())
+    entries = sp.coo_array((np.ones(rows.size), (rows, columns)), shape=hessian.shape)
+    blocks = connected_components(entries, directed=False)[1]
+    return "eigen-reflect" if np.bincount(blocks).max() <= LARGE else "regularize"

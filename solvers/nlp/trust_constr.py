@@ -1,0 +1,107 @@
+"""Trust-constr, from SciPy: a trust-region interior-point method on sparse derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..attempts import Ended
+from ..backend import Limit, Option, Request
+from .base import NonlinearOutcome
+from .scipy_nlp import Posed, ScipyNlp
+
+__all__ = ["TrustConstr"]
+
+Vector = NDArray[np.float64]
+
+#: Barrier parameter at which the search is through.
+BARRIER = 1e-9
+
+
+class TrustConstr(ScipyNlp):
+    """SciPy's ``minimize(method="trust-constr")`` with exact sparse Jacobian and Hessian."""
+
+    name = "trust-constr"
+    options: ClassVar[Mapping[str, Option]] = {
+        "max_iter": Option(1000, "Iterations at most.", int, lower=1),
+    }
+    summary = "SciPy's trust-constr: trust region and barrier, sparse"
+
+    def search(
+        self, posed: Posed, bounds: Mapping[str, Vector], request: Request, start: Vector
+    ) -> NonlinearOutcome:
+        """Run trust-constr on the rows that have a bound."""
+        import warnings
+
+        from scipy.optimize import Bounds, NonlinearConstraint, minimize
+
+        bound = np.flatnonzero(np.isfinite(bounds["lbg"]) | np.isfinite(bounds["ubg"]))
+        constraints = []
+        if bound.size:
+
+            def curvature(z: Vector, weights: Vector) -> Any:
+                duals = np.zeros(posed.row_count)
+                duals[bound] = weights
+                return posed.hessian(z, 0.0, duals)
+
+            constraints.append(
+                NonlinearConstraint(
+                    lambda z: posed.rows(z)[bound],
+                    bounds["lbg"][bound],
+                    bounds["ubg"][bound],
+                    jac=lambda z: posed.jacobian(z)[bound],
+                    hess=curvature,
+                )
+            )
+
+        def look(z: Vector, state: Any) -> bool:
+            posed.seen(z)
+            return False
+
+        none = np.zeros(posed.row_count)
+        limits = None
+        if np.isfinite(bounds["lbx"]).any() or np.isfinite(bounds["ubx"]).any():
+            limits = Bounds(bounds["lbx"], bounds["ubx"])
+        most, barrier = int(request.options.get("max_iter", 1000)), 0.1
+        while True:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                found = minimize(
+                    posed.objective,
+                    start,
+                    jac=posed.gradient,
+                    hess=lambda z: posed.hessian(z, 1.0, none),
+                    method="trust-constr",
+                    bounds=limits,
+                    constraints=constraints,
+                    callback=look,
+                    options={
+                        "maxiter": max(most - posed.count, 1),
+                        "gtol": 1e-8 if barrier == 0.1 else 1e-13,
+                        "xtol": 1e-12,
+                        "initial_barrier_parameter": barrier,
+                        "initial_barrier_tolerance": barrier,
+                        "barrier_tol": BARRIER,
+                    },
+                )
+            start, done = np.array(found.x, float), found.status in (1, 2)
+            last = float(found.get("barrier_parameter", 0.0))
+            if not done or last <= BARRIER or posed.count >= most:
+                break
+            # SciPy stops as soon as the problem with this barrier is solved, however high it is.
+            barrier = max(min(last, barrier) * 0.01, BARRIER)
+        duals = np.zeros(posed.row_count)
+        if constraints and found.get("v"):
+            duals[bound] = np.asarray(found.v[0], float)
+        return NonlinearOutcome(
+            Ended.PROVEN if done else Ended.STOPPED,
+            start,
+            None,
+            duals,
+            None if done else Limit.ITERATIONS,
+            message="" if done else f"trust-constr: {found.message}",
+            iterations=posed.count,
+        )

@@ -1,0 +1,52 @@
+"""Uno: a solver put together from the parts of many, through CasADi."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from ...models.nonlinear import NonlinearProgram
+from ..backend import Feature, Option, Request
+from .base import COMMON
+from .casadi_nlp import CasadiNlp
+
+__all__ = ["Uno"]
+
+
+class Uno(CasadiNlp):
+    """Uno as one of its presets; those left out are unknown to CasADi's build or gave up too often.
+
+    On 4000 columns a step of its dense quadratic solver took longer than anybody waits, and words of
+    Fortran appeared on the standard output: it runs in a process of its own.
+    """
+
+    name = "uno"
+    plugin = "uno"
+    prompt = False
+    talks = "native"
+    features = COMMON | {Feature.INTERRUPT}
+    options: ClassVar[Mapping[str, Option]] = {
+        "max_iter": Option(2000, "Iterations at most.", int, lower=1),
+        "preset": Option(
+            "filtersqp",
+            "Whose strategy is followed.",
+            str,
+            ("filtersqp", "funnelsqp", "ipopt"),
+        ),
+    }
+    summary = "Uno: filterSQP, Ipopt's or another strategy from one kit, by CasADi"
+
+    def settings(
+        self, program: NonlinearProgram, request: Request, left: float | None
+    ) -> dict[str, Any]:
+        """Return the plugin's options."""
+        options: dict[str, Any] = {
+            "logger": "SILENT",
+            "preset": request.options.get("preset", "filtersqp"),
+            "max_iterations": request.options.get("max_iter", 2000),
+            "primal_tolerance": max(min(1e-8, request.tolerance * 1e-2), 1e-11),
+            "dual_tolerance": max(min(1e-8, request.tolerance * 1e-2), 1e-11),
+        }
+        if left is not None:
+            options["time_limit"] = max(left, 1e-3)
+        return {"uno": options}
