@@ -144,8 +144,8 @@ def hypersensitive(
     """
     ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, horizon))
-    x = phase.state("x", initial=1.5, final=1)
-    u = phase.control("u")
+    x = phase.state("x", initial=1.5, final=1, lower=-2, upper=2)
+    u = phase.control("u", lower=-10, upper=10, scale=1)
     phase.dynamics({x: -(x**3) + u})
     ocp.minimise(phase.integral((x**2 + u**2) / 2))
     return ocp

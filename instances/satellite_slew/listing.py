@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ...models.satellite_slew import SatelliteSlew
 from ..catalogue import CatalogueEntry, Provenance
 
@@ -75,10 +77,10 @@ def _papers() -> tuple[CatalogueEntry, ...]:
         _entry(
             "paper-light",
             "The same with lighter wheels, and gimbal rates that cost a tenth",
-            partial(SatelliteSlew, momentum=16.704, rate_weight=0.01),
+            partial(SatelliteSlew, momentum=16.704, rate_weight=np.full(4, 0.01)),
             f"{_COMPLETED}: h0 = 16.704 N m s and R = 0.01 s² are ours. With so little weight there "
-            "are many local optima: solvers stop at final times from 7.7 to 8.1 s, the paper's "
-            "among them, so use several starts.",
+            "are many local optima: searches stopped at final times from 7.67 to 8.09 s, so use "
+            "several starts.",
             provenance=Provenance.COMPLETED,
             published=_PRINTED,
         ),
@@ -120,7 +122,7 @@ def _variants() -> tuple[CatalogueEntry, ...]:
         _entry(
             "infeasible",
             "The paper's turn in 8 s with a fifth of its torque: too little for the time",
-            partial(SatelliteSlew, torque_limit=5.0, time_range=(1.0, 8.0)),
+            partial(SatelliteSlew, torque_limit=5.0, time_range=np.array([1.0, 8.0])),
             "Ours, and infeasible by construction. As the total momentum is zero, I ẇ = T_c: the rate "
             "grows by at most |(5/228, 5/188, 5/176)| = 0.0446 rad/s² and has to come down again, so "
             "45° take at least 8.39 s.",

@@ -20,6 +20,8 @@ _PICTURES: dict[str, Any] = {
     "error-correction": ".models.plots.error_correction:draw",
     "minimum-derivative": ".models.plots.trajectory:draw",
     "minimum-snap": ".models.plots.trajectory:draw",
+    "optimal-control": ".models.plots.optimal_control:draw",
+    "satellite-slew": ".models.plots.satellite_slew:draw",
     "time-allocation": ".models.plots.trajectory:draw",
 }
 

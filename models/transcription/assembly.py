@@ -13,6 +13,7 @@ from typing import Any
 import casadi
 import numpy as np
 import scipy.sparse as sp
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from ..blocks import Block
@@ -129,11 +130,35 @@ class Assembly:
         self.free_lengths = [
             one for one in layout.phases if one.phase.start_upper >= one.phase.end_lower
         ]
-        self.row_count = starts[-1] + self.boundaries + len(self.free_lengths)
+        self.calm = [self._calm(one) for one in layout.phases]
+        self.row_count = (
+            starts[-1]
+            + self.boundaries
+            + len(self.free_lengths)
+            + sum(rows.shape[0] for rows in self.calm)
+        )
 
     @staticmethod
     def _rows_of(one: PhaseLayout, node: NodeFunctions) -> int:
         return one.nx * one.defects + node.paths * one.collocated + node.integrals
+
+    def _calm(self, one: PhaseLayout) -> sp.csr_array:
+        """Return the rows that hold a phase's controls to half the degree where they must be calm."""
+        rows = _Triplets()
+        count = 0
+        for k, scheme in enumerate(one.schemes):
+            many = one.mesh.calm_rows(k)
+            if not many:
+                continue
+            nodes = scheme.control_points
+            table = np.linalg.inv(legendre.legvander(nodes, nodes.size - 1))[-many:]
+            controls = one.visit_control[one.visit_starts[k] : one.visit_starts[k + 1]]
+            for c in range(one.nu):
+                at = count + np.arange(many)[:, None]
+                rows.add(at, one.control_columns[c, controls], table)
+                count += many
+        r, c, value, _ = rows.joined()
+        return sp.csr_array((value, (r, c)), shape=(count, self.layout.size))
 
     # -- structure -------------------------------------------------------------------------------
 
@@ -185,7 +210,15 @@ class Assembly:
         for k, one in enumerate(self.free_lengths):
             rows.add(begin + k, one.time_columns, [-1.0, 1.0])
         r, c, value, _ = rows.joined()
-        return sp.csr_array((value, (r, c)), shape=(self.row_count, self.layout.size))
+        calm = sp.vstack([sp.csr_array((0, self.layout.size)), *self.calm]).tocoo()
+        first = begin + len(self.free_lengths)
+        return sp.csr_array(
+            (
+                np.concatenate([value, calm.data]),
+                (np.concatenate([r, first + calm.row]), np.concatenate([c, calm.col])),
+            ),
+            shape=(self.row_count, self.layout.size),
+        )
 
     # -- functions -------------------------------------------------------------------------------
 
@@ -233,7 +266,7 @@ class Assembly:
         if self.boundaries:
             begin = self.row_starts[-1]
             pad = casadi.MX(casadi.DM(begin, 1))
-            after = casadi.MX(casadi.DM(len(self.free_lengths), 1))
+            after = casadi.MX(casadi.DM(self.row_count - begin - self.boundaries, 1))
             rows = rows + casadi.vertcat(pad, ends[1:], after)
         return ends[0], casadi.densify(rows)
 
@@ -419,6 +452,12 @@ class Assembly:
             lower.append(np.array([SHORTEST * most]))
             upper.append(np.array([np.inf]))
             scale.append(np.array([most]))
+        for one, rows in zip(self.layout.phases, self.calm, strict=True):
+            none = np.zeros(rows.shape[0])
+            lower.append(none)
+            upper.append(none)
+            # As long as the coefficients' rows are the controls' own scale will do.
+            scale.append(none + (one.phase.stacked("controls", "scale").max() if one.nu else 1.0))
         return np.concatenate(lower), np.concatenate(upper), np.concatenate(scale)
 
     def _column_blocks(self) -> tuple[Block, ...]:
@@ -445,4 +484,9 @@ class Assembly:
             of = f" of {one.phase.name}" if several else ""
             blocks.append(Block(f"time goes forward{of}", "", at, 1, unit=one.phase.time_unit))
             at += 1
+        for one, rows in zip(self.layout.phases, self.calm, strict=True):
+            if rows.shape[0]:
+                of = f" of {one.phase.name}" if several else ""
+                blocks.append(Block(f"calm controls{of}", "", at, rows.shape[0]))
+                at += rows.shape[0]
         return tuple(blocks)

@@ -268,7 +268,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             knots = t0 + one.mesh.fractions * (tf - t0)
             knots[-1] = tf
             states = self._state_polynomials(columns, one, node.twice.value, p)
-            at = columns[one.control_columns].reshape(one.nu, one.collocated)[:, one.visit_control].T
+            at = (
+                columns[one.control_columns].reshape(one.nu, one.collocated)[:, one.visit_control].T
+            )
             cuts = one.visit_starts[1:-1].tolist()
             controls = Piecewise(
                 knots,

@@ -27,10 +27,14 @@ class Mesh:
         Where intervals begin and end, from 0 (the phase's start) to 1 (its end).
     degrees : ndarray of int, shape (intervals,)
         Collocated nodes of each interval.
+    calm : ndarray of bool, shape (intervals,), optional
+        Where the controls are polynomials of half the degree, which keeps them from chattering on a
+        singular arc; nowhere by default.
     """
 
     fractions: Floats
     degrees: NDArray[np.int64]
+    calm: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         fractions = np.asarray(self.fractions, float)
@@ -47,6 +51,8 @@ class Mesh:
             )
         object.__setattr__(self, "fractions", frozen(fractions.copy()))
         object.__setattr__(self, "degrees", frozen(degrees.copy()))
+        calm = np.zeros(degrees.size, bool) if self.calm is None else np.array(self.calm, bool)
+        object.__setattr__(self, "calm", frozen(calm))
 
     @property
     def intervals(self) -> int:
@@ -60,9 +66,15 @@ class Mesh:
 
     def same(self, other: Mesh) -> bool:
         """Return whether both are the same mesh."""
-        return np.array_equal(self.fractions, other.fractions) and np.array_equal(
-            self.degrees, other.degrees
+        return all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("fractions", "degrees", "calm")
         )
+
+    def calm_rows(self, interval: int) -> int:
+        """Return how many Legendre coefficients of a control vanish in `interval`."""
+        degree = int(self.degrees[interval])
+        return degree - 1 - degree // 2 if self.calm is not None and self.calm[interval] else 0
 
 
 def even(intervals: int, degree: int) -> Mesh:

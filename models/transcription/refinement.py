@@ -7,7 +7,8 @@ quadrature of the integrals. Whether an interval is smooth is read from the deca
 coefficients of its controls (Liu, Hager and Rao, Journal of the Franklin Institute 352, 2015): where
 they fall fast, the degree grows; where they do not, the interval is cut. A control that goes from one
 bound to the other within an interval is a switch: the integral of the control tells when, and there
-the interval is cut.
+the interval is cut. One that goes to and fro from node to node lies on a singular arc, where a mesh
+gains by chattering what the problem itself would not: there the controls are held to half the degree.
 """
 
 from __future__ import annotations
@@ -44,6 +45,15 @@ SMOOTH = 0.5
 FINER = 4
 #: How near a bound, as a share of the range between both, a control counts as saturated.
 SATURATED = 0.02
+#: How near its bound, relative to its typical size, a constraint counts as binding at a node.
+BINDING = 1e-4
+#: Share of a control's range that a step from node to node must take to count as chatter, and how
+#: often the steps must turn.
+STEP, TURNS = 0.02, 2
+#: Share of what an interval may err below which it may be merged.
+AMPLE = 0.05
+#: Nodes at least where controls are held calm.
+CALM = 6
 #: Shortest interval, as a share of the phase.
 SHORTEST = 1e-9
 #: How well two intervals' polynomials must agree with a joint one to be merged, in shares of what one may err.
@@ -87,6 +97,10 @@ class Report:
         Decades by which the controls' Legendre coefficients fall a degree.
     cuts : tuple of (float or None)
         Where a control switches from bound to bound within the interval, in [-1, 1].
+    windows : tuple of tuple
+        Where, in [-1, 1], some constraint begins or ceases to bind: pairs of neighbouring nodes.
+    chatters : ndarray of bool, shape (intervals,)
+        Where a control goes to and fro from node to node.
     places : ndarray, shape (intervals,)
         Where, in [-1, 1], the plan is furthest from its dynamics or constraints.
     """
@@ -95,6 +109,8 @@ class Report:
     violations: Floats
     decays: Floats
     cuts: tuple[float | None, ...]
+    windows: tuple[tuple[tuple[float, float], ...], ...]
+    chatters: NDArray[np.bool_]
     places: Floats
 
     @property
@@ -109,7 +125,9 @@ def examined(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
     count = part.states.intervals
     size = np.maximum(1.0, np.max([np.abs(v).max(axis=0) for v in part.states.values], axis=0))
     errors, violations, places = np.zeros(count), np.zeros(count), np.zeros(count)
-    decays, cuts = np.zeros(count), []
+    decays, chatters = np.zeros(count), np.zeros(count, bool)
+    cuts: list[float | None] = []
+    windows: list[tuple[tuple[float, float], ...]] = []
     whole = _integral_sizes(phase, part, parameters)
     for k in range(count):
         degree = part.controls.nodes[k].size
@@ -139,9 +157,11 @@ def examined(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
             places[k] = where
         decays[k] = _decay(part.controls.nodes[k], part.controls.values[k], phase)
         cuts.append(_switch(phase, part, k))
+        windows.append(_windows(phase, part, parameters, k))
+        chatters[k] = _chatters(phase, part.controls.values[k])
     bad = ~np.isfinite(errors)
     errors[bad] = np.inf
-    return Report(errors, violations, decays, tuple(cuts), places)
+    return Report(errors, violations, decays, tuple(cuts), tuple(windows), chatters, places)
 
 
 def _evaluated(
@@ -216,6 +236,41 @@ def _decay(nodes: Floats, values: Floats, phase: Phase) -> float:
         slope = -np.polyfit(degree[:end], logs[:end], 1)[0]
         slowest = min(slowest, float(slope))
     return slowest
+
+
+def _windows(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[tuple[float, float], ...]:
+    """Return the pairs of neighbouring nodes between which a constraint begins or ceases to bind."""
+    tau = part.controls.nodes[k]
+    half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
+    t = part.states.knots[k] + half * (tau + 1.0)
+    x, u = part.states.on(k, tau), part.controls.on(k, tau)
+    tables = [("states", x.T), ("controls", u.T)]
+    if phase.paths:
+        tables.append(("paths", _evaluated(phase, t, x, u, p)[1]))
+    changes = np.zeros(max(tau.size - 1, 0), bool)
+    for what, values in tables:
+        scale = BINDING * phase.stacked(what, "scale")[:, None]
+        for side in ("lower", "upper"):
+            edge = phase.stacked(what, side)[:, None]
+            with np.errstate(invalid="ignore"):
+                binds = np.abs(values - edge) <= scale
+            if tau.size > 1:
+                changes |= (binds[:, 1:] != binds[:, :-1]).any(axis=0)
+    return tuple((float(tau[j]), float(tau[j + 1])) for j in np.flatnonzero(changes))
+
+
+def _chatters(phase: Phase, values: Floats) -> bool:
+    """Return whether a control goes to and fro from node to node."""
+    low, high = phase.stacked("controls", "lower"), phase.stacked("controls", "upper")
+    for c in range(values.shape[1]):
+        width = high[c] - low[c]
+        if not np.isfinite(width) or width <= 0.0:
+            continue
+        steps = np.diff(values[:, c]) / width
+        steps = steps[np.abs(steps) > STEP]
+        if (steps[1:] * steps[:-1] < 0.0).sum() >= TURNS:
+            return True
+    return False
 
 
 def _switch(phase: Phase, part: PhasePlan, k: int) -> float | None:
@@ -295,11 +350,11 @@ def _denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
     finer = []
     for mesh in meshes:
         if rules.fixed_degree is None and (mesh.degrees + 2 <= rules.most_degree).all():
-            finer.append(Mesh(mesh.fractions, mesh.degrees + 2))
+            finer.append(Mesh(mesh.fractions, mesh.degrees + 2, mesh.calm))
         elif rules.split:
             middle = 0.5 * (mesh.fractions[1:] + mesh.fractions[:-1])
             fractions = np.sort(np.concatenate([mesh.fractions, middle]))
-            finer.append(Mesh(fractions, np.repeat(mesh.degrees, 2)))
+            finer.append(Mesh(fractions, np.repeat(mesh.degrees, 2), np.repeat(mesh.calm, 2)))
         else:
             return None
     return tuple(finer)
@@ -310,21 +365,36 @@ def _refined(
 ) -> Mesh:
     cuts: list[float] = [0.0]
     degrees: list[int] = []
+    calm: list[bool] = []
     touched: list[bool] = []
+    assert mesh.calm is not None
     for k in range(mesh.intervals):
         begin, end = mesh.fractions[k], mesh.fractions[k + 1]
-        inner, own = _decided(int(mesh.degrees[k]), report, k, rules, limit)
+        degree, quiet = int(mesh.degrees[k]), bool(mesh.calm[k])
+        if (
+            report.chatters[k]
+            and not quiet
+            and report.worst[k] > limit
+            and rules.fixed_degree is None
+        ):
+            inner, own, quiet = [], [max(degree, CALM)], True
+        else:
+            inner, own = _decided(degree, report, k, rules, limit)
         places = begin + 0.5 * (np.array([*inner, 1.0]) + 1.0) * (end - begin)
         places[-1] = end
         if (np.diff(np.append(begin, places)) < SHORTEST).any():
-            places, own = np.array([end]), [int(mesh.degrees[k])]
+            places, own = np.array([end]), [degree]
         cuts += places.tolist()
         degrees += own
-        touched += [len(own) > 1 or own[0] != mesh.degrees[k]] * len(own)
-    fractions = np.array(cuts)
+        calm += [quiet] * len(own)
+        changed = len(own) > 1 or own[0] != degree or quiet != mesh.calm[k]
+        # Only what is plainly smooth, and better than need be, may be merged with its neighbour.
+        ample = report.worst[k] <= AMPLE * limit and report.decays[k] >= SMOOTH
+        touched += [bool(changed) or not ample or bool(report.windows[k])] * len(own)
+    made = Mesh(np.array(cuts), np.array(degrees), np.array(calm))
     if merge and rules.split and not all(touched):
-        fractions, degrees = _merged(fractions, degrees, touched, part, limit)
-    return Mesh(fractions, np.array(degrees))
+        return _merged(made, touched, part, limit)
+    return made
 
 
 def _decided(
@@ -348,13 +418,20 @@ def _decided(
         low = max(rules.least_degree, min(degree, 5))
         inner = _around(cut)
         return inner, [low] * (len(inner) + 1)
+    low = max(rules.least_degree, min(degree, 5))
+    windows = report.windows[k]
+    if windows and (degree > rules.least_degree + 1 or report.decays[k] < SMOOTH):
+        # Where a constraint begins or ceases to bind, some derivative of the motion jumps.
+        edges = sorted({edge for window in windows for edge in window if abs(edge) < 0.99})
+        if 0 < len(edges) <= 6:
+            return edges, [low] * (len(edges) + 1)
     if report.decays[k] >= SMOOTH:
-        more = int(np.clip(np.ceil(np.log10(ratio) / max(report.decays[k], 0.5)), 1, 6))
+        # A decade more than needed: an interval that must be looked at once more costs another mesh.
+        more = int(np.clip(np.ceil((np.log10(ratio) + 1.0) / report.decays[k]), 2, 6))
         if degree + more <= rules.most_degree:
             return [], [degree + more]
         half = max(rules.least_degree, int(np.ceil(0.7 * degree)))
         return [0.0], [half, half]
-    low = max(rules.least_degree, min(degree, 5))
     # Not smooth, and no switch: enclose the place where it is worst, as closely as the nodes tell.
     place, gap = float(report.places[k]), min(0.5, 1.5 / degree)
     inner = [c for c in (place - gap, place + gap) if abs(c) < 1.0 - 0.5 * gap]
@@ -367,38 +444,31 @@ def _around(cut: float) -> list[float]:
     return [float(np.clip(cut, -0.995, 0.995))]
 
 
-def _merged(
-    fractions: Floats, degrees: list[int], touched: list[bool], part: PhasePlan, limit: float
-) -> tuple[Floats, list[int]]:
+def _merged(mesh: Mesh, touched: list[bool], part: PhasePlan, limit: float) -> Mesh:
     """Join neighbours that were left alone and that one polynomial of their degree fits."""
-    kept, own = [0.0], []
-    k = 0
-    states = part.states
+    kept, own, calm = [0.0], [], []
+    states, span = part.states, part.duration
     scale = np.maximum(1.0, np.max([np.abs(v).max(axis=0) for v in states.values], axis=0))
-    span = part.duration
-    while k < len(degrees):
-        join = k + 1 < len(degrees) and not touched[k] and not touched[k + 1]
-        if join:
-            degree = max(degrees[k], degrees[k + 1])
-            low, high = (part.start + span * f for f in (fractions[k], fractions[k + 2]))
-            nodes, _ = gauss_points(degree + 1)
-            fine, _ = gauss_points(3 * degree + 4)
+    assert mesh.calm is not None
+    k = 0
+    while k < mesh.intervals:
+        degree, last = int(mesh.degrees[k]), k + 1
+        if last < mesh.intervals and not touched[k] and not touched[last]:
+            joint = max(degree, int(mesh.degrees[last]))
+            low, high = (part.start + span * f for f in mesh.fractions[[k, k + 2]])
+            nodes, _ = gauss_points(joint + 1)
+            fine, _ = gauss_points(3 * joint + 4)
             matrix = interpolation(nodes, fine)
             t, tt = (low + 0.5 * (n + 1.0) * (high - low) for n in (nodes, fine))
-            off = np.abs(matrix @ states(t) - states(tt)) / scale
-            join = bool(off.max() <= MERGED * limit)
-            if join and part.controls.size:
+            fits = (np.abs(matrix @ states(t) - states(tt)) / scale).max() <= MERGED * limit
+            if fits and part.controls.size:
                 values = part.controls(tt)
                 wide = np.maximum(1.0, np.abs(values).max(axis=0))
-                off = np.abs(matrix @ part.controls(t) - values) / wide
-                join = bool(off.max() <= limit)
-        if join:
-            own.append(degree)
-            kept.append(float(fractions[k + 2]))
-            k += 2
-        else:
-            own.append(degrees[k])
-            kept.append(float(fractions[k + 1]))
-            k += 1
-    kept[-1] = 1.0
-    return np.array(kept), own
+                fits = (np.abs(matrix @ part.controls(t) - values) / wide).max() <= limit
+            if fits:
+                degree, last = joint, k + 2
+        own.append(degree)
+        calm.append(bool(mesh.calm[k:last].any()))
+        kept.append(float(mesh.fractions[last]))
+        k = last
+    return Mesh(np.array(kept), np.array(own), np.array(calm))

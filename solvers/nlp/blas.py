@@ -21,7 +21,7 @@ def _library() -> Any:
     for file in sorted(Path(casadi.__file__).parent.glob("libcasadi-tp-openblas.so*")):
         try:
             found = ctypes.CDLL(str(file))
-            found.openblas_set_num_threads  # noqa: B018: missing in another build
+            found.openblas_set_num_threads.argtypes = [ctypes.c_int]
         except (OSError, AttributeError) as error:
             log.debug("threads of %s cannot be set: %s", file.name, error)
             continue

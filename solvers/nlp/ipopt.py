@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import BackendBroken
 from ...models.nonlinear import NonlinearProgram
-from ..attempts import Ended
+from ..attempts import Clock, Ended
 from ..backend import Feature, Limit, Option, Request
 from ..casadi_plugins import status_of
-from .base import COMMON
+from .base import COMMON, NonlinearOutcome
 from .blas import use_threads
 from .casadi_nlp import DERIVATIVES, CasadiNlp, ended_by_words
 from .scaled import Scaled
 
 __all__ = ["Ipopt"]
+
+Vector = NDArray[np.float64]
 
 
 class Ipopt(CasadiNlp):
@@ -63,7 +69,7 @@ class Ipopt(CasadiNlp):
             # Bounds are not widened: a state at its bound is not beyond it.
             "bound_relax_factor": 0.0,
         }
-        if options["linear_solver"] == "mumps":
+        if self._mumps(request) and not own.get(_CAREFUL):
             options.update(_MUMPS)
         if request.warm_start is not None:
             options.update(
@@ -74,6 +80,26 @@ class Ipopt(CasadiNlp):
         if left is not None:
             options["max_wall_time"] = max(left, 1e-3)
         return {"ipopt": options}
+
+    def attempt(
+        self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
+    ) -> NonlinearOutcome:
+        """Solve the program; once more with MUMPS as it is by default where that fails.
+
+        Rows that depend on one another were seen to make it diverge with the faster ordering.
+        """
+        found = super().attempt(program, request, clock, start)
+        lost = found.ended in (Ended.FAILED, Ended.UNBOUNDED, Ended.INFEASIBLE)
+        if not lost or not self._mumps(request) or clock.left() == 0.0 or request.control.stopped:
+            return found
+        careful = replace(request, options={**request.options, _CAREFUL: True})
+        again = super().attempt(program, careful, clock, start)
+        spent = (found.iterations or 0) + (again.iterations or 0)
+        return replace(again, iterations=spent)
+
+    @staticmethod
+    def _mumps(request: Request) -> bool:
+        return request.options.get("linear_solver", "mumps") == "mumps"
 
     def load(self, request: Request) -> None:
         """Load the plugin, and let its linear algebra have the threads asked for, else one."""
@@ -96,6 +122,8 @@ class Ipopt(CasadiNlp):
 #: MUMPS orders by METIS and leaves the rows where they are: its default, a maximum transversal, was
 #: measured to make the factors of a transcribed optimal control problem ten times as slow.
 _MUMPS = {"mumps_pivot_order": 5, "mumps_permuting_scaling": 0}
+#: Marks a second attempt in the options.
+_CAREFUL = "careful"
 #: Barrier parameter at a warm start, and how far it is moved off its bounds: an optimum on a coarser
 #: mesh was measured to take 14 iterations so, 18 with 1e-6, and 42 from the default 0.1.
 NEAR = 1e-5

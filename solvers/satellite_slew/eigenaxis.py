@@ -38,6 +38,8 @@ AIM = 0.999
 #: How far the rates may exceed their limits in the coarse flights of the search, relative: gimbal
 #: rates are cut off at theirs.
 SLACK, CUT = 1e-6, 2e-3
+#: A load that is none: the satellite need not move.
+STILL = 1e-9
 #: Steps of the search and of the plan, s.
 COARSE, FINE = 0.2, 0.05
 #: Part of the tolerance that the end of the plan may use up.
@@ -205,7 +207,7 @@ class _Search:
             else:
                 return best or found  # not the acceleration is what is wrong
             # The load grows with the acceleration, and in proportion as long as nothing saturates.
-            wanted = push * AIM / load
+            wanted = push * AIM / max(load, STILL)
             if best is not None and (wanted < push * NEAR or push >= top):
                 return best
             low = best.loop.profile.acceleration if best is not None else 0.0
