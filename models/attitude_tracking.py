@@ -31,8 +31,8 @@ Floats = NDArray[np.float64]
 DAMPING = 1e-6
 #: Longest step of the simulated motion, s.
 STEP = 0.02
-#: What rounding cuts off a command at the limits, N m or rad/s.
-ROUNDING = 1e-9
+#: Torque that must be missing for a sample to count as saturated, N m.
+LOST = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Tracking:
     gimbal_rates : ndarray, shape (n - 1, 4)
         Held over each sample, rad/s.
     saturated : ndarray, shape (n - 1,)
-        Whether a limit of torque or gimbal rate cut the command.
+        Whether the limits of torque and gimbal rates kept the gyros from giving what was asked.
     measures : ndarray, shape (n,)
         det(A_t A_tᵀ).
     """
@@ -121,7 +121,7 @@ def track(
     The gyros' part is the plan's own gimbal rates and the least correction that makes up what is
     left of the torque, δ̇ = δ̇_d - A_tᵀ (A_t A_tᵀ)⁻¹ (T_c + h0 A_t δ̇_d) / h0. Torque and gimbal
     rates are cut off at the actuators' limits, the model's margin at their disposal, and held until
-    the next sample.
+    the next sample; the other gimbals make up for one that is at its limit.
 
     Parameters
     ----------
@@ -227,11 +227,34 @@ class _Controller:
         cut = np.clip(torque, -model.torque_limit, model.torque_limit)
         jacobian = gimbal_jacobian(delta + 0.5 * long * feedforward, model.beta)
         missing = -cut / model.momentum - jacobian @ feedforward
-        square = jacobian @ jacobian.T + DAMPING * np.eye(3)
-        rates = feedforward + jacobian.T @ np.linalg.solve(square, missing)
-        held = np.clip(rates, -model.gimbal_rate_limit, model.gimbal_rate_limit)
-        lost = max(float(np.abs(held - rates).max()), float(np.abs(cut - torque).max()))
-        return torque, held, lost > ROUNDING
+        held = _allotted(jacobian, missing, feedforward, model.gimbal_rate_limit)
+        given = -model.momentum * (jacobian @ held)
+        return torque, held, float(np.abs(given - torque).max()) > LOST
+
+
+def _allotted(jacobian: Floats, missing: Floats, rates: Floats, most: float) -> Floats:
+    """Return gimbal rates within `most` that give what is `missing` beyond the torque of `rates`.
+
+    The least correction; a gimbal that it would drive beyond its limit stays there, and the others
+    make up for it as far as they can: four gimbals for three torques leave one to spare.
+    """
+    held = np.clip(rates, -most, most)
+    missing = missing + jacobian @ (rates - held)
+    free = np.ones(4, bool)
+    for _ in range(4):
+        columns = jacobian[:, free]
+        square = columns @ columns.T + DAMPING * np.eye(3)
+        wanted = held[free] + columns.T @ np.linalg.solve(square, missing)
+        cut = np.clip(wanted, -most, most)
+        missing = missing - columns @ (cut - held[free])
+        held[free] = cut
+        beyond = cut != wanted
+        if not beyond.any():
+            break
+        free[np.flatnonzero(free)[beyond]] = False
+        if not free.any():
+            break
+    return held
 
 
 def _moved(

@@ -51,6 +51,10 @@ class _Part:
             if spec is not None:
                 value = spec.coerce(field.name, getattr(self, field.name), sizes)
                 object.__setattr__(self, field.name, value)
+        self.check()
+
+    def check(self) -> None:
+        """Raise :class:`~crosstrack.errors.InvalidData` where fields contradict one another."""
 
     def to_data(self) -> dict[str, Any]:
         """Return the piece as JSON data."""
@@ -75,6 +79,59 @@ class _Part:
                 field=cls.__name__.lower(),
             )
         return cls(**{name: (parts or {}).get(name, data[name]) for name in names})
+
+
+def _read(data: Mapping[str, Any], kinds: Mapping[str, type[_Part]]) -> dict[str, Any]:
+    """Return the tuples of pieces in `data`, a list of each kind by its key."""
+    found: dict[str, Any] = {}
+    for name, kind in kinds.items():
+        listed = data.get(name, ())
+        if not isinstance(listed, list | tuple):
+            raise InvalidData(f"{name} must be a list, got {show(listed)}", field=name)
+        found[name] = tuple(kind.from_data(one) for one in listed)
+    return found
+
+
+def _ordered(of: str, low: Any, high: Any, what: str) -> None:
+    """Raise where a lower bound exceeds an upper one."""
+    bad = np.flatnonzero(~(np.atleast_1d(low) <= np.atleast_1d(high)))
+    if bad.size:
+        k = int(bad[0])
+        raise InvalidData(
+            f"{what} of {of}: lower {np.atleast_1d(low)[k]:g} exceeds upper "
+            f"{np.atleast_1d(high)[k]:g}",
+            field=what,
+        )
+
+
+def _sized(of: str, one: Any) -> None:
+    if not one.name or any(c in one.name for c in "[]"):
+        raise InvalidData(f"{of} must have a name without brackets, got {one.name!r}", field="name")
+    if not one.size:
+        raise InvalidData(f"{of} {one.name!r} must have 1 entry at least, got 0", field="lower")
+    if not (one.scale > 0).all():
+        raise InvalidData(f"scale of {one.name!r} must be > 0, got {one.scale}", field="scale")
+
+
+def _apart(what: str, names: Iterable[str]) -> None:
+    """Raise where a name stands twice."""
+    known: set[str] = set()
+    for name in names:
+        if name in known:
+            raise InvalidData(f"{what}: {name!r} stands twice", field=what)
+        known.add(name)
+
+
+def _fits(what: str, function: casadi.Function, sizes: Mapping[str, int]) -> None:
+    """Raise where an argument or a result of `function` has another size than what is declared."""
+    for name, size in sizes.items():
+        known = function.name_in()
+        have = function.numel_in(name) if name in known else function.numel_out(name)
+        if have != size:
+            raise InvalidData(
+                f"{what}: {name} of the function has {have} entries, {size} are declared",
+                field=name,
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +161,13 @@ class Quantity(_Part):
     final_upper: Floats = declared(_HIGH)
     scale: Floats = declared(Array(("size",), lower=0))
     unit: str = declared(Text(), default="")
+
+    def check(self) -> None:
+        """Refuse bounds that contradict one another."""
+        _sized("a quantity", self)
+        for side in ("", "initial_", "final_"):
+            low, high = getattr(self, f"{side}lower"), getattr(self, f"{side}upper")
+            _ordered(repr(self.name), low, high, f"{side}bounds")
 
     @property
     def size(self) -> int:
@@ -140,6 +204,11 @@ class Restriction(_Part):
     upper: Floats = declared(_HIGH)
     scale: Floats = declared(Array(("size",), lower=0))
 
+    def check(self) -> None:
+        """Refuse bounds that contradict one another."""
+        _sized("a constraint", self)
+        _ordered(repr(self.name), self.lower, self.upper, "bounds")
+
     @property
     def size(self) -> int:
         """Number of entries."""
@@ -167,6 +236,18 @@ class Guess(_Part):
     fractions: Floats = declared(Array(("samples",), lower=0, upper=1))
     states: Floats = declared(Array(("samples", "states")))
     controls: Floats = declared(Array(("samples", "controls")))
+
+    def check(self) -> None:
+        """Refuse samples that do not follow one another."""
+        if not self.fractions.size or not (np.diff(self.fractions) > 0).all():
+            raise InvalidData(
+                f"fractions must increase, got {show(self.fractions.tolist())}", field="fractions"
+            )
+        if not self.end > self.start:
+            raise InvalidData(
+                f"end of a guess must be after its start {self.start:g}, got {self.end:g}",
+                field="end",
+            )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -214,18 +295,45 @@ class Phase(_Part):
     guess: Guess
     dynamics_equation: str = declared(Text())
 
+    def check(self) -> None:
+        """Refuse what the function and the guess do not fit."""
+        label = f"phase {self.name!r}"
+        if not self.states:
+            raise InvalidData(f"{label} has no state", field="states")
+        _apart(label, (one.name for one in (*self.states, *self.controls)))
+        for what in ("paths", "invariants"):
+            _apart(f"{what} of {label}", (one.name for one in getattr(self, what)))
+        for side in ("start", "end"):
+            low, high = getattr(self, f"{side}_lower"), getattr(self, f"{side}_upper")
+            _ordered(label, low, high, side)
+        if not self.start_lower < self.end_upper:
+            raise InvalidData(
+                f"time of {label} must go forward, got start {self.start_lower:g}, end "
+                f"{self.end_upper:g}",
+                field="time",
+            )
+        sizes = {"t": 1, "x": len(self.state_names), "u": len(self.control_names)}
+        results = {
+            "rate": sizes["x"],
+            "path": sum(one.size for one in self.paths),
+            "integrand": self.integrals,
+            "invariant": sum(one.size for one in self.invariants),
+        }
+        _fits(label, self.function, sizes | results)
+        for what, wanted in (("states", sizes["x"]), ("controls", sizes["u"])):
+            have = getattr(self.guess, what).shape[1]
+            if have != wanted:
+                raise InvalidData(
+                    f"guess of {label} has {have} columns for {wanted} {what}", field="guess"
+                )
+
     @classmethod
     def from_data(cls, data: Any, parts: Mapping[str, Any] | None = None) -> Phase:
         """Return the phase in `data`."""
         read: dict[str, Any] = {}
         if isinstance(data, Mapping):
-            for name, kind in (
-                ("states", Quantity),
-                ("controls", Quantity),
-                ("paths", Restriction),
-                ("invariants", Restriction),
-            ):
-                read[name] = tuple(kind.from_data(one) for one in data.get(name, ()))
+            kinds: dict[str, type[_Part]] = {"states": Quantity, "controls": Quantity}
+            read = _read(data, kinds | {"paths": Restriction, "invariants": Restriction})
             if "guess" in data:
                 read["guess"] = Guess.from_data(data["guess"])
         return super().from_data(data, read)
@@ -276,17 +384,33 @@ class Definition(_Part):
     endpoint: casadi.Function = declared(Compiled(("e", "p"), ("objective", "boundary")))
     objective_unit: str = declared(Text())
 
+    def check(self) -> None:
+        """Refuse what the functions do not fit."""
+        if not self.phases:
+            raise InvalidData("phases must hold 1 phase at least, got 0", field="phases")
+        for what in ("phases", "parameters", "boundaries"):
+            _apart(what, (one.name for one in getattr(self, what)))
+        parameters = len(self.parameter_names)
+        for phase in self.phases:
+            _fits(f"phase {phase.name!r}", phase.function, {"p": parameters})
+        _fits(
+            "endpoint",
+            self.endpoint,
+            {
+                "e": sum(phase.end_size for phase in self.phases),
+                "p": parameters,
+                "objective": 1,
+                "boundary": sum(one.size for one in self.boundaries),
+            },
+        )
+
     @classmethod
     def from_data(cls, data: Any, parts: Mapping[str, Any] | None = None) -> Definition:
         """Return the definition in `data`."""
         read: dict[str, Any] = {}
         if isinstance(data, Mapping):
-            for name, kind in (
-                ("phases", Phase),
-                ("parameters", Quantity),
-                ("boundaries", Restriction),
-            ):
-                read[name] = tuple(kind.from_data(one) for one in data.get(name, ()))
+            kinds: dict[str, type[_Part]] = {"phases": Phase, "parameters": Quantity}
+            read = _read(data, kinds | {"boundaries": Restriction})
         return super().from_data(data, read)
 
     @cached_property

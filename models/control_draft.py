@@ -14,7 +14,6 @@ from ..errors import InvalidData
 from .control_definition import Definition, Quantity, Restriction
 from .control_phase import PhaseDraft
 from .control_terms import (
-    between,
     bounds,
     checked_size,
     column,
@@ -58,26 +57,17 @@ class Draft:
                 f"got {show(time)}",
                 field="time",
             )
-        bounds: list[float] = []
-        for what, value in zip(("start", "end"), time, strict=True):
-            label = f"{what} of phase {name!r}"
-            low, high = range_of(label, tuple(value) if isinstance(value, list) else value, 1)
-            _between(label, low, high)
-            if not (np.isfinite(low) & np.isfinite(high)).all():
-                raise InvalidData(
-                    f"{label} is free between {low[0]:g} and {high[0]:g}: a free time needs finite "
-                    "bounds, (lower, upper)",
-                    field="time",
-                )
-            bounds += [float(low[0]), float(high[0])]
-        if not bounds[0] < bounds[3]:
+        sides = [_times(what, name, one) for what, one in zip(("start", "end"), time, strict=True)]
+        (first, _), (_, last) = sides
+        if not first < last:
             raise InvalidData(
-                f"time of phase {name!r} must go forward, got start {bounds[0]:g}, end {bounds[3]:g}",
+                f"time of phase {name!r} must go forward, got start {first:g}, end {last:g}",
                 field="time",
             )
         made = PhaseDraft(
-            name, (bounds[0], bounds[1], bounds[2], bounds[3]), unit, equation, opened
-        )
+            name, (*sides[0], *sides[1]), text("unit", unit, f"phase {name!r}"),
+            text("equation", equation, f"phase {name!r}"), opened,
+        )  # fmt: skip
         self.phases.append(made)
         return made
 
@@ -86,19 +76,22 @@ class Draft:
     ) -> Symbol:
         """Add a parameter."""
         free_name("a parameter", name, list(self.parameters))
-        low = vector(f"lower bound of {name!r}", lower, checked_size(name, size), -np.inf)
-        high = vector(f"upper bound of {name!r}", upper, size, np.inf)
-        _between(f"bounds of {name!r}", low, high)
-        middle = np.where(np.isfinite(low) & np.isfinite(high), 0.5 * (low + high), 0.0)
-        middle = np.clip(middle, low, high)
-        value = (
-            middle
-            if guess is None
-            else np.clip(vector(f"guess of {name!r}", guess, size, 0.0), low, high)
-        )
+        size = checked_size(name, size)
+        low, high = bounds(name, lower, upper, size)
+        value = middle(low, high)
+        if guess is not None:
+            value = vector(f"guess of {name!r}", guess, size, 0.0)
+            outside = np.flatnonzero(~((low <= value) & (value <= high) & np.isfinite(value)))
+            if outside.size:
+                k = int(outside[0])
+                raise InvalidData(
+                    f"guess of {name!r} must be finite and lie in [{low[k]:g}, {high[k]:g}], its "
+                    f"bounds, got {value[k]:g}",
+                    field="guess",
+                )
         quantity = Quantity(
             name, low, high, value, value, low, high,
-            typical(repr(name), scale, size, low, high, value), unit,
+            typical(repr(name), scale, size, low, high, value), text("unit", unit, repr(name)),
         )  # fmt: skip
         symbol = casadi.MX.sym(name, size)
         self.parameters[name] = (quantity, symbol)
@@ -106,12 +99,12 @@ class Draft:
 
     def minimise(self, objective: Any, unit: str) -> None:
         """Set the objective."""
-        column = column("objective", objective)
-        if column.numel() != 1:
+        value = column("objective", objective)
+        if value.numel() != 1:
             raise InvalidData(
-                f"the objective must be one number, got {column.numel()} entries", field="objective"
+                f"the objective must be one number, got {value.numel()} entries", field="objective"
             )
-        self.objective = (column, unit)
+        self.objective = (value, text("unit", unit, "the objective"))
 
     def subject_to(
         self,
@@ -125,46 +118,66 @@ class Draft:
         """Add a boundary constraint."""
         name = words[0] or f"boundary {len(self.boundaries) + 1}"
         free_name("a boundary constraint", name, [one.name for one, _ in self.boundaries])
-        column, low, high = related(
+        bounded, low, high = related(
             f"boundary constraint {name!r}", expression, lower, upper, equals
         )
-        made = restriction((name, *words[1:]), column.numel(), low, high, scale)
-        self.boundaries.append((made, column))
+        made = restriction((name, *words[1:]), bounded.numel(), low, high, scale)
+        self.boundaries.append((made, bounded))
 
     def link(self, first: PhaseDraft, second: PhaseDraft, states: Sequence[str]) -> None:
         """Add continuity between two phases."""
         for one in (first, second):
             if not any(one is known for known in self.phases):
-                raise InvalidData(f"link: {show(one)} is no phase of this problem", field="link")
+                what = f"phase {one.name!r}" if isinstance(one, PhaseDraft) else show(one)
+                raise InvalidData(f"link: {what} is no phase of this problem", field="link")
+        label = f"link of {first.name!r} and {second.name!r}"
+        if first is second:
+            raise InvalidData(f"{label}: a phase cannot follow itself", field="link")
         names = list(states) or [name for name in first.states if name in second.states]
-        for name in names:
-            if name not in first.states or name not in second.states:
-                raise InvalidData(
-                    f"link: state {name!r} must be in both phases, {first.name!r} and {second.name!r}",
-                    field="link",
-                )
-            size, other = first.states[name].lower.size, second.states[name].lower.size
-            if size != other:
-                raise InvalidData(
-                    f"link: state {name!r} has {size} entries in {first.name!r} and {other} in "
-                    f"{second.name!r}",
-                    field="link",
-                )
-            scale = np.maximum(first.states[name].scale, second.states[name].scale)
-            made = restriction(
-                (f"{name} goes on from {first.name} to {second.name}", "", first.states[name].unit),
-                size, 0.0, 0.0, scale,
-            )  # fmt: skip
-            self.boundaries.append((made, second.ends[name][0] - first.ends[name][1]))
-        scale_time = max(abs(first.bounds[3]), 1.0)
-        made = restriction(
-            (f"time goes on from {first.name} to {second.name}", "", first.unit),
-            1,
-            0.0,
-            0.0,
-            scale_time,
-        )
-        self.boundaries.append((made, second.start - first.end))
+        if not names:
+            raise InvalidData(
+                f"{label}: no state bears the same name in both; for the time alone, declare "
+                "subject_to(second.start == first.end)",
+                field="link",
+            )
+        taken = [one.name for one, _ in self.boundaries]
+        made = [self._continued(label, name, first, second) for name in names]
+        for known, _ in made:
+            if known.name in taken:
+                raise InvalidData(f"{label}: {known.name!r} is declared already", field="link")
+        _meeting(label, "time", first.bounds[2:], second.bounds[:2])
+        words = (f"time goes on from {first.name} to {second.name}", "", first.unit)
+        # Said once, however many calls link the states; times that are fixed meet already.
+        if words[0] not in taken and len({*first.bounds[2:], *second.bounds[:2]}) > 1:
+            scale = max(abs(first.bounds[3]), 1.0)
+            made.append((restriction(words, 1, 0.0, 0.0, scale), second.start - first.end))
+        self.boundaries += made
+
+    @staticmethod
+    def _continued(
+        label: str, name: Any, first: PhaseDraft, second: PhaseDraft
+    ) -> tuple[Restriction, Symbol]:
+        """Return what lets one state go on from phase to phase."""
+        if name not in first.states or name not in second.states:
+            raise InvalidData(f"{label}: state {show(name)} must be in both phases", field="link")
+        before, after = first.states[name], second.states[name]
+        if before.size != after.size:
+            raise InvalidData(
+                f"{label}: state {name!r} has {entries(before.size)} in the first and {after.size} "
+                "in the second",
+                field="link",
+            )
+        for k in range(before.size):
+            _meeting(
+                label,
+                f"state {name!r}",
+                (before.final_lower[k], before.final_upper[k]),
+                (after.initial_lower[k], after.initial_upper[k]),
+            )
+        words = (f"{name} goes on from {first.name} to {second.name}", "", before.unit)
+        scale = np.maximum(before.scale, after.scale)
+        made = restriction(words, before.size, 0.0, 0.0, scale)
+        return made, second.ends[name][0] - first.ends[name][1]
 
     def finished(self) -> Definition:
         """Return the definition, or raise for what is missing."""
@@ -184,7 +197,7 @@ class Draft:
             ends += [symbol for symbol, _ in one.integrands]
         columns = {
             "objective": [self.objective[0]],
-            "boundary": [column for _, column in self.boundaries],
+            "boundary": [one for _, one in self.boundaries],
         }
         self._refuse_strangers(columns, [*ends, *parameters])
         endpoint = compiled(
@@ -223,3 +236,33 @@ class Draft:
                     else "declared nowhere in this problem"
                 )
                 raise InvalidData(f"the {what} uses {symbol.name()!r}, {hint}", field=what)
+
+
+def _times(what: str, name: str, value: Any) -> tuple[float, float]:
+    """Return the bounds of one of a phase's two times, which must be finite."""
+    label = f"{what} of phase {name!r}"
+    pair = tuple(value) if isinstance(value, list) else value
+    if isinstance(pair, tuple) and len(pair) != 2:
+        raise InvalidData(
+            f"{label} must be a number or (lower, upper), got {show(value)}", field="time"
+        )
+    low, high = range_of(label, pair, 1)
+    if not (np.isfinite(low) & np.isfinite(high)).all():
+        raise InvalidData(
+            f"{label} is free between {low[0]:g} and {high[0]:g}: a free time needs finite "
+            "bounds, (lower, upper)",
+            field="time",
+        )
+    return float(low[0]), float(high[0])
+
+
+def _meeting(
+    label: str, what: str, before: tuple[float, float], after: tuple[float, float]
+) -> None:
+    """Raise where what ends in one range cannot go on in the other."""
+    if before[1] < after[0] or after[1] < before[0]:
+        raise InvalidData(
+            f"{label}: {what} ends in [{before[0]:g}, {before[1]:g}] and begins in "
+            f"[{after[0]:g}, {after[1]:g}], which do not meet",
+            field="link",
+        )

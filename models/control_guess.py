@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidData
 from .control_definition import Guess, Phase
-from .control_plan import ControlPlan, PhasePlan
+from .control_plan import EDGE, ControlPlan, PhasePlan
+from .control_terms import middle, numbers
 from .fields import show
 
 if TYPE_CHECKING:
-    from .control_draft import PhaseDraft
+    from .control_phase import PhaseDraft
 
 __all__ = ["drawn_up", "sampled"]
 
@@ -41,11 +42,7 @@ def sampled(
     begin = found.get("time")
     fractions: Floats | None = None
     if time is not None:
-        grid = np.asarray(time, float)
-        if grid.ndim != 1 or grid.size < 2 or not (np.diff(grid) > 0).all():
-            raise InvalidData(
-                f"time of a guess must hold increasing times, got {show(time)}", field="time"
-            )
+        grid = _times(phase, time)
         begin = (float(grid[0]), float(grid[-1]))
         fractions = (grid - grid[0]) / (grid[-1] - grid[0])
     if begin is not None:
@@ -65,14 +62,29 @@ def sampled(
     return found
 
 
+def _times(phase: PhaseDraft, time: Any) -> Floats:
+    """Return the times of samples, which begin and end when the phase may."""
+    wanted = "finite, increasing times"
+    grid = numbers("time of a guess", time, wanted)
+    increasing = grid.ndim == 1 and grid.size >= 2 and np.isfinite(grid).all()
+    if not increasing or not (np.diff(grid) > 0).all():
+        raise InvalidData(f"time of a guess must be {wanted}, got {show(time)}", field="time")
+    for what, t, (low, high) in (
+        ("begin", grid[0], phase.bounds[:2]),
+        ("end", grid[-1], phase.bounds[2:]),
+    ):
+        slack = EDGE * max(1.0, abs(low), abs(high))
+        if not low - slack <= t <= high + slack:
+            raise InvalidData(
+                f"time of a guess must {what} in [{low:g}, {high:g}], as phase {phase.name!r} does, "
+                f"got {t:g}",
+                field="time",
+            )
+    return grid
+
+
 def _table(name: str, value: Any, size: int, fractions: Floats | None) -> tuple[Floats, Floats]:
-    try:
-        table = np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise InvalidData(
-            f"guess of {name!r} must be numbers or a function of time, got {show(value)}",
-            field=name,
-        ) from None
+    table = numbers(f"guess of {name!r}", value, "numbers or a function of time")
     if not np.isfinite(table).all():
         raise InvalidData(f"guess of {name!r} must be finite, got {show(value)}", field=name)
     if table.ndim == 0 or (table.ndim == 1 and size > 1 and table.size == size):
@@ -97,6 +109,12 @@ def _taken_over(phase: PhaseDraft, value: Any) -> dict[str, Any]:
     plan = getattr(value, "plan", value)
     if isinstance(plan, ControlPlan):
         names = [one.name for one in plan.phases]
+        if phase.name not in names and len(names) > 1:
+            raise InvalidData(
+                f"guess of phase {phase.name!r}: the plan has the phases "
+                f"{', '.join(map(repr, names))}; give one of them",
+                field="guess",
+            )
         plan = plan.phase(phase.name) if phase.name in names else plan.phases[0]
     if not isinstance(plan, PhasePlan):
         raise InvalidData(
@@ -113,6 +131,13 @@ def _taken_over(phase: PhaseDraft, value: Any) -> dict[str, Any]:
             ]
             if len(entries) == quantity.size:
                 found[name] = (places, table[:, entries])
+    if len(found) == 1:
+        known = ", ".join(map(repr, [*plan.state_names, *plan.control_names]))
+        raise InvalidData(
+            f"guess of phase {phase.name!r}: the plan has {known}, none of which the phase knows in "
+            "that size",
+            field="guess",
+        )
     return found
 
 
@@ -164,12 +189,21 @@ def drawn_up(phase: Phase, given: Mapping[str, Any]) -> Guess:
 
 
 def _called(name: str, function: Any, times: Floats, size: int) -> Floats:
-    rows = [np.asarray(function(t), float).reshape(-1) for t in times]
-    if any(row.size != size or not np.isfinite(row).all() for row in rows):
-        raise InvalidData(
-            f"guess of {name!r} must return {size} finite number{'s' * (size > 1)} at every time",
-            field=name,
-        )
+    rows = []
+    for t in times.tolist():
+        try:
+            value = function(t)
+        except Exception as error:
+            raise InvalidData(
+                f"guess of {name!r} fails at t = {t:g}: {type(error).__name__}: {error}", field=name
+            ) from error
+        wanted = f"return {size} finite number{'s' * (size > 1)} at every time"
+        row = numbers(f"guess of {name!r}", value, wanted, "must").reshape(-1)
+        if row.size != size or not np.isfinite(row).all():
+            raise InvalidData(
+                f"guess of {name!r} must {wanted}, got {show(value)} at t = {t:g}", field=name
+            )
+        rows.append(row)
     return np.array(rows)
 
 
@@ -181,16 +215,9 @@ def _ends(quantity: Any) -> tuple[Floats, Floats]:
     ):
         fixed = low == high
         found.append((fixed, low))
-    inside = _middle(quantity.lower, quantity.upper)
+    inside = middle(quantity.lower, quantity.upper)
     begin = np.where(found[0][0], found[0][1], np.where(found[1][0], found[1][1], inside))
     end = np.where(found[1][0], found[1][1], np.where(found[0][0], found[0][1], inside))
     low = np.clip(begin, quantity.initial_lower, quantity.initial_upper)
     high = np.clip(end, quantity.final_lower, quantity.final_upper)
     return low, high
-
-
-def _middle(low: Floats, high: Floats) -> Floats:
-    both = np.isfinite(low) & np.isfinite(high)
-    with np.errstate(invalid="ignore"):
-        middle = np.where(both, 0.5 * (low + high), 0.0)
-    return np.clip(middle, low, high)

@@ -76,12 +76,14 @@ class PhaseDraft:
 
     # -- variables -------------------------------------------------------------------------------
 
-    def _declare(self, kind: str, name: str, size: int) -> Symbol:
+    def _named(self, kind: str, name: str, size: Any) -> int:
         self.opened()
         free_name(kind, name, [*self.states, *self.controls])
-        symbol = casadi.MX.sym(name, checked_size(name, size))
-        self.symbols[name] = symbol
-        return symbol
+        return checked_size(name, size)
+
+    def _known(self, name: str, size: int) -> Symbol:
+        self.symbols[name] = casadi.MX.sym(name, size)
+        return self.symbols[name]
 
     def state(
         self,
@@ -112,15 +114,12 @@ class PhaseDraft:
         unit : str
             Unit, for people.
         """
-        symbol = self._declare("a state", name, size)
-        low = vector(f"lower bound of {name!r}", lower, size, -np.inf)
-        high = vector(f"upper bound of {name!r}", upper, size, np.inf)
-        _between(f"bounds of {name!r}", low, high)
+        size = self._named("a state", name, size)
+        low, high = bounds(name, lower, upper, size)
         ends: list[Floats] = []
         for what, value in (("initial", initial), ("final", final)):
             label = f"{what} value of {name!r}"
             begin, end = range_of(label, value, size)
-            _between(label, begin, end)
             outside = np.flatnonzero((end < low) | (begin > high))
             if outside.size:
                 k = int(outside[0])
@@ -131,21 +130,14 @@ class PhaseDraft:
                 )
             ends += [np.maximum(begin, low), np.minimum(end, high)]
         self.states[name] = Quantity(
-            name,
-            low,
-            high,
-            ends[0],
-            ends[1],
-            ends[2],
-            ends[3],
-            typical(repr(name), scale, size, low, high, *ends),
-            unit,
-        )
+            name, low, high, ends[0], ends[1], ends[2], ends[3],
+            typical(repr(name), scale, size, low, high, *ends), text("unit", unit, repr(name)),
+        )  # fmt: skip
         self.ends[name] = (
             casadi.MX.sym(f"{name}(t0)", size),
             casadi.MX.sym(f"{name}(tf)", size),
         )
-        return symbol
+        return self._known(name, size)
 
     def control(
         self,
@@ -158,14 +150,13 @@ class PhaseDraft:
         unit: str = "",
     ) -> Symbol:
         """Declare a control, and return its symbol; the parameters are those of a state."""
-        symbol = self._declare("a control", name, size)
-        low = vector(f"lower bound of {name!r}", lower, size, -np.inf)
-        high = vector(f"upper bound of {name!r}", upper, size, np.inf)
-        _between(f"bounds of {name!r}", low, high)
+        size = self._named("a control", name, size)
+        low, high = bounds(name, lower, upper, size)
         self.controls[name] = Quantity(
-            name, low, high, low, high, low, high, typical(repr(name), scale, size, low, high), unit
-        )
-        return symbol
+            name, low, high, low, high, low, high, typical(repr(name), scale, size, low, high),
+            text("unit", unit, repr(name)),
+        )  # fmt: skip
+        return self._known(name, size)
 
     # -- what holds at every instant -------------------------------------------------------------
 
@@ -183,7 +174,7 @@ class PhaseDraft:
                 f"dynamics must map states to their rates, got {show(rates)}", field="dynamics"
             )
         checked: dict[str, Symbol] = {}
-        for key, rate in rates.items():
+        for key, given in rates.items():
             name = key if isinstance(key, str) else self._state_of(key)
             if name not in self.states:
                 raise InvalidData(
@@ -193,23 +184,28 @@ class PhaseDraft:
                 )
             if name in self.rates or name in checked:
                 raise InvalidData(f"dynamics of {name!r} are declared already", field="dynamics")
-            column, size = column(f"dynamics of {name!r}", rate), self.states[name].lower.size
-            if column.numel() == 1 and size > 1 and not casadi.symvar(column):
-                column = casadi.repmat(column, size)
-            if column.numel() != size:
+            rate, size = column(f"dynamics of {name!r}", given), self.states[name].size
+            if rate.numel() == 1 and size > 1 and not casadi.symvar(rate):
+                rate = casadi.repmat(rate, size)
+            if rate.numel() != size:
                 raise InvalidData(
-                    f"dynamics of {name!r} must have {size} entries, got {column.numel()}",
+                    f"dynamics of {name!r} must have {entries(size)}, got {rate.numel()}",
                     field="dynamics",
                 )
-            checked[name] = column
+            checked[name] = rate
         self.rates.update(checked)
 
     def _state_of(self, key: Any) -> str:
+        """Return the name of the symbol `key`, which must be this phase's own."""
         for name, symbol in self.symbols.items():
-            if symbol is key or (
-                isinstance(key, casadi.MX) and key.__hash__() == symbol.__hash__()
-            ):
+            if isinstance(key, casadi.MX) and key.__hash__() == symbol.__hash__():
                 return name
+        if str(key) in self.states:
+            raise InvalidData(
+                f"dynamics of {str(key)!r}: the symbol is another phase's or problem's, not that of "
+                f"phase {self.name!r}",
+                field="dynamics",
+            )
         return str(key)
 
     def path(
@@ -240,9 +236,9 @@ class PhaseDraft:
         self.opened()
         name = name or f"path {len(self.paths) + 1}"
         free_name("a path constraint", name, [one.name for one, _ in self.paths])
-        column, low, high = related(f"path constraint {name!r}", expression, lower, upper, equals)
+        bounded, low, high = related(f"path constraint {name!r}", expression, lower, upper, equals)
         words = (name, equation, unit)
-        self.paths.append((restriction(words, column.numel(), low, high, scale), column))
+        self.paths.append((restriction(words, bounded.numel(), low, high, scale), bounded))
 
     def integral(self, integrand: Any) -> Symbol:
         """Return the integral of `integrand` over the phase, for costs and constraints.
@@ -253,13 +249,13 @@ class PhaseDraft:
             A number in states, controls, time and parameters.
         """
         self.opened()
-        column = column("integrand", integrand)
-        if column.numel() != 1:
+        rate = column("integrand", integrand)
+        if rate.numel() != 1:
             raise InvalidData(
-                f"an integrand must be one number, got {column.numel()} entries", field="integral"
+                f"an integrand must be one number, got {rate.numel()} entries", field="integral"
             )
         symbol = casadi.MX.sym(f"integral {len(self.integrands) + 1} of {self.name}")
-        self.integrands.append((symbol, column))
+        self.integrands.append((symbol, rate))
         return symbol
 
     def invariant(
@@ -280,9 +276,16 @@ class PhaseDraft:
         """
         self.opened()
         free_name("an invariant", name, [one.name for one, _ in self.invariants])
-        column = column(f"invariant {name!r}", expression)
+        kept = column(f"invariant {name!r}", expression)
+        for control in self.controls:
+            if casadi.depends_on(kept, self.symbols[control]):
+                raise InvalidData(
+                    f"invariant {name!r} uses the control {control!r}, which may jump: an invariant "
+                    "is made of states, time and parameters",
+                    field="invariant",
+                )
         words = (name, equation, unit)
-        self.invariants.append((restriction(words, column.numel(), None, None, scale), column))
+        self.invariants.append((restriction(words, kept.numel(), None, None, scale), kept))
 
     # -- the ends and the guess ------------------------------------------------------------------
 
@@ -295,9 +298,9 @@ class PhaseDraft:
         return self._at(expression, 1, self.end)
 
     def _at(self, expression: Any, side: int, time: Symbol) -> Symbol:
-        column = casadi.MX(expression)
+        found = expressed("a value at the ends", expression)
         for name in self.controls:
-            if casadi.depends_on(column, self.symbols[name]):
+            if casadi.depends_on(found, self.symbols[name]):
                 raise InvalidData(
                     f"control {name!r} has no value at the ends: it may jump there; make it a state "
                     "with its rate as the control",
@@ -306,7 +309,7 @@ class PhaseDraft:
         names = list(self.states)
         old = [*(self.symbols[name] for name in names), self.time]
         new = [*(self.ends[name][side] for name in names), time]
-        return casadi.substitute([column], old, new)[0]
+        return casadi.substitute([found], old, new)[0]
 
     def guess(self, plan: Any = None, *, time: Any = None, **values: Any) -> None:
         """Guess the course, as a start for the search.
@@ -342,9 +345,9 @@ class PhaseDraft:
         p = casadi.vertcat(*parameters, casadi.MX(0, 1))
         results = {
             "rate": [self.rates[name] for name in self.states],
-            "path": [column for _, column in self.paths],
-            "integrand": [column for _, column in self.integrands],
-            "invariant": [column for _, column in self.invariants],
+            "path": [one for _, one in self.paths],
+            "integrand": [one for _, one in self.integrands],
+            "invariant": [one for _, one in self.invariants],
         }
         known = [self.time, *self.symbols.values(), *parameters]
         for what, columns in results.items():

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidData, UnknownName
-from .fields import Array, frozen, show
+from .fields import Array, Whole, frozen, show
 
 __all__ = ["ControlPlan", "PhasePlan", "Piecewise", "barycentric_weights", "interpolation"]
 
@@ -153,9 +153,13 @@ class Piecewise:
         Raises
         ------
         InvalidData
-            A time lies outside the knots.
+            A time lies outside the knots, or is no number; a derivative is no whole number >= 0.
         """
-        times = np.asarray(t, float)
+        order = Whole(0).coerce("derivative", derivative, {})
+        try:
+            times = np.asarray(t, float)
+        except (TypeError, ValueError):
+            raise InvalidData(f"t must be numbers, got {show(t)}", field="t") from None
         flat = times.reshape(-1)
         begin, end = self.knots[0], self.knots[-1]
         slack = EDGE * max(end - begin, abs(begin), abs(end))
@@ -171,12 +175,12 @@ class Piecewise:
             here = place == k
             low, high = self.knots[k], self.knots[k + 1]
             tau = 2.0 * (flat[here] - low) / (high - low) - 1.0
-            if derivative == 0:
+            if order == 0:
                 found[here] = self.on(int(k), tau)
                 continue
             table = self.values[k]
             turn = differentiation(self.nodes[k]) * (2.0 / (high - low))
-            for _ in range(derivative):
+            for _ in range(order):
                 table = turn @ table
             found[here] = interpolation(self.nodes[k], tau, self._weights[k]) @ table
         return found.reshape((*times.shape, self.size))
@@ -238,8 +242,13 @@ class PhasePlan:
     costates: Piecewise | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "state_names", tuple(self.state_names))
-        object.__setattr__(self, "control_names", tuple(self.control_names))
+        if not isinstance(self.name, str):
+            raise InvalidData(f"name must be a string, got {show(self.name)}", field="name")
+        for label in ("state_names", "control_names"):
+            names = getattr(self, label)
+            if not isinstance(names, list | tuple) or not all(isinstance(n, str) for n in names):
+                raise InvalidData(f"{label} must hold strings, got {show(names)}", field=label)
+            object.__setattr__(self, label, tuple(names))
         for what, part, names in (
             ("states", self.states, self.state_names),
             ("controls", self.controls, self.control_names),
@@ -315,11 +324,11 @@ class PhasePlan:
         knots = data["knots"]
         costates = data.get("costates")
         return cls(
-            str(data["name"]),
+            data["name"],
             Piecewise.from_data(data["states"], knots, "states"),
             Piecewise.from_data(data["controls"], knots, "controls"),
-            tuple(map(str, data["state_names"])),
-            tuple(map(str, data["control_names"])),
+            data["state_names"],
+            data["control_names"],
             None if costates is None else Piecewise.from_data(costates, knots, "costates"),
         )
 
@@ -368,13 +377,20 @@ class ControlPlan:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "phases", tuple(self.phases))
-        values = {
-            name: frozen(np.atleast_1d(np.array(value, float)))
-            for name, value in self.parameters.items()
-        }
+        values = {}
+        for name, value in self.parameters.items():
+            try:
+                values[name] = frozen(np.atleast_1d(np.array(value, float)))
+            except (TypeError, ValueError):
+                raise InvalidData(
+                    f"parameter {name!r} must be numbers, got {show(value)}", field="parameters"
+                ) from None
         object.__setattr__(self, "parameters", values)
-        if not self.phases:
-            raise InvalidData("a plan has at least 1 phase, got 0", field="phases")
+        if not self.phases or not all(isinstance(one, PhasePlan) for one in self.phases):
+            raise InvalidData(
+                f"phases of a plan must be 1 PhasePlan at least, got {show(self.phases)}",
+                field="phases",
+            )
 
     def phase(self, name: str) -> PhasePlan:
         """Return the phase called `name`."""

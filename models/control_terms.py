@@ -22,6 +22,7 @@ __all__ = [
     "entries",
     "free_name",
     "middle",
+    "numbers",
     "range_of",
     "related",
     "restriction",
@@ -76,7 +77,7 @@ def checked_size(name: str, size: Any) -> int:
     return int(size)
 
 
-def numbers(name: str, value: Any, allowed: str = "numbers") -> Floats:
+def numbers(name: str, value: Any, allowed: str, must: str = "must be") -> Floats:
     """Return `value` as an array of numbers; strings, truths and NaN are none."""
     try:
         raw = np.asarray(value)
@@ -90,9 +91,9 @@ def numbers(name: str, value: Any, allowed: str = "numbers") -> Floats:
             raise TypeError
         found = np.asarray(value, float)
     except (TypeError, ValueError, RuntimeError):
-        raise InvalidData(f"{name} must be {allowed}, got {show(value)}", field=name) from None
+        raise InvalidData(f"{name} {must} {allowed}, got {show(value)}", field=name) from None
     if np.isnan(found).any():
-        raise InvalidData(f"{name} must be {allowed}, got {show(value)}", field=name)
+        raise InvalidData(f"{name} {must} {allowed}, got {show(value)}", field=name)
     return found
 
 

@@ -23,6 +23,8 @@ _NATIVE: Mapping[str, str] = {
     "error-correction": ".solvers.error_correction.diagnosis:diagnose_routing",
     "minimum-derivative": ".solvers.minimum_snap.diagnosis:diagnose_trajectory",
     "minimum-snap": ".solvers.minimum_snap.diagnosis:diagnose_trajectory",
+    "optimal-control": ".solvers.optimal_control.diagnosis:diagnose_control",
+    "satellite-slew": ".solvers.optimal_control.diagnosis:diagnose_control",
 }
 
 

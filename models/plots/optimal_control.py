@@ -20,17 +20,9 @@ from ..control_plan import ControlPlan, PhasePlan, Piecewise
 from ..control_sampling import Course, courses
 from ..fields import show
 from ..verification import TOLERANCE
-from .optimal_control_panels import (
-    Curve,
-    Limit,
-    Panel,
-    Span,
-    check_size,
-    figure_of,
-    nodes_of,
-    not_valid,
-    sampled,
-)
+from .optimal_control_data import Curve, Limit, Panel, Span, nodes_of, sampled
+from .optimal_control_options import check_flags, check_size, check_tolerance
+from .optimal_control_panels import figure_of, not_valid
 from .trajectory_data import pretty_unit
 from .trajectory_style import number
 
@@ -39,7 +31,7 @@ if TYPE_CHECKING:
 
     from ..optimal_control import OptimalControlProblem
 
-__all__ = ["draw"]
+__all__ = ["draw", "guessed"]
 
 Floats = NDArray[np.float64]
 
@@ -104,46 +96,35 @@ def draw(
         not allowed.
     """
     definition = model.definition
-    for name, value in (
-        ("paths", paths), ("costates", costates), ("deviation", deviation), ("mesh", mesh),
-    ):  # fmt: skip
-        _flag(name, value)
-    if not (
-        isinstance(tolerance, int | float) and not isinstance(tolerance, bool) and tolerance > 0
-    ):
-        raise InvalidData(f"tolerance must be a number > 0, got {tolerance!r}", field="tolerance")
+    check_flags(paths=paths, costates=costates, deviation=deviation, mesh=mesh)
+    check_tolerance(tolerance)
     check_size(size, (1.0, 1.0))
-    bare = plan is None
+    unplanned = plan is None
     drawn = guessed(definition) if plan is None else plan
     found = courses(definition, drawn)
-    panels = list(_panels(found, paths and not guessed, tolerance))
+    panels = list(_panels(found, paths and not unplanned, tolerance))
     panels = _chosen(panels, only)
-    if guessed and (costates or deviation):
+    if unplanned and (costates or deviation):
         raise InvalidData("costates and deviation are of a plan, and there is none", field="plan")
     if costates:
         panels += list(_costates(found))
     if deviation:
         panels.append(_deviation(model, drawn, tolerance))
-    verification = None if guessed else model.verify(drawn, tolerance=tolerance)
+    verification = None if unplanned else model.verify(drawn, tolerance=tolerance)
     text = title
     if text is None:
         objective = None if verification is None else verification.objective
-        text = _title(model, drawn, objective, guessed) + not_valid(verification)
+        text = _title(model, drawn, objective, unplanned) + not_valid(verification)
     spans = [Span(part.name, part.start, part.end, np.asarray(part.states.knots)) for part in drawn]
     return figure_of(
         panels, spans, columns=_columns(columns, len(panels)), title=text,
         wrong=verification is not None and not verification.ok,
         time_unit=pretty_unit(definition.phases[0].time_unit), size=size, dotted=mesh,
-        guess=guessed,
+        guess=unplanned,
     )  # fmt: skip
 
 
 # -- options -------------------------------------------------------------------------------------
-
-
-def _flag(name: str, value: Any) -> None:
-    if not isinstance(value, bool):
-        raise InvalidData(f"{name} must be True or False, got {show(value)}", field=name)
 
 
 def _columns(columns: Any, panels: int) -> int:
@@ -293,10 +274,10 @@ def _deviation(model: OptimalControlProblem, plan: ControlPlan, tolerance: float
 
 
 def _title(
-    model: OptimalControlProblem, plan: ControlPlan, objective: float | None, guessed: bool
+    model: OptimalControlProblem, plan: ControlPlan, objective: float | None, unplanned: bool
 ) -> str:
     definition = model.definition
-    parts = ["guess"] if guessed else []
+    parts = ["guess"] if unplanned else []
     if objective is not None:
         parts.append(
             f"objective = {number(objective)} {pretty_unit(model.objective_unit)}".rstrip()

@@ -3,167 +3,44 @@
 from __future__ import annotations
 
 import itertools
+import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...errors import InvalidData
-from ..control_plan import PhasePlan, Piecewise
-from ..fields import show
 from ..verification import Verification
+from .optimal_control_data import Panel, Span
+from .optimal_control_options import check_size
 from .trajectory_style import BLACK, GREY, RED, axis_style, bare, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "Curve", "Limit", "Panel", "Span", "check_size", "figure_of", "not_valid", "sampled",
-]  # fmt: skip
+__all__ = ["figure_of", "not_valid"]
 
-Floats = NDArray[np.float64]
 
-#: Points of a curve an interval at the least, and in all about.
-_FEWEST, _POINTS = 12, 2400
 #: More nodes than this are no dots any more, more knots no ticks, more curves have no name.
-_MOST_NODES, _MOST_KNOTS, _MOST_NAMES = 160, 300, 6
+_MOST_NODES, _MOST_KNOTS, _MOST_NAMES = 160, 100, 6
 #: A limit farther away than this many times the height of the curves is told in words.
 _FAR = 1.2
 _LIMIT = "#404040"
+#: Other lines at a height: kind, dashes, and what the legend says.
+_OTHERS = (
+    ("reserve", ":", "limit, nothing in reserve"),
+    ("paper", "-.", "kept by the paper's controller"),
+)
 #: Height of a panel with its words, and what stands above and below all of them (inch).
 _ROW, _HEAD, _FOOT = 1.42, 0.84, 0.50
+#: Between two columns, for labels (inch).
+_GAP = 0.88
+#: Letters of a line beside a panel.
+_LETTERS = 18
 #: Size of the title, and how wide a character of it is (inch).
 _TITLE, _CHARACTER = 11.0, 0.086
 #: Decades that a logarithmic panel shows at the most.
 _DECADES = 12
-
-
-class Curve(NamedTuple):
-    """One function of time.
-
-    Parameters
-    ----------
-    name : str
-        What it is called in the legend.
-    colour : int
-        Which of the colours it has.
-    times, values : ndarray, shape (points,)
-        The curve.
-    node_times, nodes : ndarray, shape (nodes,)
-        Dots on it: the nodes of the mesh.
-    """
-
-    name: str
-    colour: int
-    times: Floats
-    values: Floats
-    node_times: Floats = np.empty(0)
-    nodes: Floats = np.empty(0)
-
-
-class Limit(NamedTuple):
-    """A bound that curves have for some time.
-
-    Parameters
-    ----------
-    start, end : float
-        When it holds.
-    lower, upper : float
-        The bound; infinite where there is none.
-    colours : tuple of int
-        The curves that it bounds; empty for all of the panel.
-    tolerance : float
-        By how much it may be exceeded before the worst place is ringed.
-    forbids : bool
-        Whether what lies beyond is shaded.
-    """
-
-    start: float
-    end: float
-    lower: float
-    upper: float
-    colours: tuple[int, ...] = ()
-    tolerance: float = np.inf
-    forbids: bool = True
-
-
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """What one panel shows.
-
-    Parameters
-    ----------
-    title, unit : str
-        Label of the axis.
-    curves : sequence of Curve
-        What is drawn.
-    limits : sequence of Limit
-        What bounds it.
-    log : bool
-        Whether the values are drawn by their logarithm.
-    shades : sequence of (float, float)
-        Stretches of time that are marked, such as those in which an actuator is saturated.
-    """
-
-    title: str
-    unit: str
-    curves: Sequence[Curve]
-    limits: Sequence[Limit] = ()
-    log: bool = False
-    shades: Sequence[tuple[float, float]] = ()
-
-
-class Span(NamedTuple):
-    """A phase: its name, when it begins and ends, and the knots of its mesh."""
-
-    name: str
-    start: float
-    end: float
-    knots: Floats
-
-
-def sampled(part: PhasePlan) -> tuple[Floats, Floats, Floats]:
-    """Return times, states and controls of a phase for its curves; a knot comes twice."""
-    count = part.states.intervals
-    even = np.linspace(-1.0, 1.0, max(_FEWEST, _POINTS // count))
-    times, states, controls = [], [], []
-    for k in range(count):
-        nodes = [part.states.nodes[k], part.controls.nodes[k]]
-        places = np.unique(np.concatenate([even, *nodes]))
-        begin, end = part.states.knots[k], part.states.knots[k + 1]
-        times.append(begin + 0.5 * (places + 1.0) * (end - begin))
-        states.append(part.states.on(k, places))
-        controls.append(part.controls.on(k, places))
-    return np.concatenate(times), np.concatenate(states), np.concatenate(controls)
-
-
-def nodes_of(part: Piecewise) -> tuple[Floats, Floats]:
-    """Return times and values of the nodes of a plan's functions, (nodes,) and (nodes, size)."""
-    times = [
-        part.knots[k] + 0.5 * (at + 1.0) * (part.knots[k + 1] - part.knots[k])
-        for k, at in enumerate(part.nodes)
-    ]
-    values = [part.on(k, at) for k, at in enumerate(part.nodes)]
-    return np.concatenate(times), np.concatenate(values)
-
-
-def check_size(size: Any, default: tuple[float, float]) -> tuple[float, float]:
-    """Return width and height (inch), or raise :class:`InvalidData`."""
-    if size is None:
-        return default
-    try:
-        width, height = (float(edge) for edge in size)
-    except (TypeError, ValueError):
-        width = height = 0.0
-    if not (0 < width <= 100 and 0 < height <= 100):
-        raise InvalidData(
-            f"size must be width and height in inches, each > 0 and <= 100, got {show(size)}",
-            field="size",
-        )
-    return width, height
 
 
 def not_valid(found: Verification | None) -> str:
@@ -209,7 +86,7 @@ def figure_of(
     from matplotlib.figure import Figure
 
     rows = -(-len(panels) // columns)
-    head = _HEAD + 0.17 * title.count("\n")
+    head = _HEAD + 0.17 * (title.count("\n") + _sequential(spans))
     default = (4.4 + 4.0 * (columns - 1) + 1.2 * (columns == 1), head + _FOOT + _ROW * rows)
     broad, tall = check_size(size, default)
     figure = Figure(figsize=(broad, tall), dpi=150)
@@ -218,7 +95,7 @@ def figure_of(
     low, high = min(_FOOT / tall, 0.3), max(1 - head / tall, 0.6)
     figure.subplots_adjust(
         left=min(0.78 / broad, 0.3), right=max(1 - 0.15 / broad, 0.8), bottom=low, top=high,
-        hspace=0.3, wspace=0.78 * columns / max(broad - 0.9, 1.0),
+        hspace=0.3, wspace=_GAP / max((broad - 0.93 - _GAP * (columns - 1)) / columns, 0.1),
     )  # fmt: skip
     places = [grid[k % rows, k // rows] for k in range(len(panels))]
     named = [k % rows == 0 for k in range(len(panels))]
@@ -239,7 +116,7 @@ def figure_of(
     if handles:
         figure.legend(
             handles=handles, loc="upper center", ncols=len(handles), fontsize=7.5, frameon=False,
-            bbox_to_anchor=(0.5, 1 - (head - 0.50) / tall), handletextpad=0.4,
+            bbox_to_anchor=(0.5, 1 - (0.34 + 0.17 * title.count("\n")) / tall), handletextpad=0.4,
             columnspacing=1.4,
         )  # fmt: skip
     return figure
@@ -255,8 +132,9 @@ def _handles(panels: Sequence[Panel], places: Sequence[Axes], guess: bool) -> li
         found.append(Line2D([], [], color=GREY, lw=1.3, ls=(0, (5, 2)), label="guess"))
     if "limit" in drawn:
         found.append(Line2D([], [], color=_LIMIT, ls="--", lw=1.0, label="limit"))
-    if "own limit" in drawn:
-        found.append(Line2D([], [], color=_LIMIT, ls=":", lw=1.1, label="limit, nothing reserved"))
+    for kind, style, label in _OTHERS:
+        if kind in drawn:
+            found.append(Line2D([], [], color=_LIMIT, ls=style, lw=1.1, label=label))
     if "node" in drawn:
         found.append(Line2D([], [], color=GREY, ls="", marker="o", ms=3.2, label="node"))
     if "knot" in drawn:
@@ -311,16 +189,15 @@ def _draw(
         # As many digits as tell neighbouring ticks apart.
         digits = 3 + max(0, int(np.ceil(np.log10(max(abs(low), abs(high)) / (high - low)))))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, digits)))
-    label = panel.title + (f"\n({panel.unit})" if panel.unit else "")
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 6)))
+    wrapped = [part for line in panel.title.split("\n") for part in textwrap.wrap(line, _LETTERS)]
+    label = "\n".join([*wrapped, *([f"({panel.unit})"] if panel.unit else [])])
     axes.set_ylabel(label, fontsize=8)
     bare(axes)
     _names(panel, axes)
     if notes:
-        axes.text(
-            0.01, 0.96, "; ".join(notes), transform=axes.transAxes, ha="left", va="top",
-            fontsize=7, color="#505050", zorder=6,
-            bbox={"facecolor": "white", "alpha": 0.75, "pad": 1.0, "lw": 0},
-        )  # fmt: skip
+        axes.set_title("; ".join(notes), fontsize=7, color="#505050", loc="left", pad=2.5)
 
 
 def _names(panel: Panel, axes: Axes) -> None:
@@ -344,12 +221,17 @@ def _names(panel: Panel, axes: Axes) -> None:
     )  # fmt: skip
 
 
+def _sequential(spans: Sequence[Span]) -> bool:
+    """Return whether there are several phases, each after the one before."""
+    return len(spans) > 1 and all(
+        later.start >= earlier.end - 1e-9 * max(1.0, abs(earlier.end))
+        for earlier, later in itertools.pairwise(spans)
+    )
+
+
 def _phases(axes: Axes, spans: Sequence[Span], named: bool) -> None:
     """Shade every other phase, and write their names above the first panel of a column."""
-    if len(spans) < 2 or any(
-        later.start < earlier.end - 1e-9 * max(1.0, abs(earlier.end))
-        for earlier, later in itertools.pairwise(spans)
-    ):
+    if not _sequential(spans):
         return
     for k, span in enumerate(spans):
         if k % 2:
@@ -357,9 +239,11 @@ def _phases(axes: Axes, spans: Sequence[Span], named: bool) -> None:
         if k:
             axes.axvline(span.start, color="#b9c2cb", lw=0.8, zorder=0.9)
         if named:
-            axes.text(
-                0.5 * (span.start + span.end), 1.0, span.name, ha="center", va="bottom",
-                transform=axes.get_xaxis_transform(), fontsize=7.5, color="#505050",
+            # Above the row in which curves are named.
+            axes.annotate(
+                span.name, (0.5 * (span.start + span.end), 1.0), (0, 13), fontsize=7.5,
+                xycoords=axes.get_xaxis_transform(), textcoords="offset points", ha="center",
+                va="bottom", color="#505050", annotation_clip=False,
             )  # fmt: skip
 
 
@@ -380,7 +264,7 @@ def _range(panel: Panel) -> tuple[float, float]:
     if span <= 1e-9 * max(1.0, abs(low), abs(high)):
         span = 0.0
     reach = _FAR * (span or max([abs(edge) for edge in edges], default=1.0) or 1.0)
-    near = [edge for edge in edges if low - reach <= edge <= high + reach]
+    near = [edge for edge in edges if panel.whole or low - reach <= edge <= high + reach]
     low, high = min([low, *near]), max([high, *near])
     margin = 0.08 * (high - low)
     if not margin > 1e-9 * max(1.0, abs(low), abs(high)):
@@ -393,11 +277,10 @@ def _limits(panel: Panel, axes: Axes, low: float, high: float) -> list[str]:
     notes: list[str] = []
     for limit in panel.limits:
         whose = [curve.name for curve in panel.curves if curve.colour in limit.colours]
-        colour, style = _LIMIT, "--"
+        colour = _LIMIT
         if len(limit.colours) == 1 and len({curve.colour for curve in panel.curves}) > 1:
             colour = axis_style(limit.colours[0])["color"]
-        if not limit.forbids:
-            style = ":"
+        style = next((dash for kind, dash, _ in _OTHERS if kind == limit.kind), "--")
         for edge, beyond, sign in ((limit.lower, low, "≥"), (limit.upper, high, "≤")):
             if not np.isfinite(edge):
                 continue
@@ -409,9 +292,9 @@ def _limits(panel: Panel, axes: Axes, low: float, high: float) -> list[str]:
             span = [limit.start, limit.end]
             axes.plot(
                 span, [edge, edge], color=colour, ls=style, lw=1.0, zorder=2,
-                gid="limit" if limit.forbids else "own limit",
+                gid=limit.kind,
             )  # fmt: skip
-            if limit.forbids and not limit.colours:
+            if limit.kind == "limit" and not limit.colours and limit.lower < limit.upper:
                 axes.fill_between(
                     span, edge, beyond, color=RED, alpha=0.08, lw=0, zorder=0.6, gid="forbidden"
                 )

@@ -7,7 +7,7 @@ of Satellites Based on the Gauss Pseudospectral Method", Mathematical Problems i
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,17 +21,9 @@ from ..satellite_slew import SatelliteSlew
 from ..slew_checks import slew_phase
 from ..slew_dynamics import SlewMotion
 from ..verification import TOLERANCE
-from .optimal_control_panels import (
-    Curve,
-    Limit,
-    Panel,
-    Span,
-    check_size,
-    figure_of,
-    nodes_of,
-    not_valid,
-    sampled,
-)
+from .optimal_control_data import Curve, Limit, Panel, Span, nodes_of, sampled
+from .optimal_control_options import check_flags, check_size, check_tolerance
+from .optimal_control_panels import figure_of, not_valid
 from .satellite_slew_axes import animate_slew, draw_axes
 from .trajectory_style import number
 
@@ -104,12 +96,8 @@ def draw(
     """
     if view not in ("time", "axis"):
         raise InvalidData(f"view must be 'time' or 'axis', got {show(view)}", field="view")
-    if not isinstance(mesh, bool):
-        raise InvalidData(f"mesh must be True or False, got {show(mesh)}", field="mesh")
-    if isinstance(tolerance, bool) or not isinstance(tolerance, int | float) or not tolerance > 0:
-        raise InvalidData(
-            f"tolerance must be a number > 0, got {show(tolerance)}", field="tolerance"
-        )
+    check_flags(mesh=mesh)
+    check_tolerance(tolerance)
     check_size(size, (1.0, 1.0))
     if tracking is not None and not isinstance(tracking, Tracking):
         raise InvalidData(f"tracking must be a Tracking, got {show(tracking)}", field="tracking")
@@ -149,11 +137,9 @@ def _guessed(model: SatelliteSlew) -> ControlPlan:
 
 
 def _title(model: SatelliteSlew, plan: ControlPlan | None, objective: float | None) -> str:
-    parts = [model.describe().partition(", ")[2]]
     axis, angle = model.turn
     around = ", ".join(number(float(x), 3) for x in axis)
-    parts.insert(0, f"{number(float(np.rad2deg(angle)), 5)}° about ({around})")
-    parts = parts[:1]
+    parts = [f"{number(float(np.rad2deg(angle)), 5)}° about ({around})"]
     if model.margin:
         parts.append(f"{number(100 * model.margin, 4)} % in reserve")
     if objective is not None:
@@ -191,7 +177,7 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
     def within(most: float, whole: float | None = None) -> list[Limit]:
         found = [Limit(begin, end, -most, most, (), tolerance * max(1.0, most))]
         if whole is not None and whole > most:
-            found.append(Limit(begin, end, -whole, whole, (), np.inf, forbids=False))
+            found.append(Limit(begin, end, -whole, whole, (), np.inf, "reserve"))
         return found
 
     least = model.singularity_limit
@@ -199,7 +185,7 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
         Panel("quaternion", "", _curves(_ATTITUDE, times, states[:, :4], (nodes, at_nodes[:, :4]))),
         Panel(
             "body rates", "rad/s", _curves(_RATES, times, states[:, 4:7], (nodes, at_nodes[:, 4:7])),
-            within(model.rate_limit),
+            within(model.rate_limit), whole=True,
         ),
         Panel(
             "gimbal angles", "rad",
@@ -207,15 +193,15 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
         ),
         Panel(
             "gimbal rates", "rad/s", _curves(_GIMBALS, times, controls, rates),
-            within(model.planned_gimbal_rate, model.gimbal_rate_limit),
+            within(model.planned_gimbal_rate, model.gimbal_rate_limit), whole=True,
         ),
         Panel(
             "singularity\ndet(A Aᵀ)", "", [Curve("det(A Aᵀ)", 0, times, measure)],
-            [Limit(begin, end, least, np.inf, (), tolerance * max(1.0, least))],
+            [Limit(begin, end, least, np.inf, (), tolerance * max(1.0, least))], whole=True,
         ),
         Panel(
             "control torque", "N m", _curves(_TORQUES, times, torque),
-            within(model.planned_torque, model.torque_limit),
+            within(model.planned_torque, model.torque_limit), whole=True,
         ),
     ]  # fmt: skip
 
@@ -233,9 +219,9 @@ def _errors(
 ) -> Panel:
     times = tracking.times
     # The paper's figures forbid nothing: they are what its own controller kept to.
-    paper = Limit(float(times[0]), float(times[-1]), -kept, kept, (), np.inf)
+    paper = Limit(float(times[0]), float(times[-1]), -kept, kept, (), np.inf, "paper")
     return Panel(
-        title, unit, _curves(names, times, values), [paper], shades=_saturated(tracking)
+        title, unit, _curves(names, times, values), [paper], whole=True, shades=_saturated(tracking)
     )
 
 
@@ -247,6 +233,4 @@ def _attitude_errors(tracking: Tracking) -> Panel:
 
 
 def _rate_errors(tracking: Tracking) -> Panel:
-    return _errors(
-        "rate errors", "rad/s", _RATES, tracking.rate_errors, PAPER_RATE_ERROR, tracking
-    )
+    return _errors("rate errors", "rad/s", _RATES, tracking.rate_errors, PAPER_RATE_ERROR, tracking)

@@ -13,8 +13,8 @@ from ..fields import show
 from ..quaternions import product, rotation_about, rotation_matrix
 from ..satellite_slew import SatelliteSlew
 from ..slew_checks import slew_phase
-from .optimal_control_panels import check_size
-from .trajectory_style import BLACK, GREY, RED, axis_style, number
+from .optimal_control_options import check_size
+from .trajectory_style import BLACK, GREY, RED, axis_style
 
 if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
@@ -163,9 +163,7 @@ def _sphere(title: str, wrong: bool, size: Any) -> tuple[Figure, Any]:
     figure = Figure(figsize=(broad, tall), dpi=150)
     FigureCanvasAgg(figure)
     low, high = 0.5 / tall, 1 - (0.42 + 0.17 * title.count("\n")) / tall
-    axes: Any = figure.add_axes(
-        (0.0, low, 1.0, high - low), projection="3d", computed_zorder=False
-    )
+    axes: Any = figure.add_axes((0.0, low, 1.0, high - low), projection="3d", computed_zorder=False)
     around = np.linspace(0.0, 2 * np.pi, 97)
     for angle in np.deg2rad(np.arange(-60, 61, 30)):
         ring = np.cos(angle) * np.array([np.cos(around), np.sin(around)])
@@ -177,7 +175,7 @@ def _sphere(title: str, wrong: bool, size: Any) -> tuple[Figure, Any]:
             zorder=1,
         )  # fmt: skip
     axes.set_axis_off()
-    axes.set_box_aspect((1, 1, 1), zoom=1.42)
+    axes.set_box_aspect((1, 1, 1), zoom=1.5)
     for name in "xyz":
         getattr(axes, f"set_{name}lim")(-1.05, 1.05)
     axes.view_init(elev=_ELEVATION, azim=_AZIMUTH)

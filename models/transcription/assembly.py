@@ -154,8 +154,7 @@ class Assembly:
             table = np.linalg.inv(legendre.legvander(nodes, nodes.size - 1))[-many:]
             controls = one.visit_control[one.visit_starts[k] : one.visit_starts[k + 1]]
             for c in range(one.nu):
-                at = count + np.arange(many)[:, None]
-                rows.add(at, one.control_columns[c, controls], table)
+                rows.add(count + np.arange(many)[:, None], one.control_columns[c, controls], table)
                 count += many
         r, c, value, _ = rows.joined()
         return sp.csr_array((value, (r, c)), shape=(count, self.layout.size))
@@ -184,9 +183,12 @@ class Assembly:
         at = first + one.nx * one.defects
         if node.paths:
             paths = np.arange(node.paths)[:, None]
-            rows = at + paths * one.collocated + np.arange(one.collocated)
-            entry = one.nx + node.integrals + paths
-            spread.add(rows, 0, 1.0, source(entry, one.owners))
+            spread.add(
+                at + paths * one.collocated + np.arange(one.collocated),
+                0,
+                1.0,
+                source(one.nx + node.integrals + paths, one.owners),
+            )
         at += node.paths * one.collocated
         weights = np.concatenate([scheme.weights for scheme in one.schemes])
         for k in range(node.integrals):

@@ -166,7 +166,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         start = self._start if self._history is None else self._history.plan
         guess = self._guess() if start is None else self.encode(start)
         program = assembly.program(guess, self.model.name)
-        return settled(self.model, program, self.dependent)
+        first = assembly.row_starts[-1]
+        return settled(self.model.definition, self.layout, program, first, self.dependent)
 
     def _guess(self) -> Floats:
         columns = np.zeros(self.layout.size)

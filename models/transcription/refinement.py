@@ -349,6 +349,7 @@ def _denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
     """Return meshes with two more nodes an interval, or twice the intervals where none may be had."""
     finer = []
     for mesh in meshes:
+        assert mesh.calm is not None
         if rules.fixed_degree is None and (mesh.degrees + 2 <= rules.most_degree).all():
             finer.append(Mesh(mesh.fractions, mesh.degrees + 2, mesh.calm))
         elif rules.split:
@@ -377,7 +378,8 @@ def _refined(
             and report.worst[k] > limit
             and rules.fixed_degree is None
         ):
-            inner, own, quiet = [], [max(degree, CALM)], True
+            inner: list[float] = []
+            own, quiet = [max(degree, CALM)], True
         else:
             inner, own = _decided(degree, report, k, rules, limit)
         places = begin + 0.5 * (np.array([*inner, 1.0]) + 1.0) * (end - begin)

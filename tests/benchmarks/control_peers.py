@@ -130,6 +130,8 @@ def plan_of(problem: Any, answer: dict[str, Any]) -> Any:
         name: tuple(np.array(part, float) for part in answer[name])
         for name in ("state_nodes", "states", "control_nodes", "controls")
     }
+    for name in ("state_nodes", "control_nodes"):
+        lists[name] = tuple(np.clip(part, -1.0, 1.0) for part in lists[name])
     bounds = [phase.stacked("controls", side) for side in ("lower", "upper")]
     controls = tuple(np.clip(part, *bounds) for part in lists["controls"])
     return ControlPlan(
@@ -263,6 +265,7 @@ def ours(task: dict[str, Any]) -> Callable[[], dict[str, Any]]:
     """Return our own call: the problem is declared at the first one."""
     import crosstrack as ct
 
+    ct.load("optimal-control/double-integrator-energy")
     kept: list[Any] = []
 
     def call() -> dict[str, Any]:
@@ -509,14 +512,14 @@ def maptor(task: dict[str, Any]) -> Callable[[], dict[str, Any]]:
         x = np.array([found[1, f"x{k}"] for k in range(len(task["states_lower"]))])
         u = np.array([found[1, f"u{k}"] for k in range(len(task["controls_lower"]))])
         plan: dict[str, Any] = {"state_nodes": [], "states": [], "control_nodes": [], "controls": []}
-        at = 0
+        at = at_state = 0
         for degree in degrees:
             nodes = radau(degree)
             plan["state_nodes"].append(np.ravel(nodes.state_approximation_nodes).tolist())
-            plan["states"].append(x[:, at : at + degree + 1].T.tolist())
+            plan["states"].append(x[:, at_state : at_state + degree + 1].T.tolist())
             plan["control_nodes"].append(np.ravel(nodes.collocation_nodes).tolist())
             plan["controls"].append(u[:, at : at + degree].T.tolist())
-            at += degree
+            at, at_state = at + degree, at_state + degree + 1
         refined = found.adaptive if "adaptive" in task else {}
         return {
             "seconds": whole,

@@ -1,0 +1,1 @@
+"""What is particular to optimal control on the side of the solvers."""
