@@ -110,6 +110,7 @@ def track(
     disturbance: ArrayLike | Callable[[float], ArrayLike] = (0.1, 0.1, 0.1),
     known_disturbance: float = 0.0,
     inertia_error: float = 0.0,
+    homing: float = 5.0,
     after: float = 0.0,
 ) -> Tracking:
     """Fly a plan with the paper's controller, and return how far the satellite strays.
@@ -119,9 +120,10 @@ def track(
         T_c = -K_p q_e - K_d w_e - T_ext + w×(I w + h) + I ẇ_d.
 
     The gyros' part is the plan's own gimbal rates and the least correction that makes up what is
-    left of the torque, δ̇ = δ̇_d - A_tᵀ (A_t A_tᵀ)⁻¹ (T_c + h0 A_t δ̇_d) / h0. Torque and gimbal
-    rates are cut off at the actuators' limits, the model's margin at their disposal, and held until
-    the next sample; the other gimbals make up for one that is at its limit.
+    left of the torque, δ̇ = δ̇_d - A_tᵀ (A_t A_tᵀ)⁻¹ (T_c + h0 A_t δ̇_d) / h0, with null motion that
+    takes the gimbals back to the plan's, for a disturbance makes them stray. Torque and gimbal rates
+    are cut off at the actuators' limits, the model's margin at their disposal, and held until the
+    next sample; the other gimbals make up for one that is at its limit.
 
     Parameters
     ----------
@@ -140,6 +142,8 @@ def track(
         The share of T_ext that the controller knows and takes off; the paper's knows it all.
     inertia_error : float
         By how much the true inertia exceeds the model's, as a share of it.
+    homing : float
+        Rate at which null motion, which gives no torque, takes the gimbals back to the plan's, 1/s.
     after : float
         How long the end of the plan is held after it, s.
 
@@ -160,13 +164,13 @@ def track(
     phase = slew_phase(model.as_plan(plan))
     for name, value in (("natural_frequency", natural_frequency), ("sample_time", sample_time)):
         Real(0.0, strict=True).coerce(name, value, {})
-    for name, value in (("damping", damping), ("after", after)):
+    for name, value in (("damping", damping), ("homing", homing), ("after", after)):
         Real(0.0).coerce(name, value, {})
     Real(0.0, 1.0).coerce("known_disturbance", known_disturbance, {})
     if not Real().coerce("inertia_error", inertia_error, {}) > -1.0:
         raise InvalidData(f"inertia_error must be > -1, got {inertia_error}", field="inertia_error")
     controller = _Controller(
-        model, phase, natural_frequency, damping, _outer(disturbance), known_disturbance
+        model, phase, natural_frequency, damping, _outer(disturbance), known_disturbance, homing
     )
     return _flown(controller, SlewMotion.of(model, inertia_error=inertia_error), sample_time, after)
 
@@ -202,6 +206,7 @@ class _Controller:
     damping: float
     outer: Callable[[float], Floats]
     known: float
+    homing: float
 
     def wanted(self, t: float) -> Floats:
         """Return the plan's states at `t`, those of its end after it, shape (11,)."""
@@ -226,6 +231,10 @@ class _Controller:
         torque = torque + np.cross(w, motion.body_momentum(w, delta))
         cut = np.clip(torque, -model.torque_limit, model.torque_limit)
         jacobian = gimbal_jacobian(delta + 0.5 * long * feedforward, model.beta)
+        # Null motion towards the plan's gimbals, which stay clear of singularities.
+        back = self.homing * (now[7:] - delta)
+        inverse = jacobian.T @ np.linalg.inv(jacobian @ jacobian.T + DAMPING * np.eye(3))
+        feedforward = feedforward + back - inverse @ (jacobian @ back)
         missing = -cut / model.momentum - jacobian @ feedforward
         held = _allotted(jacobian, missing, feedforward, model.gimbal_rate_limit)
         given = -model.momentum * (jacobian @ held)

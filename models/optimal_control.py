@@ -185,7 +185,8 @@ class OptimalControlProblem(Model[ControlPlan]):
         unit : str
             Unit, for people.
         """
-        return self._open().parameter(name, size, lower, upper, guess, scale, unit)
+        symbol: casadi.MX = self._open().parameter(name, size, lower, upper, guess, scale, unit)
+        return symbol
 
     def minimise(self, objective: Any, *, unit: str = "") -> None:
         """Declare what is minimised.

@@ -15,6 +15,12 @@ from .solution import Solution
 __all__ = ["Outcome", "Verdict", "judge"]
 
 
+#: Checks within tolerance that a note still spells out one by one.
+MANY = 2
+#: Excess over the best plan, in tolerances, above which a search counts as stopped at a worse point.
+WORSE = 20.0
+
+
 class Outcome(StrEnum):
     """What a set of answers amounts to."""
 
@@ -115,7 +121,7 @@ def judge(instance: str, solutions: Sequence[Solution[Any]], exact: frozenset[st
     unbounded = [
         s for s in solutions if s.termination is Termination.UNBOUNDED and _exact(s, exact)
     ]
-    notes = _notes(solutions, clean)
+    notes = _notes(solutions, plans, clean, exact)
 
     def verdict(outcome: Outcome, evidence: str) -> Verdict:
         return Verdict(instance, outcome, evidence, tuple(notes), tuple(solutions))
@@ -167,7 +173,12 @@ def judge(instance: str, solutions: Sequence[Solution[Any]], exact: frozenset[st
             f"best plan {best.primal_bound:.10g} ({_who(best)}), but no exact bound",
         )
     if plans:
-        return verdict(Outcome.INCONCLUSIVE, "the only plans hang on a tolerance")
+        least = min(plans, key=lambda s: s.primal_bound)  # type: ignore[arg-type, return-value]
+        return verdict(
+            Outcome.INCONCLUSIVE,
+            f"the only plans hang on a tolerance: best {least.primal_bound:.10g} ({_who(least)}), "
+            "no exact bound",
+        )
     return verdict(Outcome.INCONCLUSIVE, "no verified plan and no proof of infeasibility")
 
 
@@ -182,7 +193,12 @@ def _slack(plan: Solution[Any], bound: Solution[Any]) -> float:
     return (gap + tolerance) * max(1.0, abs(plan.primal_bound or 0.0), abs(bound.dual_bound or 0.0))
 
 
-def _notes(solutions: Sequence[Solution[Any]], clean: Sequence[Solution[Any]]) -> list[str]:
+def _notes(
+    solutions: Sequence[Solution[Any]],
+    plans: Sequence[Solution[Any]],
+    clean: Sequence[Solution[Any]],
+    exact: frozenset[str],
+) -> list[str]:
     notes = []
     for solution in solutions:
         if (
@@ -190,10 +206,25 @@ def _notes(solutions: Sequence[Solution[Any]], clean: Sequence[Solution[Any]]) -
             and solution.stored_plan is not None
             and not _clean(solution)
         ):
-            for check in solution.verification.within_tolerance:
-                notes.append(
-                    f"{_who(solution)}: its plan of {solution.primal_bound:.10g} is within_tolerance only: {check}"
-                )
+            near = solution.verification.within_tolerance
+            head = f"{_who(solution)}: its plan of {solution.primal_bound:.10g} is within_tolerance only"
+            if len(near) > MANY:
+                notes.append(f"{head}: {', '.join(check.name for check in near)}")
+            else:
+                notes += [f"{head}: {check}" for check in near]
         elif solution.termination in (Termination.FAILED, Termination.REJECTED):
             notes.append(f"{_who(solution)}: {solution.termination}: {solution.message}")
+    best = min(clean or plans, key=lambda s: s.primal_bound, default=None)  # type: ignore[arg-type, return-value]
+    for solution in plans:
+        if best is None or _exact(solution, exact):
+            continue
+        # A local search may be content far from the optimum; its own success says nothing of that.
+        assert solution.primal_bound is not None and best.primal_bound is not None
+        more = solution.primal_bound - best.primal_bound
+        size = max(1.0, abs(best.primal_bound))
+        if more > WORSE * max(float(solution.options.get("tolerance") or 0.0), ROUNDING) * size:
+            notes.append(
+                f"{_who(solution)}: stopped at a worse point, {solution.primal_bound:.10g}: "
+                f"{100.0 * more / size:.2g} % above {best.primal_bound:.10g} of {_who(best)}"
+            )
     return notes

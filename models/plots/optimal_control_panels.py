@@ -91,19 +91,16 @@ def figure_of(
     broad, tall = check_size(size, default)
     figure = Figure(figsize=(broad, tall), dpi=150)
     FigureCanvasAgg(figure)
-    grid = figure.subplots(rows, columns, squeeze=False)
+    grid = figure.add_gridspec(rows, columns)
     low, high = min(_FOOT / tall, 0.3), max(1 - head / tall, 0.6)
     figure.subplots_adjust(
         left=min(0.78 / broad, 0.3), right=max(1 - 0.15 / broad, 0.8), bottom=low, top=high,
         hspace=0.3, wspace=_GAP / max((broad - 0.93 - _GAP * (columns - 1)) / columns, 0.1),
     )  # fmt: skip
-    places = [grid[k % rows, k // rows] for k in range(len(panels))]
+    places = [figure.add_subplot(grid[k % rows, k // rows]) for k in range(len(panels))]
     named = [k % rows == 0 for k in range(len(panels))]
     for panel, axes, top in zip(panels, places, named, strict=True):
         _draw(panel, axes, spans, dotted=dotted, named=top, guess=guess)
-    for axes in grid.ravel():
-        if axes not in places:
-            axes.remove()
     for column in range(columns):
         own = [places[k] for k in range(len(panels)) if k // rows == column]
         for axes in own[:-1]:

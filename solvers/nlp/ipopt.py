@@ -99,7 +99,7 @@ class Ipopt(CasadiNlp):
 
     @staticmethod
     def _mumps(request: Request) -> bool:
-        return request.options.get("linear_solver", "mumps") == "mumps"
+        return bool(request.options.get("linear_solver", "mumps") == "mumps")
 
     def load(self, request: Request) -> None:
         """Load the plugin, and let its linear algebra have the threads asked for, else one."""

@@ -23,7 +23,7 @@ __all__ = ["diagnose_control"]
 Vector = NDArray[np.float64]
 
 #: Iterations of each search at most.
-MOST = 500
+MOST = 150
 #: Slack, in terms of a limit's typical size, below which it counts as kept.
 KEPT = 1e-5
 #: Intervals and nodes of the mesh that is tried: coarse, for a first answer.
@@ -136,7 +136,9 @@ def _giving(
                 columns.append(last)
         elif bounded.any() and not block.name.startswith(("integral ", "start time")):
             columns.append(block)
-    return rows, columns
+    # Times and ends first: they are what people ask about, and the time for the search may end.
+    first = ("end time", "final value")
+    return rows, sorted(columns, key=lambda block: not block.name.startswith(first))
 
 
 def _gives(made: Elastic, program: NonlinearProgram, rows: int, slack: Vector) -> list[_Widening]:
