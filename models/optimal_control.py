@@ -76,7 +76,7 @@ class OptimalControlProblem(Model[ControlPlan]):
         "hermite-simpson": ".models.transcription.low_order:HermiteSimpson",
         "trapezoid": ".models.transcription.low_order:Trapezoid",
     }
-    default_formulation: ClassVar[str] = "radau"
+    default_formulation: ClassVar[str] = "gauss"
 
     def __init__(self, name: str = "", *, definition: Definition | None = None) -> None:
         from .compiled import require_casadi

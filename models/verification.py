@@ -12,6 +12,8 @@ __all__ = ["ROUNDING", "TOLERANCE", "Check", "Verification"]
 ROUNDING = 1e-9
 #: Largest violation that a solver's feasibility tolerance excuses, scaled alike.
 TOLERANCE = 1e-6
+#: Checks that a one-line summary names.
+SHOWN = 3
 
 
 @dataclass(frozen=True)
@@ -139,10 +141,22 @@ class Verification:
         """Return one word and, where it is not plain ok, the checks that say why."""
         if self.ok:
             near = self.within_tolerance
-            return "ok" if not near else "within tolerance: " + "; ".join(c.name for c in near)
-        return "violated: " + ("; ".join(c.name for c in self.violated) or "no objective")
+            return "ok" if not near else "within tolerance: " + _listed(near)
+        return "violated: " + (_listed(self.violated) or "no objective")
 
     def __str__(self) -> str:
         head = "verified" if self.ok else "NOT verified"
         objective = "" if self.objective is None else f", objective {self.objective:.10g}"
         return "\n".join([head + objective, *(f"  {check}" for check in self.checks)])
+
+
+def _listed(checks: tuple[Check, ...]) -> str:
+    """Return the names of checks, of many only those that are nearest to their tolerance or over it."""
+    if len(checks) <= SHOWN + 1:
+        return "; ".join(check.name for check in checks)
+
+    def used(check: Check) -> float:
+        return -check.worst / check.tolerance if check.tolerance > 0 else -float("inf")
+
+    shown = sorted(checks, key=used)[:SHOWN]
+    return "; ".join(check.name for check in shown) + f" and {len(checks) - SHOWN} more"

@@ -49,7 +49,7 @@ SATURATED = 0.02
 BINDING = 1e-4
 #: Share of a control's range that a step from node to node must take to count as chatter, and how
 #: often the steps must turn.
-STEP, TURNS = 0.02, 2
+STEP, TURNS = 0.15, 2
 #: Share of what an interval may err below which it may be merged.
 AMPLE = 0.05
 #: Nodes at least where controls are held calm.
