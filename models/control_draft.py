@@ -117,7 +117,11 @@ class Draft:
     ) -> None:
         """Add a boundary constraint."""
         name = words[0] or f"boundary {len(self.boundaries) + 1}"
-        free_name("a boundary constraint", name, [one.name for one, _ in self.boundaries])
+        lists = [self.boundaries]
+        for one in self.phases:
+            lists += [one.paths, one.invariants]
+        taken = [made.name for listed in lists for made, _ in listed]
+        free_name("a boundary constraint", name, taken)
         bounded, low, high = related(
             f"boundary constraint {name!r}", expression, lower, upper, equals
         )

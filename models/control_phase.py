@@ -235,10 +235,15 @@ class PhaseDraft:
         """
         self.opened()
         name = name or f"path {len(self.paths) + 1}"
-        free_name("a path constraint", name, [one.name for one, _ in self.paths])
+        free_name("a path constraint", name, self._constraints())
         bounded, low, high = related(f"path constraint {name!r}", expression, lower, upper, equals)
         words = (name, equation, unit)
         self.paths.append((restriction(words, bounded.numel(), low, high, scale), bounded))
+
+    def _constraints(self) -> list[str]:
+        """Return the names that are taken: of this phase's constraints, and of those of the ends."""
+        lists = (self.paths, self.invariants, self.opened().boundaries)
+        return [one.name for listed in lists for one, _ in listed]
 
     def integral(self, integrand: Any) -> Symbol:
         """Return the integral of `integrand` over the phase, for costs and constraints.
@@ -275,7 +280,7 @@ class PhaseDraft:
             Typical size.
         """
         self.opened()
-        free_name("an invariant", name, [one.name for one, _ in self.invariants])
+        free_name("an invariant", name, self._constraints())
         kept = column(f"invariant {name!r}", expression)
         for control in self.controls:
             if casadi.depends_on(kept, self.symbols[control]):

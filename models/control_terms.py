@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -37,6 +39,13 @@ Symbol = Any  # casadi.MX
 #: Entries that one state, control or parameter may have.
 MOST_ENTRIES = 10_000
 
+#: What programs and verifications call rows and columns of their own.
+_OWN = re.compile(
+    r"motion|continuity of states|times|(initial|final) values|bounds of (states|controls|parameters)"
+    r"|objective|dynamics of .*|definition of integral .*|time goes forward|calm controls"
+    r"|(start|end) time|integral \d+|parameter .*"
+)
+
 _RELATIONS = (casadi.OP_LE, casadi.OP_LT, casadi.OP_EQ)
 _NO_RELATIONS = (casadi.OP_NE, casadi.OP_AND, casadi.OP_OR, casadi.OP_NOT)
 
@@ -57,6 +66,10 @@ def free_name(kind: str, name: Any, taken: Sequence[str]) -> None:
         )
     if name in taken:
         raise InvalidData(f"{kind} {name!r} is declared already", field="name")
+    if _OWN.fullmatch(name):
+        raise InvalidData(
+            f"{kind} cannot be called {name!r}: the name has a meaning of its own", field="name"
+        )
 
 
 def text(what: str, value: Any, of: str) -> str:
@@ -311,14 +324,35 @@ def compiled(
         parts.append(casadi.reshape(where[symbol.__hash__()], symbol.shape))
     new = casadi.substitute(list(results.values()), list(symbols), parts)
     found = casadi.Function(name, list(fresh.values()), new, list(fresh), list(results))
-    try:
+    with contextlib.suppress(RuntimeError):
+        # A function from elsewhere may have no scalar form; it works as it is.
         found = found.expand()
-    except RuntimeError:
-        # An interpolant or an external function has no scalar form; it works as it is.
-        return found
-    for k in range(found.n_instructions()):
-        if found.instruction_id(k) == casadi.OP_CONST and math.isnan(found.instruction_constant(k)):
-            raise InvalidData(
-                f"{', '.join(results)}: an expression holds nan, which is no number", field=name
-            )
+    if not _elementary(name, found, ", ".join(results)):
+        _differentiated(found)
     return found
+
+
+def _elementary(name: str, function: casadi.Function, what: str) -> bool:
+    """Return whether `function` is made of scalar operations alone; NaN among them raises."""
+    if not function.is_a("SXFunction"):
+        return False
+    kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
+    for k, kind in enumerate(kinds):
+        if kind == casadi.OP_CONST and math.isnan(function.instruction_constant(k)):
+            raise InvalidData(f"{what}: an expression holds nan, which is no number", field=name)
+    return casadi.OP_CALL not in kinds
+
+
+def _differentiated(function: casadi.Function) -> None:
+    """Differentiate `function` twice, and forget what comes out.
+
+    A table keeps its derivatives from when they are first asked for, and writes them with itself:
+    asked for here, they are always there, and a digest does not hang on what was solved before.
+    """
+    kind: Any = casadi.SX if function.is_a("SXFunction") else casadi.MX
+    sizes = [function.size1_in(k) for k in range(function.n_in())]
+    free = kind.sym("free", sum(sizes))
+    parts = casadi.vertsplit(free, np.cumsum([0, *sizes]).tolist())
+    with contextlib.suppress(RuntimeError):
+        entries = casadi.vertcat(*map(casadi.vec, function.call(parts)))
+        casadi.hessian(casadi.dot(kind.sym("multipliers", entries.numel()), entries), free)

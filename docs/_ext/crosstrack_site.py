@@ -8,6 +8,8 @@ Directives, all for MyST pages:
 * ``crosstrack-paper-table 1|2|3``: the paper's tables from the catalogue's settings;
 * ``crosstrack-formulations KIND``: the formulations of a model, with the size of an instance;
 * ``crosstrack-instances PROBLEM``: the catalogue's instances of a problem;
+* ``crosstrack-published PROBLEM``: the figures that the catalogue has for them, and where from;
+* ``crosstrack-run COMMAND``: a command line, and what it prints; files are shared by a page;
 * ``crosstrack-api MODULE``: every public name of a module, except those documented elsewhere.
 """
 
@@ -16,8 +18,10 @@ from __future__ import annotations
 import importlib
 import inspect
 import os
+import shlex
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -206,6 +210,63 @@ class Instances(Made):
         return markdown_table(("instance", "", "data"), rows)
 
 
+class Published(Made):
+    """The figures that the catalogue has for the instances of a problem."""
+
+    figures = {
+        "objective": "objective",
+        "final_time": "final time (s), printed:",
+        "computing_seconds": "seconds of computing, printed:",
+        "tolerance": "tolerance, printed:",
+        "printed": "printed:",
+    }
+    required_arguments = 1
+    wide = True
+
+    def make(self) -> str:
+        from crosstrack.instances import entries
+
+        problem = self.arguments[0]
+        rows = []
+        for entry in entries():
+            if not entry.name.startswith(f"{problem}/") or not entry.published:
+                continue
+            known = entry.published
+            text = "; ".join(
+                f"{label} {known[key]:.10g}"
+                if isinstance(known[key], float)
+                else f"{label} {known[key]}"
+                for key, label in self.figures.items()
+                if key in known
+            )
+            rows.append((f"`{entry.name}`", text, known.get("source", "")))
+        if not rows:
+            raise self.error(f"the catalogue has no figures for {problem!r}")
+        return markdown_table(("instance", "figures", "from"), rows)
+
+
+class Run(Made):
+    """A command line and what it printed, run in a folder that the whole page shares."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def make(self) -> str:
+        line = self.arguments[0]
+        folders = self.env.temp_data.setdefault("crosstrack-run", tempfile.TemporaryDirectory())
+        environment = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1"}
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", "crosstrack", *shlex.split(line)],
+            cwd=folders.name, capture_output=True, text=True, env=environment, timeout=300,
+        )  # fmt: skip
+        # What stands on standard error is why it failed; the exit code of a failure is part of it.
+        printed = "\n".join(text.rstrip() for text in done.stdout.rstrip().split("\n"))
+        if done.returncode in (1, 2) or "Traceback" in done.stderr:
+            raise self.error(f"crosstrack {line}: exit code {done.returncode}\n{done.stderr}")
+        code = f"\n$ echo $?\n{done.returncode}" if done.returncode else ""
+        return f"```text\n$ crosstrack {line}\n{printed}{code}\n```"
+
+
 class Api(Made):
     """Every public name of a module with its docstring, those in ``:not:`` excepted."""
 
@@ -290,5 +351,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("crosstrack-paper-table", PaperTable)
     app.add_directive("crosstrack-formulations", Formulations)
     app.add_directive("crosstrack-instances", Instances)
+    app.add_directive("crosstrack-published", Published)
+    app.add_directive("crosstrack-run", Run)
     app.add_directive("crosstrack-api", Api)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -19,7 +19,11 @@ PAPER = (
 )
 
 #: What the paper prints of its slew: final time (s), seconds of computing, tolerance.
-_PRINTED: Mapping[str, Any] = {"final_time": 7.836, "computing_seconds": 246.0, "tolerance": 1e-3}
+_PRINTED: Mapping[str, Any] = {
+    "final_time": 7.836,
+    "computing_seconds": 246.0,
+    "tolerance": 1e-3,
+}
 #: The best of several starts on a refined mesh.
 _REFINED = "ours: the best of several starts, on a mesh refined until the motion agrees to 1e-5"
 
@@ -64,7 +68,14 @@ def _papers() -> tuple[CatalogueEntry, ...]:
             SatelliteSlew,
             f"{_COMPLETED}: h0 = 17.53 N m s and R = 0.1 s² are ours, and give 7.8258 s.",
             provenance=Provenance.COMPLETED,
-            published={**_PRINTED, "objective": 8.652909, "source": _REFINED},
+            published={
+                **_PRINTED,
+                "objective": 8.652909,
+                "source": _REFINED,
+                "seconds": {"paper": _PRINTED["computing_seconds"]},
+                "table": 1,
+                "row": 1,
+            },
         ),
         _entry(
             "paper-7836",

@@ -154,7 +154,9 @@ class Assembly:
             table = np.linalg.inv(legendre.legvander(nodes, nodes.size - 1))[-many:]
             controls = one.visit_control[one.visit_starts[k] : one.visit_starts[k + 1]]
             for number in range(one.nu):
-                rows.add(count + np.arange(many)[:, None], one.control_columns[number, controls], table)
+                rows.add(
+                    count + np.arange(many)[:, None], one.control_columns[number, controls], table
+                )
                 count += many
         r, c, value, _ = rows.joined()
         return sp.csr_array((value, (r, c)), shape=(count, self.layout.size))

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.blocks import Block
 from ...models.nonlinear import NonlinearProgram
+
+if TYPE_CHECKING:
+    import casadi
 
 __all__ = ["Elastic", "elastic"]
 
@@ -45,6 +47,8 @@ def elastic(program: NonlinearProgram, rows: list[Block], columns: list[Block]) 
     All other rows and bounds hold as they are. The objective is the sum of the slacks, each in terms
     of its block's typical size: a sum, so that few blocks give where few are enough.
     """
+    import casadi
+
     n, groups = program.size, [*rows, *columns]
     scales = np.array(
         [
@@ -149,6 +153,8 @@ class _Part:
 
 def _selection(rows: Any, count: int) -> casadi.DM:
     """Return the matrix that puts values at `rows` of a vector of `count`."""
+    import casadi
+
     size = len(rows)
     return casadi.DM.triplet(
         list(map(int, rows)), list(range(size)), casadi.DM.ones(size), count, size

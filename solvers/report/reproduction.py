@@ -27,10 +27,11 @@ class _Column:
 
 @dataclass(frozen=True)
 class _Layout:
-    """One table of a paper: what it is called, and the runs beside its columns."""
+    """One table of a paper: what it is called, the runs beside its columns, and how precise they are."""
 
     title: str
     columns: tuple[_Column, ...]
+    tolerance: float | None = None
 
 
 _LAYOUTS: Mapping[str, Mapping[int, _Layout]] = {
@@ -77,6 +78,20 @@ _LAYOUTS: Mapping[str, Mapping[int, _Layout]] = {
             ),
         ),
     },
+    "satellite-slew": {
+        1: _Layout(
+            "The rapid slew: the paper's method and its kin, and the field's steering laws",
+            (
+                _Column("ipopt:paper", "paper"),
+                _Column("ipopt:gauss"),
+                _Column("ipopt:radau"),
+                _Column("ipopt:hermite-simpson"),
+                _Column("slew-pseudo-inverse"),
+                _Column("slew-generalised"),
+            ),
+            tolerance=1e-4,
+        ),
+    },
 }
 
 _NOTES: Mapping[str, str] = {
@@ -90,6 +105,13 @@ _NOTES: Mapping[str, str] = {
         "are ours, and nothing stands beside its figures. What is reproduced is how its program "
         "behaves. Where an answer is rejected, its powers of absolute time have lost the digits "
         "that the conditions at the waypoints need."
+    ),
+    "satellite-slew": (
+        "The paper prints a final time of 7.836 s at a tolerance of 1e-3, after 4.1 minutes, but "
+        "neither the momentum of a wheel nor the weight of the gimbal rates: both are ours. Each "
+        "cell gives ours J and the seconds of the search, to a tolerance of 1e-4. One interval, as "
+        "the paper has it, is rejected where no degree resolves the corners that limits leave in the "
+        "controls: the plan meets its limits at the nodes, and not between them."
     ),
 }
 
@@ -180,7 +202,12 @@ def reproduce(
             if names and not interrupted:
                 start = judge(model.name, answers, exact).best if warm else None
                 part = compare(
-                    model, names, time_limit=time_limit, warm_start=start, on_solution=on_solution
+                    model,
+                    names,
+                    time_limit=time_limit,
+                    tolerance=layout.tolerance,
+                    warm_start=start,
+                    on_solution=on_solution,
                 )
                 interrupted = part.interrupted
                 answers.extend(part.solutions)
@@ -198,8 +225,9 @@ def reproduction_parts(result: Reproduction) -> list[Any]:
         lengths = any("optimum" in row.published for row in rows)
         head = ["row", *(["optimum\npaper"] if lengths else []), "optimum\nours"]
         for column in layout.columns:
-            head += [f"{column.backend}\npaper"] if column.published else []
-            head.append(f"{column.backend}{'*' if column.warm else ''}\nours")
+            label = column.backend.replace(":", "\n")
+            head += [f"{label}\npaper"] if column.published else []
+            head.append(f"{label}{'*' if column.warm else ''}\nours")
         lines = []
         for row in rows:
             best = row.verdict.best
@@ -223,6 +251,10 @@ def _ours(column: _Column, verdict: Verdict) -> str:
         if solution.backend == name and formulation in ("", solution.formulation):
             if solution.termination in ("optimal", "infeasible"):
                 return seconds_text(solution.seconds.get("solve"))
+            if solution.termination in ("locally_optimal", "feasible") and solution.gap is None:
+                # Nothing is proven, so what was found stands beside how long it took.
+                found = number(solution.primal_bound)
+                return f"{found} in {seconds_text(solution.seconds.get('solve'))}"
             gap = "" if solution.gap is None else f", gap {solution.gap:.1%}"
             return f"{solution.limit or solution.termination}{gap}"
     return ""

@@ -29,6 +29,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import select
 import subprocess
 import sys
 import time
@@ -86,22 +87,27 @@ class Runner:
             env=environment,
         )
         self.peer = peer
-        self.started = self._ask(task)
+        self.started = self._ask(task, START)
 
-    def _ask(self, what: Any) -> dict[str, Any]:
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
-        self.process.stdin.write(json.dumps(what) + "\n")
-        self.process.stdin.flush()
-        line = self.process.stdout.readline()
+    def _ask(self, what: Any, limit: float) -> dict[str, Any]:
+        into, out = self.process.stdin, self.process.stdout
+        assert into is not None
+        assert out is not None
+        into.write(json.dumps(what) + "\n")
+        into.flush()
+        ready, _, _ = select.select([out], [], [], limit)
+        if not ready:
+            self.process.kill()
+            return {"seconds": None, "ended": f"given up after {limit:g} s"}
+        line = out.readline()
         if not line:
             raise RuntimeError(f"the process of {self.peer} has ended")
         answer: dict[str, Any] = json.loads(line)
         return answer
 
-    def run(self) -> dict[str, Any]:
+    def run(self, limit: float = 60.0) -> dict[str, Any]:
         """Return what one call gave: seconds, objective, iterations, the plan; or its error."""
-        return self._ask("run")
+        return self._ask("run", limit)
 
     def close(self) -> None:
         """End the process."""
@@ -193,7 +199,11 @@ def goddard(x: Any, u: Any, m: Any) -> tuple[list[Any], list[Any], Any]:
 
 def slew(x: Any, u: Any, m: Any) -> tuple[list[Any], list[Any], Any]:
     """Return the paper's slew, in components."""
-    q, w, delta = [x[k] for k in range(4)], [x[k] for k in range(4, 7)], [x[k] for k in range(7, 11)]
+    q, w, delta = (
+        [x[k] for k in range(4)],
+        [x[k] for k in range(4, 7)],
+        [x[k] for k in range(7, 11)],
+    )
     h0, inertia = 17.53, (228.0, 188.0, 176.0)
     cb, sb = math.cos(math.radians(54.73)), math.sin(math.radians(54.73))
     s, c = [m.sin(d) for d in delta], [m.cos(d) for d in delta]
@@ -284,7 +294,7 @@ def ours(task: dict[str, Any]) -> Callable[[], dict[str, Any]]:
         whole = time.perf_counter() - begin
         checks = found.verification.checks if found.verification else ()
         worst = {one.name: one.worst / one.tolerance * task["tolerance"] for one in checks}
-        own = whole - found.seconds.get("verify", 0.0) - found.seconds.get("refine", 0.0)
+        own = whole - found.seconds.get("verify", 0.0)
         return {
             "seconds": whole,
             "own": own,
@@ -397,7 +407,12 @@ def yapss(task: dict[str, Any]) -> Callable[[], dict[str, Any]]:
         knots = np.linspace(one.initial_time, one.final_time, intervals + 1)
         x, u = np.array(one.state), np.array(one.control)
         at, at_control = np.array(one.time), np.array(one.time_c)
-        plan: dict[str, Any] = {"state_nodes": [], "states": [], "control_nodes": [], "controls": []}
+        plan: dict[str, Any] = {
+            "state_nodes": [],
+            "states": [],
+            "control_nodes": [],
+            "controls": [],
+        }
         step = degree + int(task["method"] == "lg")
         for k in range(intervals):
             middle, half = 0.5 * (knots[k] + knots[k + 1]), 0.5 * (knots[k + 1] - knots[k])
@@ -511,7 +526,12 @@ def maptor(task: dict[str, Any]) -> Callable[[], dict[str, Any]]:
         knots = first + 0.5 * (np.array(one["mesh"]["mesh_nodes"], float) + 1) * (last - first)
         x = np.array([found[1, f"x{k}"] for k in range(len(task["states_lower"]))])
         u = np.array([found[1, f"u{k}"] for k in range(len(task["controls_lower"]))])
-        plan: dict[str, Any] = {"state_nodes": [], "states": [], "control_nodes": [], "controls": []}
+        plan: dict[str, Any] = {
+            "state_nodes": [],
+            "states": [],
+            "control_nodes": [],
+            "controls": [],
+        }
         at = at_state = 0
         for degree in degrees:
             nodes = radau(degree)
@@ -566,15 +586,16 @@ def mpopt(task: dict[str, Any]) -> Callable[[], dict[str, Any]]:
                     + [one - task["paths_upper"][k]] * math.isfinite(task["paths_upper"][k])
                 )
             ]
-        ends = [
-            k for k in range(nx) if task["final_lower"][k] == task["final_upper"][k]
-        ]
+        ends = [k for k in range(nx) if task["final_lower"][k] == task["final_upper"][k]]
         if ends:
             problem.terminal_constraints[0] = lambda xf, tf, x0, t0: [
                 xf[k] - task["final_lower"][k] for k in ends
             ]
         problem.x00[0] = numbers(task["initial_lower"])
-        problem.lbx[0], problem.ubx[0] = numbers(task["states_lower"]), numbers(task["states_upper"])
+        problem.lbx[0], problem.ubx[0] = (
+            numbers(task["states_lower"]),
+            numbers(task["states_upper"]),
+        )
         problem.lbu[0] = numbers(task["controls_lower"])
         problem.ubu[0] = numbers(task["controls_upper"])
         problem.lbtf[0], problem.ubtf[0] = task["end"]
@@ -618,11 +639,19 @@ def mpopt(task: dict[str, Any]) -> Callable[[], dict[str, Any]]:
         post = call.process_results(found, plot=False)
         x, u, t, _ = post.get_original_data()
         t = t.ravel()
-        knots = t[:: degree]
-        plan: dict[str, Any] = {"state_nodes": [], "states": [], "control_nodes": [], "controls": []}
+        knots = t[::degree]
+        plan: dict[str, Any] = {
+            "state_nodes": [],
+            "states": [],
+            "control_nodes": [],
+            "controls": [],
+        }
         for k in range(intervals):
             own = slice(k * degree, (k + 1) * degree + 1)
-            for nodes, values, table in (("state_nodes", "states", x), ("control_nodes", "controls", u)):
+            for nodes, values, table in (
+                ("state_nodes", "states", x),
+                ("control_nodes", "controls", u),
+            ):
                 plan[nodes].append(np.asarray(taus).tolist())
                 plan[values].append(table[own].tolist())
         return {
@@ -665,5 +694,7 @@ def serve(peer: str) -> None:
 
 if __name__ == "__main__":
     # The folder of this file is no place to import from: the peers' names are functions here.
-    sys.path[:] = [p for p in sys.path if p and Path(p).resolve() != Path(__file__).resolve().parent]
+    sys.path[:] = [
+        p for p in sys.path if p and Path(p).resolve() != Path(__file__).resolve().parent
+    ]
     serve(sys.argv[1])
