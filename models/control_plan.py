@@ -64,7 +64,7 @@ def differentiation(nodes: ArrayLike) -> Floats:
     return matrix
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Piecewise:
     """A vector of functions of time, one polynomial in Lagrange form an interval.
 
@@ -118,6 +118,9 @@ class Piecewise:
             if getattr(self, name) is not None:
                 bound = Array(("size",), infinity=sign).coerce(name, getattr(self, name), sizes)
                 object.__setattr__(self, name, bound)
+
+    def __repr__(self) -> str:
+        return f"<Piecewise {self.size} functions, {self.intervals} intervals>"
 
     @property
     def size(self) -> int:
@@ -218,7 +221,7 @@ class Piecewise:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PhasePlan:
     """States and controls over one phase.
 
@@ -263,6 +266,13 @@ class PhasePlan:
                 raise InvalidData(
                     f"phase {self.name!r}: {what} must have the knots of states", field=what
                 )
+
+    def __repr__(self) -> str:
+        names = ", ".join([*self.state_names, *self.control_names])
+        return (
+            f"<PhasePlan {self.name!r} from {self.start:.6g} to {self.end:.6g}, "
+            f"{self.states.intervals} intervals: {names}>"
+        )
 
     @property
     def start(self) -> float:
@@ -357,7 +367,7 @@ class Signal:
         return found[..., 0] if self.scalar else found
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ControlPlan:
     """States, controls, times and parameters that answer an optimal control problem.
 
@@ -391,6 +401,28 @@ class ControlPlan:
                 f"phases of a plan must be 1 PhasePlan at least, got {show(self.phases)}",
                 field="phases",
             )
+
+    def __repr__(self) -> str:
+        return f"<ControlPlan {self}>"
+
+    def __str__(self) -> str:
+        parts = []
+        for one in self.phases:
+            ends = ", ".join(
+                f"{name} {begin:.6g} → {end:.6g}"
+                for name, begin, end in zip(
+                    one.state_names, one.states(one.start), one.states(one.end), strict=True
+                )
+            )
+            parts.append(
+                f"{one.name}: t {one.start:.6g} → {one.end:.8g}, {ends} "
+                f"({one.states.intervals} intervals)"
+            )
+        parts += [
+            f"{name} = {', '.join(f'{v:.6g}' for v in value)}"
+            for name, value in self.parameters.items()
+        ]
+        return "; ".join(parts)
 
     def phase(self, name: str) -> PhasePlan:
         """Return the phase called `name`."""

@@ -242,11 +242,6 @@ class OptimalControlProblem(Model[ControlPlan]):
 
     # -- the model -------------------------------------------------------------------------------
 
-    @property
-    def objective_unit(self) -> str:  # type: ignore[override]
-        """Unit of the objective."""
-        return self.definition.objective_unit
-
     def renamed(self, name: str) -> Self:
         """Return the same problem under another name."""
         return type(self)(name, definition=self.definition)

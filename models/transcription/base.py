@@ -82,7 +82,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     """
 
     intervals: int = 8
-    degree: int = 5
+    degree: int = 6
     mesh: Any = None
     refine: bool = True
     rounds: int = 25

@@ -103,10 +103,11 @@ class _Radau(Scheme):
         return self.points, np.vstack([begin, duals / self.weights[:, None]])
 
 
+@cache
 def gauss_points(count: int) -> tuple[Floats, Floats]:
     """Return the Legendre-Gauss nodes and weights, exact for polynomials of degree 2 count - 1."""
     nodes, weights = legendre.leggauss(count)
-    return nodes, weights
+    return frozen(nodes), frozen(weights)
 
 
 @cache
