@@ -6,6 +6,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .attitude_tracking import Tracking, track
     from .builder import ProgramBuilder
     from .control_plan import ControlPlan, PhasePlan
     from .error_correction import ErrorCorrectionRouting, Route
@@ -45,11 +46,13 @@ __all__ = [
     "Route",
     "SatelliteSlew",
     "TimeAllocation",
+    "Tracking",
     "Trajectory",
     "Verification",
     "model_type",
     "model_types",
     "register_model",
+    "track",
 ]
 
 _HOMES = {
@@ -72,8 +75,10 @@ _HOMES = {
     "Route": "error_correction",
     "SatelliteSlew": "satellite_slew",
     "TimeAllocation": "time_allocation",
+    "Tracking": "attitude_tracking",
     "Trajectory": "trajectory",
     "Verification": "verification",
+    "track": "attitude_tracking",
 }
 
 #: Model types by their JSON name, loaded when first asked for.

@@ -62,8 +62,6 @@ CHOICES: dict[str, tuple[dict[str, Any], ...]] = {
 #: Where a solver gives up, honestly: rows that depend on one another leave some without a step.
 TWICE = "nonlinear: an equation twice"
 KNOWN = {
-    "ipopt": TWICE,
-    "ipopt mu_strategy=monotone": TWICE,
     "ipopt hessian=limited-memory": TWICE,
     "uno preset=ipopt": TWICE,
     "sqpmethod": TWICE,

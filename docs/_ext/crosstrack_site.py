@@ -250,6 +250,8 @@ class Run(Made):
 
     required_arguments = 1
     final_argument_whitespace = True
+    #: Lines shown at most; what is longer loses its middle.
+    most = 60
 
     def make(self) -> str:
         line = self.arguments[0]
@@ -260,7 +262,11 @@ class Run(Made):
             cwd=folders.name, capture_output=True, text=True, env=environment, timeout=300,
         )  # fmt: skip
         # What stands on standard error is why it failed; the exit code of a failure is part of it.
-        printed = "\n".join(text.rstrip() for text in done.stdout.rstrip().split("\n"))
+        lines = [text.rstrip() for text in done.stdout.rstrip().split("\n")]
+        if len(lines) > self.most:
+            half = self.most // 2
+            lines = [*lines[:half], "…", *lines[-half:]]
+        printed = "\n".join(lines)
         if done.returncode in (1, 2) or "Traceback" in done.stderr:
             raise self.error(f"crosstrack {line}: exit code {done.returncode}\n{done.stderr}")
         code = f"\n$ echo $?\n{done.returncode}" if done.returncode else ""

@@ -66,8 +66,8 @@ figure = ct.plot(model, best, costates=True, deviation=True)
 # Three transcriptions, one answer
 # --------------------------------
 # Radau, Gauss and Hermite-Simpson share the declared functions and little else. No solver of nonlinear
-# programs proves a bound, so the verdict cannot be better than inconclusive; that three agree to eight
-# digits is what can be had.
+# programs proves a bound, so the verdict cannot be better than inconclusive; that three agree is what
+# can be had.
 
 comparison = ct.compare(
     [model], ["ipopt:radau", "ipopt:gauss", "ipopt:hermite-simpson"], time_limit=60
@@ -77,8 +77,8 @@ values = [solution.primal_bound for solution in comparison.verdicts[0].solutions
 assert max(values) - min(values) < 1e-6
 
 # %%
-# A problem is a program like any other, and another solver may have it, too. From other starts it may
-# end elsewhere, so ``starts=`` tries several and keeps them all.
+# From another start a search may end elsewhere, so ``starts=`` tries several, drawn by seed, and keeps
+# them all. Here every way leads to the same optimum.
 
 again = ct.solve(model, starts=4, seed=1)
 for start in again.starts:

@@ -71,8 +71,8 @@ assert abs(best.plan.end - published["final_time"]) < 0.02
 figure = ct.plot(model, best, tolerance=TOLERANCE)
 
 # %%
-# The roll axis does not stay where it is. The quickest turn swings out of the plane, where the other
-# gyros can help. ``animate_slew`` shows it in motion, from a place that turns around it.
+# The quickest turn is no turn about one axis: the roll axis leaves its place and comes back to it.
+# ``animate_slew`` shows it in motion, from a place that turns around it.
 
 axes = ct.plot(model, best, view="axis", tolerance=TOLERANCE)
 with TemporaryDirectory() as folder:

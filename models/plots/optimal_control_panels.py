@@ -22,7 +22,7 @@ __all__ = ["figure_of", "not_valid"]
 
 
 #: More nodes than this are no dots any more, more knots no ticks, more curves have no name.
-_MOST_NODES, _MOST_KNOTS, _MOST_NAMES = 160, 100, 6
+_MOST_NODES, _MOST_KNOTS, _MOST_NAMES = 240, 100, 6
 #: A limit farther away than this many times the height of the curves is told in words.
 _FAR = 1.2
 _LIMIT = "#404040"
@@ -33,8 +33,9 @@ _OTHERS = (
 )
 #: Height of a panel with its words, and what stands above and below all of them (inch).
 _ROW, _HEAD, _FOOT = 1.42, 0.84, 0.50
-#: Between two columns, for labels (inch).
-_GAP = 0.88
+#: Left of the first column and between two, for labels (inch).
+_LEFT = 0.92
+_GAP = 1.02
 #: Letters of a line beside a panel.
 _LETTERS = 18
 #: Size of the title, and how wide a character of it is (inch).
@@ -87,15 +88,15 @@ def figure_of(
 
     rows = -(-len(panels) // columns)
     head = _HEAD + 0.17 * (title.count("\n") + _sequential(spans))
-    default = (4.4 + 4.0 * (columns - 1) + 1.2 * (columns == 1), head + _FOOT + _ROW * rows)
+    default = (4.5 + 4.1 * (columns - 1) + 1.2 * (columns == 1), head + _FOOT + _ROW * rows)
     broad, tall = check_size(size, default)
     figure = Figure(figsize=(broad, tall), dpi=150)
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(rows, columns)
     low, high = min(_FOOT / tall, 0.3), max(1 - head / tall, 0.6)
     figure.subplots_adjust(
-        left=min(0.78 / broad, 0.3), right=max(1 - 0.15 / broad, 0.8), bottom=low, top=high,
-        hspace=0.3, wspace=_GAP / max((broad - 0.93 - _GAP * (columns - 1)) / columns, 0.1),
+        left=min(_LEFT / broad, 0.3), right=max(1 - 0.15 / broad, 0.8), bottom=low, top=high,
+        hspace=0.3, wspace=_GAP / max((broad - _LEFT - 0.15 - _GAP * (columns - 1)) / columns, 0.1),
     )  # fmt: skip
     places = [figure.add_subplot(grid[k % rows, k // rows]) for k in range(len(panels))]
     named = [k % rows == 0 for k in range(len(panels))]
@@ -165,7 +166,7 @@ def _draw(
         axes.plot(curve.times, values, lw=1.4, zorder=3, gid=f"curve {curve.name}", **style)
         if dotted and not guess and 0 < curve.nodes.size <= _MOST_NODES:
             axes.plot(
-                curve.node_times, curve.nodes, ls="", marker="o", ms=2.3, mew=0, zorder=3.5,
+                curve.node_times, curve.nodes, ls="", marker="o", ms=2.0, mew=0, zorder=3.5,
                 color=style["color"], gid="node",
             )  # fmt: skip
     knots = np.unique(np.concatenate([span.knots for span in spans]))
