@@ -388,24 +388,43 @@ def check(
     show_default=True,
     help="Digits of the numbers in poly7: the firmware's, or all.",
 )
+@click.option("--tolerance", type=float, help="Largest violation accepted (default 1e-6).")
 @click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
 def export(
-    instance: str, plan: str, form: str, output: str, rate: float, precision: str, as_json: bool
+    instance: str,
+    plan: str,
+    form: str,
+    output: str,
+    rate: float,
+    precision: str,
+    tolerance: float | None,
+    as_json: bool,
 ) -> int:
     """Write the trajectory PLAN.json for INSTANCE as a file that other software flies.
 
-    The plan is verified first: one that does not hold is not written (exit code 6).
+    States and controls are written as samples, trajectories in any format. The plan is verified
+    first: one that does not hold is not written (exit code 6).
     """
-    from crosstrack.instances import write_bezier, write_poly7, write_samples
-    from crosstrack.models import Trajectory
+    from crosstrack.instances import (
+        write_bezier,
+        write_control_samples,
+        write_poly7,
+        write_samples,
+    )
+    from crosstrack.models import ControlPlan, Trajectory
     from crosstrack.solvers.report.tables import verification_table
 
     writable(output, (".json",) if form == "bezier" else (".csv",))
     model = ct.load(instance)
     found = read_plan(model, plan)
-    if not isinstance(found, Trajectory):
+    if isinstance(found, ControlPlan):
+        if form != "samples":
+            raise click.UsageError(
+                f"the plan of {instance} holds states and controls: write it with --format samples"
+            )
+    elif not isinstance(found, Trajectory):
         raise click.UsageError(f"{instance} has no trajectory: nothing to export")
-    verification = ct.verify(model, found)
+    verification = ct.verify(model, found, **only(tolerance=tolerance))
     if not verification.ok:
         show(f"{model.name}: NOT verified, nothing written")
         show(verification_table(verification))
@@ -416,7 +435,9 @@ def export(
         report |= written.to_dict()
         text = str(written)
     else:
-        if form == "samples":
+        if isinstance(found, ControlPlan):
+            write_control_samples(found, output, rate=rate)
+        elif form == "samples":
             write_samples(found, output, rate=rate)
         else:
             write_bezier(found, output)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .minimum_snap.pieces import Poly7
     from .minimum_snap.poly7 import Poly7Report, read_poly7, write_poly7
     from .minimum_snap.tables import Samples, read_samples, read_waypoints, write_samples
+    from .optimal_control.tables import write_control_samples
     from .storage import read_model, read_plan, register_references, write_model, write_text
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "register_references",
     "times_by_distance",
     "write_bezier",
+    "write_control_samples",
     "write_csv",
     "write_json",
     "write_model",
@@ -65,6 +67,7 @@ _HOMES = {
     "register_references": "storage",
     "times_by_distance": "minimum_snap.paths",
     "write_bezier": "minimum_snap.bezier",
+    "write_control_samples": "optimal_control.tables",
     "write_csv": "error_correction.files",
     "write_json": "error_correction.files",
     "write_model": "storage",

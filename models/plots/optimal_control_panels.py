@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["figure_of", "not_valid"]
 
 
-#: More nodes than this are no dots any more, more knots no ticks, more curves have no name.
+#: More nodes than this in a panel are no dots any more, more knots no ticks, more curves have no name.
 _MOST_NODES, _MOST_KNOTS, _MOST_NAMES = 240, 100, 6
 #: A limit farther away than this many times the height of the curves is told in words.
 _FAR = 1.2
@@ -160,11 +160,12 @@ def _draw(
         axes.axvspan(begin, end, color="#E69F00", alpha=0.25, lw=0, zorder=0.7, gid="saturated")
     _phases(axes, spans, named)
     dashes: dict[str, Any] = {"ls": (0, (5, 2)), "alpha": 0.8} if guess else {}
+    dots = sum(curve.nodes.size for curve in panel.curves)
     for curve in panel.curves:
         style = {**axis_style(curve.colour), **dashes}
         values = np.abs(curve.values) if panel.log else curve.values
         axes.plot(curve.times, values, lw=1.4, zorder=3, gid=f"curve {curve.name}", **style)
-        if dotted and not guess and 0 < curve.nodes.size <= _MOST_NODES:
+        if dotted and not guess and 0 < dots <= _MOST_NODES:
             axes.plot(
                 curve.node_times, curve.nodes, ls="", marker="o", ms=2.0, mew=0, zorder=3.5,
                 color=style["color"], gid="node",

@@ -1,0 +1,55 @@
+"""Plans of states and controls as tables that other software reads."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import InvalidData
+from ...models.control_plan import ControlPlan
+from ..storage import write_text
+
+__all__ = ["write_control_samples"]
+
+
+def write_control_samples(
+    plan: ControlPlan, path: str | os.PathLike[str], *, rate: float = 100.0
+) -> Path:
+    """Write states and controls at equal steps of time as CSV, in one step; return the path.
+
+    The first column is the phase's number, the second the time, then one a state and one a control;
+    a column that a phase does not have is empty there.
+
+    Parameters
+    ----------
+    plan : ControlPlan
+        The plan.
+    path : path-like
+        The file.
+    rate : float
+        Samples a unit of time; the end of every phase is always included.
+
+    Raises
+    ------
+    InvalidData
+        A rate that is not > 0, or a file that cannot be written.
+    """
+    if not (math.isfinite(rate) and rate > 0):
+        raise InvalidData(f"rate must be a number > 0, got {rate!r}", field="rate")
+    names = list(
+        dict.fromkeys(n for one in plan.phases for n in (*one.state_names, *one.control_names))
+    )
+    lines = [",".join(["phase", "t", *names])]
+    for number, one in enumerate(plan.phases, start=1):
+        count = math.floor(one.duration * rate * (1.0 + 1e-12))
+        times = one.start + np.arange(count + 1) / rate
+        times = np.append(times[times < one.end - 1e-9 * one.duration], one.end)
+        columns = dict(zip(one.state_names, one.states(times).T.tolist(), strict=True))
+        columns.update(zip(one.control_names, one.controls(times).T.tolist(), strict=True))
+        for k, t in enumerate(times.tolist()):
+            values = [repr(columns[name][k]) if name in columns else "" for name in names]
+            lines.append(",".join([str(number), repr(t), *values]))
+    return write_text(path, "\n".join(lines) + "\n")
