@@ -270,6 +270,8 @@ def _refine(run: _Run, problem: Any, request: Request) -> tuple[Answer, Any]:
             bound = max(bound, _bound(problem, answer))
         left = None
         limit, message = answer.limit, answer.message
+        if not relaxes and limit is Limit.ITERATIONS:
+            limit = None  # a point that is not quite optimal yet is as good a start as any
         solved = answer.termination is Termination.OPTIMAL
         if solved or not relaxes:
             if whole_limit is not None:

@@ -280,7 +280,7 @@ def _title(
     parts = ["guess"] if unplanned else []
     if objective is not None:
         parts.append(
-            f"objective = {number(objective)} {pretty_unit(model.objective_unit)}".rstrip()
+            f"objective = {number(objective)} {pretty_unit(definition.objective_unit)}".rstrip()
         )
     end: Phase = definition.phases[-1]
     unit = pretty_unit(end.time_unit)

@@ -95,8 +95,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     program_type: ClassVar[type[Program]] = NonlinearProgram
     relaxes: ClassVar[bool] = False
     draws: ClassVar[bool] = True
-    #: Equations of the transcription are held to a tenth of what the plan must satisfy.
-    precision: ClassVar[float] = 0.1
+    #: Equations of the transcription are held to a third of what the plan must satisfy.
+    precision: ClassVar[float] = 0.3
     #: How a mesh of this scheme may be refined.
     rules: ClassVar[Rules] = Rules()
 
