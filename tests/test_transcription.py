@@ -122,7 +122,7 @@ def test_nodes_and_weights_against_thirty_digits(count):
             x -= legendre(count, x) / slope(count, x)
             assert abs(float(x - nodes[k])) < 1e-15
             exact = 2 / ((1 - x * x) * slope(count, x) ** 2)
-            assert abs(float(exact / weights[k]) - 1) < 1e-11
+            assert abs(float(exact / weights[k]) - 1) < 1e-10
         nodes, weights = radau_points(count)
         assert nodes[-1] == 1 and weights[-1] == pytest.approx(2 / count**2, rel=1e-11)
         for k in range(0, count - 1, max(1, count // 7)):
@@ -132,7 +132,7 @@ def test_nodes_and_weights_against_thirty_digits(count):
                 x -= value / (slope(count, x) - slope(count - 1, x))
             assert abs(float(x - nodes[k])) < 1e-15
             exact = (1 + x) / (count * legendre(count - 1, x)) ** 2
-            assert abs(float(exact / weights[k]) - 1) < 1e-11
+            assert abs(float(exact / weights[k]) - 1) < 1e-10
 
 
 @pytest.mark.parametrize("count", [5, 40, 200])
@@ -274,7 +274,7 @@ def test_every_row_and_column_has_words(name):
     # The entries of a constraint on a vector share their words.
     assert len(rows) == program.row_count - climb_points
     # The index map leads from a name to the column: a marked value comes out in the plan.
-    for place, state, interval, node in ((climb, "q[1]", 2, 1), (glide, "m", 3, 0)):
+    for place, state, interval, node in ((climb, "q[1]", 2, 0), (glide, "m", 3, 1)):
         column = columns[f"{state} of {place.phase.name} in interval {interval}, node {node}"]
         entry = place.phase.state_names.index(state)
         assert column == place.state_columns[entry, place.starts[interval - 1] + node]

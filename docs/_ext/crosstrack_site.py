@@ -256,7 +256,9 @@ class Run(Made):
     def make(self) -> str:
         line = self.arguments[0]
         folders = self.env.temp_data.setdefault("crosstrack-run", tempfile.TemporaryDirectory())
-        environment = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1"}
+        environment = {**os.environ, "COLUMNS": "88", "NO_COLOR": "1"}
+        # What is printed hangs on the code, not on the page.
+        self.env.note_reread()
         done = subprocess.run(
             [sys.executable, "-P", "-m", "crosstrack", *shlex.split(line)],
             cwd=folders.name, capture_output=True, text=True, env=environment, timeout=300,

@@ -693,8 +693,4 @@ def serve(peer: str) -> None:
 
 
 if __name__ == "__main__":
-    # The folder of this file is no place to import from: the peers' names are functions here.
-    sys.path[:] = [
-        p for p in sys.path if p and Path(p).resolve() != Path(__file__).resolve().parent
-    ]
     serve(sys.argv[1])
