@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 
 #: How far outside its interval, relative to the whole length, a time may lie by rounding.
 EDGE = 1e-9
+#: States that a plan's one line names.
+SHOWN = 4
 
 
 def barycentric_weights(nodes: ArrayLike) -> Floats:
@@ -62,6 +64,11 @@ def differentiation(nodes: ArrayLike) -> Floats:
     np.fill_diagonal(matrix, 0.0)
     np.fill_diagonal(matrix, -matrix.sum(axis=1))
     return matrix
+
+
+def _short(value: float) -> str:
+    """Return a number for people, rounding noise left out."""
+    return f"{0.0 if abs(value) < 1e-9 else value:.6g}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -408,19 +415,20 @@ class ControlPlan:
     def __str__(self) -> str:
         parts = []
         for one in self.phases:
-            ends = ", ".join(
-                f"{name} {begin:.6g} → {end:.6g}"
+            ends = [
+                f"{name} {_short(begin)} → {_short(end)}"
                 for name, begin, end in zip(
                     one.state_names, one.states(one.start), one.states(one.end), strict=True
                 )
-            )
+            ]
+            if len(ends) > SHOWN:
+                ends = [*ends[:SHOWN], "…"]
             parts.append(
-                f"{one.name}: t {one.start:.6g} → {one.end:.8g}, {ends} "
+                f"{one.name}: t {_short(one.start)} → {one.end:.8g}, {', '.join(ends)} "
                 f"({one.states.intervals} intervals)"
             )
         parts += [
-            f"{name} = {', '.join(f'{v:.6g}' for v in value)}"
-            for name, value in self.parameters.items()
+            f"{name} = {', '.join(map(_short, value))}" for name, value in self.parameters.items()
         ]
         return "; ".join(parts)
 

@@ -127,7 +127,7 @@ class BlockProgram(Program):
                         float(off[at]),
                         block.unit,
                         float(tolerance * scale[at]),
-                        block.place(entry).removeprefix("at ").removeprefix("along "),
+                        _bare(block.place(entry)),
                         float(ROUNDING * scale[at]),
                     )
                 )
@@ -210,6 +210,13 @@ class RowProgram(BlockProgram):
         from .export import cvxpy_problem
 
         return cvxpy_problem(self)
+
+
+def _bare(place: str) -> str:
+    """Return a place without the preposition that a sentence supplies."""
+    for word in ("at ", "along ", "in "):
+        place = place.removeprefix(word)
+    return place
 
 
 def _name(blocks: Sequence[Block], entry: int) -> str:

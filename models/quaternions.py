@@ -51,7 +51,7 @@ def conjugate(q: ArrayLike) -> Floats:
 def rotation_matrix(q: ArrayLike) -> Floats:
     """Return R(q), which turns body components into inertial ones, shape (…, 3, 3).
 
-    R(q) = (q0² - |q|²) 1 + 2 q qᵀ + 2 q0 [q×], for a quaternion of length 1.
+    R(q) = (q0² - q·q) 1 + 2 q qᵀ + 2 q0 [q×], for a quaternion of length 1.
     """
     given = np.asarray(q, float)
     a, b, c, d = (given[..., k] for k in range(4))

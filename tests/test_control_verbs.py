@@ -266,7 +266,7 @@ def test_drop_leaves_out_of_the_program_and_keep_keeps(path):
 
 
 def test_what_contradicts_is_dropped_and_then_rejected():
-    answer = ct.solve(turn(end=(2.0, 0.0)), formulation_options=DROP)
+    answer = ct.solve(turn(end=(2.0, 0.0)), formulation_options={**DROP, "refine": False})
     assert answer.termination == "rejected"
     assert answer.plan is None
     assert "final values" in answer.message
@@ -347,13 +347,13 @@ def mixed(draw: st.DrawFn, conserved: int) -> tuple[OptimalControlProblem, np.nd
     return ocp, rotation[:, order:]
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(mixed(conserved=0))
 def test_no_false_alarm_where_all_ends_can_be_reached(drawn):
     assert dependences(drawn[0].definition) == ()
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(mixed(conserved=1))
 def test_what_is_conserved_is_found_and_a_state_of_it_named(drawn):
     model, shares = drawn
@@ -533,11 +533,20 @@ def test_transcriptions_agree(name, value, formulations):
         assert "within_tolerance only" in note and note.partition(":")[0] == "ipopt"
 
 
-def test_backends_give_a_verified_motion_or_say_why_not():
+@pytest.mark.parametrize(
+    ("names", "able"),
+    [
+        (("ipopt", "slsqp", "uno", "sqpmethod"), {"ipopt", "slsqp"}),
+        pytest.param(
+            ("blocksqp", "bonmin", "fatrop", "sleqp", "trust-constr"), {"trust-constr"},
+            marks=pytest.mark.slow,
+        ),
+    ],
+)  # fmt: skip
+def test_backends_give_a_verified_motion_or_say_why_not(names, able):
     """The least effort from rest to rest costs 12, whoever finds it."""
-    quick = ("ipopt", "uno", "sleqp", "blocksqp", "fatrop", "slsqp", "trust-constr", "sqpmethod")
-    usable = [one.name for one in ct.backends() if one.name in quick and one.state == "installed"]
-    assert {"ipopt", "slsqp", "trust-constr"} <= set(usable)
+    usable = [one.name for one in ct.backends() if one.name in names and one.state == "installed"]
+    assert able <= set(usable)
     found = ct.compare(
         ct.load(ENERGY), usable, tolerance=1e-5, time_limit=30, workers=2,
         formulation_options={"intervals": 2, "degree": 4},
@@ -551,7 +560,7 @@ def test_backends_give_a_verified_motion_or_say_why_not():
             assert solution.verification.ok
             assert solution.primal_bound == pytest.approx(12.0, rel=1e-5), solution.backend
             solved.append(solution.backend)
-    assert {"ipopt", "slsqp", "trust-constr"} <= set(solved)
+    assert able <= set(solved)
     assert found.outcome == "INCONCLUSIVE"
 
 
@@ -745,12 +754,10 @@ def test_solve_writes_its_answer_and_a_picture(solved):
 
 
 def test_check_takes_what_solve_wrote_and_refuses_what_was_changed(solved, tmp_path):
-    picture = tmp_path / "checked.png"
-    done = run("check", ENERGY, solved, "--formulation", "gauss", "--plot", picture, "--json")
+    done = run("check", ENERGY, solved, "--formulation", "gauss", "--json")
     data = json.loads(done.stdout)["verification"]
     assert data["ok"] is True
     assert "dynamics of v" in [check["name"] for check in data["checks"]]
-    assert picture.stat().st_size > 10_000
     plan = json.loads(solved.read_text())["plan"]
     plan["phases"][0]["controls"]["values"][3][0][0] += 0.5
     broken = tmp_path / "broken.json"
@@ -797,7 +804,6 @@ def test_dependent_equations_are_bad_data(tmp_path):
     error = json.loads(done.stdout)["error"]
     assert (error["type"], error["field"]) == ("InvalidData", "final")
     assert "dependent equations" in error["message"]
-    run("solve", path, "--formulation-option", "dependent=drop")
 
 
 @pytest.mark.parametrize(

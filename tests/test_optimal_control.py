@@ -205,7 +205,7 @@ def test_equations_on_the_way_hold_at_every_instant():
     assert found.primal_bound == pytest.approx(24, rel=1e-9)
     (check,) = [one for one in found.verification.checks if one.name == "alike"]
     assert check.ok and check.equation == "3" and check.unit == "N"
-    assert ocp.objective_unit == "J"
+    assert ocp.definition.objective_unit == "J"
 
 
 def test_integrals_enter_constraints():

@@ -307,7 +307,7 @@ def test_a_wrong_point_is_told_by_name():
     (check,) = [c for c in found.checks if c.name == "dynamics of q[0] of climb"]
     assert not check.ok and "interval 2" in check.where and check.worst > 10
     (check,) = [c for c in found.checks if c.name == "tube of climb"]
-    assert check.where == "in interval 2, node 2" and check.equation == "7"
+    assert check.where.endswith("interval 2, node 2") and check.equation == "7"
 
 
 @pytest.mark.parametrize(
@@ -803,3 +803,44 @@ def test_too_little_time_is_locally_infeasible():
     ocp.minimise(phase.integral(u**2))
     found = ct.solve(ocp, formulation_options={"intervals": 3})
     assert found.termination == "locally_infeasible" and "dynamics of" in found.message
+
+
+@pytest.mark.xfail(
+    reason="IPOPT crashes: warm start of a program with fewer free columns than rows"
+)
+def test_a_motion_without_any_freedom_is_refined_too(run_python, tmp_path):
+    """The control is fixed, so the state is given: more equations than columns are left."""
+    script = """
+import crosstrack as ct
+from crosstrack.models import OptimalControlProblem
+ocp = OptimalControlProblem()
+phase = ocp.phase()
+x, u = phase.state("x", initial=0, final=1), phase.control("u", lower=1, upper=1)
+phase.dynamics({x: u})
+ocp.minimise(phase.integral(x))
+print(ct.solve(ocp, formulation_options={"intervals": 1}).termination)
+"""
+    (tmp_path / "script.py").write_text(script, "utf-8")
+    printed = run_python("script.py", cwd=tmp_path)
+    assert printed.split()[-1] == "locally_optimal"
+
+
+@pytest.mark.parametrize(
+    "size",
+    [
+        1e-6,
+        1e6,
+        *(
+            pytest.param(size, marks=pytest.mark.xfail(reason="held against a rank of mixed units"))
+            for size in (1e-9, 1e9)
+        ),
+    ],
+)
+def test_units_make_no_conditions_dependent(size):
+    ocp = OptimalControlProblem()
+    phase = ocp.phase()
+    x, v = phase.state("x", initial=0, final=size), phase.state("v", initial=0, final=0)
+    u = phase.control("u")
+    phase.dynamics({x: v, v: u})
+    ocp.minimise(phase.integral((u / size) ** 2))
+    assert ocp.formulate("gauss").program.row_count

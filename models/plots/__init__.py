@@ -44,7 +44,9 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
     **options
         Those of the model's picture: for error-correction routing
         :func:`crosstrack.models.plots.error_correction.draw`, for trajectories
-        :func:`crosstrack.models.plots.trajectory.draw`.
+        :func:`crosstrack.models.plots.trajectory.draw`, for optimal control
+        :func:`crosstrack.models.plots.optimal_control.draw`, for slews
+        :func:`crosstrack.models.plots.satellite_slew.draw`.
 
     Returns
     -------

@@ -124,6 +124,13 @@ def _examined(definition: Definition, number: int) -> Dependence | None:
         if not kept and (best is None or best[0] == total):
             return None  # the second motion is only to confirm
     rank, order = best if best is not None else (0, np.empty(0, np.int64))
+    if rank < total:
+        # Which ones to leave out is decided at the end itself: what is extremal there, such as the
+        # largest entry of a quaternion, follows from the others and not they from it.
+        with np.errstate(all="ignore"):
+            there = _at_target(definition, phase)
+        if there is not None:
+            order = _rank(_effects(definition, number, finals, boundaries, there))[1]
     implied = sorted(int(k) for k in order[rank:])
     if not implied and not kept:
         return None
@@ -151,8 +158,33 @@ class _Motion:
     start_free: NDArray[np.int64]
 
 
-def _linearised(definition: Definition, phase: Phase, seed: int) -> _Motion | None:
-    """Integrate the phase under a drawn control, with the effects of all that is free."""
+def _at_target(definition: Definition, phase: Phase) -> _Motion | None:
+    """Return what can be done at the wanted end: effects of a motion from there, carried back."""
+    low, high = phase.stacked("states", "final_lower"), phase.stacked("states", "final_upper")
+    target = np.where(low == high, low, phase.guess.states[-1])
+    onward = _linearised(definition, phase, 1, target)
+    if onward is None:
+        return None
+    nx = target.size
+    try:
+        back = np.linalg.solve(onward.effects[:, :nx], onward.effects[:, nx:])
+    except np.linalg.LinAlgError:
+        return None
+    # Columns of the states' own first values are no effects here.
+    own = np.hstack([np.zeros((nx, nx)), back])
+    other = np.hstack([np.zeros((onward.integral.size, nx)), onward.integral_effects[:, nx:]])
+    return replace(
+        onward, end=target, effects=own, integral_effects=other, start_free=np.empty(0, np.int64)
+    )
+
+
+def _linearised(
+    definition: Definition, phase: Phase, seed: int, begin: Floats | None = None
+) -> _Motion | None:
+    """Integrate the phase under a drawn control, with the effects of all that is free.
+
+    From `begin`, where it is given, all states count as free at the start, in units of their own.
+    """
     draw = np.random.default_rng(seed)
     nx, nu, nq = len(phase.state_names), len(phase.control_names), phase.integrals
     guess, p = phase.guess, definition.stacked("parameters", "initial_lower")
@@ -161,6 +193,8 @@ def _linearised(definition: Definition, phase: Phase, seed: int) -> _Motion | No
     x = np.clip(guess.states[0], low, high)
     scale = phase.stacked("states", "scale")
     x[free] = np.clip(x + 0.1 * scale * draw.normal(size=nx), low, high)[free]
+    if begin is not None:
+        x, free = begin.copy(), np.arange(nx)
     basis = max(4, int(np.ceil(2 * nx / max(nu, 1)))) if nu else 0
     size = phase.stacked("controls", "scale")
     middle = guess.controls.mean(axis=0) if nu else np.zeros(0)
@@ -190,7 +224,7 @@ def _linearised(definition: Definition, phase: Phase, seed: int) -> _Motion | No
         return rate[:, 0], change
 
     effects = np.zeros((nx + nq, free.size + nu * basis + p.size))
-    effects[free, np.arange(free.size)] = scale[free]
+    effects[free, np.arange(free.size)] = scale[free] if begin is None else 1.0
     state = np.concatenate([x, np.zeros(nq)])
     step = span / STEPS
     times, states, controls = [guess.start], [x.copy()], [control(0.0)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from ...models.control_plan import ControlPlan
 from ...models.model import Model
 from ...models.nonlinear import NonlinearProgram
 from ...models.optimal_control import OptimalControlProblem
-from ..backend import Request, Termination
+from ..backend import Answer, Request, Termination
 from ..diagnosis import Diagnosis, Finding
 from ..registry import find_backend
 from .elastic import Elastic, elastic
@@ -22,8 +22,8 @@ __all__ = ["diagnose_control"]
 
 Vector = NDArray[np.float64]
 
-#: Iterations of each search at most.
-MOST = 150
+#: Iterations of the first search at most, and of each that tries one limit alone.
+MOST, ALONE = 1000, 450
 #: Slack, in terms of a limit's typical size, below which it counts as kept.
 KEPT = 1e-5
 #: Intervals and nodes of the mesh that is tried: coarse, for a first answer.
@@ -51,24 +51,31 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
     method = f"least widening of limits, {INTERVALS} Radau intervals of {DEGREE} nodes, with ipopt"
     began = time.perf_counter()
 
-    def widened(rows: list[Block], columns: list[Block]) -> tuple[Termination, list[_Widening]]:
+    def widened(
+        program: NonlinearProgram, rows: list[Block], columns: list[Block], most: int
+    ) -> tuple[Answer, list[_Widening]]:
         left = None if time_limit is None else time_limit - (time.perf_counter() - began)
-        return _widened(program, rows, columns, left)
+        return _widened(program, rows, columns, left, most)
 
-    ended, needed = widened(rows, columns)
+    answer, needed = widened(program, rows, columns, MOST)
+    ended = answer.termination
     if ended is not Termination.LOCALLY_OPTIMAL:
         return Diagnosis(model.name, None, method, f"not settled: ipopt ended with {ended}")
     if not needed:
         return Diagnosis(
             model.name, True, method, "a motion that keeps all limits exists: nothing to explain"
         )
+    # What all of them together gave is near what one of them alone gives.
+    assert answer.point is not None
+    program = replace(program, guess=np.asarray(answer.point)[: program.size])
     alone: list[_Widening] = []
     for number, block in enumerate([*rows, *columns]):
         if time_limit is not None and time.perf_counter() - began > time_limit:
             break
         on_rows = number < len(rows)
-        ended, found = widened([block] if on_rows else [], [] if on_rows else [block])
-        if ended is Termination.LOCALLY_OPTIMAL:
+        own = ([block], []) if on_rows else ([], [block])
+        answer, found = widened(program, *own, ALONE)
+        if answer.termination is Termination.LOCALLY_OPTIMAL:
             alone += found
     if alone:
         summary = "no motion near the search keeps all limits; giving way in one of these would do:"
@@ -90,19 +97,23 @@ class _Widening:
 
 
 def _widened(
-    program: NonlinearProgram, rows: list[Block], columns: list[Block], time_limit: float | None
-) -> tuple[Termination, list[_Widening]]:
+    program: NonlinearProgram,
+    rows: list[Block],
+    columns: list[Block],
+    time_limit: float | None,
+    most: int,
+) -> tuple[Answer, list[_Widening]]:
     """Return how the search for the least widening ended, and the limits that give in it."""
     made = elastic(program, rows, columns)
     backend = find_backend("ipopt")
     backend.require()
     left = None if time_limit is None else max(time_limit, 1e-3)
-    request = Request(time_limit=left, options=backend.checked_options({"max_iter": MOST}))
+    request = Request(time_limit=left, options=backend.checked_options({"max_iter": most}))
     answer = backend.run(made.program, request)
     if answer.point is None:
-        return answer.termination, []
+        return answer, []
     slack = np.asarray(answer.point)[program.size :]
-    return answer.termination, _gives(made, program, len(rows), slack)
+    return answer, _gives(made, program, len(rows), slack)
 
 
 def _giving(

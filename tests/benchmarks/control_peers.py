@@ -545,7 +545,7 @@ def maptor(task: dict[str, Any]) -> Callable[[], dict[str, Any]]:
             "seconds": whole,
             "objective": float(found.status["objective"]),
             "nodes": sum(degrees),
-            "meshes": refined.get("iterations", 1),
+            "meshes": refined.get("iterations", 0) + 1,
             "ended": "converged" if refined.get("converged", True) else "not converged",
             "knots": knots.tolist(),
             **plan,
