@@ -93,6 +93,10 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         """
         return self
 
+    def fitted(self, plan: PlanT) -> Self:
+        """Return the formulation that resolves `plan` best, for its rows to be held against it."""
+        return self
+
     def refined(self, point: NDArray[np.float64], tolerance: float) -> Self | None:
         """Return the formulation with what `point`, a solution of its program, shows to be missing.
 

@@ -159,6 +159,10 @@ def verify(
     found = model.verify(checked, tolerance=tolerance)
     if formulation is None:
         return found
-    written = model.formulate(formulation, **dict(formulation_options or {}))
+    step: Model[Any] | None = model
+    while step is not None and formulation not in step.formulations:
+        step = step.lower()  # its plans are the model's own
+    asked = dict(formulation_options or {})
+    written = (model if step is None else step).formulate(formulation, **asked).fitted(checked)
     rows = written.program.verify(written.encode(checked), tolerance=tolerance)
     return Verification(found.objective, (*found.checks, *rows.checks))

@@ -396,7 +396,6 @@ def test_the_infeasible_slew_is_locally_infeasible_in_the_papers_words():
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="150 iterations are too few for the first search")
 def test_diagnose_says_why_the_infeasible_slew_is():
     found = ct.diagnose(ct.load("satellite-slew/infeasible"), time_limit=60)
     assert found.feasible is False

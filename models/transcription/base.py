@@ -342,6 +342,19 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             return None
         return self._with(_meshes=finer, _history=history)
 
+    def fitted(self, plan: ControlPlan) -> Self:
+        """Return the formulation on the plan's own mesh."""
+        meshes = []
+        for part in plan.phases:
+            knots = part.states.knots
+            fractions = (knots - knots[0]) / (knots[-1] - knots[0])
+            fractions[-1] = 1.0
+            degrees = [self.rules.fixed_degree or at.size for at in part.controls.nodes]
+            if not part.controls.size:
+                degrees = [self.rules.fixed_degree or at.size for at in part.states.nodes]
+            meshes.append(Mesh(fractions, np.array(degrees)))
+        return self._with(_meshes=tuple(meshes))
+
     def started(self, seed: int) -> Self:
         """Return the formulation with a start drawn by `seed`: waves about the guess."""
         return self._with(_start=_drawn(self, seed))
