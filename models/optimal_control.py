@@ -9,6 +9,7 @@ for Optimal Control and Estimation Using Nonlinear Programming" (SIAM, 2010), ch
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -241,6 +242,22 @@ class OptimalControlProblem(Model[ControlPlan]):
         self._open().link(first, second, states)
 
     # -- the model -------------------------------------------------------------------------------
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any], *, name: str = "") -> Self:
+        """Return the problem that :meth:`data` wrote."""
+        if isinstance(data, Mapping) and not isinstance(data.get("definition"), Mapping):
+            raise InvalidData(
+                f"key 'definition' must be an object in the data of model {cls.kind!r}, "
+                f"got {show(data.get('definition'))}",
+                field="definition",
+            )
+        return super().from_data(data, name=name)
+
+    @property
+    def objective_unit(self) -> str:  # type: ignore[override]
+        """Unit of the objective."""
+        return self.definition.objective_unit
 
     def renamed(self, name: str) -> Self:
         """Return the same problem under another name."""

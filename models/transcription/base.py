@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 
 #: How far a drawn start strays: share of a quantity's range.
 STRAY = 0.4
+#: How far before a knot, as a share of the phase, a control is looked up from the left.
+LEFT = 1e-13
 #: Waves that a drawn start is made of.
 WAVES = 4
 
@@ -135,7 +137,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         degree = self.rules.fixed_degree or self.degree
         if self.mesh is None:
             return tuple(even(self.intervals, degree) for _ in phases)
-        nested = isinstance(self.mesh, list | tuple) and any(np.ndim(one) == 1 for one in self.mesh)
+        nested = isinstance(self.mesh, list | tuple) and any(
+            isinstance(one, Mesh) or np.ndim(one) == 1 for one in self.mesh
+        )
         if not nested:
             return tuple(given(self.mesh, degree) for _ in phases)
         if len(self.mesh) != len(phases):
@@ -235,7 +239,10 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             at = part.start + one.point_fractions * part.duration
             columns[one.state_columns] = part.states(np.minimum(at, part.end)).T
             at = part.start + one.visit_places[0][one.owners] * part.duration
-            columns[one.control_columns] = part.controls(np.minimum(at, part.end)).T
+            # Where an interval's end is collocated, its control is that of this interval, not the next.
+            ends = one.visit_ends[one.owners]
+            at = np.clip(at - np.where(ends, LEFT * part.duration, 0.0), part.start, part.end)
+            columns[one.control_columns] = part.controls(at).T
             columns[one.time_columns] = part.start, part.end
         used, column = 0, self.layout.parameter_columns
         for quantity in self.model.definition.parameters:

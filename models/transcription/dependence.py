@@ -280,7 +280,7 @@ def _stepped(
 def _effects(
     definition: Definition, number: int, finals: list[int], boundaries: list[int], motion: _Motion
 ) -> Floats:
-    """Return what each free value does to each condition, in terms of the conditions' sizes."""
+    """Return what each free value does to each condition, each condition in its own terms."""
     phase = definition.phases[number]
     nx = len(phase.state_names)
     moves = motion.effects.shape[1]
@@ -295,7 +295,7 @@ def _effects(
     ends[2 + 2 * nx :] = motion.integral_effects
     if fixed_end:
         ends[:, -1] = 0.0
-    rows = [ends[2 + nx + k] / scale[k] for k in finals]
+    rows = [_in_own_terms(ends[2 + nx + k], np.abs(ends[2 + nx + k])) for k in finals]
     if boundaries:
         e = np.concatenate(
             [
@@ -321,9 +321,16 @@ def _effects(
         boundary = definition.endpoint(*symbols)[1]
         jacobian = casadi.Function("boundary", symbols, [casadi.jacobian(boundary, symbols[0])])
         table = np.array(jacobian(e, motion.parameters), float)[:, own]
-        sizes = definition.stacked("boundaries", "scale")
-        rows += [table[k] @ ends / sizes[k] for k in boundaries]
+        rows += [
+            _in_own_terms(table[k] @ ends, np.abs(table[k]) @ np.abs(ends)) for k in boundaries
+        ]
     return np.array(rows, float)
+
+
+def _in_own_terms(effect: Floats, terms: Floats) -> Floats:
+    """Return an effect in terms of its own size, so that units count for nothing; 0 if it cancels."""
+    size, most = float(np.linalg.norm(effect)), float(np.linalg.norm(terms))
+    return effect / size if size > NONE * most else np.zeros_like(effect)
 
 
 def _rank(effects: Floats) -> tuple[int, NDArray[np.int64]]:
@@ -334,7 +341,7 @@ def _rank(effects: Floats) -> tuple[int, NDArray[np.int64]]:
     sizes = np.abs(np.diag(triangle))
     full = np.zeros(effects.shape[0])
     full[: sizes.size] = sizes
-    return int((full > NONE * max(full[0], 1e-300)).sum()), np.asarray(order, np.int64)
+    return int((full > NONE).sum()), np.asarray(order, np.int64)
 
 
 def _kept_paths(phase: Phase, motion: _Motion, paths: list[int]) -> list[int]:

@@ -117,6 +117,12 @@ class PhaseLayout:
         sigma = self._within([s.control_points for s in self.schemes])
         return np.vstack([sigma, np.diff(self.mesh.fractions)[self.visit_interval]])
 
+    @cached_property
+    def visit_ends(self) -> NDArray[np.bool_]:
+        """Whether each visit is to its interval's end, where that is collocated for it alone."""
+        ends = [(s.control_points == 1.0) & (not s.shared) for s in self.schemes]
+        return np.concatenate(ends)
+
     # -- columns ---------------------------------------------------------------------------------
 
     @property
@@ -232,9 +238,13 @@ class PhaseLayout:
             )  # fmt: skip
             at += self.defects
         for path in self.phase.paths:
-            index = np.vstack([self._at_owners()] * path.size)
+            own = self._at_owners()
+            index = np.vstack(
+                [np.column_stack([own, np.full(len(own), k)]) for k in range(path.size)]
+            )
+            words = f"entry {{3}} {template}" if path.size > 1 else template
             blocks.append(
-                Block(path.name + of, path.equation, at, index.shape[0], template, index, path.unit)
+                Block(path.name + of, path.equation, at, index.shape[0], words, index, path.unit)
             )
             at += index.shape[0]
         for k in range(self.phase.integrals):

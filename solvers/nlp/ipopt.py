@@ -42,7 +42,7 @@ class Ipopt(CasadiNlp):
         ),
         "linear_solver": Option("mumps", "Ipopt's name of a linear solver it can load.", str),
         "mu_strategy": Option(
-            "monotone", "How the barrier parameter falls.", str, ("monotone", "adaptive")
+            "adaptive", "How the barrier parameter falls.", str, ("monotone", "adaptive")
         ),
         "mu_init": Option(None, "Barrier parameter to start with.", lower=0.0),
     }
@@ -63,7 +63,7 @@ class Ipopt(CasadiNlp):
             "compl_inf_tol": 1e-8,
             "dual_inf_tol": 1e-5,
             "max_iter": own.get("max_iter", 3000),
-            "mu_strategy": own.get("mu_strategy", "monotone"),
+            "mu_strategy": own.get("mu_strategy", "adaptive"),
             "hessian_approximation": own.get("hessian", "exact"),
             "linear_solver": own.get("linear_solver", "mumps"),
             # Bounds are not widened: a state at its bound is not beyond it.
@@ -88,6 +88,7 @@ class Ipopt(CasadiNlp):
 
         Rows that depend on one another were seen to make it diverge with the faster ordering.
         """
+        program = _slackened(program)
         found = super().attempt(program, request, clock, start)
         lost = found.ended in (Ended.FAILED, Ended.UNBOUNDED, Ended.INFEASIBLE)
         if not lost or not self._mumps(request) or clock.left() == 0.0 or request.control.stopped:
@@ -119,6 +120,23 @@ class Ipopt(CasadiNlp):
         return ended_by_words(stats)
 
 
+def _slackened(program: NonlinearProgram) -> NonlinearProgram:
+    """Return `program`; with equations as narrow ranges where there are more than free columns.
+
+    Ipopt takes no more equations than columns, and was seen to crash on them; ranges it takes.
+    """
+    free = int((program.column_lower < program.column_upper).sum())
+    equal = program.row_lower == program.row_upper
+    if free >= int(equal.sum()):
+        return program
+    width = np.where(equal, NARROW * program.row_scale, 0.0)
+    return replace(
+        program, row_lower=program.row_lower - width, row_upper=program.row_upper + width
+    )
+
+
+#: Half the width of an equation that is written as a range, in terms of the row's size.
+NARROW = 1e-9
 #: MUMPS orders by METIS and leaves the rows where they are: its default, a maximum transversal, was
 #: measured to make the factors of a transcribed optimal control problem ten times as slow.
 _MUMPS = {"mumps_pivot_order": 5, "mumps_permuting_scaling": 0}

@@ -103,6 +103,8 @@ def solutions_table(solutions: Sequence[Solution[Any]], title: str = "") -> Tabl
     took a noticeable time, and is no part of the total shown.
     """
     unit = model_type(solutions[0].model).objective_unit if solutions else ""
+    if not isinstance(unit, str):
+        unit = ""  # each problem of the kind has its own
     objective = f"objective ({unit})" if unit else "objective"
     compiled = any(s.seconds.get("compile", 0.0) > _NOTICEABLE for s in solutions)
     rows = []
