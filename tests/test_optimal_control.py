@@ -1130,12 +1130,9 @@ def bad_definitions():
     one = ("phases", 0)
     state = (*one, "states", 0)
     return [
-        pytest.param(
-            lambda d: d.update(definition=None),
-            ["definition has the keys", "got None"],
-            marks=pytest.mark.xfail(reason="null, or no definition at all, opens an empty draft"),
-        ),
-        (lambda d: d.update(definition=3), ["definition has the keys", "got 3"]),
+        (lambda d: d.update(definition=None), ["'definition' must be an object", "got None"]),
+        (lambda d: d.clear(), ["'definition' must be an object", "got None"]),
+        (lambda d: d.update(definition=3), ["'definition' must be an object", "got 3"]),
         (lambda d: d.update(extra=3), ["unknown key 'extra'", "definition"]),
         (put("phases", None), ["phases must be a list", "None"]),
         (put("phases", []), ["phases must hold 1 phase"]),

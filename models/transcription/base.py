@@ -350,16 +350,18 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return self._with(_meshes=finer, _history=history)
 
     def fitted(self, plan: ControlPlan) -> Self:
-        """Return the formulation on the plan's own mesh."""
+        """Return the formulation on the plan's own mesh, where this scheme has such intervals."""
         meshes = []
         for part in plan.phases:
             knots = part.states.knots
             fractions = (knots - knots[0]) / (knots[-1] - knots[0])
             fractions[-1] = 1.0
-            degrees = [self.rules.fixed_degree or at.size for at in part.controls.nodes]
-            if not part.controls.size:
-                degrees = [self.rules.fixed_degree or at.size for at in part.states.nodes]
-            meshes.append(Mesh(fractions, np.array(degrees)))
+            own = part.controls if part.controls.size else part.states
+            degrees = np.array([at.size for at in own.nodes])
+            fixed = self.rules.fixed_degree
+            if fixed is not None and (degrees != fixed).any():
+                return self
+            meshes.append(Mesh(fractions, degrees))
         return self._with(_meshes=tuple(meshes))
 
     def started(self, seed: int) -> Self:
