@@ -335,6 +335,7 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
     termination, messages = answer.termination, [answer.message]
     dual = answer.dual_bound if exact else None
     plan: Any = None
+    decoded: Any = None
     verification: Verification | None = None
     rejected: Any = None
     stored: Any = None
@@ -347,6 +348,7 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
                 plan = run.decode(point)
                 if target.formulation is not None and answer.duals is not None:
                     plan = target.formulation.explained(plan, point, answer.duals)
+                decoded = plan
             with run.clock("verify"):
                 verification = model.verify(plan, tolerance=_tolerance(job))
         except InvalidData as error:
@@ -385,8 +387,8 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
             messages.append(f"claims optimal, but the verified plan leaves a gap of {gap}")
             termination = Termination.FEASIBLE
     counts = dict(answer.statistics)
-    if plan is not None and target.formulation is not None:
-        counts.update(target.formulation.statistics(plan))
+    if decoded is not None and target.formulation is not None:
+        counts.update(target.formulation.statistics(decoded))
     seconds = dict(run.seconds)
     waited = seconds.pop("run", 0.0)
     reported = dict(answer.seconds)
@@ -399,6 +401,7 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
         "solve": solve,
         "decode": seconds.get("decode", 0.0),
         "verify": seconds.get("verify", 0.0),
+        **({"refine": seconds["refine"]} if "refine" in seconds else {}),
         **reported,
     }
     return Solution(

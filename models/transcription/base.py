@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedOption
 from ..control_definition import Phase
+from ..control_hamiltonian import hamiltonian_spread
 from ..control_plan import ControlPlan, PhasePlan, Piecewise
 from ..formulation import Formulation
 from ..nonlinear import NonlinearProgram
@@ -381,13 +382,19 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return made
 
     def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
-        """Return the size of the mesh."""
-        return {
+        """Return the size of the mesh, and by how much the Hamiltonian strays where it may not."""
+        found: dict[str, float | int | str] = {
             "meshes": 1 if self._history is None else self._history.rounds + 1,
             "intervals": sum(mesh.intervals for mesh in self._meshes),
             "nodes": sum(mesh.nodes for mesh in self._meshes),
             "columns": self.layout.size,
         }
+        if all(part.costates is not None for part in plan.phases):
+            reports = hamiltonian_spread(self.model, plan)
+            spreads = [one.relative for one in reports if one.autonomous]
+            if spreads:
+                found["hamiltonian_spread"] = max(spreads)
+        return found
 
 
 def _costates(one: PhaseLayout, duals: Floats, knots: Floats) -> Piecewise | None:
