@@ -148,7 +148,10 @@ def models(as_json: bool) -> int:
                     name: cls.formulation_type(name).summary for name in cls.formulations
                 },
                 "default_formulation": cls.default_formulation or None,
-                "objective_unit": cls.objective_unit,
+                # None where each problem of the kind has its own.
+                "objective_unit": cls.objective_unit
+                if isinstance(cls.objective_unit, str)
+                else None,
                 "summary": (cls.__doc__ or "").strip().splitlines()[0],
             }
         )
@@ -237,7 +240,7 @@ def solve(
             show(verification_table(solution.verification))
         if solution.message:
             show(f"message: {solution.message}")
-        if solution.termination == "infeasible":
+        if solution.termination in ("infeasible", "locally_infeasible"):
             show(f"crosstrack diagnose {instance} says why")
     if record is not None:
         write_text(record, solution.to_json(indent=2) + "\n")

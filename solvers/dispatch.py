@@ -163,6 +163,8 @@ def verify(
     while step is not None and formulation not in step.formulations:
         step = step.lower()  # its plans are the model's own
     asked = dict(formulation_options or {})
-    written = (model if step is None else step).formulate(formulation, **asked).fitted(checked)
+    written = (model if step is None else step).formulate(formulation, **asked)
+    if not asked:
+        written = written.fitted(checked)
     rows = written.program.verify(written.encode(checked), tolerance=tolerance)
     return Verification(found.objective, (*found.checks, *rows.checks))

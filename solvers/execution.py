@@ -121,6 +121,8 @@ def execute(
         request = replace(request, time_limit=left)
     with _interrupt(control):
         answer, problem = _refine(run, problem, request)
+    if control.reason is Limit.INTERRUPTED and answer.limit is None:
+        answer = replace(answer, limit=Limit.INTERRUPTED)  # asked for when all was done but this
     solution = _finish(run, answer, problem)
     seconds = {**solution.seconds, "total": time.perf_counter() - begin}
     return replace(solution, seconds=seconds)
@@ -137,7 +139,7 @@ def _build(run: _Run, control: Control) -> tuple[Any, Request]:
                 run.target = replace(run.target, formulation=formulation)
             seed = None
         if warm is not None:
-            checked = job.model.verify(warm)
+            checked = job.model.verify(warm, tolerance=_tolerance(job))
             if not checked.ok:
                 raise InvalidData(
                     f"warm_start is no plan of the model: {checked.summary()}", field="warm_start"
@@ -437,13 +439,16 @@ def _multistart(job: Job, listener: Listener | None) -> Solution[Any]:
     first = job.seed or 0
     results: list[Solution[Any]] = []
     begin = time.perf_counter()
+    ended: Limit | None = None
     for start in range(job.starts):
         left = None if job.time_limit is None else job.time_limit - (time.perf_counter() - begin)
         if left is not None and left <= 0 and results:
+            ended = Limit.TIME
             break
         one = replace(job, seed=first + start, starts=1, time_limit=left)
         results.append(execute(one, listener=listener))
         if results[-1].limit is Limit.INTERRUPTED:
+            ended = Limit.INTERRUPTED
             break
     best = min(
         results,
@@ -455,4 +460,10 @@ def _multistart(job: Job, listener: Listener | None) -> Solution[Any]:
     seconds = {
         part: sum(result.seconds.get(part, 0.0) for result in results) for part in best.seconds
     }
-    return replace(best, starts=tuple(results), seconds=seconds, options=job.options())
+    return replace(
+        best,
+        starts=tuple(results),
+        seconds=seconds,
+        options=job.options(),
+        limit=ended or best.limit,
+    )

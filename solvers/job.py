@@ -68,6 +68,8 @@ class Job:
     def resolved(self) -> Job:
         """Return the job with its backend looked up and ``"auto"`` decided."""
         if isinstance(self.backend, str) and self.backend == "auto":
+            if self.formulation is not None:
+                self._known_formulation(self.formulation)
             return replace(self, backend=recommended(self.model, self.formulation))
         return replace(self, backend=find_backend(self.backend))
 

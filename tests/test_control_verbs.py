@@ -285,7 +285,6 @@ def test_diagnose_sees_what_contradicts():
     assert [one.data["by"] for one in found.findings] == pytest.approx([1.0], rel=1e-3)
 
 
-@pytest.mark.xfail(reason="diagnose drops what nothing can move, and never looks at it again")
 def test_diagnose_sees_what_nothing_can_move():
     assert ct.diagnose(overdone(2.0)).feasible is not True
 
@@ -563,7 +562,6 @@ def test_backends_give_a_verified_motion_or_say_why_not(names, able):
     assert found.outcome == "INCONCLUSIVE"
 
 
-@pytest.mark.xfail(reason="a Hessian of zeros at the start: every quadratic solver gives up")
 @pytest.mark.parametrize("name", [ENERGY, BRYSON])
 def test_the_papers_kind_of_solver_finds_the_least_effort(name):
     mesh = {"intervals": 2, "degree": 4, "refine": False}
@@ -597,7 +595,6 @@ def test_the_plan_of_one_transcription_starts_another(fastest, formulation):
     assert answer.options["warm_start"] is not None
 
 
-@pytest.mark.xfail(reason="a warm start is held to 1e-6, whatever tolerance is asked for")
 def test_a_plan_that_is_good_enough_starts_the_next(disc, ways):
     answer = ct.solve(
         disc, formulation="radau", warm_start=ways, tolerance=1e-3, formulation_options=COARSE
@@ -663,7 +660,6 @@ def test_no_time_for_several_starts():
     assert len(answer.starts) >= 1
 
 
-@pytest.mark.xfail(reason="the limit of the best start is returned, which had none")
 def test_time_that_ends_between_starts_is_named(disc):
     answer = ct.solve(disc, tolerance=1e-3, formulation_options=COARSE, starts=1000, time_limit=1.5)
     assert len(answer.starts) < 1000
@@ -721,9 +717,6 @@ def test_ctrl_c_between_two_meshes_keeps_what_there_is(tmp_path):
     assert data["plan"] is None or data["verification"]["ok"]
 
 
-@pytest.mark.xfail(
-    reason="a stop seen only after the last mesh is forgotten, and the next start runs"
-)
 def test_ctrl_c_between_two_starts_ends_them_and_keeps_the_best(tmp_path):
     code, data = interrupted(
         "count == 2", tmp_path, "solve", ENERGY, "--starts", 6, "--formulation-option", "intervals=2"
@@ -836,7 +829,6 @@ def test_compare_is_inconclusive_without_a_bound():
     assert all(row["termination"] == "locally_optimal" for row in rows)
 
 
-@pytest.mark.xfail(reason="the unit of the objective is asked of the class, where it is a property")
 def test_models_are_listed_as_data():
     found = {one["model"]: one for one in json.loads(run("models", "--json").stdout)}
     assert set(found["optimal-control"]["formulations"]) >= {"paper", "gauss", "radau"}

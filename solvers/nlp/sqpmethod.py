@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...models.nonlinear import NonlinearProgram
-from ..attempts import Ended
+from ..attempts import Clock, Ended
 from ..backend import Feature, Limit, Option, Request
 from ..casadi_plugins import load_plugin, muted, status_of
-from .base import COMMON
+from .base import COMMON, NonlinearOutcome
 from .casadi_nlp import CasadiNlp, ended_by_words
 
 __all__ = ["SqpMethod"]
+
+Vector = NDArray[np.float64]
 
 #: Columns of a block of the Hessian above which its eigenvalues are left alone.
 LARGE = 50
@@ -38,6 +42,9 @@ class SqpMethod(CasadiNlp):
     name = "sqpmethod"
     plugin = "sqpmethod"
     prompt = False
+    # With multipliers of 0 the Hessian of a program with a linear objective is 0, and no quadratic
+    # solver has anything to hold on to.
+    estimates = True
     given = {"jac_fg": "first_order", "hess_lag": "whole_hessian"}
     features = COMMON | {Feature.INTERRUPT}
     options: ClassVar[Mapping[str, Option]] = {
@@ -87,6 +94,20 @@ class SqpMethod(CasadiNlp):
             how = str(own.get("convexify", "auto"))
             options["convexify_strategy"] = _strategy(program) if how == "auto" else how
         return options
+
+    def attempt(
+        self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
+    ) -> NonlinearOutcome:
+        """Search; where the quadratic programs fail, once more with a multiple of the identity.
+
+        Reflected eigenvalues leave a Hessian singular that is, and solvers were seen to fail on it.
+        """
+        found = super().attempt(program, request, clock, start)
+        chosen = request.options.get("convexify", "auto") != "auto"
+        if found.ended is not Ended.FAILED or chosen or request.control.stopped:
+            return found
+        safer = replace(request, options={**request.options, "convexify": "regularize"})
+        return super().attempt(program, safer, clock, start)
 
     def silence(self, request: Request) -> AbstractContextManager[None]:
         """Keep qpOASES from introducing itself."""

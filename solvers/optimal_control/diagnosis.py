@@ -26,6 +26,8 @@ Vector = NDArray[np.float64]
 MOST, ALONE = 1000, 450
 #: Slack, in terms of a limit's typical size, below which it counts as kept.
 KEPT = 1e-5
+#: Relative violation above which an implied condition counts as missed, on so coarse a mesh.
+MISSED = 1e-3
 #: Intervals and nodes of the mesh that is tried: coarse, for a first answer.
 INTERVALS, DEGREE = 12, 5
 
@@ -62,6 +64,13 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
     if ended is not Termination.LOCALLY_OPTIMAL:
         return Diagnosis(model.name, None, method, f"not settled: ipopt ended with {ended}")
     if not needed:
+        assert answer.point is not None
+        implied = _implied(general, np.asarray(answer.point)[: program.size])
+        if implied:
+            summary = (
+                "no plan: what follows from the other conditions contradicts what is asked for"
+            )
+            return Diagnosis(model.name, False, method, summary, implied)
         return Diagnosis(
             model.name, True, method, "a motion that keeps all limits exists: nothing to explain"
         )
@@ -114,6 +123,26 @@ def _widened(
         return answer, []
     slack = np.asarray(answer.point)[program.size :]
     return answer, _gives(made, program, len(rows), slack)
+
+
+def _implied(model: OptimalControlProblem, point: Vector) -> tuple[Finding, ...]:
+    """Return the conditions that the program left out as implied, and that the motion does not meet."""
+    whole = model.formulate(
+        "radau", intervals=INTERVALS, degree=DEGREE, refine=False, dependent="keep"
+    ).program
+    found = []
+    for check in whole.verify(point, tolerance=MISSED).violated:
+        unit = f" {check.unit}" if check.unit else ""
+        found.append(
+            Finding(
+                f"{check.name} at {check.where or 'its place'} is off by {check.worst:.4g}{unit}, and "
+                "nothing that is free moves it",
+                check.equation,
+                check.name,
+                {"block": check.name, "by": check.worst, "unit": check.unit},
+            )
+        )
+    return tuple(found)
 
 
 def _giving(
