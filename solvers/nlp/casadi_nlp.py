@@ -42,8 +42,6 @@ class CasadiNlp(NonlinearBackend):
         Whether it calls back at each iteration and stops when told to.
     brings_highs : bool
         Whether CasADi's own HiGHS comes with it.
-    estimates : bool
-        Whether it is given an estimate of the multipliers at any start, not only at a warm one.
     talks : str
         Where it writes whatever it is told: ``"python"`` by way of ``sys.stdout``, ``"native"`` past
         it, empty where it is quiet.
@@ -55,7 +53,6 @@ class CasadiNlp(NonlinearBackend):
     given: ClassVar[Mapping[str, str]] = {}
     watchable: ClassVar[bool] = True
     brings_highs: ClassVar[bool] = False
-    estimates: ClassVar[bool] = False
     talks: ClassVar[str] = ""
 
     def settings(
@@ -101,8 +98,7 @@ class CasadiNlp(NonlinearBackend):
                 f"backend {self.name!r}: plugin {self.plugin!r} does not start: {last_line(error)}"
             ) from error
         clock.lap("build")
-        known = self.estimates or request.warm_start is not None
-        first = self.first(scaled, start) if known else {}
+        first = {} if request.warm_start is None else self.first(scaled, start)
         try:
             with self.silence(request):
                 found = solver(x0=scaled.start(start), **scaled.bounds, **first)

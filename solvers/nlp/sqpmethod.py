@@ -42,9 +42,6 @@ class SqpMethod(CasadiNlp):
     name = "sqpmethod"
     plugin = "sqpmethod"
     prompt = False
-    # With multipliers of 0 the Hessian of a program with a linear objective is 0, and no quadratic
-    # solver has anything to hold on to.
-    estimates = True
     given = {"jac_fg": "first_order", "hess_lag": "whole_hessian"}
     features = COMMON | {Feature.INTERRUPT}
     options: ClassVar[Mapping[str, Option]] = {
@@ -101,12 +98,14 @@ class SqpMethod(CasadiNlp):
         """Search; where the quadratic programs fail, once more with a multiple of the identity.
 
         Reflected eigenvalues leave a Hessian singular that is, and solvers were seen to fail on it.
+        With multipliers of 0 that of a linear objective is 0 altogether, so they are estimated.
         """
         found = super().attempt(program, request, clock, start)
         chosen = request.options.get("convexify", "auto") != "auto"
         if found.ended is not Ended.FAILED or chosen or request.control.stopped:
             return found
-        safer = replace(request, options={**request.options, "convexify": "regularize"})
+        options = {**request.options, "convexify": "regularize"}
+        safer = replace(request, options=options, warm_start=start)
         return super().attempt(program, safer, clock, start)
 
     def silence(self, request: Request) -> AbstractContextManager[None]:
