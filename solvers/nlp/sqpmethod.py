@@ -106,7 +106,8 @@ class SqpMethod(CasadiNlp):
             return found
         options = {**request.options, "convexify": "regularize"}
         safer = replace(request, options=options, warm_start=start)
-        return super().attempt(program, safer, clock, start)
+        again = super().attempt(program, safer, clock, start)
+        return again if again.ended is Ended.PROVEN else found
 
     def silence(self, request: Request) -> AbstractContextManager[None]:
         """Keep qpOASES from introducing itself."""
