@@ -24,6 +24,9 @@ __all__ = ["NonlinearProgram"]
 
 Vector = NDArray[np.float64]
 
+#: Steps off a guess at which a derivative is no number, in terms of the columns' sizes.
+STEPS = (1e-4, 1e-2)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NonlinearProgram(BlockProgram):
@@ -214,18 +217,31 @@ class NonlinearProgram(BlockProgram):
     def start(self, seed: int | None = None) -> Vector:
         """Return where a search begins: the guess, or a point drawn about it by `seed`.
 
-        Seed None or 0 is the guess itself, moved into the bounds. Any other draws each column
+        Seed None or 0 is the guess itself, moved into the bounds, and a little further where a
+        derivative is no number there, such as that of a root at 0. Any other seed draws each column
         uniformly: between its bounds where it has both, else within its typical size of the guess.
         """
         low, high = self.column_lower, self.column_upper
         if not seed:
-            return np.clip(self.guess, low, high)
+            return self._regular(np.clip(self.guess, low, high))
         draw = np.random.default_rng(seed).uniform(-1.0, 1.0, self.size)
         both = np.isfinite(low) & np.isfinite(high)
         with np.errstate(invalid="ignore"):
             middle = np.where(both, 0.5 * (low + high), self.guess)
             reach = np.where(both, 0.5 * (high - low), self.column_scale)
         return np.clip(middle + reach * draw, low, high)
+
+    def _regular(self, point: Vector) -> Vector:
+        """Return `point`, or one near it at which the derivatives are numbers."""
+        draw = np.random.default_rng(0).uniform(-1.0, 1.0, self.size)
+        for step in (0.0, *STEPS):
+            near = np.clip(
+                point + step * self.column_scale * draw, self.column_lower, self.column_upper
+            )
+            gradient, jacobian = self.first_order(near)
+            if gradient.is_regular() and jacobian.is_regular():
+                return near
+        return point
 
     def to_casadi(self) -> dict[str, Any]:
         """Return the program as ``casadi.nlpsol`` takes it: ``{"x", "f", "g"}`` in MX symbols.

@@ -838,3 +838,21 @@ def test_units_make_no_conditions_dependent(size):
     phase.dynamics({x: v, v: u})
     ocp.minimise(phase.integral((u / size) ** 2))
     assert ocp.formulate("gauss").program.row_count
+
+
+def test_a_guess_without_derivatives_is_left():
+    """The length of a thrust has no derivative at 0, which is where a newcomer's guess is."""
+    ocp = OptimalControlProblem()
+    phase = ocp.phase(time=(0, (1, 5)))
+    r = phase.state("r", 2, initial=[0, 0], final=[1, 1])
+    v = phase.state("v", 2, initial=[0, 0], final=[0, 0])
+    thrust = phase.control("thrust", 2)
+    phase.dynamics({r: v, v: thrust})
+    phase.path(casadi.norm_2(thrust) <= 1)
+    ocp.minimise(phase.duration)
+    program = ocp.formulate("gauss").program
+    assert not np.isfinite(program.jacobian(program.guess).data).all()
+    assert np.isfinite(program.jacobian(program.start()).data).all()
+    found = ct.solve(ocp)
+    # Bang-bang along the diagonal: 2 sqrt(distance).
+    assert found.primal_bound == pytest.approx(2.0 * 2.0**0.25, rel=1e-6)
