@@ -382,13 +382,17 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return made
 
     def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
-        """Return the size of the mesh, and by how much the Hamiltonian strays where it may not."""
+        """Return the size of the mesh, what it changed, and how far the Hamiltonian strays."""
         found: dict[str, float | int | str] = {
             "meshes": 1 if self._history is None else self._history.rounds + 1,
             "intervals": sum(mesh.intervals for mesh in self._meshes),
             "nodes": sum(mesh.nodes for mesh in self._meshes),
             "columns": self.layout.size,
         }
+        if self._history is not None:
+            before = self._history.objective
+            objective = float(self.program.objective(self.encode(plan)))  # type: ignore[attr-defined]
+            found["objective_change"] = abs(objective - before) / max(1.0, abs(objective))
         if all(part.costates is not None for part in plan.phases):
             reports = hamiltonian_spread(self.model, plan)
             spreads = [one.relative for one in reports if one.autonomous]
