@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853, Radau
 
 from .control_growth import stretches
-from .control_plan import barycentric_weights
 from .control_sampling import Course, Instants
+from .lagrange import barycentric_weights
 
 __all__ = ["Reintegration", "integrated"]
 

@@ -27,7 +27,7 @@ from crosstrack.errors import InvalidData, UnsupportedOption  # noqa: E402
 from crosstrack.instances import optimal_control  # noqa: E402
 from crosstrack.models import ControlPlan, OptimalControlProblem  # noqa: E402
 from crosstrack.models.control_checks import hamiltonian_spread  # noqa: E402
-from crosstrack.models.control_plan import differentiation, interpolation  # noqa: E402
+from crosstrack.models.lagrange import differentiation, interpolation  # noqa: E402
 from crosstrack.models.transcription.mesh import Mesh  # noqa: E402
 from crosstrack.models.transcription.schemes import (  # noqa: E402
     gauss,

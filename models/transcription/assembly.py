@@ -6,7 +6,7 @@ automatic differentiation of the whole program, whose cost would grow with the m
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +20,7 @@ from ..blocks import Block
 from ..nonlinear import NonlinearProgram
 from .derivatives import NodeFunctions, functions_of
 from .layout import Layout, PhaseLayout
+from .triplets import Triplets, dm
 
 __all__ = ["Assembly"]
 
@@ -28,68 +29,6 @@ Whole = NDArray[np.int64]
 
 #: Least length of a phase whose times are free, as a share of the time it may take.
 SHORTEST = 1e-6
-
-
-@dataclass(eq=False)
-class _Triplets:
-    """Entries of a sparse matrix: constants, and multiples of what a function gives.
-
-    `source` counts in the vector of all that functions give; -1 marks a constant.
-    """
-
-    rows: list[Whole] = field(default_factory=list)
-    columns: list[Whole] = field(default_factory=list)
-    factors: list[Floats] = field(default_factory=list)
-    sources: list[Whole] = field(default_factory=list)
-
-    def add(self, rows: Any, columns: Any, factors: Any, sources: Any = -1) -> None:
-        """Add entries; what is given once counts for all."""
-        parts = np.broadcast_arrays(rows, columns, factors, sources)
-        flat = [np.asarray(part).reshape(-1) for part in parts]
-        self.rows.append(flat[0].astype(np.int64))
-        self.columns.append(flat[1].astype(np.int64))
-        self.factors.append(flat[2].astype(float))
-        self.sources.append(flat[3].astype(np.int64))
-
-    def joined(self) -> tuple[Whole, Whole, Floats, Whole]:
-        """Return all entries."""
-        none = np.empty(0)
-        rows, columns, sources = (
-            np.concatenate([*parts, none]).astype(np.int64)
-            for parts in (self.rows, self.columns, self.sources)
-        )
-        return rows, columns, np.concatenate([*self.factors, none]), sources
-
-    def matrix(self, shape: tuple[int, int], given: Any, count: int) -> Any:
-        """Return the matrix in CasADi's symbols, from the vector `given` of `count` entries."""
-        rows, columns, factors, sources = self.joined()
-        pattern = sp.csc_array((np.ones(rows.size), (rows, columns)), shape=shape)
-        pattern.sum_duplicates()
-        pattern.sort_indices()
-        # The place of each entry among the nonzeros, column by column as CasADi counts them.
-        keys = np.repeat(np.arange(shape[1]), np.diff(pattern.indptr)) * shape[0] + pattern.indices
-        place = np.searchsorted(keys, columns * shape[0] + rows)
-        fixed = sources < 0
-        constant = np.bincount(place[fixed], factors[fixed], minlength=pattern.nnz)
-        moving = sp.csc_array(
-            (factors[~fixed], (place[~fixed], sources[~fixed])), shape=(pattern.nnz, count)
-        )
-        sparsity = casadi.Sparsity(
-            shape[0], shape[1], pattern.indptr.tolist(), pattern.indices.tolist()
-        )
-        values = casadi.MX(casadi.DM(constant))
-        if moving.nnz:
-            values = values + casadi.mtimes(casadi.MX(_dm(moving)), given)
-        return casadi.MX(sparsity, values)
-
-
-def _dm(matrix: Any) -> casadi.DM:
-    csc = sp.csc_array(matrix)
-    csc.sort_indices()
-    sparsity = casadi.Sparsity(
-        csc.shape[0], csc.shape[1], csc.indptr.tolist(), csc.indices.tolist()
-    )
-    return casadi.DM(sparsity, csc.data)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +83,7 @@ class Assembly:
 
     def _calm(self, one: PhaseLayout) -> sp.csr_array:
         """Return the rows that hold a phase's controls to half the degree where they must be calm."""
-        rows = _Triplets()
+        rows = Triplets()
         count = 0
         for k, scheme in enumerate(one.schemes):
             many = one.mesh.calm_rows(k)
@@ -166,7 +105,7 @@ class Assembly:
     def _phase_rows(self, number: int) -> _PhaseRows:
         one, node = self.layout.phases[number], self.functions.nodes[number]
         first = self.row_starts[number]
-        linear, spread = _Triplets(), _Triplets()
+        linear, spread = Triplets(), Triplets()
         states, entries = np.arange(one.nx), node.entries
 
         def source(entry: Any, visit: Any) -> Any:
@@ -209,7 +148,7 @@ class Assembly:
         return tuple(self._phase_rows(k) for k in range(len(self.layout.phases)))
 
     def _lengths(self) -> sp.csr_array:
-        rows = _Triplets()
+        rows = Triplets()
         begin = self.row_starts[-1] + self.boundaries
         for k, one in enumerate(self.free_lengths):
             rows.add(begin + k, one.time_columns, [-1.0, 1.0])
@@ -261,12 +200,12 @@ class Assembly:
         linear = self._lengths()
         for part in self._phases:
             linear = linear + part.linear
-        rows = casadi.mtimes(casadi.MX(_dm(linear)), x)
+        rows = casadi.mtimes(casadi.MX(dm(linear)), x)
         for number, part in enumerate(self._phases):
             node = self.functions.nodes[number].twice.value
             visits = self.layout.phases[number].visits
             entries = casadi.vec(node.map(visits)(*self._arguments(number, x)))
-            rows = rows + casadi.mtimes(casadi.MX(_dm(part.spread)), entries)
+            rows = rows + casadi.mtimes(casadi.MX(dm(part.spread)), entries)
         if self.boundaries:
             begin = self.row_starts[-1]
             pad = casadi.MX(casadi.DM(begin, 1))
@@ -276,7 +215,7 @@ class Assembly:
 
     def _first(self, x: Any) -> tuple[Any, Any]:
         """Return the gradient of the objective and the Jacobian of the rows."""
-        entries = _Triplets()
+        entries = Triplets()
         linear = self._lengths()
         given, count = [], 0
         for number, part in enumerate(self._phases):
@@ -301,7 +240,7 @@ class Assembly:
             1.0,
             count + np.flatnonzero(below),
         )
-        gradient = _Triplets()
+        gradient = Triplets()
         gradient.add(
             self.layout.end_columns[column[~below]], 0, 1.0, count + np.flatnonzero(~below)
         )
@@ -319,7 +258,7 @@ class Assembly:
         part: _PhaseRows,
         at: tuple[Whole, Whole],
         offset: int,
-        into: _Triplets,
+        into: Triplets,
     ) -> None:
         """Add the node functions' Jacobians, which `part.spread` combines, to the rows' Jacobian."""
         node, one = self.functions.nodes[number], self.layout.phases[number]
@@ -344,7 +283,7 @@ class Assembly:
 
     def _second(self, x: Any, scale: Any, duals: Any) -> Any:
         """Return the upper triangle of the Hessian of ``scale f + duals·g``."""
-        entries = _Triplets()
+        entries = Triplets()
         given, count = [], 0
         for number, part in enumerate(self._phases):
             twice = self.functions.nodes[number].twice
@@ -353,7 +292,7 @@ class Assembly:
             row, column = twice.second_at
             if not row.size:
                 continue
-            multipliers = casadi.mtimes(casadi.MX(_dm(part.spread.T)), duals)
+            multipliers = casadi.mtimes(casadi.MX(dm(part.spread.T)), duals)
             multipliers = casadi.reshape(casadi.densify(multipliers), node.entries, visits)
             values = twice.second.map(visits)(*self._arguments(number, x), multipliers)
             given.append(casadi.vec(values))

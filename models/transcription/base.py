@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedOption
-from ..control_definition import Phase
 from ..control_hamiltonian import hamiltonian_spread
 from ..control_plan import ControlPlan, PhasePlan, Piecewise
 from ..formulation import Formulation
@@ -24,17 +23,14 @@ from .layout import Layout, PhaseLayout
 from .mesh import Mesh, even, given
 from .refinement import Rules, next_meshes
 from .schemes import Scheme
+from .starts import drawn
 
 __all__ = ["History", "Transcription"]
 
 Floats = NDArray[np.float64]
 
-#: How far a drawn start strays: share of a quantity's range.
-STRAY = 0.4
 #: How far before a knot, as a share of the phase, a control is looked up from the left.
 LEFT = 1e-13
-#: Waves that a drawn start is made of.
-WAVES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -367,7 +363,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def started(self, seed: int) -> Self:
         """Return the formulation with a start drawn by `seed`: waves about the guess."""
-        return self._with(_start=_drawn(self, seed))
+        return self._with(_start=drawn(self.model.definition, self.decode(self._guess()), seed))
 
     def _with(self, **changes: Any) -> Self:
         options = {
@@ -410,41 +406,3 @@ def _costates(one: PhaseLayout, duals: Floats, knots: Floats) -> Piecewise | Non
         nodes.append(found[0])
         values.append(found[1])
     return Piecewise(knots, tuple(nodes), tuple(values))
-
-
-def _drawn(written: Transcription, seed: int) -> ControlPlan:
-    """Return the guess with smooth waves added to it, ends that are fixed left in place."""
-    draw = np.random.default_rng(seed)
-    plan = written.decode(written._guess())
-    phases = []
-    for phase, part in zip(written.model.definition.phases, plan.phases, strict=True):
-        start, end = _drawn_times(phase, part, draw)
-        knots = start + (part.states.knots - part.start) * (end - start) / part.duration
-        knots[-1] = end
-        made = []
-        for what, source in (("states", part.states), ("controls", part.controls)):
-            low, high = phase.stacked(what, "lower"), phase.stacked(what, "upper")
-            scale = phase.stacked(what, "scale")
-            both = np.isfinite(low) & np.isfinite(high)
-            with np.errstate(invalid="ignore"):
-                reach = STRAY * np.where(both, high - low, 2.0 * scale)
-            sines = draw.normal(size=(WAVES, source.size)) / np.arange(1, WAVES + 1)[:, None]
-            cosines = draw.normal(size=(WAVES + 1, source.size))
-            values = []
-            for k, (at, table) in enumerate(zip(source.nodes, source.values, strict=True)):
-                f = source.knots[k] + 0.5 * (at + 1.0) * (source.knots[k + 1] - source.knots[k])
-                f = (f - part.start) / part.duration
-                wave = np.sin(np.pi * np.outer(f, np.arange(1, WAVES + 1))) @ sines
-                if what == "controls":
-                    wave = np.cos(np.pi * np.outer(f, np.arange(WAVES + 1))) @ cosines
-                values.append(np.clip(table + reach * wave, low, high))
-            made.append(Piecewise(knots, source.nodes, tuple(values), source.lower, source.upper))
-        phases.append(PhasePlan(part.name, made[0], made[1], part.state_names, part.control_names))
-    return ControlPlan(tuple(phases), plan.parameters)
-
-
-def _drawn_times(phase: Phase, part: PhasePlan, draw: np.random.Generator) -> tuple[float, float]:
-    stretch = float(np.exp(draw.uniform(-0.5, 0.5)))
-    start = part.start
-    end = float(np.clip(start + stretch * part.duration, phase.end_lower, phase.end_upper))
-    return (start, end) if end > start else (part.start, part.end)

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from ..control_plan import barycentric_weights, differentiation, interpolation
 from ..fields import frozen
+from ..lagrange import barycentric_weights, differentiation, interpolation
 
 __all__ = [
     "Scheme",

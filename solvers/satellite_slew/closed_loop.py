@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.control_plan import ControlPlan, PhasePlan, Piecewise, interpolation
+from ...models.control_plan import ControlPlan, PhasePlan, Piecewise
 from ...models.fields import frozen
 from ...models.gyros import gimbal_jacobian, momentum_direction, singularity_measure
+from ...models.lagrange import interpolation
 from ...models.quaternions import attitude_error
 from ...models.satellite_slew import SatelliteSlew
 from ...models.slew_dynamics import CONTROLS, STATES, SlewMotion
