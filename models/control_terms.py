@@ -354,5 +354,6 @@ def _differentiated(function: casadi.Function) -> None:
     free = kind.sym("free", sum(sizes))
     parts = casadi.vertsplit(free, np.cumsum([0, *sizes]).tolist())
     with contextlib.suppress(RuntimeError):
+        # What has no derivative is said by the solver that asks for one; others need none.
         entries = casadi.vertcat(*map(casadi.vec, function.call(parts)))
         casadi.hessian(casadi.dot(kind.sym("multipliers", entries.numel()), entries), free)

@@ -856,3 +856,11 @@ def test_a_guess_without_derivatives_is_left():
     found = ct.solve(ocp)
     # Bang-bang along the diagonal: 2 sqrt(distance).
     assert found.primal_bound == pytest.approx(2.0 * 2.0**0.25, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["hermite-simpson", "trapezoid"])
+def test_what_has_a_fixed_order_takes_no_degree(name):
+    with pytest.raises(
+        UnsupportedOption, match=r"has no option 'degree'; its options: .*intervals"
+    ):
+        catalogue("bryson-denham").formulate(name, degree=6)

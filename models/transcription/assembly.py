@@ -261,7 +261,7 @@ class Assembly:
         into: Triplets,
     ) -> None:
         """Add the node functions' Jacobians, which `part.spread` combines, to the rows' Jacobian."""
-        node, one = self.functions.nodes[number], self.layout.phases[number]
+        node = self.functions.nodes[number]
         local = self._local_columns(number)
         nonzeros = at[0].size
         # Nonzeros of the node's Jacobian, entry by entry.
@@ -279,7 +279,6 @@ class Assembly:
             coo.data[which],
             offset + visit[which] * nonzeros + nonzero,
         )
-        assert one.visits == local.shape[1]
 
     def _second(self, x: Any, scale: Any, duals: Any) -> Any:
         """Return the upper triangle of the Hessian of ``scale f + duals·g``."""

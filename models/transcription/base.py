@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -131,7 +131,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def _first_meshes(self) -> tuple[Mesh, ...]:
         phases = self.model.definition.phases
-        degree = self.rules.fixed_degree or self.degree
+        degree = self.degree
         if self.mesh is None:
             return tuple(even(self.intervals, degree) for _ in phases)
         nested = isinstance(self.mesh, list | tuple) and any(
@@ -367,11 +367,10 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def _with(self, **changes: Any) -> Self:
         options = {
-            name: getattr(self, name)
-            for name in (
-                "intervals", "degree", "mesh", "refine", "rounds", "most_nodes", "dependent",
-            )
-        }  # fmt: skip
+            one.name: getattr(self, one.name)
+            for one in fields(self)
+            if one.init and one.name != "model"
+        }
         made = type(self)(self.model, **options)
         for name in ("_meshes", "_history", "_start"):
             object.__setattr__(made, name, changes.get(name, getattr(self, name)))

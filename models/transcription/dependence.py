@@ -25,6 +25,7 @@ from scipy.integrate import DOP853
 from ...errors import InvalidData
 from ..control_definition import Definition, Phase
 from ..nonlinear import NonlinearProgram
+from .report import evaluated
 
 if TYPE_CHECKING:
     from .layout import Layout
@@ -348,14 +349,7 @@ def _kept_paths(phase: Phase, motion: _Motion, paths: list[int]) -> list[int]:
     """Return the path equations whose expression does not change along the drawn motion."""
     if not paths:
         return []
-    count = motion.times.size
-    found = phase.function.map(count)(
-        motion.times[None, :],
-        motion.states.T,
-        motion.controls.T.reshape(motion.controls.shape[1], count),
-        np.repeat(motion.parameters[:, None], count, axis=1),
-    )[1]
-    values = np.array(found, float)
+    values = evaluated(phase, motion.times, motion.states, motion.controls, motion.parameters)[1]
     drift = np.abs(values - values[:, :1]).max(axis=1)
     moved = np.abs(np.diff(motion.states, axis=0)).max() > 1e-6
     return [

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..blocks import Block
-from ..control_definition import Definition, Phase
+from ..control_definition import Definition, Phase, Quantity
 from .mesh import Mesh
 from .schemes import Scheme
 
@@ -258,10 +258,10 @@ def _words(name: str, several: bool) -> tuple[str, str]:
     return of, "in interval {1}, node {2}"
 
 
-def _units(quantities: Sequence[object]) -> list[str]:
+def _units(quantities: Sequence[Quantity]) -> list[str]:
     units: list[str] = []
     for one in quantities:
-        units += [one.unit] * one.size  # type: ignore[attr-defined]
+        units += [one.unit] * one.size
     return units
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 from .base import Transcription
@@ -14,9 +14,13 @@ __all__ = ["HermiteSimpson", "Trapezoid"]
 
 @dataclass(frozen=True, eq=False)
 class HermiteSimpson(Transcription):
-    """Hermite-Simpson collocation in its separated form, refined in intervals."""
+    """Hermite-Simpson collocation in its separated form, refined in intervals.
+
+    The options are those of :class:`~.base.Transcription`, without `degree`.
+    """
 
     intervals: int = 25
+    degree: int = field(init=False, default=3)
 
     name: ClassVar[str] = "hermite-simpson"
     summary: ClassVar[str] = "Hermite-Simpson collocation (order 4), refined in intervals"
@@ -30,9 +34,13 @@ class HermiteSimpson(Transcription):
 
 @dataclass(frozen=True, eq=False)
 class Trapezoid(Transcription):
-    """Trapezoidal collocation, refined in intervals."""
+    """Trapezoidal collocation, refined in intervals.
+
+    The options are those of :class:`~.base.Transcription`, without `degree`.
+    """
 
     intervals: int = 50
+    degree: int = field(init=False, default=2)
 
     name: ClassVar[str] = "trapezoid"
     summary: ClassVar[str] = "trapezoidal collocation (order 2), refined in intervals"

@@ -20,7 +20,7 @@ from ..control_plan import PhasePlan
 from ..lagrange import interpolation
 from .schemes import gauss_points, integration
 
-__all__ = ["ALLOWED", "SHARE", "Report", "examined"]
+__all__ = ["ALLOWED", "SHARE", "Report", "evaluated", "examined"]
 
 Floats = NDArray[np.float64]
 
@@ -84,26 +84,22 @@ def examined(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
     decays, chatters = np.zeros(count), np.zeros(count, bool)
     cuts: list[float | None] = []
     windows: list[tuple[tuple[float, float], ...]] = []
-    whole = _integral_sizes(phase, part, parameters)
+    quadrature = _quadrature(phase, part, parameters)
+    whole = np.maximum(1.0, sum((size for _, size in quadrature), np.zeros(phase.integrals)))
     for k in range(count):
         degree = part.controls.nodes[k].size
         fine, onto = integration(max(part.states.nodes[k].size, degree) + FINER)
         half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
         t = part.states.knots[k] + half * (fine + 1.0)
         x, u = part.states.on(k, fine), part.controls.on(k, fine)
-        rate, _, integrand = _evaluated(phase, t, x, u, parameters)
+        rate, _, integrand = evaluated(phase, t, x, u, parameters)
         begin = part.states.on(k, [-1.0])
         moved = begin + half * (onto @ rate.T)
         there = part.states.on(k, np.append(fine, 1.0))
         off = (np.abs(moved - there) / size).max(axis=1)
         errors[k] = off.max()
         if integrand.size:
-            at, weights = gauss_points(degree)
-            tt = part.states.knots[k] + half * (at + 1.0)
-            _, _, coarse = _evaluated(
-                phase, tt, part.states.on(k, at), part.controls.on(k, at), parameters
-            )
-            gap = np.abs(coarse @ weights - integrand @ gauss_points(fine.size)[1]) * half
+            gap = np.abs(quadrature[k][0] - half * (integrand @ gauss_points(fine.size)[1]))
             errors[k] = max(errors[k], float((gap / whole).max()))
         # The residual between two neighbours on the fine grid shows where the motion is wrong.
         steps = np.abs(np.diff(np.append(0.0, off[:-1])))
@@ -120,9 +116,22 @@ def examined(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
     return Report(errors, violations, decays, tuple(cuts), tuple(windows), chatters, places)
 
 
-def _evaluated(
+def evaluated(
     phase: Phase, t: Floats, x: Floats, u: Floats, p: Floats
 ) -> tuple[Floats, Floats, Floats]:
+    """Return rates, path expressions and integrands at many instants, one column each.
+
+    Parameters
+    ----------
+    phase : Phase
+        Whose function is evaluated.
+    t : ndarray, shape (instants,)
+        Times.
+    x, u : ndarray, shape (instants, states) and (instants, controls)
+        States and controls.
+    p : ndarray, shape (parameters,)
+        Parameters.
+    """
     count = t.size
     found = phase.function.map(count)(
         t[None, :], x.T, u.T.reshape(u.shape[1], count), np.repeat(p[:, None], count, axis=1)
@@ -131,17 +140,18 @@ def _evaluated(
     return rate, path, integrand
 
 
-def _integral_sizes(phase: Phase, part: PhasePlan, p: Floats) -> Floats:
+def _quadrature(phase: Phase, part: PhasePlan, p: Floats) -> list[tuple[Floats, Floats]]:
+    """Return the integrals over each interval as its own nodes give them, and of the magnitudes."""
     if not phase.integrals:
-        return np.ones(0)
-    total = np.zeros(phase.integrals)
+        return []
+    found = []
     for k in range(part.states.intervals):
         at, weights = gauss_points(part.controls.nodes[k].size)
         half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
         t = part.states.knots[k] + half * (at + 1.0)
-        found = _evaluated(phase, t, part.states.on(k, at), part.controls.on(k, at), p)[2]
-        total += half * np.abs(found) @ weights
-    return np.maximum(1.0, total)
+        values = evaluated(phase, t, part.states.on(k, at), part.controls.on(k, at), p)[2]
+        found.append((half * (values @ weights), half * (np.abs(values) @ weights)))
+    return found
 
 
 def _violated(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[float, float]:
@@ -153,7 +163,7 @@ def _violated(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[float, 
     x = part.states.on(k, tau)
     tables = [(x.T, phase.stacked("states", "lower"), phase.stacked("states", "upper"))]
     if phase.paths:
-        path = _evaluated(phase, t, x, part.controls.on(k, tau), p)[1]
+        path = evaluated(phase, t, x, part.controls.on(k, tau), p)[1]
         tables.append((path, phase.stacked("paths", "lower"), phase.stacked("paths", "upper")))
     worst, where = 0.0, 0.0
     for values, low, high in tables:
@@ -202,7 +212,7 @@ def _windows(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[tuple[fl
     x, u = part.states.on(k, tau), part.controls.on(k, tau)
     tables = [("states", x.T), ("controls", u.T)]
     if phase.paths:
-        tables.append(("paths", _evaluated(phase, t, x, u, p)[1]))
+        tables.append(("paths", evaluated(phase, t, x, u, p)[1]))
     changes = np.zeros(max(tau.size - 1, 0), bool)
     for what, values in tables:
         scale = BINDING * phase.stacked(what, "scale")[:, None]
