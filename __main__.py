@@ -55,9 +55,13 @@ def picture_path(value: str | None) -> Path | None:
     return None if value is None else writable(value, _PLOT_SUFFIXES)
 
 
-def draw(model: Model[Any], plan: Any, path: Path) -> None:
-    """Write the picture of a plan."""
-    ct.plot(model, plan).savefig(path, dpi=150)
+def draw(model: Model[Any], plan: Any, path: Path, tolerance: float | None = None) -> None:
+    """Write the picture of a plan or solution; `tolerance` is that of a plan held to another."""
+    from crosstrack.models import ControlPlan
+
+    # Other pictures judge a plan by no tolerance of their own.
+    options = only(tolerance=tolerance) if isinstance(plan, ControlPlan) else {}
+    ct.plot(model, plan, **options).savefig(path, dpi=150)
     say(f"picture: {path}")
 
 
@@ -248,7 +252,7 @@ def solve(
         if solution.plan is None:
             say("no plan, no picture")
         else:
-            draw(model, solution.plan, picture)
+            draw(model, solution, picture)
     return solve_code(solution)
 
 
@@ -365,7 +369,7 @@ def check(
         show(f"{model.name}: {'verified' if verification.ok else 'NOT verified'}{objective}")
         show(verification_table(verification))
     if picture is not None:
-        draw(model, found, picture)
+        draw(model, found, picture, tolerance)
     return VERIFIED if verification.ok else VIOLATED
 
 
@@ -608,7 +612,7 @@ def demo(
         if not as_json:
             show(f"route by {best.backend}: {best.plan}")
         if picture is not None:
-            draw(model, best.plan, picture)
+            draw(model, best, picture)
     return compare_code(result)
 
 

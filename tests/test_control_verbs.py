@@ -837,3 +837,21 @@ def test_models_are_listed_as_data():
 def test_a_table_has_the_unit_of_the_problem():
     found = ct.compare(push(10.0), ["ipopt"], formulation_options=COARSE)
     assert "property object" not in str(found)
+
+
+def test_a_picture_holds_a_solution_to_its_own_tolerance(tmp_path):
+    """What is valid as it was asked for is not drawn as invalid."""
+    model = ct.load(CURVE)
+    coarse = {"intervals": 2, "degree": 3, "refine": False}
+    loose = ct.solve(model, formulation="radau", tolerance=1e-1, formulation_options=coarse)
+    assert not ct.verify(model, loose.plan, tolerance=1e-6).ok
+
+    def title(**options):
+        figure = ct.plot(model, options.pop("plan", loose), **options)
+        return " ".join(
+            text.get_text() for text in figure.findobj(match=lambda a: hasattr(a, "get_text"))
+        )
+
+    assert "NOT VALID" not in title()
+    assert "NOT VALID" in title(tolerance=1e-6)
+    assert "NOT VALID" in title(plan=loose.plan)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...errors import BackendMissing, UnknownName, UnsupportedOption
+from ..verification import TOLERANCE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,7 +41,8 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
     model : Model
         The model.
     plan : plan, Solution or JSON data, optional
-        A plan for it, valid or not; None draws the data only.
+        A plan for it, valid or not; None draws the data only. A solution is held to the tolerance
+        that it was solved to, where the picture has one.
     **options
         Those of the model's picture: for error-correction routing
         :func:`crosstrack.models.plots.error_correction.draw`, for trajectories
@@ -75,6 +77,10 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
         ) from error
     draw: Callable[..., Figure] = resolve(_PICTURES[model.kind])
     _refuse_unknown(model.kind, draw, options)
+    asked = getattr(plan, "options", None)
+    if isinstance(asked, Mapping) and "tolerance" in inspect.signature(draw).parameters:
+        # A solution is as valid as it was asked to be.
+        options.setdefault("tolerance", asked.get("tolerance", TOLERANCE))
     return draw(model, None if plan is None else model.as_plan(plan), **options)
 
 
