@@ -18,18 +18,31 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from .lazy import attach
+from .version import __version__
+
 if TYPE_CHECKING:
-    from .errors import CrosstrackError
-    from .instances import load
-    from .models.plots import plot
-    from .solvers.crosscheck import Comparison, compare
-    from .solvers.diagnosis import Diagnosis, diagnose
-    from .solvers.dispatch import solve, verify
+    from .errors import CrosstrackError as CrosstrackError
+    from .instances.catalogue import load as load
+    from .models.plots import plot as plot
+    from .solvers.crosscheck import Comparison as Comparison, compare as compare
+    from .solvers.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
+    from .solvers.dispatch import solve as solve, verify as verify
     from .solvers.registry import backend_states as backends
-    from .solvers.solution import Solution
+    from .solvers.solution import Solution as Solution
 
-__version__ = "0.1.0"
-
+_get, _, _names = attach(
+    __name__,
+    {
+        "errors": ("CrosstrackError",),
+        "instances.catalogue": ("load",),
+        "models.plots": ("plot",),
+        "solvers.crosscheck": ("Comparison", "compare"),
+        "solvers.diagnosis": ("Diagnosis", "diagnose"),
+        "solvers.dispatch": ("solve", "verify"),
+        "solvers.solution": ("Solution",),
+    },
+)
 __all__ = [
     "Comparison",
     "CrosstrackError",
@@ -45,28 +58,13 @@ __all__ = [
     "verify",
 ]
 
-_HOMES = {
-    "Comparison": (".solvers.crosscheck", "Comparison"),
-    "CrosstrackError": (".errors", "CrosstrackError"),
-    "Diagnosis": (".solvers.diagnosis", "Diagnosis"),
-    "Solution": (".solvers.solution", "Solution"),
-    "backends": (".solvers.registry", "backend_states"),
-    "compare": (".solvers.crosscheck", "compare"),
-    "diagnose": (".solvers.diagnosis", "diagnose"),
-    "load": (".instances", "load"),
-    "plot": (".models.plots", "plot"),
-    "solve": (".solvers.dispatch", "solve"),
-    "verify": (".solvers.dispatch", "verify"),
-}
-
 
 def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        module, attribute = _HOMES[name]
-        return getattr(importlib.import_module(module, __name__), attribute)
+    if name == "backends":
+        return importlib.import_module(".solvers.registry", __name__).backend_states
     if name in ("errors", "instances", "models", "solvers"):
         return importlib.import_module(f".{name}", __name__)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _get(name)
 
 
 def __dir__() -> list[str]:

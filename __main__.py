@@ -492,8 +492,7 @@ def diagnose(
 def reproduce(problem: str, rows: str | None, time_limit: float, as_json: bool) -> int:
     """Print the paper's tables beside ours for PROBLEM, such as error-correction."""
     from crosstrack.instances import entries
-    from crosstrack.solvers.report.reproduction import reproduce as beside
-    from crosstrack.solvers.report.reproduction import reproduction_parts
+    from crosstrack.solvers.report.reproduction import reproduce as beside, reproduction_parts
 
     found = [e for e in entries() if e.name.startswith(f"{problem}/") and "table" in e.published]
     if rows is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 from collections.abc import Callable, Mapping
@@ -10,20 +11,13 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from ..errors import InvalidData, UnknownName
-from ..models.model import Model, resolve
+from ..errors import BackendBroken, InvalidData, UnknownName
+from ..models.model import Model
+from ..models.problems import declared_in, resolve, table
 
 __all__ = ["CatalogueEntry", "Provenance", "entries", "entry", "load", "register_entry"]
 
-#: Functions that return the entries of a problem, loaded when first asked for.
-_PROBLEMS: dict[str, str] = {
-    "error-correction": ".instances.error_correction.listing:catalogue_entries",
-    "minimum-derivative": ".instances.minimum_snap.listing:derivative_entries",
-    "minimum-snap": ".instances.minimum_snap.listing:snap_entries",
-    "optimal-control": ".instances.optimal_control.listing:catalogue_entries",
-    "satellite-slew": ".instances.satellite_slew.listing:catalogue_entries",
-    "time-allocation": ".instances.minimum_snap.listing:allocation_entries",
-}
+log = logging.getLogger("crosstrack")
 
 #: Entries of users, by name.
 _REGISTERED: dict[str, CatalogueEntry] = {}
@@ -176,36 +170,16 @@ def _about_csv(file: Path) -> str:
     from .storage import read_text
 
     first = next((line for line in read_text(file).splitlines() if line.strip()), "")
-    names = [name.strip().casefold() for name in first.lstrip("# ").split(",")]
-    if names[0] == "duration" and "x^0" in names:
-        return (
-            f"{file}: a poly7 file holds a trajectory, which is a plan, and no instance. "
-            "crosstrack.instances.read_poly7(path) returns it: plan(t, derivative=0); its "
-            "waypoints and times make an instance: "
-            "MinimumSnap(waypoints=plan(plan.times), times=plan.times)"
-        )
-    if names[0] == "t" and len(names) > 1:
-        return (
-            f"{file}: a CSV file of samples holds a trajectory at instants, and no instance; "
-            "crosstrack.instances.read_samples(path) returns it"
-        )
-    if names in (["x", "y"], ["x", "y", "z"]) or not re.search("[a-df-z]", first, re.IGNORECASE):
-        return (
-            f"{file}: a CSV file of waypoints holds no times. Write an instance file beside it, "
-            f'{{"model": "minimum-snap", "data": {{"waypoints": "{file.name}", "times": […]}}}}, '
-            "or call crosstrack.instances.read_waypoints(path) and times_by_distance(waypoints)"
-        )
-    return (
-        f"{file}: a CSV file holds points and no thresholds. Write an instance file beside it, "
-        f'{{"model": "error-correction", "data": {{"points": "{file.name}", "alpha1": …, '
-        '"alpha2": …, "beta1": …, "beta2": …, "theta": …, "delta": …}}, or call '
-        "crosstrack.instances.read_csv(path, alpha1=…, …)"
-    )
+    for _, _, target in declared_in(__package__, "HINTS"):
+        hint: str = resolve(target)(file, first)
+        if hint:
+            return f"{file}: {hint}"
+    return f"{file}: a CSV file holds data, and no instance; write an instance file beside it"
 
 
 def _find(name: str) -> CatalogueEntry | None:
     problem = name.partition("/")[0]
-    if problem in _PROBLEMS:
+    if problem in table(__package__, "CATALOGUE"):
         found = _problem(problem).get(name)
         if found is not None:
             return found
@@ -213,16 +187,19 @@ def _find(name: str) -> CatalogueEntry | None:
 
 
 def _all() -> dict[str, CatalogueEntry]:
-    return {
-        name: one
-        for table in (*map(_problem, _PROBLEMS), _REGISTERED)
-        for name, one in table.items()
-    }
+    found: dict[str, CatalogueEntry] = {}
+    for problem in table(__package__, "CATALOGUE"):
+        try:
+            found.update(_problem(problem))
+        except BackendBroken as error:  # a stranger's fault must not hide the other instances
+            log.warning("the catalogue of %r cannot be loaded: %s", problem, error)
+    return {**found, **_REGISTERED}
 
 
 def _problem(problem: str) -> dict[str, CatalogueEntry]:
     if problem not in _LOADED:
-        _LOADED[problem] = {one.name: one for one in resolve(_PROBLEMS[problem])()}
+        listed = resolve(table(__package__, "CATALOGUE")[problem])()
+        _LOADED[problem] = {one.name: one for one in listed}
     return _LOADED[problem]
 
 

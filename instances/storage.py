@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidData
-from ..models.model import Model, parse_json, resolve
+from ..models.model import Model, parse_json
+from ..models.problems import resolve, table
 
 __all__ = [
     "read_model",
@@ -32,12 +33,8 @@ __all__ = [
 #: Puts the content of referenced files into the ``data`` of an instance: (data, folder) -> data.
 References = Callable[[Mapping[str, Any], Path], dict[str, Any]]
 
-#: Functions of that type, or where to find them, by model kind; loaded when first needed.
-_REFERENCES: dict[str, Any] = {
-    "error-correction": ".instances.error_correction.files:resolve_references",
-    "minimum-derivative": ".instances.minimum_snap.tables:resolve_references",
-    "minimum-snap": ".instances.minimum_snap.tables:resolve_references",
-}
+#: Functions of that type that users registered, by model kind.
+_REGISTERED: dict[str, References] = {}
 
 
 def register_references(kind: str, function: References) -> References:
@@ -51,7 +48,7 @@ def register_references(kind: str, function: References) -> References:
         Takes ``data`` as it stands in the file and the file's folder; returns the ``data`` that
         the model understands.
     """
-    _REFERENCES[kind] = function
+    _REGISTERED[kind] = function
     return function
 
 
@@ -69,8 +66,9 @@ def read_model(path: str | os.PathLike[str]) -> Model[Any]:
         content = parse_json(text)
         if isinstance(content, Mapping):
             kind, data = content.get("model"), content.get("data")
-            if isinstance(kind, str) and isinstance(data, Mapping) and kind in _REFERENCES:
-                data = resolve(_REFERENCES[kind])(data, file.parent)
+            readers = {**table(__package__, "REFERENCES"), **_REGISTERED}
+            if isinstance(kind, str) and isinstance(data, Mapping) and kind in readers:
+                data = resolve(readers[kind])(data, file.parent)
                 content = {**content, "data": data}
         return Model.from_dict(content)
     except InvalidData as error:

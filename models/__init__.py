@@ -5,123 +5,87 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from ..lazy import attach
+
 if TYPE_CHECKING:
-    from .attitude_tracking import Tracking, track
-    from .builder import ProgramBuilder
-    from .control_plan import ControlPlan, PhasePlan
-    from .error_correction import ErrorCorrectionRouting, Route
-    from .formulation import Formulation
-    from .minimum_snap import FREE, MinimumDerivative, MinimumSnap
-    from .model import Model
-    from .optimal_control import OptimalControlProblem
-    from .programs import (
-        Block,
-        MixedIntegerProgram,
-        NonlinearProgram,
-        Program,
-        QuadraticProgram,
+    from .error_correction import (
+        ErrorCorrectionRouting as ErrorCorrectionRouting,
+        Route as Route,
     )
-    from .satellite_slew import SatelliteSlew
-    from .time_allocation import TimeAllocation
-    from .trajectory import Trajectory
-    from .verification import Check, Verification
+    from .formulation import Formulation as Formulation
+    from .minimum_snap import (
+        FREE as FREE,
+        MinimumDerivative as MinimumDerivative,
+        MinimumSnap as MinimumSnap,
+        TimeAllocation as TimeAllocation,
+        Trajectory as Trajectory,
+    )
+    from .model import Model as Model
+    from .optimal_control import (
+        ControlPlan as ControlPlan,
+        OptimalControlProblem as OptimalControlProblem,
+        PhasePlan as PhasePlan,
+    )
+    from .problems import (
+        model_type as model_type,
+        model_types as model_types,
+        register_model as register_model,
+    )
+    from .programs import (
+        Block as Block,
+        MixedIntegerProgram as MixedIntegerProgram,
+        NonlinearProgram as NonlinearProgram,
+        Program as Program,
+        ProgramBuilder as ProgramBuilder,
+        QuadraticProgram as QuadraticProgram,
+    )
+    from .satellite_slew import (
+        SatelliteSlew as SatelliteSlew,
+        Tracking as Tracking,
+        track as track,
+    )
+    from .verification import Check as Check, Verification as Verification
 
-__all__ = [
-    "FREE",
-    "Block",
-    "Check",
-    "ControlPlan",
-    "ErrorCorrectionRouting",
-    "Formulation",
-    "MinimumDerivative",
-    "MinimumSnap",
-    "MixedIntegerProgram",
-    "Model",
-    "NonlinearProgram",
-    "OptimalControlProblem",
-    "PhasePlan",
-    "Program",
-    "ProgramBuilder",
-    "QuadraticProgram",
-    "Route",
-    "SatelliteSlew",
-    "TimeAllocation",
-    "Tracking",
-    "Trajectory",
-    "Verification",
-    "model_type",
-    "model_types",
-    "register_model",
-    "track",
-]
-
-_HOMES = {
-    "FREE": "minimum_snap",
-    "Block": "programs",
-    "Check": "verification",
-    "ControlPlan": "control_plan",
-    "ErrorCorrectionRouting": "error_correction",
-    "Formulation": "formulation",
-    "MinimumDerivative": "minimum_snap",
-    "MinimumSnap": "minimum_snap",
-    "MixedIntegerProgram": "programs",
-    "Model": "model",
-    "NonlinearProgram": "programs",
-    "OptimalControlProblem": "optimal_control",
-    "PhasePlan": "control_plan",
-    "Program": "programs",
-    "ProgramBuilder": "builder",
-    "QuadraticProgram": "programs",
-    "Route": "error_correction",
-    "SatelliteSlew": "satellite_slew",
-    "TimeAllocation": "time_allocation",
-    "Tracking": "attitude_tracking",
-    "Trajectory": "trajectory",
-    "Verification": "verification",
-    "track": "attitude_tracking",
-}
-
-#: Model types by their JSON name, loaded when first asked for.
-_TYPES: dict[str, str | type[Model[Any]]] = {
-    "error-correction": ".models.error_correction:ErrorCorrectionRouting",
-    "minimum-derivative": ".models.minimum_snap:MinimumDerivative",
-    "minimum-snap": ".models.minimum_snap:MinimumSnap",
-    "mixed-integer-program": ".models.programs:MixedIntegerProgram",
-    "nonlinear-program": ".models.programs:NonlinearProgram",
-    "optimal-control": ".models.optimal_control:OptimalControlProblem",
-    "quadratic-program": ".models.programs:QuadraticProgram",
-    "satellite-slew": ".models.satellite_slew:SatelliteSlew",
-    "time-allocation": ".models.time_allocation:TimeAllocation",
-}
+_get, _, __all__ = attach(
+    __name__,
+    {
+        "formulation": ("Formulation",),
+        "model": ("Model",),
+        "problems": ("model_type", "model_types", "register_model"),
+        "programs": (
+            "Block",
+            "MixedIntegerProgram",
+            "NonlinearProgram",
+            "Program",
+            "ProgramBuilder",
+            "QuadraticProgram",
+        ),
+        "verification": ("Check", "Verification"),
+        # What other problems export is found in their folders as well.
+        "error_correction": ("ErrorCorrectionRouting", "Route"),
+        "minimum_snap": (
+            "FREE",
+            "MinimumDerivative",
+            "MinimumSnap",
+            "TimeAllocation",
+            "Trajectory",
+        ),
+        "optimal_control": ("ControlPlan", "OptimalControlProblem", "PhasePlan"),
+        "satellite_slew": ("SatelliteSlew", "Tracking", "track"),
+    },
+)
 
 
 def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
+    if name in __all__ or name.startswith("_"):
+        return _get(name)
+    problems = importlib.import_module(".problems", __name__)
+    for problem in problems.PROBLEMS:
+        folder = importlib.import_module(f".{problem}", __name__)
+        if name in folder.__all__:
+            return getattr(folder, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
     return __all__
-
-
-def model_types() -> tuple[str, ...]:
-    """Return the JSON names of all model types."""
-    return tuple(_TYPES)
-
-
-def model_type(kind: str) -> type[Model[Any]]:
-    """Return the model type with the JSON name `kind`; ``UnknownName`` where there is none."""
-    from ..errors import UnknownName
-    from .model import resolve
-
-    if kind not in _TYPES:
-        raise UnknownName("model", kind, _TYPES)
-    found: type[Model[Any]] = resolve(_TYPES[kind])
-    return found
-
-
-def register_model(cls: type[Model[Any]]) -> type[Model[Any]]:
-    """Make a user's model type readable from JSON by its ``kind``; usable as a decorator."""
-    _TYPES[cls.kind] = cls
-    return cls

@@ -16,7 +16,7 @@ from ..errors import UnsupportedOption
 
 if TYPE_CHECKING:
     from .model import Model
-    from .programs import Program
+    from .programs.base import Program
 
 __all__ = ["Formulation"]
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import importlib
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
@@ -17,33 +16,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 from ..errors import InvalidData, UnknownName, UnsupportedFormulation
 from .fields import Spec, Text, show
+from .problems import model_type, resolve
 from .verification import TOLERANCE, Verification
 
 if TYPE_CHECKING:
     from .formulation import Formulation
 
-__all__ = ["Model", "library_version", "resolve"]
+__all__ = ["Model", "parse_json"]
 
 PlanT = TypeVar("PlanT")
-
-
-def library_version() -> str:
-    """Return the version of crosstrack."""
-    from .. import __version__
-
-    return __version__
-
-
-def resolve(target: Any) -> Any:
-    """Return what a ``"module:object"`` string names; anything else as it is.
-
-    A module that begins with a dot is taken from within crosstrack.
-    """
-    if not isinstance(target, str):
-        return target
-    module, _, name = target.partition(":")
-    package = __package__.rpartition(".")[0]
-    return getattr(importlib.import_module(module, package), name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +140,6 @@ class Model(ABC, Generic[PlanT]):
     @staticmethod
     def from_dict(data: Any) -> Model[Any]:
         """Return the model of any kind that :meth:`to_dict` wrote."""
-        from . import model_type
-
         if not isinstance(data, Mapping):
             raise InvalidData(f"a model must be an object, got {show(data)}", field="model")
         for key in data:
@@ -179,7 +158,8 @@ class Model(ABC, Generic[PlanT]):
         name = data.get("name", "")
         if not isinstance(name, str):
             raise InvalidData(f"name must be a string, got {show(name)}", field="name")
-        return model_type(data["model"]).from_data(data["data"], name=name)
+        found: Model[Any] = model_type(data["model"]).from_data(data["data"], name=name)
+        return found
 
     @staticmethod
     def from_json(text: str) -> Model[Any]:

@@ -2,103 +2,82 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from ..lazy import attach
 
 if TYPE_CHECKING:
     from .backend import (
-        Answer,
-        Backend,
-        Control,
-        Feature,
-        Guarantee,
-        Limit,
-        Option,
-        Request,
-        Termination,
+        Answer as Answer,
+        Backend as Backend,
+        Control as Control,
+        Feature as Feature,
+        Guarantee as Guarantee,
+        Limit as Limit,
+        Option as Option,
+        Request as Request,
+        Termination as Termination,
     )
-    from .crosscheck import Comparison, compare
-    from .diagnosis import Diagnosis, Finding, diagnose
-    from .dispatch import solve, verify
-    from .isolation import Worker, probe
+    from .crosscheck import Comparison as Comparison, compare as compare
+    from .diagnosis import Diagnosis as Diagnosis, Finding as Finding, diagnose as diagnose
+    from .dispatch import solve as solve, verify as verify
+    from .isolation import Worker as Worker, probe as probe
     from .registry import (
-        BackendState,
-        backend_names,
-        backend_states,
-        find_backend,
-        register_backend,
+        BackendState as BackendState,
+        backend_names as backend_names,
+        backend_states as backend_states,
+        find_backend as find_backend,
+        register_backend as register_backend,
     )
-    from .solution import Incumbent, Solution, relative_gap
-    from .verdict import Outcome, Verdict
+    from .solution import Incumbent as Incumbent, Solution as Solution, relative_gap as relative_gap
+    from .verdict import Outcome as Outcome, Verdict as Verdict
 
-__all__ = [
-    "Answer",
-    "Backend",
-    "BackendState",
-    "Comparison",
-    "Control",
-    "Diagnosis",
-    "Feature",
-    "Finding",
-    "Guarantee",
-    "Incumbent",
-    "Limit",
-    "Option",
-    "Outcome",
-    "Request",
-    "Solution",
-    "Termination",
-    "Verdict",
-    "Worker",
-    "backend_names",
-    "backend_states",
-    "compare",
-    "diagnose",
-    "find_backend",
-    "probe",
-    "register_backend",
-    "relative_gap",
-    "solve",
-    "verify",
-]
-
-_HOMES = {
-    "Answer": "backend",
-    "Backend": "backend",
-    "BackendState": "registry",
-    "Comparison": "crosscheck",
-    "Control": "backend",
-    "Diagnosis": "diagnosis",
-    "Feature": "backend",
-    "Finding": "diagnosis",
-    "Guarantee": "backend",
-    "Incumbent": "solution",
-    "Limit": "backend",
-    "Option": "backend",
-    "Outcome": "verdict",
-    "Request": "backend",
-    "Solution": "solution",
-    "Termination": "backend",
-    "Verdict": "verdict",
-    "Worker": "isolation",
-    "backend_names": "registry",
-    "backend_states": "registry",
-    "compare": "crosscheck",
-    "diagnose": "diagnosis",
-    "find_backend": "registry",
-    "probe": "isolation",
-    "register_backend": "registry",
-    "relative_gap": "solution",
-    "solve": "dispatch",
-    "verify": "dispatch",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "backend": (
+            "Answer",
+            "Backend",
+            "Control",
+            "Feature",
+            "Guarantee",
+            "Limit",
+            "Option",
+            "Request",
+            "Termination",
+        ),
+        "registry": (
+            "BackendState",
+            "backend_names",
+            "backend_states",
+            "find_backend",
+            "register_backend",
+        ),
+        "crosscheck": (
+            "Comparison",
+            "compare",
+        ),
+        "diagnosis": (
+            "Diagnosis",
+            "Finding",
+            "diagnose",
+        ),
+        "solution": (
+            "Incumbent",
+            "Solution",
+            "relative_gap",
+        ),
+        "verdict": (
+            "Outcome",
+            "Verdict",
+        ),
+        "isolation": (
+            "Worker",
+            "probe",
+        ),
+        "dispatch": (
+            "solve",
+            "verify",
+        ),
+    },
+)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..models.programs import RowProgram
+from ..models.programs.base import RowProgram
 from .backend import Answer, Control, Limit, Request, Termination
 
 __all__ = [

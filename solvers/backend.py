@@ -1,6 +1,6 @@
 """What a backend is: the contract between :func:`crosstrack.solve` and every solver.
 
-A backend receives a problem (a :class:`~crosstrack.models.programs.Program`, or a model of the
+A backend receives a problem (a :class:`~crosstrack.models.programs.base.Program`, or a model of the
 type that a native algorithm knows) with a :class:`Request`, and returns an :class:`Answer`. An
 answer is a claim: the dispatcher decodes and verifies it before anybody sees a solution.
 """
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from ..errors import BackendMissing, UnsupportedOption
 from ..models.model import Model
+from ..version import __version__
 
 __all__ = [
     "Answer",
@@ -263,12 +264,14 @@ class Backend(ABC):
     ----------
     name : str
         The name people type.
-    accepts : type
-        A program type, or the model type that a native algorithm knows.
+    accepts : type or tuple of types
+        Program types, or the model type that a native algorithm knows.
     guarantee : Guarantee
         Only ``EXACT`` backends may claim infeasibility or a dual bound.
     features : frozenset of Feature
         What of the common request it understands; asking for anything else raises.
+    deterministic : bool
+        Whether it draws nothing, so that any ``seed`` is granted without the feature.
     single_threaded : bool
         Whether it runs on one thread whatever is asked, so that ``threads=1`` is granted without
         the feature.
@@ -287,12 +290,18 @@ class Backend(ABC):
         Its own options.
     summary : str
         One line for lists.
+    problem : str
+        The problem whose native algorithm it is; empty for a solver of programs. Set when the
+        backend is looked up.
     """
 
+    problem: str = ""
+
     name: ClassVar[str]
-    accepts: ClassVar[type[Model[Any]]]
+    accepts: ClassVar[type[Model[Any]] | tuple[type[Model[Any]], ...]]
     guarantee: ClassVar[Guarantee]
     features: ClassVar[frozenset[Feature]] = frozenset()
+    deterministic: ClassVar[bool] = False
     single_threaded: ClassVar[bool] = False
     requires: ClassVar[tuple[str, ...]] = ()
     distribution: ClassVar[str] = ""
@@ -310,6 +319,11 @@ class Backend(ABC):
         :class:`~crosstrack.errors.BackendBroken` where the solver refuses for a reason that has
         nothing to do with the problem (a licence, a missing shared library).
         """
+
+    def accepted_kinds(self) -> str:
+        """Return what it accepts in words: kinds of models, separated by commas."""
+        types = self.accepts if isinstance(self.accepts, tuple) else (self.accepts,)
+        return ", ".join(one.kind or one.__name__ for one in types)
 
     def prepare(self) -> None:
         """Do what only the first run needs, such as compiling; timed apart as ``seconds.compile``.
@@ -338,10 +352,8 @@ class Backend(ABC):
 
     def version(self) -> str | None:
         """Version of the solver's distribution, None where it is not installed."""
-        from ..models.model import library_version
-
         if not self.distribution:
-            return library_version()
+            return __version__
         try:
             return importlib.metadata.version(self.distribution)
         except importlib.metadata.PackageNotFoundError:

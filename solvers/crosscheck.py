@@ -17,7 +17,8 @@ from typing import Any
 import cloudpickle
 
 from ..errors import CrosstrackError, InvalidData, UnknownName, UnsupportedOption
-from ..models.model import Model, library_version
+from ..models.model import Model
+from ..version import __version__
 from .backend import Backend, Feature, Limit, Termination
 from .campaign import Record
 from .execution import GRACE
@@ -296,7 +297,7 @@ def failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
         termination=Termination.FAILED,
         seconds={"total": seconds},
         backend_version=backend.version(),
-        version=library_version(),
+        version=__version__,
         options=job.options(),
         formulation_options=dict(job.formulation_options),
         seed=job.seed,

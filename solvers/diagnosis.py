@@ -8,8 +8,10 @@ from typing import Any
 
 from ..errors import UnsupportedFormulation
 from ..models.formulation import Formulation
-from ..models.model import Model, resolve
-from ..models.programs import QuadraticProgram, RowProgram
+from ..models.model import Model
+from ..models.problems import resolve, table
+from ..models.programs.base import RowProgram
+from ..models.programs.linear import QuadraticProgram
 from ..models.verification import TOLERANCE
 from .backend import Backend, Guarantee, Termination
 from .dispatch import solve
@@ -17,16 +19,6 @@ from .registry import find_backend, recommended
 from .solution import Solution
 
 __all__ = ["Diagnosis", "Finding", "diagnose", "filtered"]
-
-#: What finds the place where every extension dies, by the model's kind.
-_NATIVE: Mapping[str, str] = {
-    "error-correction": ".solvers.error_correction.diagnosis:diagnose_routing",
-    "minimum-derivative": ".solvers.minimum_snap.diagnosis:diagnose_trajectory",
-    "minimum-snap": ".solvers.minimum_snap.diagnosis:diagnose_trajectory",
-    "optimal-control": ".solvers.optimal_control.diagnosis:diagnose_control",
-    "satellite-slew": ".solvers.optimal_control.diagnosis:diagnose_control",
-}
-
 
 #: Findings that a printed diagnosis shows.
 _SHOWN = 12
@@ -139,8 +131,9 @@ def diagnose(
     UnsupportedFormulation
         The backend is not exact, or takes no program.
     """
-    if backend is None and formulation is None and model.kind in _NATIVE:
-        native: Callable[[Any, float | None], Diagnosis] = resolve(_NATIVE[model.kind])
+    searches = table(__package__, "DIAGNOSES")
+    if backend is None and formulation is None and model.kind in searches:
+        native: Callable[[Any, float | None], Diagnosis] = resolve(searches[model.kind])
         return native(model, time_limit)
     return filtered(model, backend, formulation, time_limit)
 

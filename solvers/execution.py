@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import CrosstrackError, InvalidData
-from ..models.model import library_version
-from ..models.programs import MixedIntegerProgram, QuadraticProgram
+from ..models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ..models.verification import TOLERANCE, Verification
+from ..version import __version__
 from .backend import Answer, Control, Feature, Guarantee, Limit, Request, Termination
 from .job import GAP, Job, Target
 from .solution import Incumbent, Solution, relative_gap
@@ -422,7 +422,7 @@ def _finish(run: _Run, answer: Answer, problem: Any) -> Solution[Any]:
         seconds=parts,
         incumbents=tuple(run.incumbents),
         backend_version=backend.version(),
-        version=library_version(),
+        version=__version__,
         options=job.options(),
         formulation_options=dict(job.formulation_options),
         seed=job.seed,

@@ -27,8 +27,8 @@ import cloudpickle
 
 from .. import errors
 from ..errors import CrosstrackError
-from ..models.model import library_version
 from ..models.verification import TOLERANCE
+from ..version import __version__
 from .backend import Backend, Limit, Termination
 from .execution import GRACE
 from .job import Job
@@ -312,7 +312,7 @@ def _salvage(
         seconds={"total": time.monotonic() - begin},
         incumbents=tuple(incumbents),
         backend_version=backend.version() if isinstance(backend, Backend) else None,
-        version=library_version(),
+        version=__version__,
         options=job.options(),
         seed=job.seed,
         message=message,

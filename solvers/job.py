@@ -71,7 +71,7 @@ class Job:
             if self.formulation is not None:
                 self._known_formulation(self.formulation)
             return replace(self, backend=recommended(self.model, self.formulation))
-        return replace(self, backend=find_backend(self.backend))
+        return replace(self, backend=find_backend(self.backend, self.model))
 
     def target(self) -> Target:
         """Return what the backend will be given; whatever it does not support raises here.
@@ -96,6 +96,8 @@ class Job:
             if asked is None or feature in backend.features:
                 continue
             if name == "threads" and asked == 1 and backend.single_threaded:
+                continue
+            if name == "seed" and backend.deterministic:
                 continue
             raise UnsupportedOption(f"backend {backend.name!r} does not support {name}={asked!r}")
         usable = {Feature.WARM_START, Feature.CUTOFF} & backend.features
@@ -135,7 +137,7 @@ class Job:
         type(self.model).formulation_type(name)  # raises UnknownName with what there is
 
     def _refusal(self, backend: Backend) -> str:
-        takes = backend.accepts.kind or backend.accepts.__name__
+        takes = backend.accepted_kinds()
         if self.formulation is not None and issubclass(type(self.model), backend.accepts):
             return f"backend {backend.name!r} takes model {takes!r} itself, not its formulation {self.formulation!r}"
         what = f"formulation {self.formulation!r} of model" if self.formulation else "model"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 from ..errors import BackendBroken, InvalidData, UnknownName, UnsupportedFormulation
-from ..models.model import Model, resolve
+from ..models.model import Model
+from ..models.problems import declared_in, resolve
 from .backend import Backend, Guarantee
 
 __all__ = [
@@ -28,23 +29,9 @@ __all__ = [
 #: Entry-point group in which other distributions announce backends.
 GROUP = "crosstrack.backends"
 
-#: Our own backends, native algorithms first and each kind in order of preference: the first
-#: exact one that is installed and accepts a problem is what ``"auto"`` takes.
-_TABLE: Mapping[str, str] = {
-    "label-setting": ".solvers.error_correction.label_setting:LabelSetting",
-    "two-stage": ".solvers.error_correction.two_stage:TwoStage",
-    "pulse": ".solvers.error_correction.pulse:Pulse",
-    "dynamic-programming": ".solvers.error_correction.dynamic_programming:DynamicProgramming",
-    "labelling": ".solvers.error_correction.labelling:Labelling",
-    "banded": ".solvers.minimum_snap.direct:Banded",
-    "interior-point": ".solvers.minimum_snap.interior_point:InteriorPoint",
-    "time-gradient": ".solvers.minimum_snap.time_gradient:TimeGradient",
-    "time-trapezoid": ".solvers.minimum_snap.time_heuristics:TimeTrapezoid",
-    "time-distance": ".solvers.minimum_snap.time_heuristics:TimeDistance",
-    "time-simplex": ".solvers.minimum_snap.time_simplex:TimeSimplex",
-    "slew-pseudo-inverse": ".solvers.satellite_slew.eigenaxis:PseudoInverseSteering",
-    "slew-singularity-robust": ".solvers.satellite_slew.eigenaxis:SingularityRobust",
-    "slew-generalised": ".solvers.satellite_slew.eigenaxis:Generalised",
+#: Solvers of programs, each kind in order of preference. They stand after the native algorithms of
+#: all problems: the first exact one that is installed and accepts a model is what ``"auto"`` takes.
+_SOLVERS: Mapping[str, str] = {
     # Before HiGHS, whose quadratic solver is slower and was seen to fail on flat objectives.
     "clarabel": ".solvers.qp.clarabel:Clarabel",
     "highs": ".solvers.mip.highs:Highs",
@@ -90,24 +77,74 @@ def register_backend(backend: Backend | type[Backend]) -> Backend | type[Backend
     return backend
 
 
+@dataclass(frozen=True)
+class _Declared:
+    """Where a backend is found: the problem whose native algorithm it is, if any, and its target."""
+
+    name: str
+    problem: str
+    target: Any
+
+    def load(self) -> Backend:
+        """Return the backend; ``BackendBroken`` with the cause where its code cannot be loaded."""
+        target = self.target
+        where = target if isinstance(target, str) else getattr(target, "value", repr(target))
+        try:
+            loaded = resolve(target) if isinstance(target, str | Backend) else target.load()
+            instance = loaded() if isinstance(loaded, type) else loaded
+        except Exception as error:
+            raise BackendBroken(
+                f"backend {self.name!r} ({where}) cannot be loaded: {type(error).__name__}: {error}"
+            ) from error
+        if not isinstance(instance, Backend):
+            raise BackendBroken(
+                f"backend {self.name!r} is no Backend but {type(instance).__name__}"
+            )
+        instance.problem = self.problem
+        return instance
+
+
 @cache
-def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
+def _installed() -> tuple[_Declared, ...]:
     """Read once: looking through all installed distributions takes milliseconds."""
-    return {point.name: point for point in importlib.metadata.entry_points(group=GROUP)}
+    native = [
+        _Declared(name, problem, to) for problem, name, to in declared_in(__package__, "BACKENDS")
+    ]
+    ours = [_Declared(name, "", to) for name, to in _SOLVERS.items()]
+    taken = {one.name for one in ours}
+    points = importlib.metadata.entry_points(group=GROUP)
+    theirs = {point.name: _Declared(point.name, "", point) for point in points}
+    return (*native, *ours, *(one for name, one in theirs.items() if name not in taken))
+
+
+def _declared(name: str | None = None) -> list[_Declared]:
+    """Return all backends, or those called `name`; what the session registered replaces others."""
+    session = [_Declared(one.name, one.problem, one) for one in _session.values()]
+    known = [one for one in _installed() if one.name not in _session]
+    return [one for one in (*known, *session) if name is None or one.name == name]
 
 
 def backend_names() -> tuple[str, ...]:
-    """Return the names of all backends, ours first."""
-    return tuple(dict.fromkeys([*_TABLE, *_entry_points(), *_session]))
+    """Return the names of all backends, native algorithms first."""
+    return tuple(dict.fromkeys(one.name for one in _declared()))
 
 
-def find_backend(backend: str | Backend) -> Backend:
+def find_backend(backend: str | Backend, model: Model[Any] | None = None) -> Backend:
     """Return the backend called `backend`; a backend object is returned as it is.
+
+    Parameters
+    ----------
+    backend : str or Backend
+        A name. Native algorithms of several problems may share one.
+    model : Model, optional
+        What it is to solve: among backends of one name, the one that accepts it is taken.
 
     Raises
     ------
     UnknownName
         No backend bears the name.
+    InvalidData
+        Several problems have a backend of that name, and no model says which is meant.
     BackendBroken
         Its own code cannot be loaded; the cause is named.
     """
@@ -115,29 +152,26 @@ def find_backend(backend: str | Backend) -> Backend:
         return backend
     if not isinstance(backend, str):
         raise InvalidData(f"backend must be a name or a Backend, got {backend!r}", field="backend")
-    if backend in _session:
-        return _session[backend]
-    point = None if backend in _TABLE else _entry_points().get(backend)
-    if point is None and backend not in _TABLE:
+    found = _declared(backend)
+    if not found:
         raise UnknownName("backend", backend, backend_names())
-    try:
-        loaded = resolve(_TABLE[backend]) if point is None else point.load()
-    except Exception as error:
-        where = _TABLE[backend] if point is None else point.value
-        raise BackendBroken(
-            f"backend {backend!r} ({where}) cannot be loaded: {type(error).__name__}: {error}"
-        ) from error
-    instance = loaded() if isinstance(loaded, type) else loaded
-    if not isinstance(instance, Backend):
-        raise BackendBroken(f"backend {backend!r} is no Backend but {type(instance).__name__}")
-    return instance
+    if len(found) == 1:
+        return found[0].load()
+    if model is None:
+        raise InvalidData(
+            f"backend {backend!r} belongs to each of the problems "
+            f"{', '.join(one.problem for one in found)}: name it together with a model",
+            field="backend",
+        )
+    loaded = [one.load() for one in found]
+    return next((one for one in loaded if accepted(model, one, None) is not None), loaded[0])
 
 
 @dataclass(frozen=True)
 class BackendState:
     """What is known of a backend without importing its solver.
 
-    ``state`` is ``"installed"``, ``"missing"`` or ``"broken"``; ``cause`` says why it is not the
+    ``problem`` is the problem whose native algorithm it is, empty for a solver of programs. ``state`` is ``"installed"``, ``"missing"`` or ``"broken"``; ``cause`` says why it is not the
     first. Whether an installed one really loads is found in a worker
     (:func:`crosstrack.solvers.worker.probe`).
     """
@@ -151,11 +185,13 @@ class BackendState:
     features: tuple[str, ...] = ()
     options: Mapping[str, str] | None = None
     summary: str = ""
+    problem: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the state as JSON data."""
         return {
             "name": self.name,
+            "problem": self.problem,
             "state": self.state,
             "installed": self.state == "installed",
             "cause": self.cause,
@@ -170,16 +206,17 @@ class BackendState:
 
 def backend_states() -> tuple[BackendState, ...]:
     """Return the state of every backend; one that is missing or broken is a row, no exception."""
-    return tuple(_state(name) for name in backend_names())
+    return tuple(map(_state, _declared()))
 
 
-def _state(name: str) -> BackendState:
+def _state(declared: _Declared) -> BackendState:
+    name = declared.name
     try:
-        backend = find_backend(name)
+        backend = declared.load()
         missing = backend.missing()
         backend_version = backend.version()
     except (BackendBroken, ImportError) as error:
-        return BackendState(name, "broken", str(error))
+        return BackendState(name, "broken", str(error), problem=declared.problem)
     cause = ""
     if missing:
         how = f"crosstrack[{backend.extra}]" if backend.extra else " ".join(missing)
@@ -189,11 +226,12 @@ def _state(name: str) -> BackendState:
         state="missing" if missing else "installed",
         cause=cause,
         version=backend_version,
-        accepts=backend.accepts.kind or backend.accepts.__name__,
+        accepts=backend.accepted_kinds(),
         guarantee=str(backend.guarantee),
         features=tuple(sorted(str(feature) for feature in backend.features)),
         options={key: option.help for key, option in backend.options.items()},
         summary=backend.summary,
+        problem=declared.problem,
     )
 
 
@@ -201,9 +239,9 @@ def rivals(backend: Backend) -> frozenset[str]:
     """Return the native modules that break `backend` when they are loaded in its process."""
     found: set[str] = set()
     if backend.conflict_group:
-        for name in backend_names():
+        for declared in _declared():
             try:
-                other = find_backend(name)
+                other = declared.load()
             except BackendBroken:
                 continue  # what cannot be loaded cannot be in the way
             if other.conflict_group == backend.conflict_group:
@@ -242,24 +280,36 @@ def default_formulation(model: Model[Any], backend: Backend) -> str:
     return model.default_formulation if model.default_formulation in names else names[0]
 
 
+def _loadable() -> Iterator[Backend]:
+    """Yield the backends that are installed and can be loaded."""
+    for declared in _declared():
+        try:
+            backend = declared.load()
+        except BackendBroken:
+            continue  # a stranger's broken backend must not stop the others; lists show it
+        if not backend.missing():
+            yield backend
+
+
 def fitting(model: Model[Any]) -> tuple[str, ...]:
     """Return the names of the installed backends that can take `model` by default."""
     names = []
-    for state in backend_states():
-        if state.state != "installed":
-            continue
-        backend = find_backend(state.name)
+    programs: dict[tuple[str, str], Any] = {}
+    for backend in _loadable():
         step = accepted(model, backend, None)
         if step is None:
             continue
         problem: Any = step
         if not isinstance(step, backend.accepts):
-            try:
-                problem = step.formulate(default_formulation(step, backend)).program
-            except UnsupportedFormulation:
-                continue
-        if not backend.refuses(problem):
-            names.append(state.name)
+            key = step.kind, default_formulation(step, backend)
+            if key not in programs:
+                try:
+                    programs[key] = step.formulate(key[1]).program
+                except UnsupportedFormulation:
+                    programs[key] = None
+            problem = programs[key]
+        if problem is not None and not backend.refuses(problem):
+            names.append(backend.name)
     return tuple(names)
 
 
@@ -273,13 +323,9 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
     """
     best: Backend | None = None
     order = [Guarantee.EXACT, Guarantee.LOCAL, Guarantee.HEURISTIC, Guarantee.RELAXATION]
-    for name in backend_names():
-        try:
-            backend = find_backend(name)
-        except BackendBroken:
-            continue  # a stranger's broken backend must not stop the others; lists show it
+    for backend in _loadable():
         step = accepted(model, backend, formulation)
-        if backend.missing() or step is None:
+        if step is None:
             continue
         if formulation is None and isinstance(step, backend.accepts) and backend.refuses(step):
             continue

@@ -103,7 +103,7 @@ class Solution(Generic[PlanT]):
         All results of a multistart, this best one included.
     duals : ndarray, optional
         Row multipliers of a continuous program, signed as
-        :meth:`crosstrack.models.programs.MixedIntegerProgram.dual_bound` wants them.
+        :meth:`crosstrack.models.programs.linear.MixedIntegerProgram.dual_bound` wants them.
     stored_plan : object
         The plan as JSON data, or a function that returns it: a long plan is many small lists, which
         nobody should wait for who does not ask.

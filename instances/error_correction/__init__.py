@@ -2,60 +2,63 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
 
 if TYPE_CHECKING:
-    from .examples import example_1
-    from .files import PointTable, read_csv, read_points, write_csv, write_json
-    from .generator import generate, generate_with_route, random_small, uniform_slab
-    from .listing import setting_model
-    from .settings import SETTINGS, TABLE_2, TABLE_3, Setting, Thresholds
+    from .examples import example_1 as example_1
+    from .files import (
+        PointTable as PointTable,
+        read_csv as read_csv,
+        read_points as read_points,
+        write_csv as write_csv,
+        write_json as write_json,
+    )
+    from .generator import (
+        generate as generate,
+        generate_with_route as generate_with_route,
+        random_small as random_small,
+        uniform_slab as uniform_slab,
+    )
+    from .listing import setting_model as setting_model
+    from .settings import (
+        SETTINGS as SETTINGS,
+        TABLE_2 as TABLE_2,
+        TABLE_3 as TABLE_3,
+        Setting as Setting,
+        Thresholds as Thresholds,
+    )
 
-__all__ = [
-    "SETTINGS",
-    "TABLE_2",
-    "TABLE_3",
-    "PointTable",
-    "Setting",
-    "Thresholds",
-    "example_1",
-    "generate",
-    "generate_with_route",
-    "random_small",
-    "read_csv",
-    "read_points",
-    "setting_model",
-    "uniform_slab",
-    "write_csv",
-    "write_json",
-]
+CATALOGUE = {"error-correction": ".listing:catalogue_entries"}
+REFERENCES = {"error-correction": ".files:resolve_references"}
+HINTS = {"points": ".files:describe_points"}
+DEMOS = {"error-correction": ".demo:DEMO"}
 
-_HOMES = {
-    "SETTINGS": "settings",
-    "TABLE_2": "settings",
-    "TABLE_3": "settings",
-    "PointTable": "files",
-    "Setting": "settings",
-    "Thresholds": "settings",
-    "example_1": "examples",
-    "generate": "generator",
-    "generate_with_route": "generator",
-    "read_csv": "files",
-    "random_small": "generator",
-    "read_points": "files",
-    "setting_model": "listing",
-    "uniform_slab": "generator",
-    "write_csv": "files",
-    "write_json": "files",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "examples": ("example_1",),
+        "files": (
+            "PointTable",
+            "read_csv",
+            "read_points",
+            "write_csv",
+            "write_json",
+        ),
+        "generator": (
+            "generate",
+            "generate_with_route",
+            "random_small",
+            "uniform_slab",
+        ),
+        "listing": ("setting_model",),
+        "settings": (
+            "SETTINGS",
+            "TABLE_2",
+            "TABLE_3",
+            "Setting",
+            "Thresholds",
+        ),
+    },
+)

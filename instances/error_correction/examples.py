@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...models.error_correction import ErrorCorrectionRouting
+from ...models.error_correction.model import ErrorCorrectionRouting
 
 __all__ = ["example_1"]
 

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...models.error_correction import ErrorCorrectionRouting
+from ...models.error_correction.model import ErrorCorrectionRouting
+from ...models.error_correction.points import kind_word
 from ...models.fields import show
-from ...models.points import kind_word
 from ..storage import pretty, read_text, write_model, write_text
 
 __all__ = ["PointTable", "read_csv", "read_points", "resolve_references", "write_csv", "write_json"]
@@ -95,6 +95,19 @@ def read_csv(
             raise InvalidData(f"{key} must not be given: {path} holds it", field=key)
     name = Path(path).stem if name is None else name
     return ErrorCorrectionRouting.from_data({**data, **table.data()}, name=name)
+
+
+def describe_points(file: Path, header: str) -> str:
+    """Return what to do with a CSV file of points, empty where it is none."""
+    names = {name.strip().casefold() for name in header.split(",")}
+    if not {"id", "kind"} & names:
+        return ""
+    return (
+        "a CSV file holds points and no thresholds. Write an instance file beside it, "
+        f'{{"model": "error-correction", "data": {{"points": "{file.name}", "alpha1": …, '
+        '"alpha2": …, "beta1": …, "beta2": …, "theta": …, "delta": …}}, or call '
+        "crosstrack.instances.read_csv(path, alpha1=…, …)"
+    )
 
 
 def resolve_references(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...models.error_correction import ErrorCorrectionRouting, Route
+from ...models.error_correction.model import ErrorCorrectionRouting, Route
 from ...models.fields import Real, show
 from .settings import BOX, DELTA, Thresholds
 

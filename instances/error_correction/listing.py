@@ -4,20 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
-from ...models.error_correction import ErrorCorrectionRouting
+from ...models.error_correction.model import ErrorCorrectionRouting
 from ..catalogue import CatalogueEntry, Provenance
 from .examples import example_1
 from .generator import generate
-from .settings import (
-    BOX,
-    DELTA,
-    EXAMPLE_1_OPTIMUM,
-    PAPER,
-    SETTINGS,
-    TIGHT,
-    Setting,
-    published,
-)
+from .settings import BOX, DELTA, EXAMPLE_1_OPTIMUM, PAPER, SETTINGS, TIGHT, Setting, published
 
 __all__ = ["catalogue_entries", "setting_model"]
 

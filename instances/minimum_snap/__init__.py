@@ -2,80 +2,91 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
 
 if TYPE_CHECKING:
-    from .bezier import read_bezier, write_bezier
-    from .corridors import corridor, corridor_with_way, gates, hurried
-    from .paths import (
-        figure_eight,
-        helix,
-        random_walk,
-        random_waypoints,
-        square,
-        times_by_distance,
+    from .bezier import read_bezier as read_bezier, write_bezier as write_bezier
+    from .corridors import (
+        corridor as corridor,
+        corridor_with_way as corridor_with_way,
+        gates as gates,
+        hurried as hurried,
     )
-    from .pieces import Poly7
-    from .poly7 import PIECES_THAT_FIT, Poly7Report, read_poly7, write_poly7
-    from .tables import Samples, read_samples, read_waypoints, sample_columns, write_samples
+    from .paths import (
+        figure_eight as figure_eight,
+        helix as helix,
+        random_walk as random_walk,
+        random_waypoints as random_waypoints,
+        square as square,
+        times_by_distance as times_by_distance,
+    )
+    from .pieces import Poly7 as Poly7
+    from .poly7 import (
+        PIECES_THAT_FIT as PIECES_THAT_FIT,
+        Poly7Report as Poly7Report,
+        read_poly7 as read_poly7,
+        write_poly7 as write_poly7,
+    )
+    from .tables import (
+        Samples as Samples,
+        read_samples as read_samples,
+        read_waypoints as read_waypoints,
+        sample_columns as sample_columns,
+        write_samples as write_samples,
+    )
 
-__all__ = [
-    "PIECES_THAT_FIT",
-    "Poly7",
-    "Poly7Report",
-    "Samples",
-    "corridor",
-    "corridor_with_way",
-    "figure_eight",
-    "gates",
-    "helix",
-    "hurried",
-    "random_walk",
-    "random_waypoints",
-    "read_bezier",
-    "read_poly7",
-    "read_samples",
-    "read_waypoints",
-    "sample_columns",
-    "square",
-    "times_by_distance",
-    "write_bezier",
-    "write_poly7",
-    "write_samples",
-]
-
-_HOMES = {
-    "PIECES_THAT_FIT": "poly7",
-    "Poly7": "pieces",
-    "Poly7Report": "poly7",
-    "Samples": "tables",
-    "corridor": "corridors",
-    "corridor_with_way": "corridors",
-    "figure_eight": "paths",
-    "gates": "corridors",
-    "helix": "paths",
-    "hurried": "corridors",
-    "random_walk": "paths",
-    "random_waypoints": "paths",
-    "read_bezier": "bezier",
-    "read_poly7": "poly7",
-    "read_samples": "tables",
-    "read_waypoints": "tables",
-    "sample_columns": "tables",
-    "square": "paths",
-    "times_by_distance": "paths",
-    "write_bezier": "bezier",
-    "write_poly7": "poly7",
-    "write_samples": "tables",
+CATALOGUE = {
+    "minimum-derivative": ".listing:derivative_entries",
+    "minimum-snap": ".listing:snap_entries",
+    "time-allocation": ".listing:allocation_entries",
+}
+REFERENCES = {
+    "minimum-derivative": ".tables:resolve_references",
+    "minimum-snap": ".tables:resolve_references",
+}
+HINTS = {"trajectory": ".tables:describe_table"}
+EXPORTS = {
+    "poly7": ".exports:POLY7",
+    "samples": ".exports:SAMPLES",
+    "bezier": ".exports:BEZIER",
 }
 
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "bezier": (
+            "read_bezier",
+            "write_bezier",
+        ),
+        "corridors": (
+            "corridor",
+            "corridor_with_way",
+            "gates",
+            "hurried",
+        ),
+        "paths": (
+            "figure_eight",
+            "helix",
+            "random_walk",
+            "random_waypoints",
+            "square",
+            "times_by_distance",
+        ),
+        "pieces": ("Poly7",),
+        "poly7": (
+            "PIECES_THAT_FIT",
+            "Poly7Report",
+            "read_poly7",
+            "write_poly7",
+        ),
+        "tables": (
+            "Samples",
+            "read_samples",
+            "read_waypoints",
+            "sample_columns",
+            "write_samples",
+        ),
+    },
+)

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ...errors import InvalidData
+from ...models.minimum_snap.trajectory import Trajectory
 from ...models.model import parse_json
-from ...models.trajectory import Trajectory
 from ..storage import read_text, write_text
 
 __all__ = ["read_bezier", "write_bezier"]

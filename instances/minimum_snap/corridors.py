@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.fields import Real, Whole
-from ...models.minimum_snap import FREE, MinimumSnap
-from ...models.trajectory import Trajectory
+from ...models.minimum_snap.model import FREE, MinimumSnap
+from ...models.minimum_snap.trajectory import Trajectory
 from .paths import generator, random_waypoints, times_by_distance
 
 __all__ = ["corridor", "corridor_with_way", "gates", "hurried"]

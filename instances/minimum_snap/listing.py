@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...models.fields import Real
-from ...models.minimum_snap import MinimumDerivative, MinimumSnap
+from ...models.minimum_snap.model import MinimumDerivative, MinimumSnap
+from ...models.minimum_snap.time_allocation import TimeAllocation
+from ...models.minimum_snap.trajectory import Trajectory
 from ...models.model import Model
-from ...models.time_allocation import TimeAllocation
-from ...models.trajectory import Trajectory
 from ..catalogue import CatalogueEntry, Provenance
 from .corridors import corridor, gates, hurried
 from .paths import figure_eight, helix, random_walk, random_waypoints, square, times_by_distance

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
 from ...models.fields import Array, Real, Whole, show
-from ...models.minimum_snap import MinimumSnap
+from ...models.minimum_snap.model import MinimumSnap
 
 __all__ = [
     "figure_eight",

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.fields import Array, Real, frozen, show
-from ...models.polynomials import factorials
-from ...models.trajectory import Trajectory
+from ...models.minimum_snap.polynomials import factorials
+from ...models.minimum_snap.trajectory import Trajectory
 from ..storage import read_text
 from .tables import numbers_of, numeric_rows
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...models.trajectory import Trajectory
+from ...models.minimum_snap.trajectory import Trajectory
 from ..storage import write_text
 from .pieces import Poly7, Precision
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.fields import show
-from ...models.trajectory import Trajectory
+from ...models.minimum_snap.trajectory import Trajectory
 from ..storage import read_text, write_text
 
 __all__ = [
@@ -230,6 +230,30 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
             f"{file}: must hold at least 2 waypoints, got {len(points)}", field="waypoints"
         )
     return np.array(points)
+
+
+def describe_table(file: Path, header: str) -> str:
+    """Return what to do with a CSV file of trajectories or waypoints, empty where it is none."""
+    names = [name.strip().casefold() for name in header.lstrip("# ").split(",")]
+    if names[0] == "duration" and "x^0" in names:
+        return (
+            "a poly7 file holds a trajectory, which is a plan, and no instance. "
+            "crosstrack.instances.read_poly7(path) returns it: plan(t, derivative=0); its "
+            "waypoints and times make an instance: "
+            "MinimumSnap(waypoints=plan(plan.times), times=plan.times)"
+        )
+    if names[0] == "t" and len(names) > 1:
+        return (
+            "a CSV file of samples holds a trajectory at instants, and no instance; "
+            "crosstrack.instances.read_samples(path) returns it"
+        )
+    if names in (["x", "y"], ["x", "y", "z"]) or not re.search("[a-df-z]", header, re.IGNORECASE):
+        return (
+            "a CSV file of waypoints holds no times. Write an instance file beside it, "
+            f'{{"model": "minimum-snap", "data": {{"waypoints": "{file.name}", "times": […]}}}}, '
+            "or call crosstrack.instances.read_waypoints(path) and times_by_distance(waypoints)"
+        )
+    return ""
 
 
 def resolve_references(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -2,120 +2,100 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
 
 if TYPE_CHECKING:
     from .classic import (
-        brachistochrone,
-        bryson_denham,
-        dido,
-        double_integrator_energy,
-        hanging_chain,
-        hypersensitive,
-        linear_regulator,
-        zermelo,
+        brachistochrone as brachistochrone,
+        bryson_denham as bryson_denham,
+        dido as dido,
+        double_integrator_energy as double_integrator_energy,
+        hanging_chain as hanging_chain,
+        hypersensitive as hypersensitive,
+        linear_regulator as linear_regulator,
+        zermelo as zermelo,
     )
-    from .estimation import decay_fit
-    from .flight import hang_glider, shuttle_reentry
-    from .oscillators import aly_chan, harmonic_oscillator, rayleigh, van_der_pol
+    from .estimation import decay_fit as decay_fit
+    from .flight import hang_glider as hang_glider, shuttle_reentry as shuttle_reentry
+    from .oscillators import (
+        aly_chan as aly_chan,
+        harmonic_oscillator as harmonic_oscillator,
+        rayleigh as rayleigh,
+        van_der_pol as van_der_pol,
+    )
     from .robots import (
-        around_discs,
-        cart_pole,
-        container_crane,
-        dubins,
-        free_flying_robot,
-        quadrotor,
-        robot_arm,
+        around_discs as around_discs,
+        cart_pole as cart_pole,
+        container_crane as container_crane,
+        dubins as dubins,
+        free_flying_robot as free_flying_robot,
+        quadrotor as quadrotor,
+        robot_arm as robot_arm,
     )
     from .rockets import (
-        goddard,
-        goddard_phases,
-        linear_tangent_steering,
-        orbit_raising,
-        two_stage_ascent,
+        goddard as goddard,
+        goddard_phases as goddard_phases,
+        linear_tangent_steering as linear_tangent_steering,
+        orbit_raising as orbit_raising,
+        two_stage_ascent as two_stage_ascent,
     )
     from .switching import (
-        catalyst_mixing,
-        double_integrator,
-        double_integrator_fuel,
-        moon_lander,
+        catalyst_mixing as catalyst_mixing,
+        double_integrator as double_integrator,
+        double_integrator_fuel as double_integrator_fuel,
+        moon_lander as moon_lander,
     )
 
-__all__ = [
-    "aly_chan",
-    "around_discs",
-    "brachistochrone",
-    "bryson_denham",
-    "cart_pole",
-    "catalyst_mixing",
-    "container_crane",
-    "decay_fit",
-    "dido",
-    "double_integrator",
-    "double_integrator_energy",
-    "double_integrator_fuel",
-    "dubins",
-    "free_flying_robot",
-    "goddard",
-    "goddard_phases",
-    "hang_glider",
-    "hanging_chain",
-    "harmonic_oscillator",
-    "hypersensitive",
-    "linear_regulator",
-    "linear_tangent_steering",
-    "moon_lander",
-    "orbit_raising",
-    "quadrotor",
-    "rayleigh",
-    "robot_arm",
-    "shuttle_reentry",
-    "two_stage_ascent",
-    "van_der_pol",
-    "zermelo",
-]
+CATALOGUE = {"optimal-control": ".listing:catalogue_entries"}
+EXPORTS = {"samples": ".tables:SAMPLES"}
 
-_HOMES = {
-    "aly_chan": "oscillators",
-    "around_discs": "robots",
-    "brachistochrone": "classic",
-    "bryson_denham": "classic",
-    "cart_pole": "robots",
-    "catalyst_mixing": "switching",
-    "container_crane": "robots",
-    "decay_fit": "estimation",
-    "dido": "classic",
-    "double_integrator": "switching",
-    "double_integrator_energy": "classic",
-    "double_integrator_fuel": "switching",
-    "dubins": "robots",
-    "free_flying_robot": "robots",
-    "goddard": "rockets",
-    "goddard_phases": "rockets",
-    "hang_glider": "flight",
-    "hanging_chain": "classic",
-    "harmonic_oscillator": "oscillators",
-    "hypersensitive": "classic",
-    "linear_regulator": "classic",
-    "linear_tangent_steering": "rockets",
-    "moon_lander": "switching",
-    "orbit_raising": "rockets",
-    "quadrotor": "robots",
-    "rayleigh": "oscillators",
-    "robot_arm": "robots",
-    "shuttle_reentry": "flight",
-    "two_stage_ascent": "rockets",
-    "van_der_pol": "oscillators",
-    "zermelo": "classic",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "classic": (
+            "brachistochrone",
+            "bryson_denham",
+            "dido",
+            "double_integrator_energy",
+            "hanging_chain",
+            "hypersensitive",
+            "linear_regulator",
+            "zermelo",
+        ),
+        "estimation": ("decay_fit",),
+        "flight": (
+            "hang_glider",
+            "shuttle_reentry",
+        ),
+        "oscillators": (
+            "aly_chan",
+            "harmonic_oscillator",
+            "rayleigh",
+            "van_der_pol",
+        ),
+        "robots": (
+            "around_discs",
+            "cart_pole",
+            "container_crane",
+            "dubins",
+            "free_flying_robot",
+            "quadrotor",
+            "robot_arm",
+        ),
+        "rockets": (
+            "goddard",
+            "goddard_phases",
+            "linear_tangent_steering",
+            "orbit_raising",
+            "two_stage_ascent",
+        ),
+        "switching": (
+            "catalyst_mixing",
+            "double_integrator",
+            "double_integrator_fuel",
+            "moon_lander",
+        ),
+    },
+)

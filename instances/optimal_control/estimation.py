@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...models.optimal_control import OptimalControlProblem
+from ...models.optimal_control.model import OptimalControlProblem
 
 __all__ = ["decay_fit"]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from ...models.optimal_control import OptimalControlProblem
+from ...models.optimal_control.model import OptimalControlProblem
 from ..catalogue import CatalogueEntry, Provenance
 from . import classic, estimation, flight, oscillators, robots, rockets, switching
 

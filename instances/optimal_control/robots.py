@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...models.optimal_control import OptimalControlProblem
+from ...models.optimal_control.model import OptimalControlProblem
 
 __all__ = [
     "around_discs",

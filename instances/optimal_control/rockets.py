@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ...models.optimal_control import OptimalControlProblem
+from ...models.optimal_control.model import OptimalControlProblem
 
 __all__ = [
     "goddard",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...models.optimal_control import OptimalControlProblem
+from ...models.optimal_control.model import OptimalControlProblem
 
 __all__ = ["catalyst_mixing", "double_integrator", "double_integrator_fuel", "moon_lander"]
 

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import InvalidData
-from ...models.control_plan import ControlPlan
+from ...models.optimal_control.plan import ControlPlan
+from ..exports import ExportFormat
 from ..storage import write_text
 
-__all__ = ["write_control_samples"]
+__all__ = ["SAMPLES", "write_control_samples"]
 
 
 def write_control_samples(
@@ -53,3 +54,6 @@ def write_control_samples(
             values = [repr(columns[name][k]) if name in columns else "" for name in names]
             lines.append(",".join([str(number), repr(t), *values]))
     return write_text(path, "\n".join(lines) + "\n")
+
+
+SAMPLES = ExportFormat("samples of states and controls (CSV)", ".csv", write_control_samples)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models.satellite_slew import SatelliteSlew
+from ...models.satellite_slew.model import SatelliteSlew
 from ..catalogue import CatalogueEntry, Provenance
 
 __all__ = ["PAPER", "catalogue_entries"]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...errors import BackendMissing, UnknownName, UnsupportedOption
+from ..problems import resolve, table
 from ..verification import TOLERANCE
 
 if TYPE_CHECKING:
@@ -16,20 +17,13 @@ if TYPE_CHECKING:
 
 __all__ = ["plot", "register_plot"]
 
-#: Functions (model, plan, **options) -> Figure by model kind, loaded when first asked for.
-_PICTURES: dict[str, Any] = {
-    "error-correction": ".models.plots.error_correction:draw",
-    "minimum-derivative": ".models.plots.trajectory:draw",
-    "minimum-snap": ".models.plots.trajectory:draw",
-    "optimal-control": ".models.plots.optimal_control:draw",
-    "satellite-slew": ".models.plots.satellite_slew:draw",
-    "time-allocation": ".models.plots.trajectory:draw",
-}
+#: Functions (model, plan, **options) -> Figure that users registered, by model kind.
+_REGISTERED: dict[str, Any] = {}
 
 
 def register_plot(kind: str, function: Callable[..., Figure]) -> Callable[..., Figure]:
     """Draw models of a user's `kind` with ``function(model, plan, **options)``."""
-    _PICTURES[kind] = function
+    _REGISTERED[kind] = function
     return function
 
 
@@ -44,11 +38,7 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
         A plan for it, valid or not; None draws the data only. A solution is held to the tolerance
         that it was solved to, where the picture has one.
     **options
-        Those of the model's picture: for error-correction routing
-        :func:`crosstrack.models.plots.error_correction.draw`, for trajectories
-        :func:`crosstrack.models.plots.trajectory.draw`, for optimal control
-        :func:`crosstrack.models.plots.optimal_control.draw`, for slews
-        :func:`crosstrack.models.plots.satellite_slew.draw`.
+        Those of the model's picture, which the problem's page lists.
 
     Returns
     -------
@@ -64,10 +54,9 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
     BackendMissing
         Matplotlib is not installed.
     """
-    from ..model import resolve
-
-    if model.kind not in _PICTURES:
-        raise UnknownName("picture of the model", model.kind, _PICTURES)
+    pictures = {**table(__package__.rpartition(".")[0], "PICTURES"), **_REGISTERED}
+    if model.kind not in pictures:
+        raise UnknownName("picture of the model", model.kind, pictures)
     try:
         import matplotlib.figure  # noqa: F401
     except ModuleNotFoundError as error:
@@ -75,7 +64,7 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
             f"pictures need matplotlib, which is not installed ({error}): "
             "pip install 'crosstrack[plot]'"
         ) from error
-    draw: Callable[..., Figure] = resolve(_PICTURES[model.kind])
+    draw: Callable[..., Figure] = resolve(pictures[model.kind])
     _refuse_unknown(model.kind, draw, options)
     asked = getattr(plan, "options", None)
     if isinstance(asked, Mapping) and "tolerance" in inspect.signature(draw).parameters:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.program_base import BlockProgram
-from ...models.programs import MixedIntegerProgram, NonlinearProgram, QuadraticProgram, RowProgram
+from ...models.programs.base import BlockProgram, RowProgram
+from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
+from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Feature, Limit, Request, Termination
 
 __all__ = ["Case", "Expectation", "Run"]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...models.programs import MixedIntegerProgram
+from ...models.programs.linear import MixedIntegerProgram
 from ..backend import Feature, Limit, Termination
 from .cases import GRACE, Case, Expectation, Run
 from .linear import program

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...models.programs import MixedIntegerProgram
+from ...models.programs.linear import MixedIntegerProgram
 from ..backend import Feature, Termination
 from .cases import Case, Expectation, Run
 from .linear import program

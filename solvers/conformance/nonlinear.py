@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models.nonlinear import NonlinearProgram
+from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Feature, Termination
 from .cases import Case, Expectation
 from .nonlinear_hard import hard_cases, unsolvable_cases

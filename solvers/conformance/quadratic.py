@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ..backend import Feature, Termination
 from .cases import Case, Expectation
 from .quadratic_larger import horizon, portfolio

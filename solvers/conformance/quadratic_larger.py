@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from .limits import numbers
 
 __all__ = ["certified", "horizon", "portfolio"]

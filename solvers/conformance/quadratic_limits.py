@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ..backend import Feature, Limit, Termination
 from .cases import Case, Expectation, Run
 from .quadratic_larger import certified

@@ -12,7 +12,7 @@ from enum import StrEnum
 from typing import Any
 
 from ...errors import UnknownName, UnsupportedFormulation, UnsupportedOption
-from ...models.programs import NonlinearProgram
+from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Backend, Control, Feature, Limit, Request
 from .cases import Case, Run
 from .limits import limit_cases

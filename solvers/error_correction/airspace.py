@@ -12,7 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.error_correction import END, HORIZONTAL, START, VERTICAL, ErrorCorrectionRouting
+from ...models.error_correction.model import (
+    END,
+    HORIZONTAL,
+    START,
+    VERTICAL,
+    ErrorCorrectionRouting,
+)
 
 __all__ = ["END", "HORIZONTAL", "START", "VERTICAL", "Airspace", "airspace"]
 

@@ -16,10 +16,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..jit import MOST_LABELS, kernel
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, build, near
 from .heap import pop, push
-from .jit import MOST_LABELS, kernel
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
 from .reach_kernels import least_errors
 from .steps import REFUSED, arrive, distances_to, radius_of, trace

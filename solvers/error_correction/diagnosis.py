@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...models.error_correction import ErrorCorrectionRouting
+from ...models.error_correction.model import ErrorCorrectionRouting
 from ..backend import Termination
 from ..diagnosis import Diagnosis, Finding
 from ..dispatch import solve

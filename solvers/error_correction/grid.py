@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..jit import kernel
 from .airspace import HORIZONTAL, VERTICAL, Airspace
-from .jit import kernel
 
 __all__ = ["Grid", "build", "near", "reach"]
 

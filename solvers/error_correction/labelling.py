@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ...models.error_correction import ErrorCorrectionRouting, Route
+from ...models.error_correction.model import ErrorCorrectionRouting, Route
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 
 if TYPE_CHECKING:

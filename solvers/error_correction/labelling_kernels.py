@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..jit import kernel
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
 from .heap import pop, push, widened
-from .jit import kernel
 from .outcomes import FOUND, NOTHING, STOPPED
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 

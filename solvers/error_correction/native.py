@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ...models.error_correction import ErrorCorrectionRouting, Route
+from ...models.error_correction.model import ErrorCorrectionRouting, Route
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.error_correction import END, HORIZONTAL, VERTICAL, ErrorCorrectionRouting
+from ...models.error_correction.model import END, HORIZONTAL, VERTICAL, ErrorCorrectionRouting
 
 __all__ = ["Refusal", "onward", "reachable", "refusals"]
 

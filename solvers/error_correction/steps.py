@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..jit import kernel
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, near, reach
-from .jit import kernel
 
 __all__ = ["REFUSED", "arrive", "distances_to", "radius_of", "remaining", "trace"]
 

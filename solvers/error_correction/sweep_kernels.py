@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..jit import MOST_LABELS, kernel
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
 from .heap import pop, push, widened
-from .jit import MOST_LABELS, kernel
 from .labels import add, dominated, grown, link, make, visited
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
 from .steps import REFUSED, arrive, distances_to, radius_of, trace

@@ -13,11 +13,11 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.formulations.instants import Instants, first_instants
-from ...models.formulations.minimum_snap_hermite import hermite_basis, knot_times
-from ...models.formulations.piecewise import power_rows
-from ...models.minimum_snap import MinimumDerivative
-from ...models.polynomials import factorials, gauss_legendre
+from ...models.minimum_snap.formulations.hermite import hermite_basis, knot_times
+from ...models.minimum_snap.formulations.instants import Instants, first_instants
+from ...models.minimum_snap.formulations.piecewise import power_rows
+from ...models.minimum_snap.model import MinimumDerivative
+from ...models.minimum_snap.polynomials import factorials, gauss_legendre
 
 __all__ = ["Chain", "chains", "unit_cost"]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...models.minimum_snap import MinimumDerivative, derivative_name
-from ...models.trajectory import Trajectory
+from ...models.minimum_snap.model import MinimumDerivative, derivative_name
+from ...models.minimum_snap.trajectory import Trajectory
 from ..backend import Answer, Backend, Feature, Guarantee, Request, Termination
 
 __all__ = ["Banded"]

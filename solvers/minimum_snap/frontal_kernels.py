@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..error_correction.jit import kernel
+from ..jit import kernel
 from .precise_kernels import plus, powers_of, precise_moments
 
 __all__ = ["begin", "descend", "factorise"]

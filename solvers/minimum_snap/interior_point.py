@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ...errors import UnsupportedFormulation
-from ...models.minimum_snap import MinimumDerivative, MinimumSnap
-from ...models.trajectory import Trajectory
+from ...models.minimum_snap.model import MinimumDerivative, MinimumSnap
+from ...models.minimum_snap.trajectory import Trajectory
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 
 if TYPE_CHECKING:

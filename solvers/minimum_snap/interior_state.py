@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.formulations.instants import Instants
+from ...models.minimum_snap.formulations.instants import Instants
 from .chain import Chain
 from .chain_kernels import (
     bound_gradient,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..error_correction.jit import kernel
+from ..jit import kernel
 
 __all__ = [
     "factorise_precisely",

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.polynomials import bernstein_matrix, critical_points, horner
-from ..error_correction.jit import kernel
+from ...models.minimum_snap.polynomials import bernstein_matrix, critical_points, horner
+from ..jit import kernel
 
 __all__ = ["GRID", "outside", "roots_outside"]
 

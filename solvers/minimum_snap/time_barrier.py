@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.time_allocation import TimeAllocation
-from ...models.trajectory import Trajectory
+from ...models.minimum_snap.time_allocation import TimeAllocation
+from ...models.minimum_snap.trajectory import Trajectory
 from .separation import outside, roots_outside
 from .time_curvature import curvature, foreseen
 from .time_held import Group, Iterate, forms_of, groups_of

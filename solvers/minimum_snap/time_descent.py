@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.time_allocation import TimeAllocation
+from ...models.minimum_snap.time_allocation import TimeAllocation
 from .time_inner import Inner, Spline
 from .time_search import Descent
 

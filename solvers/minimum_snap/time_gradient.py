@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...models.time_allocation import TimeAllocation
+from ...models.minimum_snap.time_allocation import TimeAllocation
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 
 if TYPE_CHECKING:

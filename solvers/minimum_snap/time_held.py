@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.formulations.instants import Instants
-from ...models.formulations.minimum_snap_hermite import hermite_basis
-from ...models.formulations.piecewise import power_rows
-from ...models.time_allocation import TimeAllocation
+from ...models.minimum_snap.formulations.hermite import hermite_basis
+from ...models.minimum_snap.formulations.instants import Instants
+from ...models.minimum_snap.formulations.piecewise import power_rows
+from ...models.minimum_snap.time_allocation import TimeAllocation
 from .chain import Chain, chains, unit_cost
 from .time_inner import jets_of
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.time_allocation import TimeAllocation
-from ...models.trajectory import Trajectory
+from ...models.minimum_snap.time_allocation import TimeAllocation
+from ...models.minimum_snap.trajectory import Trajectory
 from .banded_fallback import solver
 from .hermite import Outcome, duration_gradient
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..error_correction.jit import kernel
+from ..jit import kernel
 from .time_rows import knot_scales
 
 __all__ = ["bounded_rows", "powers_of"]

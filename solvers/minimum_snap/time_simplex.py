@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...models.time_allocation import TimeAllocation
-from ...models.trajectory import Trajectory
+from ...models.minimum_snap.time_allocation import TimeAllocation
+from ...models.minimum_snap.trajectory import Trajectory
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 
 __all__ = ["TimeSimplex"]

@@ -15,7 +15,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...models.programs import MixedIntegerProgram, RowProgram
+from ...models.programs.base import RowProgram
+from ...models.programs.linear import MixedIntegerProgram
 from ..attempts import (
     Clock,
     Ended,

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import UnsupportedFormulation
-from ...models.programs import MixedIntegerProgram
+from ...models.programs.linear import MixedIntegerProgram
 from ..backend import Feature, Limit, Option, Request
 from .base import Clock, Ended, Incumbents, Outcome, ProgramBackend, allowed, limited, watched
 

@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import UnsupportedOption
-from ...models.programs import MixedIntegerProgram, QuadraticProgram, RowProgram
+from ...models.programs.base import RowProgram
+from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ..backend import Answer, Feature, Limit, Option, Request
 from .base import (
     Clock,

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import BackendBroken
-from ...models.programs import MixedIntegerProgram
+from ...models.programs.linear import MixedIntegerProgram
 from ..backend import Feature, Limit, Option, Request
 from .base import (
     Clock,

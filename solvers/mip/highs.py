@@ -9,7 +9,8 @@ import numpy as np
 
 from ...errors import InvalidData, UnsupportedOption
 from ...models.model import Model
-from ...models.programs import MixedIntegerProgram, QuadraticProgram, RowProgram
+from ...models.programs.base import RowProgram
+from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ..backend import Answer, Feature, Limit, Option, Request
 from .base import (
     Clock,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
 from ...models.model import Model
-from ...models.nonlinear import NonlinearProgram
+from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Clock, Ended, Outcome, limited, stopped
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 from .quality import Quality, measured, worst_blocks

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from ...models.nonlinear import NonlinearProgram
+from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Option, Request
 from .casadi_nlp import CasadiNlp
 

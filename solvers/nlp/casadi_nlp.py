@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import BackendBroken
-from ...models.nonlinear import NonlinearProgram
+from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Clock, Ended, limited
 from ..backend import Limit, Request
 from ..casadi_plugins import last_line, load_plugin, muted, status_of, vector

@@ -9,8 +9,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...models.blocks import Block
-from ...models.nonlinear import NonlinearProgram
+from ...models.programs.blocks import Block
+from ...models.programs.nonlinear import NonlinearProgram
 
 __all__ = ["Quality", "estimated_duals", "explained_duals", "measured", "worst_blocks"]
 

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...models.nonlinear import NonlinearProgram
+from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Clock, Ended, limited
 from ..backend import Feature, Limit, Request
 from ..casadi_plugins import last_line, vector

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from ...models.nonlinear import NonlinearProgram
+from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Ended
 from ..backend import Feature, Limit, Option, Request
 from ..casadi_plugins import HIGHS_MARK, status_of

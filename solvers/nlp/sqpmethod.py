@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.nonlinear import NonlinearProgram
+from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Clock, Ended
 from ..backend import Feature, Limit, Option, Request
 from ..casadi_plugins import load_plugin, muted, status_of

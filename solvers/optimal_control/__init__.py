@@ -1,1 +1,3 @@
-"""What is particular to optimal control on the side of the solvers."""
+"""Diagnosis of optimal control problems."""
+
+DIAGNOSES = {"optimal-control": ".diagnosis:diagnose_control"}

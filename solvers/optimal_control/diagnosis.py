@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.blocks import Block
-from ...models.control_plan import ControlPlan
 from ...models.model import Model
-from ...models.nonlinear import NonlinearProgram
-from ...models.optimal_control import OptimalControlProblem
+from ...models.optimal_control.model import OptimalControlProblem
+from ...models.optimal_control.plan import ControlPlan
+from ...models.programs.blocks import Block
+from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Request, Termination
 from ..diagnosis import Diagnosis, Finding
 from ..registry import find_backend

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.blocks import Block
-from ...models.nonlinear import NonlinearProgram
+from ...models.programs.blocks import Block
+from ...models.programs.nonlinear import NonlinearProgram
 
 if TYPE_CHECKING:
     import casadi

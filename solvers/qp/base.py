@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ..attempts import (
     Clock,
     Ended,

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import BackendBroken, UnsupportedFormulation
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Outcome, limited, solver_tolerance
 from ..backend import Limit, Option, Request
 from ..casadi_plugins import HIGHS_MARK, last_line, load_plugin, status_of, vector

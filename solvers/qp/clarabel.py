@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import scipy.sparse as sp
 
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Outcome, limited, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from .base import COMMON, POLISH, QuadraticBackend, certified, own_options

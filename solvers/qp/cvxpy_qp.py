@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Outcome, solver_tolerance
 from ..backend import Limit, Request
 from ..mip.cvxpy_mip import row_duals

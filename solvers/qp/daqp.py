@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Outcome, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from .base import COMMON, POLISH, QuadraticBackend, QuadraticOutcome, dense_memory, own_options

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import InvalidData, UnsupportedOption
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Outcome, limited, solver_tolerance
 from ..backend import Limit, Option, Request
 from ..mip.highs import pass_rows

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Outcome, limited
 from ..backend import Feature, Limit, Option, Request
 from .base import (

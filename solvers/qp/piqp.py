@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Outcome, solver_tolerance
 from ..backend import Limit, Option, Request
 from .base import POLISH, QuadraticBackend, QuadraticOutcome, own_options

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from .quality import Quality, measured
 
 __all__ = ["polished"]

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 
 __all__ = ["Findings", "contradiction", "examined", "recedes"]
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import UnsupportedFormulation
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Outcome
 from ..backend import Option, Request
 from .base import POLISH, QuadraticBackend, QuadraticOutcome, dense_memory

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.programs import QuadraticProgram
+from ...models.programs.linear import QuadraticProgram
 from ...models.verification import ROUNDING
 
 __all__ = ["Quality", "measured"]

@@ -8,112 +8,14 @@ from typing import Any
 
 from ...errors import UnknownName
 from ...models.model import Model
+from ...models.problems import resolve, table as table_of
 from ..crosscheck import Comparison, compare
 from ..solution import Solution
 from ..verdict import Outcome, Verdict, exact_names, judge
+from .layout import Column, PaperTables
 from .tables import number, seconds_text, table
 
 __all__ = ["Reproduction", "reproduce", "reproduction_parts"]
-
-
-@dataclass(frozen=True)
-class _Column:
-    """One run, and the key of the paper's seconds that stand beside it (empty: none)."""
-
-    backend: str
-    published: str = ""
-    warm: bool = False
-
-
-@dataclass(frozen=True)
-class _Layout:
-    """One table of a paper: what it is called, the runs beside its columns, and how precise they are."""
-
-    title: str
-    columns: tuple[_Column, ...]
-    tolerance: float | None = None
-
-
-_LAYOUTS: Mapping[str, Mapping[int, _Layout]] = {
-    "error-correction": {
-        2: _Layout(
-            "Table 2: the paper's program by a MIP solver (paper: Gurobi 8.0) against two-stage",
-            (
-                _Column("label-setting"),
-                _Column("two-stage", "two-stage"),
-                _Column("highs:arc-flow"),
-                _Column("highs:paper", "gurobi", warm=True),
-            ),
-        ),
-        3: _Layout(
-            "Table 3: the paper's exact algorithms",
-            (
-                _Column("label-setting"),
-                _Column("two-stage", "two-stage"),
-                _Column("pulse", "pulse"),
-                _Column("dynamic-programming", "dynamic-programming"),
-                _Column("highs:arc-flow", warm=True),
-            ),
-        ),
-    },
-    "minimum-snap": {
-        1: _Layout(
-            "The paper's equations (5-13, 23-25) as printed, and the same problem in other bases",
-            (
-                _Column("banded"),
-                _Column("clarabel:legendre"),
-                _Column("clarabel:monomial"),
-                _Column("clarabel:hermite"),
-                _Column("clarabel:paper"),
-            ),
-        ),
-        2: _Layout(
-            "The minimum-snap spline, whose jerk is continuous too, by backends of every kind",
-            (
-                _Column("banded"),
-                _Column("interior-point"),
-                _Column("piqp:legendre"),
-                _Column("clarabel:legendre"),
-                _Column("osqp:legendre"),
-            ),
-        ),
-    },
-    "satellite-slew": {
-        1: _Layout(
-            "The rapid slew: the paper's method and its kin, and the field's steering laws",
-            (
-                _Column("ipopt:paper", "paper"),
-                _Column("ipopt:gauss"),
-                _Column("ipopt:radau"),
-                _Column("ipopt:hermite-simpson"),
-                _Column("slew-pseudo-inverse"),
-                _Column("slew-generalised"),
-            ),
-            tolerance=1e-4,
-        ),
-    },
-}
-
-_NOTES: Mapping[str, str] = {
-    "error-correction": (
-        "The paper does not publish its coordinates: our points have its sizes and thresholds and "
-        "come from a seed, so lengths differ. A run marked * started from the best plan of the "
-        "runs before it. Seconds are the algorithms' own: the paper's on its machine, ours on this one."
-    ),
-    "minimum-snap": (
-        "The paper prints equations and a picture, but neither waypoints nor values: the instances "
-        "are ours, and nothing stands beside its figures. What is reproduced is how its program "
-        "behaves. Where an answer is rejected, its powers of absolute time have lost the digits "
-        "that the conditions at the waypoints need."
-    ),
-    "satellite-slew": (
-        "The paper prints a final time of 7.836 s at a tolerance of 1e-3, after 4.1 minutes, but "
-        "neither the momentum of a wheel nor the weight of the gimbal rates: both are ours. Each "
-        "cell gives ours J and the seconds of the search, to a tolerance of 1e-4. One interval, as "
-        "the paper has it, is rejected where no degree resolves the corners that limits leave in the "
-        "controls: the plan meets its limits at the nodes, and not between them."
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -159,12 +61,21 @@ class Reproduction:
             "problem": self.problem,
             "verdict": str(self.outcome),
             "interrupted": self.interrupted,
-            "note": _NOTES[self.problem],
+            "note": paper_tables(self.problem).note,
             "rows": [
                 {"table": row.table, "published": dict(row.published), **row.verdict.to_dict()}
                 for row in self.rows
             ],
         }
+
+
+def paper_tables(problem: str) -> PaperTables:
+    """Return the tables that the paper of `problem` prints; ``UnknownName`` where there are none."""
+    known = table_of(__package__.rpartition(".")[0], "PAPER_TABLES")
+    if problem not in known:
+        raise UnknownName("problem to reproduce", problem, known)
+    found: PaperTables = resolve(known[problem])
+    return found
 
 
 def reproduce(
@@ -187,14 +98,13 @@ def reproduce(
     on_solution : callable, optional
         Called with every answer.
     """
-    if problem not in _LAYOUTS:
-        raise UnknownName("problem to reproduce", problem, _LAYOUTS)
+    layouts = paper_tables(problem).tables
     rows: list[Row] = []
     interrupted = False
     for model, published in instances:
         if interrupted:
             break
-        layout = _LAYOUTS[problem][published["table"]]
+        layout = layouts[published["table"]]
         answers: list[Solution[Any]] = []
         exact = exact_names([column.backend.partition(":")[0] for column in layout.columns])
         for warm in (False, True):
@@ -218,7 +128,8 @@ def reproduce(
 def reproduction_parts(result: Reproduction) -> list[Any]:
     """Return what to print: the paper's figures and ours, side by side."""
     parts: list[Any] = []
-    for key, layout in _LAYOUTS[result.problem].items():
+    layouts = paper_tables(result.problem)
+    for key, layout in layouts.tables.items():
         rows = [row for row in result.rows if row.table == key]
         if not rows:
             continue
@@ -240,11 +151,11 @@ def reproduction_parts(result: Reproduction) -> list[Any]:
                 line.append(_ours(column, row.verdict))
             lines.append([*line, str(row.verdict.outcome)])
         parts.append(table(layout.title, [*head, "verdict"], lines, right=head[1:]))
-    parts.append(_NOTES[result.problem])
+    parts.append(layouts.note)
     return parts
 
 
-def _ours(column: _Column, verdict: Verdict) -> str:
+def _ours(column: Column, verdict: Verdict) -> str:
     """Return the seconds of our run, or how it ended without a proof."""
     name, _, formulation = column.backend.partition(":")
     for solution in verdict.solutions:

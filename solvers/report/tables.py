@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ...models import model_type
+from ...models.problems import model_type
 from ...models.verification import Verification
 from ..backend import Limit, Termination
 from ..solution import Solution

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.control_plan import ControlPlan, PhasePlan, Piecewise
 from ...models.fields import frozen
-from ...models.gyros import gimbal_jacobian, momentum_direction, singularity_measure
-from ...models.lagrange import interpolation
-from ...models.quaternions import attitude_error
-from ...models.satellite_slew import SatelliteSlew
-from ...models.slew_dynamics import CONTROLS, STATES, SlewMotion
-from ...models.slew_profile import EigenaxisProfile
+from ...models.optimal_control.lagrange import interpolation
+from ...models.optimal_control.plan import ControlPlan, PhasePlan, Piecewise
+from ...models.satellite_slew.dynamics import CONTROLS, STATES, SlewMotion
+from ...models.satellite_slew.gyros import gimbal_jacobian, momentum_direction, singularity_measure
+from ...models.satellite_slew.model import SatelliteSlew
+from ...models.satellite_slew.profile import EigenaxisProfile
+from ...models.satellite_slew.quaternions import attitude_error
 from .steering import SteeringLaw, null_projection
 
 __all__ = ["ClosedLoop", "Flight"]

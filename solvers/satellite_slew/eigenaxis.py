@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ...models.satellite_slew import SatelliteSlew
-from ...models.slew_profile import EigenaxisProfile
+from ...models.satellite_slew.model import SatelliteSlew
+from ...models.satellite_slew.profile import EigenaxisProfile
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 
 if TYPE_CHECKING:

@@ -1,0 +1,217 @@
+"""An arc-flow program of an error-correction route: no big M, no distance columns.
+
+After a correction one error survives: the vertical one at a horizontal point, the horizontal one
+at a vertical point. The program carries it along the arcs. With x_a (arc a used) and e_a (error
+with which a's tail was left, 0 when a is not used), for an arc a from i to j of length d_a:
+
+* the head's thresholds bound what may be carried, ``e_a <= (threshold of j - rate * d_a) x_a``,
+  so they need no big M, and an arc whose bound is negative does not exist;
+* at a point the carried errors leaving are at least those arriving: an arc between points of one
+  kind hands on ``e_a + rate * d_a``, one between different kinds renews the error, ``rate * d_a``;
+* at most one arc leaves a point, as many as arrive.
+
+The length is ``sum d_a x_a``, so no l_j is needed. The optimal value is the paper's: a route
+satisfies the rows with the errors it carries, and integral x splits into one route from A to B and
+cycles beside it, whose lengths the objective counts and :meth:`ArcFlowFormulation.decode` drops;
+along the route the carried errors bound the real ones from above.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData, UnsupportedOption
+from ..formulation import Formulation
+from ..programs.builder import ProgramBuilder
+from ..programs.linear import MixedIntegerProgram
+from .arcs import Arcs, least_errors, possible_arcs
+from .model import HORIZONTAL, START, VERTICAL, ErrorCorrectionRouting, Route
+from .routes import follow, refuse_revisits, require_route
+
+__all__ = ["ArcFlowFormulation"]
+
+
+@dataclass(frozen=True, eq=False)
+class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
+    """Arcs that the thresholds leave possible, with the surviving error carried on them.
+
+    Parameters
+    ----------
+    model : ErrorCorrectionRouting
+        The model; ``revisits`` must be off.
+    length_bound : float, optional
+        Length (m) of a verified route: arcs through which every way is longer are left out.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The model allows revisits.
+    UnsupportedOption
+        `length_bound` is not a positive number.
+    """
+
+    length_bound: float | None = None
+
+    name: ClassVar[str] = "arc-flow"
+    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
+    summary: ClassVar[str] = "possible arcs only, errors carried on arcs, no big M"
+
+    def __post_init__(self) -> None:
+        refuse_revisits(self.model, self.name)
+        value = self.length_bound
+        positive = isinstance(value, int | float) and not isinstance(value, bool) and value > 0
+        if value is not None and not positive:
+            raise UnsupportedOption(
+                f"formulation 'arc-flow': length_bound must be a number > 0, got {value!r}"
+            )
+
+    def bounded(self, objective: float) -> ArcFlowFormulation:
+        """Leave out arcs through which every route is longer than a verified one."""
+        return replace(self, length_bound=objective)
+
+    @cached_property
+    def arcs(self) -> Arcs:
+        """The arcs that have columns."""
+        return possible_arcs(self.model, np.inf if self.length_bound is None else self.length_bound)
+
+    @cached_property
+    def _carrying(self) -> NDArray[np.int64]:
+        """Arcs that carry an error: all that do not leave A."""
+        return np.flatnonzero(self.model.codes[self.arcs.tail] != START)
+
+    def build(self) -> MixedIntegerProgram:
+        """Return the program described at the head of this module."""
+        model, arcs, carrying = self.model, self.arcs, self._carrying
+        n = len(model.points)
+        limit = model.rounded_limits[model.codes]
+        rates = np.array([model.horizontal_rate, model.vertical_rate])
+        # The axis of the error that survives at a point of each kind.
+        axis = np.where(model.codes == HORIZONTAL, 1, 0)
+        index = np.column_stack([arcs.tail, arcs.head])
+        corrections = np.flatnonzero((model.codes == HORIZONTAL) | (model.codes == VERTICAL))
+        place = np.full(n, -1)
+        place[corrections] = np.arange(len(corrections))
+
+        b = ProgramBuilder()
+        x = b.columns(
+            "arc used",
+            len(arcs),
+            upper=1,
+            cost=arcs.length,
+            integral=True,
+            template="arc {0}-{1}",
+            index=index,
+        )
+        tail_axis = axis[arcs.tail[carrying]]
+        room = limit[arcs.head[carrying], tail_axis] - rates[tail_axis] * arcs.length[carrying]
+        e = b.columns(
+            "error carried",
+            len(carrying),
+            upper=np.maximum(room, 0.0),
+            template="on arc {0}-{1}",
+            index=index[carrying],
+            unit="error",
+        )
+        out, into = arcs.tail == model.start, arcs.head == model.end
+        b.rows("one arc out of A", 1, (0, x[out], 1.0), lower=1, upper=1, equation="2")
+        b.rows("one arc into B", 1, (0, x[into], 1.0), lower=1, upper=1, equation="3")
+        heads, tails = place[arcs.head] >= 0, place[arcs.tail] >= 0
+        b.rows(
+            "arcs in and out",
+            len(corrections),
+            (place[arcs.head[heads]], x[heads], 1.0),
+            (place[arcs.tail[tails]], x[tails], -1.0),
+            lower=0,
+            upper=0,
+            equation="4-5",
+            template="at point {0}",
+            index=corrections,
+        )
+        b.rows(
+            "visited at most once",
+            len(corrections),
+            (place[arcs.tail[tails]], x[tails], 1.0),
+            upper=1,
+            equation="4-5",
+            template="at point {0}",
+            index=corrections,
+        )
+        entry = np.arange(len(carrying))
+        b.rows(
+            "threshold at the head",
+            len(carrying),
+            (entry, e, 1.0),
+            (entry, x[carrying], -room),
+            upper=0,
+            equation="9-18",
+            template="along arc {0}-{1}",
+            index=index[carrying],
+            unit="error",
+        )
+        least = least_errors(model, arcs)[arcs.tail[carrying]]
+        b.rows(
+            "error gained at least",
+            len(carrying),
+            (entry, e, 1.0),
+            (entry, x[carrying], -least),
+            lower=0,
+            equation="7-8",
+            template="along arc {0}-{1}",
+            index=index[carrying],
+            unit="error",
+        )
+        same = model.codes[arcs.tail[carrying]] == model.codes[arcs.head[carrying]]
+        gain = rates[axis[arcs.head[heads]]] * arcs.length[heads]
+        b.rows(
+            "error kept",
+            len(corrections),
+            (place[arcs.tail[carrying]], e, 1.0),
+            (place[arcs.head[carrying[same]]], e[same], -1.0),
+            (place[arcs.head[heads]], x[heads], -gain),
+            lower=0,
+            equation="7-8, 11-16",
+            template="at point {0}",
+            index=corrections,
+            unit="error",
+        )
+        return b.build(name=f"{model.name}:arc-flow" if model.name else "arc-flow")
+
+    def encode(self, plan: Route) -> NDArray[np.float64]:
+        """Return the columns of a simple route; an arc that the thresholds exclude raises."""
+        route = require_route(self.model, plan)
+        n, arcs, carrying = len(self.model.points), self.arcs, self._carrying
+        key = arcs.tail * n + arcs.head
+        point = np.zeros(len(arcs) + len(carrying))
+        stops = self.model.walk(plan)
+        for before, i, j in zip(stops, route, route[1:], strict=False):
+            arc = int(np.searchsorted(key, i * n + j))
+            if arc == len(key) or key[arc] != i * n + j:
+                raise InvalidData(
+                    f"arc {i}-{j} of the route is excluded by thresholds or length_bound",
+                    field="route",
+                )
+            point[arc] = 1.0
+            if before.kind != "A":
+                left = (
+                    before.vertical_after
+                    if before.kind == "horizontal"
+                    else before.horizontal_after
+                )
+                point[len(arcs) + int(np.searchsorted(carrying, arc))] = left
+        return point
+
+    def decode(self, point: NDArray[np.float64]) -> Route:
+        """Return the route that the used arcs make; idle cycles beside it are dropped."""
+        arcs = self.arcs
+        if point.size != len(arcs) + len(self._carrying):
+            raise InvalidData(
+                f"point must have {len(arcs) + len(self._carrying)} entries, got {point.size}",
+                field="point",
+            )
+        used = point[: len(arcs)] > 0.5
+        return follow(self.model, arcs.tail[used], arcs.head[used])

@@ -1,0 +1,286 @@
+"""The paper's mixed-integer program of an error-correction route, equation for equation.
+
+The bilinear (12) and (15) are linearised exactly: at a vertical point that is used ``T_j = 0``,
+and where the point is not used no arc leaves it, so ``T_j`` meets nothing. The numbers of the
+zeros at the start and of the domains follow their order in the paper's list.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData, UnsupportedOption
+from ..formulation import Formulation
+from ..programs.builder import ProgramBuilder
+from ..programs.linear import MixedIntegerProgram
+from .arcs import Arcs, all_arcs, possible_arcs
+from .model import END, HORIZONTAL, VERTICAL, ErrorCorrectionRouting, Route
+from .routes import follow, refuse_revisits, require_route
+
+__all__ = ["PaperFormulation"]
+
+
+@dataclass(frozen=True, eq=False)
+class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
+    """Eq. 1-24 of the paper, for any number of points.
+
+    Columns: x_ij (arc used), y_j (point used), l_j (distance on arrival), g_j, h_j (horizontal
+    and vertical error on arrival), S_j, T_j (the same on leaving).
+
+    Parameters
+    ----------
+    model : ErrorCorrectionRouting
+        The model; ``revisits`` must be off, for the program forbids them.
+    big_m : float, optional
+        One M for every row, as printed. By default each row has the smallest M that is valid:
+        the largest value that the left point's column can take in a route.
+    length_bound : float, optional
+        Length (m) of a verified route, which bounds l_j and so M in (6).
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The model allows revisits.
+    UnsupportedOption
+        An option is not a positive number.
+    """
+
+    big_m: float | None = None
+    length_bound: float | None = None
+
+    name: ClassVar[str] = "paper"
+    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
+    summary: ClassVar[str] = "the paper's big-M program, eq. 1-24"
+
+    def __post_init__(self) -> None:
+        refuse_revisits(self.model, self.name)
+        for option in ("big_m", "length_bound"):
+            value = getattr(self, option)
+            positive = isinstance(value, int | float) and not isinstance(value, bool) and value > 0
+            if value is not None and not positive:
+                raise UnsupportedOption(
+                    f"formulation 'paper': {option} must be a number > 0, got {value!r}"
+                )
+
+    def bounded(self, objective: float) -> PaperFormulation:
+        """Bound the length by that of a verified route."""
+        return replace(self, length_bound=objective)
+
+    def _arcs(self) -> Arcs:
+        return all_arcs(self.model)
+
+    def _longest(self) -> float:
+        """Return a length (m) that no simple route within the thresholds exceeds."""
+        if self.length_bound is not None:
+            return self.length_bound * (1 + 1e-9)
+        arcs = possible_arcs(self.model)
+        farthest = np.zeros(len(self.model.points))
+        np.maximum.at(farthest, arcs.tail, arcs.length)
+        return float(farthest.sum()) or 1.0
+
+    def build(self) -> MixedIntegerProgram:
+        """Return the program of eq. 1-24."""
+        model, arcs = self.model, self._arcs()
+        n = len(model.points)
+        points = np.arange(n)
+        horizontal = np.flatnonzero(model.codes == HORIZONTAL)
+        vertical = np.flatnonzero(model.codes == VERTICAL)
+        corrections = np.flatnonzero((model.codes == HORIZONTAL) | (model.codes == VERTICAL))
+        leaving = np.flatnonzero(model.codes != END)
+        limit = model.limits[model.codes]
+        to_end = np.linalg.norm(model.points - model.points[model.end], axis=1)
+        longest = self._longest()
+        # What a column can hold in a route: l_i leaves room for the way to B, S_i and T_i are
+        # errors within the thresholds, and 0 where the point corrects them.
+        reach = np.maximum(longest - to_end, 0.0)
+        reach[model.end] = longest
+        kept_g = np.where(model.codes == VERTICAL, limit[:, 0], 0.0)
+        kept_h = np.where(model.codes == HORIZONTAL, limit[:, 1], 0.0)
+
+        b = ProgramBuilder()
+        index = np.column_stack([arcs.tail, arcs.head])
+        cost = np.where(points == model.end, 1.0, 0.0)
+        x = b.columns(
+            "arc used",
+            len(arcs),
+            upper=1,
+            integral=True,
+            equation="22",
+            template="arc {0}-{1}",
+            index=index,
+        )
+        y = b.columns(
+            "point used",
+            len(corrections),
+            upper=1,
+            integral=True,
+            equation="23",
+            template="at point {0}",
+            index=corrections,
+        )
+        at: dict[str, Any] = {"template": "at point {0}", "equation": "24"}
+        l = b.columns("distance on arrival", n, cost=cost, unit="m", index=points, **at)  # noqa: E741
+        g = b.columns("horizontal error on arrival", n, unit="error", index=points, **at)
+        h = b.columns("vertical error on arrival", n, unit="error", index=points, **at)
+        s = np.full(n, -1)
+        t = np.full(n, -1)
+        s[leaving] = b.columns(
+            "horizontal error on leaving", n - 1, unit="error", index=leaving, **at
+        )
+        t[leaving] = b.columns(
+            "vertical error on leaving", n - 1, unit="error", index=leaving, **at
+        )
+        use = np.full(n, -1)
+        use[corrections] = y
+        place = np.full(n, -1)
+        place[corrections] = np.arange(len(corrections))
+
+        out = arcs.tail == model.start
+        into = arcs.head == model.end
+        b.rows("one arc out of A", 1, (0, x[out], 1.0), lower=1, upper=1, equation="2")
+        b.rows("one arc into B", 1, (0, x[into], 1.0), lower=1, upper=1, equation="3")
+        every = np.arange(len(corrections))
+        for name, equation, ends in (("arcs in", "4", arcs.head), ("arcs out", "5", arcs.tail)):
+            inner = place[ends] >= 0
+            b.rows(
+                name,
+                len(corrections),
+                (place[ends[inner]], x[inner], 1.0),
+                (every, y, -1.0),
+                lower=0,
+                upper=0,
+                equation=equation,
+                template="at point {0}",
+                index=corrections,
+            )
+        rows = np.arange(len(arcs))
+        for name, equation, there, here, gain, most, unit in (
+            ("distance", "6", l, l, 1.0, reach, "m"),
+            ("horizontal error", "7", g, s, model.horizontal_rate, kept_g, "error"),
+            ("vertical error", "8", h, t, model.vertical_rate, kept_h, "error"),
+        ):
+            m = most[arcs.tail] if self.big_m is None else np.full(len(arcs), float(self.big_m))
+            b.rows(
+                name,
+                len(arcs),
+                (rows, there[arcs.head], 1.0),
+                (rows, here[arcs.tail], -1.0),
+                (rows, x, -(gain * arcs.length + m)),
+                lower=-m,
+                equation=equation,
+                template="along arc {0}-{1}",
+                index=index,
+                unit=unit,
+            )
+        m = 0.0 if self.big_m is None else float(self.big_m)
+        for name, equation, group, column, axis in (
+            ("horizontal error at vertical", "9", vertical, g, 0),
+            ("vertical error at vertical", "10", vertical, h, 1),
+            ("horizontal error at horizontal", "13", horizontal, g, 0),
+            ("vertical error at horizontal", "14", horizontal, h, 1),
+        ):
+            entry = np.arange(len(group))
+            b.rows(
+                name,
+                len(group),
+                (entry, column[group], 1.0),
+                (entry, use[group], m),
+                upper=limit[group, axis] + m,
+                equation=equation,
+                template="point {0}",
+                index=group,
+                unit="error",
+            )
+        for name, equation, group, after, before in (
+            ("horizontal error kept", "11", vertical, s, g),
+            ("vertical error corrected", "12", vertical, t, None),
+            ("horizontal error corrected", "15", horizontal, s, None),
+            ("vertical error kept", "16", horizontal, t, h),
+        ):
+            entry = np.arange(len(group))
+            terms = [(entry, after[group], 1.0)]
+            if before is not None:
+                terms.append((entry, before[group], -1.0))
+            b.rows(
+                name,
+                len(group),
+                *terms,
+                lower=0,
+                upper=0,
+                equation=equation,
+                template="at point {0}",
+                index=group,
+                unit="error",
+            )
+        for name, equation, column in (
+            ("horizontal error at B", "17", g),
+            ("vertical error at B", "18", h),
+        ):
+            b.rows(
+                name,
+                1,
+                (0, column[model.end], 1.0),
+                upper=model.theta,
+                equation=equation,
+                unit="error",
+            )
+        for name, equation, parts in (
+            ("no distance at A", "19", [l]),
+            ("no error on arrival at A", "20", [g, h]),
+            ("no error on leaving A", "21", [s, t]),
+        ):
+            entry = np.arange(len(parts))
+            b.rows(
+                name,
+                len(parts),
+                (entry, [p[model.start] for p in parts], 1.0),
+                lower=0,
+                upper=0,
+                equation=equation,
+            )
+        return b.build(name=f"{model.name}:paper" if model.name else "paper")
+
+    def encode(self, plan: Route) -> NDArray[np.float64]:
+        """Return the columns of a simple route; columns of unused points are 0."""
+        route = require_route(self.model, plan)
+        program, model, arcs = self.program, self.model, self._arcs()
+        n = len(model.points)
+        assert isinstance(program, MixedIntegerProgram)
+        point = np.zeros(program.size)
+        key = arcs.tail * n + arcs.head
+        legs = np.array([i * n + j for i, j in pairwise(route)], np.int64)
+        point[np.searchsorted(key, legs)] = 1.0
+        corrections = np.flatnonzero((model.codes == HORIZONTAL) | (model.codes == VERTICAL))
+        point[
+            program.column_block("point used").start + np.searchsorted(corrections, route[1:-1])
+        ] = 1.0
+        leaving = np.cumsum(model.codes != END) - 1
+        for stop in model.walk(plan):
+            for name, value in (
+                ("distance on arrival", stop.distance),
+                ("horizontal error on arrival", stop.horizontal),
+                ("vertical error on arrival", stop.vertical),
+            ):
+                point[program.column_block(name).start + stop.point] = value
+            if stop.kind != "B":
+                for name, value in (
+                    ("horizontal error on leaving", stop.horizontal_after),
+                    ("vertical error on leaving", stop.vertical_after),
+                ):
+                    point[program.column_block(name).start + leaving[stop.point]] = value
+        return point
+
+    def decode(self, point: NDArray[np.float64]) -> Route:
+        """Return the route that the used arcs make; idle cycles beside it are dropped."""
+        arcs = self._arcs()
+        if point.size < len(arcs):
+            raise InvalidData(
+                f"point must have at least {len(arcs)} entries, got {point.size}", field="point"
+            )
+        used = point[: len(arcs)] > 0.5
+        return follow(self.model, arcs.tail[used], arcs.head[used])

@@ -1,0 +1,110 @@
+"""What a file says of points: their kinds, as words or codes, and the names they bear."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import Spec, frozen, show
+
+__all__ = ["END", "HORIZONTAL", "KIND_WORDS", "START", "VERTICAL", "Ids", "Kinds", "kind_word"]
+
+START, HORIZONTAL, VERTICAL, END = range(4)
+
+#: Kinds as they are written, by code.
+KIND_WORDS = ("A", "horizontal", "vertical", "B")
+
+_CODES = {
+    "A": START,
+    "B": END,
+    "horizontal": HORIZONTAL,
+    "vertical": VERTICAL,
+    "0": HORIZONTAL,
+    "1": VERTICAL,
+}
+
+
+def kind_word(value: Any, where: str) -> str:
+    """Return the kind that `value` means: a word, or A, B, 0 (horizontal), 1 (vertical)."""
+    text = (
+        str(int(value))
+        if isinstance(value, int | np.integer) and not isinstance(value, bool)
+        else value
+    )
+    code = _CODES.get(text) if isinstance(text, str) else None
+    if code is None:
+        raise InvalidData(
+            f"{where} must be one of A, horizontal, vertical, B (or 0 for horizontal, 1 for vertical), "
+            f"got {show(value)}",
+            field="kinds",
+        )
+    return KIND_WORDS[code]
+
+
+@dataclass(frozen=True)
+class Kinds(Spec):
+    """The kinds of the points, kept as words."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[np.str_]:
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise InvalidData(f"{name} must be a list of words, got {show(value)}", field=name)
+        words = [kind_word(entry, f"{name}[{row}]") for row, entry in enumerate(value)]
+        known, source = sizes.setdefault("n", (len(words), name))
+        if known != len(words):
+            raise InvalidData(
+                f"{name} has {len(words)} entries where {source} has {known}", field=name
+            )
+        return self.refreeze(np.array(words, dtype="<U10"))
+
+    def encode(self, value: NDArray[np.str_]) -> Any:
+        return value.tolist()
+
+    def feed(self, value: NDArray[np.str_]) -> Iterable[bytes]:
+        yield value.tobytes()
+
+    def refreeze(self, value: NDArray[np.str_]) -> NDArray[np.str_]:
+        return frozen(value)
+
+
+@dataclass(frozen=True)
+class Ids(Spec):
+    """The points' names in the file they come from: labels, all different."""
+
+    content: bool = False
+
+    def coerce(
+        self, name: str, value: Any, sizes: dict[str, tuple[int, str]]
+    ) -> tuple[int | str, ...]:
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise InvalidData(
+                f"{name} must be a list of numbers or words, got {show(value)}", field=name
+            )
+        ids: list[int | str] = []
+        rows: dict[int | str, int] = {}
+        for row, entry in enumerate(value):
+            if isinstance(entry, bool) or not isinstance(entry, int | np.integer | str):
+                raise InvalidData(
+                    f"{name}[{row}] must be a whole number or a word, got {show(entry)}", field=name
+                )
+            label = entry if isinstance(entry, str) else int(entry)
+            if label in rows:
+                raise InvalidData(
+                    f"{name}[{row}] is {label!r}, as is {name}[{rows[label]}]: ids must differ",
+                    field=name,
+                )
+            rows[label] = row
+            ids.append(label)
+        known, source = sizes.setdefault("n", (len(ids), name))
+        if known != len(ids):
+            raise InvalidData(
+                f"{name} has {len(ids)} entries where {source} has {known}", field=name
+            )
+        return tuple(ids)
+
+    def encode(self, value: tuple[int | str, ...]) -> Any:
+        return list(value)

@@ -1,0 +1,55 @@
+"""What the routing formulations share: refusing revisits, and reading a route off used arcs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData, UnsupportedFormulation
+from .model import ErrorCorrectionRouting, Route
+
+__all__ = ["follow", "refuse_revisits", "require_route"]
+
+
+def refuse_revisits(model: ErrorCorrectionRouting, formulation: str) -> None:
+    """Raise where the model allows what no formulation with one degree a point can say."""
+    if model.revisits:
+        raise UnsupportedFormulation(
+            f"formulation {formulation!r} visits a point at most once, but the model has revisits=True; "
+            "set revisits=False or use a native backend"
+        )
+
+
+def require_route(model: ErrorCorrectionRouting, plan: Route) -> tuple[int, ...]:
+    """Return the indices of a simple route from A to B; anything else raises ``InvalidData``."""
+    route = plan.route
+    if len(route) < 2 or route[0] != model.start or route[-1] != model.end:
+        raise InvalidData(
+            f"a route goes from A ({model.start}) to B ({model.end}), got {plan}", field="route"
+        )
+    if len(set(route)) != len(route):
+        twice = next(k for k in route if route.count(k) > 1)
+        raise InvalidData(
+            f"point {twice} stands twice in the route: no column says so", field="route"
+        )
+    return route
+
+
+def follow(
+    model: ErrorCorrectionRouting, tail: NDArray[np.int64], head: NDArray[np.int64]
+) -> Route:
+    """Return the route that the arcs ``tail -> head`` make from A to B, dropping cycles beside it."""
+    successor: dict[int, int] = {}
+    for i, j in zip(tail.tolist(), head.tolist(), strict=True):
+        if i in successor:
+            raise InvalidData(f"two arcs leave point {i}: to {successor[i]} and {j}", field="point")
+        successor[i] = j
+    route = [model.start]
+    while route[-1] != model.end:
+        following = successor.get(route[-1])
+        if following is None:
+            raise InvalidData(f"the arcs from A end at point {route[-1]}, not at B", field="point")
+        if len(route) > len(successor):
+            raise InvalidData("the arcs from A run in a circle and never reach B", field="point")
+        route.append(following)
+    return Route(tuple(route))

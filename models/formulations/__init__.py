@@ -1,1 +1,0 @@
-"""The models' formulations as programs, one file each."""

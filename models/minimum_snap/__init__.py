@@ -1,0 +1,42 @@
+"""The smoothest trajectory through waypoints: minimum snap or any other derivative."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .model import (
+        FREE as FREE,
+        Bound as Bound,
+        Halfspaces as Halfspaces,
+        MinimumDerivative as MinimumDerivative,
+        MinimumSnap as MinimumSnap,
+        derivative_name as derivative_name,
+    )
+    from .time_allocation import TimeAllocation as TimeAllocation
+    from .trajectory import Extremes as Extremes, Trajectory as Trajectory
+
+MODELS = {
+    "minimum-derivative": ".model:MinimumDerivative",
+    "minimum-snap": ".model:MinimumSnap",
+    "time-allocation": ".time_allocation:TimeAllocation",
+}
+PICTURES = dict.fromkeys(MODELS, ".plot.picture:draw")
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "model": (
+            "FREE",
+            "Bound",
+            "Halfspaces",
+            "MinimumDerivative",
+            "MinimumSnap",
+            "derivative_name",
+        ),
+        "time_allocation": ("TimeAllocation",),
+        "trajectory": ("Extremes", "Trajectory"),
+    },
+)

@@ -1,0 +1,1 @@
+"""A trajectory problem as a quadratic program, in several bases."""

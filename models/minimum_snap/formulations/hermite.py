@@ -1,0 +1,215 @@
+"""The reduced program: the free derivatives at the knots are the only unknowns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ....errors import UnsupportedFormulation
+from ...programs.blocks import Block
+from ...programs.linear import QuadraticProgram
+from ..trajectory import Trajectory
+from .bases import UnitBasisFormulation, legendre_basis
+from .piecewise import power_rows
+
+__all__ = ["HermiteFormulation", "hermite_basis", "knot_times"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@cache
+def hermite_basis(order: int, degree: int) -> Floats:
+    """Return the powers of the Hermite functions on [0, 1], a column each.
+
+    The derivatives 0 … order-1 at 0, the same at 1, then for a degree beyond ``2 order - 1`` the
+    functions that vanish with these derivatives at both ends.
+    """
+    ends = np.concatenate(
+        [power_rows(np.array([s]), j, 2 * order - 1) for s in (0.0, 1.0) for j in range(order)]
+    )
+    basis = np.zeros((degree + 1, degree + 1))
+    basis[: 2 * order, : 2 * order] = np.linalg.inv(ends)
+    basis[:, 2 * order :] = legendre_basis(order, degree)[:, 2 * order :]
+    return basis
+
+
+def knot_times(durations: Floats) -> Floats:
+    """Return a time for each knot that scales its derivatives, shape (segments + 1,).
+
+    The geometric mean of the durations beside it, the same for both segments that share it.
+    """
+    times: Floats = np.sqrt(
+        np.concatenate([durations[:1], durations]) * np.concatenate([durations, durations[-1:]])
+    )
+    return times
+
+
+class _Reduction(NamedTuple):
+    """``local = matrix @ columns + constant``, and a local entry that each column is read from."""
+
+    matrix: sp.csr_array
+    constant: Floats
+    source: Ints
+    places: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class HermiteFormulation(UnitBasisFormulation):
+    """Richter, Bry and Roy's unconstrained program: what is fixed or shared is substituted.
+
+    The columns are the free derivatives at the knots (times the local time to their order, so that
+    they are positions in size), and what the constants cost stays in the objective. Without
+    corridor and limits it has no rows at all. With them its Hessian is so nearly singular, for the
+    slow modes of a long path, that interior-point solvers are known to report wrong optima.
+    """
+
+    name = "hermite"
+    summary = "the free derivatives at the knots, everything else substituted"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        model = self.model
+        if model.continuity > model.order - 1:
+            raise UnsupportedFormulation(
+                f"the derivatives at the knots that the program shares end with {model.order - 1}; "
+                f"continuity {model.continuity} needs another formulation"
+            )
+        if (
+            model.highest_fixed > model.order - 1
+            and np.isfinite(model.conditions[:, model.order :]).any()
+        ):
+            raise UnsupportedFormulation(
+                f"derivative {model.highest_fixed} is fixed, but the program's columns are the "
+                f"derivatives up to {model.order - 1}"
+            )
+
+    @cached_property
+    def powers(self) -> Floats:
+        """Powers of the basis functions, a column each."""
+        return hermite_basis(self.model.order, self.model.degree)
+
+    @cached_property
+    def scales(self) -> Floats:
+        """Powers of the duration, so that the coefficients are derivatives in time."""
+        model = self.model
+        scales = np.ones((model.segments, model.degree + 1))
+        orders = np.tile(np.arange(model.order), 2)
+        scales[:, : 2 * model.order] = model.durations[:, None] ** orders
+        return scales
+
+    @cached_property
+    def _reduction(self) -> _Reduction:
+        model = self.model
+        r, count, size = model.order, model.segments, model.degree + 1
+        # The unknown that each local entry is: -1 where it is fixed.
+        fixed = np.full((count + 1, r, model.dimensions), np.inf)
+        rows = min(r, model.conditions.shape[1])
+        fixed[:, :rows] = model.conditions[:, :rows]
+        constant = np.zeros((count, model.dimensions, size))
+        number = np.full((count, model.dimensions, size), -1, np.int64)
+        scale = np.ones((count, model.dimensions, size))
+        local = knot_times(model.durations)
+        total = 0
+        for order in range(r):
+            free = ~np.isfinite(fixed[:, order])
+            value = np.where(free, 0.0, fixed[:, order])
+            constant[:, :, order], constant[:, :, r + order] = value[:-1], value[1:]
+            scale[:, :, order] = (local[:-1] ** -order)[:, None]
+            scale[:, :, r + order] = (local[1:] ** -order)[:, None]
+            shared = np.full(free.shape, -1, np.int64)
+            shared[free] = total + np.arange(int(free.sum()))
+            total += int(free.sum())
+            number[:, :, order], number[:, :, r + order] = shared[:-1], shared[1:]
+            if order > model.continuity:
+                # The start of every later segment has its own.
+                own = free.copy()
+                own[[0, -1]] = False
+                extra = np.full(free.shape, -1, np.int64)
+                extra[own] = total + np.arange(int(own.sum()))
+                total += int(own.sum())
+                number[1:, :, order] = extra[1:-1]
+        bubbles = number[:, :, 2 * r :]
+        bubbles[:] = total + np.arange(bubbles.size).reshape(bubbles.shape)
+        total += bubbles.size
+        flat = number.ravel()
+        entries = np.flatnonzero(flat >= 0)
+        # Columns in the order of the knots keep the Hessian's band narrow.
+        source = np.full(total, number.size, np.int64)
+        np.minimum.at(source, flat[entries], entries)
+        order_of = np.argsort(source, kind="stable")
+        place = np.empty(total, np.int64)
+        place[order_of] = np.arange(total)
+        matrix = sp.csr_array(
+            (scale.ravel()[entries], (entries, place[flat[entries]])), shape=(number.size, total)
+        )
+        source = source[order_of]
+        return _Reduction(
+            matrix,
+            constant.ravel(),
+            source,
+            np.column_stack(np.unravel_index(source, number.shape)),
+        )
+
+    def build(self) -> QuadraticProgram:
+        """Return the reduced program, the constant of its objective included."""
+        reduction = self._reduction
+        matrix, constant = reduction.matrix, reduction.constant
+        local = self._hessian()
+        hessian = matrix.T @ local @ matrix
+        force = local @ constant
+        blocks, parts, at = [], [], 0
+        for name, equation, template, unit, rows in self._all_rows():
+            if name in self._bound_names:
+                shift = rows.matrix @ constant
+                reduced = sp.csr_array(rows.matrix @ matrix)
+                reduced.eliminate_zeros()
+                # Rows without a free column say something of the data, which the model has checked.
+                kept = np.diff(reduced.indptr) > 0
+                lower, upper = (rows.lower - shift)[kept], (rows.upper - shift)[kept]
+                parts.append((reduced[np.flatnonzero(kept)], lower, upper))
+                size = int(kept.sum())
+                blocks.append(Block(name, equation, at, size, template, rows.places[kept], unit))
+                at += size
+        count = matrix.shape[1]
+        rows_matrix = sp.vstack([p[0] for p in parts]) if parts else sp.csr_array((0, count))
+        return QuadraticProgram(
+            hessian=(hessian + hessian.T) / 2,
+            cost=matrix.T @ force,
+            matrix=sp.csr_array(rows_matrix),
+            row_lower=np.concatenate([p[1] for p in parts] or [np.empty(0)]),
+            row_upper=np.concatenate([p[2] for p in parts] or [np.empty(0)]),
+            column_lower=np.full(count, -np.inf),
+            column_upper=np.full(count, np.inf),
+            offset=float(constant @ force) / 2,
+            columns=(
+                Block(
+                    "free derivatives", "", 0, count,
+                    "entry {2} of segment {0}, axis {1}", reduction.places, "m",
+                ),
+            ) if count else (),
+            rows=tuple(block for block in blocks if block.size),
+            name=f"{self.model.name or self.model.kind}, {self.name}",
+        )  # fmt: skip
+
+    @property
+    def _bound_names(self) -> set[str]:
+        return {bound.name for bound in self.model.bounds} | {"polytope"}
+
+    def encode(self, plan: Trajectory) -> NDArray[np.float64]:
+        """Return the free derivatives of `plan`."""
+        local = super().encode(plan)
+        reduction = self._reduction
+        scale = np.asarray(reduction.matrix[reduction.source].sum(axis=1)).ravel()
+        free: NDArray[np.float64] = local[reduction.source] / scale
+        return free
+
+    def decode(self, point: NDArray[np.float64]) -> Trajectory:
+        """Return the trajectory with these derivatives."""
+        reduction = self._reduction
+        return super().decode(reduction.matrix @ np.asarray(point, float) + reduction.constant)

@@ -1,0 +1,387 @@
+"""What the quadratic programs of a piecewise polynomial share: knots, bounds, and refinement.
+
+A corridor or limit holds at every instant, which no finite number of rows can say. The program
+holds it at some instants of each segment, which makes it a relaxation: its optimum is a lower
+bound, and where it is infeasible, so is the model. :meth:`PiecewiseFormulation.refined` then adds
+the instants at which the solution sticks out most (the exchange method for semi-infinite programs),
+until none does.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, NamedTuple, Self
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ....errors import InvalidData, UnsupportedOption
+from ...formulation import Formulation
+from ...programs.blocks import Block
+from ...programs.linear import QuadraticProgram
+from ..model import Bound, MinimumDerivative
+from ..polynomials import derived, horner
+from ..trajectory import Trajectory
+from .instants import NOWHERE, Instants, Limits, first_instants, sticking_out, violation
+
+__all__ = ["PiecewiseFormulation", "power_rows"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Rounds of refinement after which the rest is the verification's to judge.
+ROUNDS = 25
+
+
+class _Rows(NamedTuple):
+    """Rows under construction: entries in local coordinates, bounds, and where each lies."""
+
+    matrix: sp.csr_array
+    lower: Floats
+    upper: Floats
+    places: Ints
+
+
+def power_rows(s: Floats, derivative: int, degree: int) -> Floats:
+    """Return the derivatives of 1, s, s², … at `s`, shape (len(s), degree + 1)."""
+    rows = np.zeros((s.size, degree + 1))
+    for power in range(derivative, degree + 1):
+        factor = np.prod(np.arange(power - derivative + 1, power + 1, dtype=float))
+        rows[:, power] = factor * s ** (power - derivative)
+    return rows
+
+
+@dataclass(frozen=True, eq=False)
+class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
+    """Base of the formulations with one vector of coefficients a segment and axis.
+
+    Parameters
+    ----------
+    model : MinimumDerivative
+        The model.
+    samples : int
+        Instants of each segment at which corridor and limits hold from the start; more are added
+        where they are needed. Few are better: where a limit binds along a whole segment, more rows
+        than its polynomial has coefficients depend on one another.
+    """
+
+    samples: int = 5
+    instants: Instants = field(default=NOWHERE, init=False, repr=False)
+    rounds: int = field(default=0, init=False, repr=False)
+
+    program_type = QuadraticProgram
+    # The terms of a row may be several times what they sum to.
+    precision = 0.25
+    #: What of the paper the rows of continuity stand for.
+    continuity_equation: ClassVar[str] = "25"
+
+    def __post_init__(self) -> None:
+        if isinstance(self.samples, bool) or not isinstance(self.samples, int | np.integer):
+            raise UnsupportedOption(f"samples must be a whole number, got {self.samples!r}")
+        if not 2 <= self.samples <= 1000:
+            raise UnsupportedOption(f"samples must lie in [2, 1000], got {self.samples}")
+
+    # -- the basis -------------------------------------------------------------------------------
+
+    @abstractmethod
+    def basis_rows(self, segments: Ints, s: Floats, derivative: int) -> Floats:
+        """Return the derivatives in *time* of a segment's basis functions, one row an instant."""
+
+    @abstractmethod
+    def gram(self) -> Floats:
+        """Return the objective's symmetric blocks Q_k, J = Σ p'Q_k p, shape (segments, n, n)."""
+
+    @abstractmethod
+    def to_powers(self, local: Floats) -> Floats:
+        """Return coefficients (segments, dimensions, n) as ascending powers of s."""
+
+    @abstractmethod
+    def from_powers(self, powers: Floats) -> Floats:
+        """Return what :meth:`to_powers` inverts."""
+
+    # -- the program -----------------------------------------------------------------------------
+
+    def build(self) -> QuadraticProgram:
+        """Return the program."""
+        model = self.model
+        hessian = self._hessian()
+        blocks, parts, at = [], [], 0
+        for name, equation, template, unit, rows in self._all_rows():
+            count = rows.lower.size
+            if count:
+                blocks.append(Block(name, equation, at, count, template, rows.places, unit))
+                parts.append(rows)
+                at += count
+        size = model.segments * model.dimensions * (model.degree + 1)
+        matrix = sp.vstack([p.matrix for p in parts]) if parts else sp.csr_array((0, size))
+        segment, axis, power = np.indices(
+            (model.segments, model.dimensions, model.degree + 1)
+        ).reshape(3, -1)
+        return QuadraticProgram(
+            hessian=hessian,
+            cost=np.zeros(size),
+            matrix=sp.csr_array(matrix),
+            row_lower=np.concatenate([p.lower for p in parts] or [np.empty(0)]),
+            row_upper=np.concatenate([p.upper for p in parts] or [np.empty(0)]),
+            column_lower=np.full(size, -np.inf),
+            column_upper=np.full(size, np.inf),
+            columns=(
+                Block(
+                    "coefficient", "5", 0, size, "{2} of segment {0}, axis {1}",
+                    np.column_stack([segment, axis, power]),
+                ),
+            ),
+            rows=tuple(blocks),
+            name=f"{model.name or model.kind}, {self.name}",
+        )  # fmt: skip
+
+    def _hessian(self) -> sp.csr_array:
+        model = self.model
+        blocks = np.repeat(2.0 * self.gram(), model.dimensions, axis=0)
+        count, size = blocks.shape[0], blocks.shape[1]
+        start = np.arange(count)[:, None, None] * size
+        rows = np.broadcast_to(start + np.arange(size)[None, :, None], blocks.shape)
+        columns = np.broadcast_to(start + np.arange(size)[None, None, :], blocks.shape)
+        entries = (blocks.ravel(), (rows.ravel(), columns.ravel()))
+        return sp.csr_array(sp.coo_array(entries, shape=(count * size,) * 2))
+
+    def _all_rows(self) -> Iterator[tuple[str, str, str, str, _Rows]]:
+        from ..model import derivative_name, derivative_unit
+
+        model = self.model
+        conditions = model.conditions
+        knot_place = "at knot {0}, axis {1}"
+        for order in range(min(conditions.shape[1], self.highest_fixed + 1)):
+            fixed = np.isfinite(conditions[:, order])
+            name, unit = derivative_name(order), derivative_unit(order)
+            ends = np.zeros_like(fixed)
+            ends[[0, -1]] = order > 0
+            for take, title, equation in (
+                (fixed & ends, f"{name} at the ends", "23"),
+                (fixed & ~ends, "waypoints" if not order else f"{name} at knots", "24" if not order else ""),
+            ):  # fmt: skip
+                yield title, equation, knot_place, unit, self._fixed(order, take)
+        for order in range(self.continuity + 1):
+            title = f"continuity of {derivative_name(order)}"
+            yield title, self.continuity_equation, knot_place, "", self._continuous(order)
+        place = "on segment {0}, axis {1}"
+        instants = self._held()
+        for number, bound in enumerate(model.bounds):
+            rows = self._bounded(instants, number, bound.derivative, bound.lower, bound.upper)
+            yield bound.name, "", place, derivative_unit(bound.derivative), rows
+        if model.halfspaces is not None:
+            yield "polytope", "", "on segment {0}, half-space {1}", "m", self._cut(instants)
+
+    @property
+    def continuity(self) -> int:
+        """The highest derivative that the rows keep continuous."""
+        return self.model.continuity
+
+    @property
+    def highest_fixed(self) -> int:
+        """The highest derivative that the rows fix at knots."""
+        return self.model.highest_fixed
+
+    def _columns(self, segment: Ints, axis: Ints) -> Ints:
+        size = self.model.degree + 1
+        first = (segment * self.model.dimensions + axis) * size
+        columns: Ints = first[:, None] + np.arange(size)
+        return columns
+
+    def _sparse(self, *parts: tuple[Ints, Floats]) -> sp.csr_array:
+        """Return rows from blocks of columns and values side by side."""
+        columns = np.concatenate([c for c, _ in parts], axis=1)
+        values = np.concatenate([v for _, v in parts], axis=1)
+        size = self.model.segments * self.model.dimensions * (self.model.degree + 1)
+        start = np.arange(columns.shape[0] + 1) * columns.shape[1]
+        return sp.csr_array(
+            (values.ravel(), columns.ravel(), start), shape=(columns.shape[0], size)
+        )
+
+    def _scaled(self, matrix: sp.csr_array, lower: Floats, upper: Floats, index: Ints) -> _Rows:
+        """Normalise rows to a largest entry of 1: derivatives of short segments are huge."""
+        size = abs(matrix).max(axis=1).toarray().ravel() if matrix.shape[0] else np.empty(0)
+        share = 1.0 / np.where(size > 0, size, 1.0)
+        return _Rows(sp.csr_array(matrix * share[:, None]), lower * share, upper * share, index)
+
+    def _fixed(self, order: int, take: NDArray[np.bool_]) -> _Rows:
+        """Rows that fix a derivative at knots: at the end before it and at the start after it."""
+        model = self.model
+        knots, axes = (a.astype(np.int64) for a in np.nonzero(take))
+        value = model.conditions[knots, order, axes]
+        parts = []
+        # Where the derivative is continuous by other rows, one side is enough.
+        twice = order > self.continuity
+        for side in (0, 1):
+            segment = knots - side
+            there = (segment >= 0) & (segment < model.segments)
+            if side and not twice:
+                there &= knots == model.segments
+            rows = self.basis_rows(segment[there], np.full(int(there.sum()), float(side)), order)
+            matrix = self._sparse((self._columns(segment[there], axes[there]), rows))
+            index = np.column_stack([knots[there], axes[there]])
+            parts.append(self._scaled(matrix, value[there], value[there], index))
+        return _Rows(
+            sp.csr_array(sp.vstack([p.matrix for p in parts])),
+            *(np.concatenate(column) for column in list(zip(*parts, strict=True))[1:]),
+        )
+
+    def _continuous(self, order: int) -> _Rows:
+        model = self.model
+        knots, axes = (
+            a.ravel().astype(np.int64)
+            for a in np.meshgrid(
+                np.arange(1, model.segments), np.arange(model.dimensions), indexing="ij"
+            )
+        )
+        before = self.basis_rows(knots - 1, np.ones(knots.size), order)
+        after = self.basis_rows(knots, np.zeros(knots.size), order)
+        matrix = self._sparse(
+            (self._columns(knots - 1, axes), before), (self._columns(knots, axes), -after)
+        )
+        zero = np.zeros(knots.size)
+        return self._scaled(matrix, zero, zero, np.column_stack([knots, axes]))
+
+    # -- corridor and limits ---------------------------------------------------------------------
+
+    def _held(self) -> Instants:
+        """All instants: the first ones of every bounded segment, and those that were added."""
+        first = first_instants(self.model, self.samples, self.continuity)
+        return first.joined(self.instants)
+
+    def _bounded(
+        self, instants: Instants, number: int, derivative: int, lower: Floats, upper: Floats
+    ) -> _Rows:
+        take = instants.bound == number
+        segment, axis, s = instants.segment[take], instants.axis[take], instants.s[take]
+        order = np.lexsort((s, axis, segment))
+        segment, axis, s = segment[order], axis[order], s[order]
+        matrix = self._sparse(
+            (self._columns(segment, axis), self.basis_rows(segment, s, derivative))
+        )
+        index = np.column_stack([segment, axis])
+        return self._scaled(matrix, lower[segment, axis], upper[segment, axis], index)
+
+    def _cut(self, instants: Instants) -> _Rows:
+        model = self.model
+        spaces = model.halfspaces
+        assert spaces is not None
+        take = instants.bound == len(model.bounds)
+        segment, which, s = instants.segment[take], instants.axis[take], instants.s[take]
+        values = self.basis_rows(segment, s, 0)
+        parts = []
+        for axis in range(model.dimensions):
+            columns = self._columns(segment, np.full(segment.size, axis))
+            parts.append((columns, values * spaces.normals[which, axis][:, None]))
+        matrix = self._sparse(*parts)
+        matrix.sum_duplicates()
+        return self._scaled(
+            matrix, np.full(which.size, -np.inf), spaces.offsets[which],
+            np.column_stack([segment, which]),
+        )  # fmt: skip
+
+    def refined(self, point: NDArray[np.float64], tolerance: float) -> Self | None:
+        """Return the formulation that also holds where `point` sticks out between the instants."""
+        if not self.model.bounded or self.rounds >= ROUNDS:
+            return None
+        plan = self.decode(point)
+        found = [
+            self._violated(plan, number, bound, tolerance)
+            for number, bound in enumerate(self.model.bounds)
+        ]
+        found.append(self._violated_halfspaces(plan, tolerance))
+        added = Instants(*(np.concatenate(column) for column in zip(*found, strict=True)))
+        if not added.s.size:
+            return None
+        finer = replace(self)
+        held = self.instants.joined(added)
+        object.__setattr__(finer, "instants", held)
+        object.__setattr__(finer, "rounds", self.rounds + 1)
+        return finer
+
+    def _violated(self, plan: Trajectory, number: int, bound: Bound, tolerance: float) -> Instants:
+        inner = derived(plan.coefficients, bound.derivative)
+        segment, axis = np.nonzero(np.isfinite(bound.lower) | np.isfinite(bound.upper))
+        scale = plan.durations[segment] ** -float(bound.derivative)
+        rows = inner[segment, :, axis] * scale[:, None]
+        low_scale, high_scale = self.model.bound_scale(bound)
+        limits = Limits(
+            bound.lower[segment, axis], bound.upper[segment, axis],
+            low_scale[segment, axis], high_scale[segment, axis],
+        )  # fmt: skip
+        reached = self._reached(plan, number)
+        return sticking_out(rows, limits, tolerance, number, segment, axis, reached)
+
+    def _violated_halfspaces(self, plan: Trajectory, tolerance: float) -> Instants:
+        spaces = self.model.halfspaces
+        if spaces is None:
+            return NOWHERE
+        rows = np.einsum("hpd,hd->hp", plan.coefficients[spaces.segments], spaces.normals)
+        which = np.arange(spaces.segments.size)
+        number = len(self.model.bounds)
+        reached = self._reached(plan, number)
+        limits = self._space_limits(which)
+        return sticking_out(rows, limits, tolerance, number, spaces.segments, which, reached)
+
+    def _space_limits(self, which: Ints) -> Limits:
+        """Return the half-spaces' right-hand sides, each with what it is held against."""
+        spaces = self.model.halfspaces
+        assert spaces is not None
+        size = np.full(which.size, self.model.position_scale.max())
+        return Limits(np.full(which.size, -np.inf), spaces.offsets[which], size, size)
+
+    def _reached(self, plan: Trajectory, number: int) -> float:
+        """Return by how much the solver breaks a bound, relatively, where a row holds it.
+
+        More rows do not help against what is the solver's own inaccuracy.
+        """
+        instants = self._held()
+        take = instants.bound == number
+        segment, axis, s = instants.segment[take], instants.axis[take], instants.s[take]
+        if not s.size:
+            return 0.0
+        if number < len(self.model.bounds):
+            bound = self.model.bounds[number]
+            inner = derived(plan.coefficients, bound.derivative)[segment, :, axis]
+            value = horner(inner[:, :, None], s[:, None])[:, 0]
+            value *= plan.durations[segment] ** -float(bound.derivative)
+            low_scale, high_scale = self.model.bound_scale(bound)
+            limits = Limits(
+                bound.lower[segment, axis], bound.upper[segment, axis],
+                low_scale[segment, axis], high_scale[segment, axis],
+            )  # fmt: skip
+        else:
+            spaces = self.model.halfspaces
+            assert spaces is not None
+            rows = np.einsum("hpd,hd->hp", plan.coefficients[segment], spaces.normals[axis])
+            value = horner(rows[:, :, None], s[:, None])[:, 0]
+            limits = self._space_limits(axis)
+        return float(violation(value, limits).max(initial=0.0))
+
+    # -- plans -----------------------------------------------------------------------------------
+
+    def encode(self, plan: Trajectory) -> NDArray[np.float64]:
+        """Return the coefficients of `plan` in this basis."""
+        model = self.model
+        if plan.segments != model.segments or plan.dimensions != model.dimensions:
+            raise InvalidData(
+                f"plan has {plan.segments} segments in {plan.dimensions}-D, the model "
+                f"{model.segments} in {model.dimensions}-D",
+                field="plan",
+            )
+        if plan.degree > model.degree:
+            raise InvalidData(
+                f"plan has degree {plan.degree}, the model allows {model.degree}", field="plan"
+            )
+        powers = np.zeros((model.segments, model.dimensions, model.degree + 1))
+        powers[:, :, : plan.degree + 1] = np.moveaxis(plan.coefficients, 1, 2)
+        return self.from_powers(powers).ravel()
+
+    def decode(self, point: NDArray[np.float64]) -> Trajectory:
+        """Return the trajectory with these coefficients."""
+        model = self.model
+        local = np.asarray(point, float).reshape(model.segments, model.dimensions, -1)
+        return Trajectory(model.times, np.moveaxis(self.to_powers(local), 1, 2))

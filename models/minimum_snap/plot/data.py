@@ -1,0 +1,290 @@
+"""What the picture of a trajectory shows, apart from how: samples, bounds, and broken places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import InvalidData
+from ...fields import show
+from ...verification import Check, Verification
+from ..model import Bound, Halfspaces, derivative_name
+from ..polynomials import derived
+from ..trajectory import Trajectory
+
+__all__ = ["Mark", "Scene", "given_times", "pretty_unit", "scene_of"]
+
+Floats = NDArray[np.float64]
+
+#: About as many points as a line is drawn through, whatever the number of segments.
+_POINTS = 8000
+#: Points a segment: fewer do not show its shape, more are not seen.
+_FEWEST, _MOST = 4, 240
+
+_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+class Mark(NamedTuple):
+    """The place where a plan breaks one condition most.
+
+    Parameters
+    ----------
+    check : Check
+        The condition, and by how much it is broken.
+    order, axis : int
+        Which derivative of which axis; the axis is -1 where it is none alone.
+    time, value : float
+        When, and the value of the derivative there (not a number without an axis).
+    position : ndarray, shape (dimensions,)
+        Where on the path.
+    """
+
+    check: Check
+    order: int
+    axis: int
+    time: float
+    value: float
+    position: Floats
+
+
+def given_times(model: Any) -> Any:
+    """Return the times of a model's knots, None where they are sought."""
+    times = getattr(model, "times", None)
+    return None if callable(times) else times
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A model and a plan as the picture needs them; a model without times takes the plan's.
+
+    Parameters
+    ----------
+    model : Model
+        Anything with ``waypoints``; times, bounds and half-spaces where it has them.
+    plan : Trajectory, optional
+        The plan.
+    names : tuple of str
+        Names of the axes.
+    """
+
+    model: Any
+    plan: Trajectory | None
+    names: tuple[str, ...]
+
+    @property
+    def waypoints(self) -> Floats:
+        """Positions at the knots, infinite where free, shape (knots, dimensions)."""
+        found: Floats = self.model.waypoints
+        return found
+
+    @property
+    def dimensions(self) -> int:
+        """Number of axes."""
+        return int(self.waypoints.shape[1])
+
+    @property
+    def segments(self) -> int:
+        """Number of polynomials an axis."""
+        return len(self.waypoints) - 1
+
+    @cached_property
+    def timed(self) -> bool:
+        """Whether the knots have times: the model's, or the plan's."""
+        return given_times(self.model) is not None or self.plan is not None
+
+    @cached_property
+    def times(self) -> Floats:
+        """Times of the knots, or their numbers where nothing tells the times."""
+        given = given_times(self.model)
+        if given is None:
+            given = np.arange(len(self.waypoints)) if self.plan is None else self.plan.times
+        return np.asarray(given, float)
+
+    @cached_property
+    def flown(self) -> Floats:
+        """Times of the plan's own knots, which are between its segments."""
+        return self.times if self.plan is None else self.plan.times
+
+    @cached_property
+    def bounds(self) -> tuple[Bound, ...]:
+        """The corridor's boxes and the limits."""
+        found = getattr(self.model, "bounds", ())
+        return tuple(found() if callable(found) else found)
+
+    def bounds_of(self, order: int) -> list[Bound]:
+        """Return the bounds on one derivative."""
+        return [bound for bound in self.bounds if bound.derivative == order]
+
+    @cached_property
+    def halfspaces(self) -> Halfspaces | None:
+        """The polytopes, None where there are none."""
+        found: Halfspaces | None = getattr(self.model, "halfspaces", None)
+        return found
+
+    @cached_property
+    def conditions(self) -> Floats:
+        """What is fixed at the knots, shape (knots, orders, dimensions), infinite where free."""
+        found = getattr(self.model, "conditions", None)
+        return self.waypoints[:, None] if found is None else np.asarray(found, float)
+
+    @cached_property
+    def verification(self) -> Verification | None:
+        """The model's own check of the plan."""
+        if self.plan is None:
+            return None
+        found: Verification = self.model.verify(self.plan)
+        return found
+
+    # -- samples ---------------------------------------------------------------------------------
+
+    @cached_property
+    def _rows(self) -> NDArray[np.int64]:
+        """The segments that are drawn: all, or evenly chosen ones."""
+        most = _POINTS // _FEWEST
+        if self.segments <= most:
+            return np.arange(self.segments)
+        return np.linspace(0, self.segments - 1, most).round().astype(np.int64)
+
+    @cached_property
+    def _grid(self) -> Floats:
+        count = int(np.clip(_POINTS // len(self._rows), _FEWEST, _MOST))
+        return np.linspace(0.0, 1.0, count)
+
+    @cached_property
+    def sample_times(self) -> Floats:
+        """Times of the samples; a knot comes twice, for what jumps there, shape (samples,)."""
+        plan = self._planned()
+        starts, lengths = plan.times[self._rows], plan.durations[self._rows]
+        times: Floats = (starts[:, None] + lengths[:, None] * self._grid).ravel()
+        return times
+
+    def samples(self, order: int) -> Floats:
+        """Return a derivative at :attr:`sample_times`, shape (samples, dimensions)."""
+        plan = self._planned()
+        inner = derived(plan.coefficients[self._rows], order)
+        powers = np.vander(self._grid, inner.shape[1], increasing=True)
+        values = np.einsum("np,kpd->knd", powers, inner)
+        values *= (plan.durations[self._rows] ** -order)[:, None, None]
+        found: Floats = values.reshape(-1, self.dimensions)
+        return found
+
+    def _planned(self) -> Trajectory:
+        assert self.plan is not None
+        return self.plan
+
+    # -- what is broken --------------------------------------------------------------------------
+
+    @cached_property
+    def violated(self) -> tuple[Check, ...]:
+        """The checks that the plan does not pass."""
+        found = self.verification
+        return () if found is None else tuple(check for check in found.checks if not check.ok)
+
+    @cached_property
+    def marks(self) -> tuple[Mark, ...]:
+        """The worst place of each broken condition that has a place."""
+        return tuple(mark for check in self.violated for mark in self._marked(check))
+
+    def _marked(self, check: Check) -> Iterator[Mark]:
+        plan = self._planned()
+        for bound in self.bounds:
+            if bound.name == check.name:
+                yield self._of_bound(check, bound)
+        if check.name == "polytope" and self.halfspaces is not None:
+            time = self._of_halfspaces(self.halfspaces)
+            yield Mark(check, 0, -1, time, np.nan, plan(time))
+        for order in range(max(self.conditions.shape[1], plan.degree + 1)):
+            word = derivative_name(order)
+            begin, end = plan.at_ends(order)
+            if check.name == f"continuity of {word}":
+                yield self._at_knot(check, order, np.abs(begin[1:] - end[:-1]), begin[1:], 1)
+            elif order < self.conditions.shape[1] and (
+                check.name.startswith(f"{word} at ") or (order == 0 and check.name == "waypoints")
+            ):
+                chosen = np.ones(len(self.waypoints), bool)
+                if order:
+                    chosen[[0, -1]] = check.name.endswith("ends")
+                    chosen[1:-1] = not chosen[0]
+                fixed = self.conditions[:, order]
+                known = np.isfinite(fixed) & chosen[:, None]
+                wanted = np.where(known, fixed, 0.0)
+                before, after = np.vstack([begin[:1], end]), np.vstack([begin, end[-1:]])
+                late = np.abs(after - wanted) > np.abs(before - wanted)
+                values = np.where(late, after, before)
+                off = np.where(known, np.abs(values - wanted), 0.0)
+                yield self._at_knot(check, order, off, values, 0)
+
+    def _at_knot(self, check: Check, order: int, off: Floats, values: Floats, first: int) -> Mark:
+        row, axis = (int(k) for k in np.unravel_index(int(off.argmax()), off.shape))
+        time = float(self.flown[row + first])
+        value, plan = float(values[row, axis]), self._planned()
+        return Mark(check, order, axis, time, value, plan(time))
+
+    def _of_bound(self, check: Check, bound: Bound) -> Mark:
+        plan = self._planned()
+        found = plan.extremes(bound.derivative)
+        best = (-np.inf, 0, 0.0, 0.0)
+        sides = (
+            (bound.lower - found.least, bound.lower, found.least_time, found.least),
+            (found.largest - bound.upper, bound.upper, found.largest_time, found.largest),
+        )
+        for off, edge, times, values in sides:
+            # As large as the check would find it: relative to the bound, where that is above 1.
+            share = off / np.maximum(1.0, np.where(np.isfinite(edge), np.abs(edge), 1.0))
+            row, axis = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
+            if share[row, axis] > best[0]:
+                place = (float(times[row, axis]), float(values[row, axis]))
+                best = (float(share[row, axis]), axis, *place)
+        _, axis, time, value = best
+        return Mark(check, bound.derivative, axis, time, value, plan(time))
+
+    def _of_halfspaces(self, spaces: Halfspaces) -> float:
+        plan, rows = self._planned(), spaces.segments
+        # A segment has several half-spaces, so it comes several times in a path made for this.
+        starts = np.concatenate([[0.0], np.cumsum(plan.durations[rows])])
+        found = Trajectory(starts, plan.coefficients[rows]).extremes(0, direction=spaces.normals)
+        size = np.maximum(1.0, np.abs(spaces.offsets))
+        at = int(((found.largest[:, 0] - spaces.offsets) / size).argmax())
+        time = plan.times[rows[at]] + found.largest_time[at, 0] - starts[at]
+        return float(np.clip(time, plan.times[0], plan.times[-1]))
+
+
+def scene_of(model: Any, plan: Any, names: Any) -> Scene:
+    """Return the scene of `model` and `plan`, or raise :class:`InvalidData`."""
+    waypoints = np.asarray(model.waypoints)
+    count, dimensions = len(waypoints) - 1, waypoints.shape[1]
+    if plan is not None and not isinstance(plan, Trajectory):
+        raise InvalidData(f"plan must be a Trajectory, got {show(plan)}", field="plan")
+    if plan is not None and (plan.segments, plan.dimensions) != (count, dimensions):
+        raise InvalidData(
+            f"plan has {plan.segments} segments in {plan.dimensions}-D, the model {count} in "
+            f"{dimensions}-D",
+            field="plan",
+        )
+    return Scene(model, plan, _names(names, dimensions))
+
+
+def _names(names: Any, dimensions: int) -> tuple[str, ...]:
+    if names is None:
+        # Beyond three, the numbers that the checks speak of.
+        return tuple("xyz"[k] if k < 3 else f"axis {k}" for k in range(dimensions))
+    listed = list(names) if isinstance(names, tuple | list) else []
+    wrong = len(listed) != dimensions or len(set(map(str, listed))) < dimensions
+    if wrong or not all(isinstance(name, str) and name for name in listed):
+        raise InvalidData(
+            f"names must hold {dimensions} different word{'s' if dimensions > 1 else ''}, one an "
+            f"axis, got {show(names)}",
+            field="names",
+        )
+    return tuple(listed)
+
+
+def pretty_unit(unit: str) -> str:
+    """Return ``"m/s²"`` for ``"m/s^2"``."""
+    base, mark, power = unit.partition("^")
+    return base + power.translate(_SUPERSCRIPTS) if mark else unit

@@ -1,0 +1,176 @@
+"""The regions where a corridor lets a segment be: polygons in a plane, bodies in space."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .data import Scene
+
+__all__ = ["Region", "regions"]
+
+Floats = NDArray[np.float64]
+
+#: Normals are of length 1; what is below this counts as 0.
+_TILT = 1e-9
+
+
+class Region(NamedTuple):
+    """Where one or several segments may be.
+
+    Parameters
+    ----------
+    segment : int
+        The first of the segments.
+    faces : list of ndarray, each of shape (corners, shown axes)
+        One polygon in a plane; the faces of a body in space.
+    """
+
+    segment: int
+    faces: list[Floats]
+
+
+def regions(
+    scene: Scene, shown: tuple[int, ...], low: Floats, high: Floats, most: int | None = None
+) -> tuple[list[Region], int, bool]:
+    """Return the regions of the corridor, cut off at a box, as seen along the shown axes.
+
+    Parameters
+    ----------
+    scene : Scene
+        The model.
+    shown : tuple of int
+        Two or three axes.
+    low, high : ndarray, shape (dimensions,)
+        The box at which what has no end is cut off.
+    most : int, optional
+        Draw no more, evenly chosen.
+
+    Returns
+    -------
+    list of Region
+        Empty ones are left out.
+    int
+        How many different regions there are.
+    bool
+        Whether half-spaces were left out, for they are tilted into an axis that is not shown.
+    """
+    boxes = scene.bounds_of(0)
+    spaces = scene.halfspaces
+    if not boxes and spaces is None:
+        return [], 0, False
+    lower = np.broadcast_to(low, (scene.segments, low.size)).copy()
+    upper = np.broadcast_to(high, lower.shape).copy()
+    held = np.zeros(scene.segments, bool)
+    for box in boxes:
+        lower, upper = np.maximum(lower, box.lower), np.minimum(upper, box.upper)
+        held |= (np.isfinite(box.lower) | np.isfinite(box.upper))[:, shown].any(axis=1)
+    members: dict[int, list[int]] = {}
+    if spaces is not None:
+        for row, segment in enumerate(spaces.segments.tolist()):
+            members.setdefault(segment, []).append(row)
+        held[list(members)] = True
+    # One box for many segments is one region.
+    chosen: list[int] = []
+    seen: set[bytes] = set()
+    for segment in np.flatnonzero(held).tolist():
+        key = lower[segment].tobytes() + upper[segment].tobytes()
+        if segment in members or key not in seen:
+            chosen.append(segment)
+        if segment not in members:
+            seen.add(key)
+    total = len(chosen)
+    if most is not None and total > most:
+        chosen = [chosen[k] for k in np.linspace(0, total - 1, most).round().astype(int)]
+    found, omitted = [], False
+    axes = list(shown)
+    for segment in chosen:
+        normals, offsets = np.zeros((0, low.size)), np.zeros(0)
+        if segment in members:
+            assert spaces is not None
+            normals, offsets = spaces.normals[members[segment]], spaces.offsets[members[segment]]
+        tilted = (np.abs(np.delete(normals, axes, axis=1)) > _TILT).any(axis=1)
+        if tilted.any() and low.size == 3:
+            faces = _body(lower[segment], upper[segment], normals, offsets)
+            corners = np.concatenate(faces)[:, axes] if faces else np.zeros((0, 2))
+            faces = [_hull(corners)] if len(corners) else []
+        else:
+            omitted |= bool((tilted & (np.abs(normals[:, axes]) > _TILT).any(axis=1)).any())
+            part = normals[~tilted][:, axes]
+            ends = lower[segment, axes], upper[segment, axes]
+            shape = _body if len(axes) == 3 else _polygon
+            faces = shape(*ends, part, offsets[~tilted])
+        if faces:
+            found.append(Region(segment, faces))
+    return found, total, omitted
+
+
+def _polygon(lower: Floats, upper: Floats, normals: Floats, offsets: Floats) -> list[Floats]:
+    """Return the polygon of a rectangle and half-planes, or nothing."""
+    if (lower > upper).any():
+        return []
+    (left, bottom), (right, top) = lower, upper
+    corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
+    for normal, offset in zip(normals, offsets, strict=True):
+        corners = _clip(corners, normal, offset)
+    return [corners] if len(corners) else []
+
+
+def _body(lower: Floats, upper: Floats, normals: Floats, offsets: Floats) -> list[Floats]:
+    """Return the faces of a box cut by half-spaces, or nothing."""
+    if (lower > upper).any():
+        return []
+    normals = np.vstack([np.eye(3), -np.eye(3), normals])
+    offsets = np.concatenate([upper, -lower, offsets])
+    middle, reach = (lower + upper) / 2, 2 * float(np.linalg.norm(upper - lower)) + 1e-9
+    faces = []
+    for row, (normal, offset) in enumerate(zip(normals, offsets, strict=True)):
+        # A square in the plane of the face, larger than the box, cut by all the others.
+        one = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
+        one /= np.linalg.norm(one)
+        other = np.cross(normal, one)
+        centre = middle + (offset - middle @ normal) * normal
+        face = centre + reach * np.array([one + other, other - one, -one - other, one - other])
+        for k in range(len(normals)):
+            if k != row and len(face):
+                face = _clip(face, normals[k], offsets[k])
+        if len(face) >= 3:
+            faces.append(face)
+    return faces
+
+
+def _clip(corners: Floats, normal: Floats, offset: float) -> Floats:
+    """Return the part of a convex polygon where ``normal @ x <= offset`` (Sutherland, Hodgman)."""
+    if not len(corners):
+        return corners
+    slack = offset - corners @ normal
+    inside = slack >= -1e-12 * max(1.0, abs(offset))
+    if inside.all():
+        return corners
+    kept = []
+    for k in range(len(corners)):
+        if inside[k - 1] != inside[k]:
+            share = slack[k - 1] / (slack[k - 1] - slack[k])
+            kept.append(corners[k - 1] + share * (corners[k] - corners[k - 1]))
+        if inside[k]:
+            kept.append(corners[k])
+    return np.array(kept).reshape(-1, corners.shape[1])
+
+
+def _hull(points: Floats) -> Floats:
+    """Return the convex hull of points in a plane, in order (Andrew's monotone chain)."""
+    ordered = np.unique(points.round(12), axis=0)
+    chain: list[Floats] = []
+    for way in (ordered, ordered[::-1]):
+        start = len(chain)
+        for point in way:
+            while len(chain) >= start + 2:
+                (ax, ay), (bx, by) = chain[-1] - chain[-2], point - chain[-2]
+                if ax * by - ay * bx > 0:
+                    break
+                chain.pop()
+            chain.append(point)
+        chain.pop()
+    return np.array(chain or ordered)

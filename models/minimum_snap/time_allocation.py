@@ -1,0 +1,285 @@
+"""How long each segment takes: the minimum-derivative trajectory with its times free.
+
+Sources: Richter, Bry and Roy, "Polynomial trajectory planning for aggressive quadrotor flight in
+dense indoor environments", ISRR 2013 (J + ρ ΣT, descent on the times); Wang, Zhou, Xu and Gao,
+"Geometrically constrained trajectory optimization for multicopters" (MINCO), 2022 (gradients of
+the times at the cost of one solve).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...errors import InvalidData
+from ..fields import Optional, Real, declared, frozen
+from ..model import Model
+from ..verification import ROUNDING, TOLERANCE, Check, Verification
+from .model import Bound, Halfspaces, MinimumDerivative, derivative_name
+from .trajectory import Trajectory
+
+__all__ = ["TimeAllocation"]
+
+Floats = NDArray[np.float64]
+
+_SHARED = {field.name: field for field in dataclasses.fields(MinimumDerivative)}
+
+#: Fields that :class:`MinimumDerivative` completes, and that are kept as it completes them.
+_COMPLETED = ("start", "end", "degree", "continuity")
+
+
+def _shared(name: str) -> Any:
+    """Return a field declared as :class:`MinimumDerivative` declares it: one text for both."""
+    field = _SHARED[name]
+    return dataclasses.field(default=field.default, metadata=field.metadata)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TimeAllocation(Model[Trajectory]):
+    """The trajectory through waypoints, and the times of the knots with it.
+
+    Minimise J + ρ ΣT over the durations T_k > 0 and the polynomials, where J = ∫ (x^(r))² dt is
+    what :class:`~crosstrack.models.MinimumDerivative` minimises at given times; or J alone at a
+    given total time. Corridor and limits hold as they do there: :meth:`at` gives that problem.
+
+    Stretching time by s turns a motion from rest to rest into one that costs ``s^(1-2r) J``. So
+    where nothing but positions is fixed or bounded (and derivatives, to zero), every optimum has
+    ``ρ ΣT = (2r - 1) J``, and the best total time grows as ``ρ^(-1/2r)`` (Richter, Bry and Roy
+    2013); for a sum of several orders, ``ρ ΣT = Σ (2j - 1) J_j``. The problem is not convex, and
+    may have several local optima.
+
+    Parameters
+    ----------
+    waypoints : ndarray, shape (knots, dimensions)
+        Positions at the knots (m); None leaves a coordinate free.
+    time_weight : float
+        ρ, the price of a second (m²/s^2r), at least 0.
+    total_time : float, optional
+        ΣT (s), where it is given; ρ ΣT is then a constant.
+    order, weights, start, end, derivatives, corridor_lower, corridor_upper, velocity_limit, \
+acceleration_limit, jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, \
+continuity
+        As those of :class:`~crosstrack.models.MinimumDerivative`.
+
+    Raises
+    ------
+    InvalidData
+        What that model refuses; ρ = 0 without a total time, for J would fall to 0 with times that
+        grow without end; a waypoint that repeats the one before, for its segment would take no
+        time at all.
+
+    Examples
+    --------
+    >>> import crosstrack as ct
+    >>> from crosstrack.models import TimeAllocation
+    >>> model = TimeAllocation(waypoints=[[0, 0], [1, 2], [3, 2]], time_weight=100)
+    >>> found = ct.solve(model)
+    >>> found.termination, found.plan.durations.round(3).tolist()
+    (<Termination.LOCALLY_OPTIMAL: 'locally_optimal'>, [2.602, 2.487])
+    """
+
+    waypoints: Floats = _shared("waypoints")
+    time_weight: float = declared(Real(0.0), default=0.0)
+    total_time: float | None = declared(Optional(Real(0.0, strict=True, unit="s")), default=None)
+    order: int = _shared("order")
+    weights: Floats | None = _shared("weights")
+    start: Floats = _shared("start")
+    end: Floats = _shared("end")
+    derivatives: Floats | None = _shared("derivatives")
+    corridor_lower: Floats | None = _shared("corridor_lower")
+    corridor_upper: Floats | None = _shared("corridor_upper")
+    velocity_limit: Floats | None = _shared("velocity_limit")
+    acceleration_limit: Floats | None = _shared("acceleration_limit")
+    jerk_limit: Floats | None = _shared("jerk_limit")
+    polytope_segments: NDArray[np.int64] | None = _shared("polytope_segments")
+    polytope_normals: Floats | None = _shared("polytope_normals")
+    polytope_offsets: Floats | None = _shared("polytope_offsets")
+    degree: int = _shared("degree")
+    continuity: int = _shared("continuity")
+
+    kind: ClassVar[str] = "time-allocation"
+
+    def check(self) -> None:
+        """Refuse what the problem at given times refuses, and what leaves the times no optimum."""
+        if len(self.waypoints) < 2:
+            raise InvalidData(
+                f"waypoints must hold at least 2 knots, got {len(self.waypoints)}",
+                field="waypoints",
+            )
+        for name in _COMPLETED:
+            object.__setattr__(self, name, getattr(self.unit, name))
+        if self.time_weight == 0.0 and self.total_time is None:
+            raise InvalidData(
+                "time_weight must be > 0 unless total_time is given, got 0: the objective would "
+                "fall to 0 for times that grow without end",
+                field="time_weight",
+            )
+        self._check_movement()
+
+    def _check_movement(self) -> None:
+        """Refuse a segment that may stand still: the shorter, the better, and never the best."""
+        table = self.conditions
+        still = np.all((table[:, 1:] == 0.0) | ~np.isfinite(table[:, 1:]), axis=(1, 2))
+        before, after = self.waypoints[:-1], self.waypoints[1:]
+        known = np.isfinite(before) & np.isfinite(after)
+        same = np.where(known, before == after, True).all(axis=1) & known.any(axis=1)
+        idle = np.flatnonzero(same & still[:-1] & still[1:])
+        if idle.size:
+            knot = int(idle[0]) + 1
+            shown = [float(x) if np.isfinite(x) else None for x in self.waypoints[knot]]
+            raise InvalidData(
+                f"waypoints[{knot}] = {shown} repeats waypoints[{knot - 1}]: the shorter that "
+                "segment, the better, and no duration > 0 is the best",
+                field="waypoints",
+            )
+
+    # -- at given times --------------------------------------------------------------------------
+
+    def at(self, times: ArrayLike) -> MinimumDerivative:
+        """Return the problem that is left at given times.
+
+        Parameters
+        ----------
+        times : ndarray, shape (knots,)
+            Times of the knots (s), increasing.
+
+        Raises
+        ------
+        InvalidData
+            They do not increase, or are not one a knot.
+        """
+        given = {name: getattr(self, name) for name in _SHARED if name not in ("name", "times")}
+        return MinimumDerivative(times=np.asarray(times), name=self.name, **given)
+
+    @cached_property
+    def unit(self) -> MinimumDerivative:
+        """The problem with every segment 1 s long: for all that does not depend on the times."""
+        return self.at(np.arange(len(self.waypoints), dtype=float))
+
+    @property
+    def segments(self) -> int:
+        """Number of polynomials an axis, and of durations."""
+        return len(self.waypoints) - 1
+
+    @property
+    def dimensions(self) -> int:
+        """Number of axes."""
+        return int(self.waypoints.shape[1])
+
+    @property
+    def order_weights(self) -> Floats:
+        """Weight of each order 1 … r in the objective, shape (order,)."""
+        return self.unit.order_weights
+
+    @property
+    def conditions(self) -> Floats:
+        """What is fixed at the knots: shape (knots, highest fixed + 1, dimensions), else FREE."""
+        return self.unit.conditions
+
+    @property
+    def bounds(self) -> tuple[Bound, ...]:
+        """The corridor's boxes and the limits, where there are any."""
+        return self.unit.bounds
+
+    @property
+    def halfspaces(self) -> Halfspaces | None:
+        """The polytopes' half-spaces with normals of length 1, None where there are none."""
+        return self.unit.halfspaces
+
+    @property
+    def bounded(self) -> bool:
+        """Whether there is a corridor or a limit."""
+        return self.unit.bounded
+
+    @cached_property
+    def from_rest_to_rest(self) -> bool:
+        """Whether every derivative that is fixed is zero, so that any plan may be slowed down."""
+        fixed = self.conditions[:, 1:]
+        return bool(np.all((fixed == 0.0) | ~np.isfinite(fixed)))
+
+    @cached_property
+    def scales(self) -> bool:
+        """Whether stretching time keeps every constraint, so that ``ρ ΣT = Σ (2j-1) J_j``."""
+        return self.from_rest_to_rest and all(b.derivative == 0 for b in self.bounds)
+
+    # -- plans -----------------------------------------------------------------------------------
+
+    def objective(self, plan: Trajectory) -> float:
+        """Return J + ρ ΣT."""
+        return self.unit.objective(plan) + self.time_weight * plan.duration
+
+    def identity_residual(self, plan: Trajectory) -> float | None:
+        """Return by how much ``ρ ΣT = Σ (2j - 1) J_j`` fails, relative; None where it need not hold.
+
+        It holds at every local optimum whose constraints all outlive a stretch of time.
+        """
+        if not self.scales or self.total_time is not None:
+            return None
+        total = 0.0
+        for order, weight in enumerate(self.order_weights, start=1):
+            if weight:
+                share = float(plan.integral_of_square(order).sum())
+                total += (2 * order - 1) * weight * share
+        price = self.time_weight * plan.duration
+        return float(abs(price - total) / max(price, total))
+
+    def verify(self, plan: Trajectory, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return J + ρ ΣT, and every constraint of the problem at the plan's own times.
+
+        The path may begin at any time: only durations count.
+        """
+        if not isinstance(plan, Trajectory):
+            raise InvalidData(f"plan must be a Trajectory, got {type(plan).__name__}", field="plan")
+        if plan.segments != self.segments:
+            raise InvalidData(
+                f"plan has {plan.segments} segments, the model {self.segments}", field="plan"
+            )
+        at = self.at(plan.times).verify(plan, tolerance=tolerance)
+        least = int(plan.durations.argmin())
+        checks = [
+            Check(
+                "durations > 0", "", max(0.0, -float(plan.durations[least])), "s", 0.0,
+                f"segment {least} ({plan.durations[least]:.6g} s)", 0.0,
+            )
+        ]  # fmt: skip
+        if self.total_time is not None:
+            size = max(1.0, self.total_time)
+            checks.append(
+                Check(
+                    "total time", "", abs(plan.duration - self.total_time), "s",
+                    tolerance * size, f"{plan.duration:.9g} s", ROUNDING * size,
+                )
+            )  # fmt: skip
+        # Its own check of the times compares them with themselves.
+        checks += [check for check in at.checks if check.name != "times"]
+        value = None if at.objective is None else at.objective + self.time_weight * plan.duration
+        return Verification(value, tuple(checks))
+
+    def plan_to_data(self, plan: Trajectory) -> Any:
+        """Return ``{"times": […], "coefficients": [[[…]]]}``."""
+        return plan.to_data()
+
+    def plan_from_data(self, data: Any) -> Trajectory:
+        """Return the trajectory in `data`."""
+        return Trajectory.from_data(data)
+
+    def as_plan(self, value: Any) -> Trajectory:
+        """Return the trajectory that `value` means; a SciPy ``PPoly`` is one."""
+        return self.unit.as_plan(value)
+
+    def times(self, durations: ArrayLike) -> Floats:
+        """Return the times of the knots, from 0, of these durations: shape (knots,)."""
+        ends = np.cumsum(np.asarray(durations, float))
+        return frozen(np.concatenate([[0.0], ends]))
+
+    def describe(self) -> str:
+        """Return the size in a few words."""
+        more = [b.name for b in self.bounds] + (["polytopes"] if self.halfspaces else [])
+        what = f"{self.time_weight:g} a second" if self.total_time is None else "of a given total"
+        size = f"{self.segments} segments in {self.dimensions}-D"
+        return ", ".join([f"times, {what}, of minimum {derivative_name(self.order)}", size, *more])

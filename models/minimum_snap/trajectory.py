@@ -1,0 +1,360 @@
+"""A piecewise polynomial in time: the plan of every trajectory model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...errors import InvalidData
+from ..fields import Array, frozen, show
+from .polynomials import (
+    bernstein_matrix,
+    critical_points,
+    derived,
+    gauss_legendre,
+    horner,
+    power_matrix,
+)
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline, PPoly
+
+__all__ = ["Extremes", "Trajectory", "increasing"]
+
+Floats = NDArray[np.float64]
+
+#: Segments treated at a time where intermediate arrays would outgrow the result.
+_CHUNK = 65536
+
+
+class Extremes(NamedTuple):
+    """The least and the largest value of a derivative, an axis a column.
+
+    Parameters
+    ----------
+    least, largest : ndarray, shape (segments, dimensions)
+        The values.
+    least_time, largest_time : ndarray, shape (segments, dimensions)
+        Where they are taken.
+    """
+
+    least: Floats
+    largest: Floats
+    least_time: Floats
+    largest_time: Floats
+
+
+def increasing(name: str, times: Floats) -> None:
+    """Raise :class:`InvalidData` unless there are two `times` or more, each after the one before."""
+    if times.size < 2:
+        raise InvalidData(f"{name} must hold at least 2 entries, got {times.size}", field=name)
+    bad = np.flatnonzero(np.diff(times) <= 0)
+    if bad.size:
+        at = int(bad[0]) + 1
+        raise InvalidData(
+            f"{name}[{at}] must be > {name}[{at - 1}] = {times[at - 1]:g}, got {times[at]:g}",
+            field=name,
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory:
+    """A piecewise polynomial: ``trajectory(t, derivative=0)``.
+
+    Parameters
+    ----------
+    times : ndarray, shape (segments + 1,)
+        Knots, increasing, s.
+    coefficients : ndarray, shape (segments, degree + 1, dimensions)
+        Ascending powers of each segment's own time, scaled to ``s = (t - t_k) / (t_{k+1} - t_k)``:
+        scaled, because powers of seconds lose their digits where segments are short or long.
+
+    Raises
+    ------
+    InvalidData
+        Shapes that do not fit, times that do not increase, numbers that are not finite.
+    """
+
+    times: Floats
+    coefficients: Floats
+
+    def __post_init__(self) -> None:
+        times = Array(("knots",)).coerce("times", self.times, {})
+        increasing("times", times)
+        sizes = {"segments": (times.size - 1, "times (less one)")}
+        array = Array(("segments", "degree + 1", "dimensions"))
+        coefficients = array.coerce("coefficients", self.coefficients, sizes)
+        if 0 in coefficients.shape:
+            raise InvalidData(
+                f"coefficients must not be empty, got shape {coefficients.shape}",
+                field="coefficients",
+            )
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "coefficients", coefficients)
+
+    # -- shape -----------------------------------------------------------------------------------
+
+    @property
+    def segments(self) -> int:
+        """Number of polynomials."""
+        return int(self.coefficients.shape[0])
+
+    @property
+    def degree(self) -> int:
+        """Degree of the polynomials."""
+        return int(self.coefficients.shape[1]) - 1
+
+    @property
+    def dimensions(self) -> int:
+        """Number of axes."""
+        return int(self.coefficients.shape[2])
+
+    @cached_property
+    def durations(self) -> Floats:
+        """Duration of each segment, s, shape (segments,)."""
+        return frozen(np.diff(self.times))
+
+    @property
+    def duration(self) -> float:
+        """Duration of the whole, s."""
+        return float(self.times[-1] - self.times[0])
+
+    def __repr__(self) -> str:
+        return (
+            f"<Trajectory {self.segments} segment{'s' if self.segments > 1 else ''} of degree "
+            f"{self.degree} in {self.dimensions}-D, {self.times[0]:g} to {self.times[-1]:g} s>"
+        )
+
+    # -- values ----------------------------------------------------------------------------------
+
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Floats:
+        """Return the position, or a derivative in time, at `t`.
+
+        Parameters
+        ----------
+        t : float or ndarray, any shape
+            Times between the first knot and the last, s; at a knot, the later segment speaks.
+        derivative : int
+            0 position, 1 velocity, 2 acceleration, 3 jerk, 4 snap, …
+
+        Returns
+        -------
+        ndarray, shape (*t.shape, dimensions)
+
+        Raises
+        ------
+        InvalidData
+            A time beyond the knots, or a derivative that is no whole number from 0.
+        """
+        order = _order(derivative)
+        at = np.asarray(t, float)
+        flat = at.ravel()
+        slack = 1e-12 * max(1.0, abs(float(self.times[0])), abs(float(self.times[-1])))
+        inside = (flat >= self.times[0] - slack) & (flat <= self.times[-1] + slack)
+        if not inside.all():
+            first = float(flat[~inside][0])
+            raise InvalidData(
+                f"t must lie in [{self.times[0]:g}, {self.times[-1]:g}], got {first:g}", field="t"
+            )
+        index = np.clip(np.searchsorted(self.times, flat, "right") - 1, 0, self.segments - 1)
+        value = np.empty((flat.size, self.dimensions))
+        for begin in range(0, flat.size, _CHUNK):
+            part = slice(begin, begin + _CHUNK)
+            own = index[part]
+            long = self.durations[own]
+            s = np.clip((flat[part] - self.times[own]) / long, 0.0, 1.0)
+            found = horner(derived(self.coefficients[own], order), s)
+            value[part] = found / (long**order)[:, None]
+        return value.reshape(*at.shape, self.dimensions)
+
+    def at_ends(self, derivative: int = 0) -> tuple[Floats, Floats]:
+        """Return a derivative at the start and at the end of every segment.
+
+        Returns
+        -------
+        tuple of ndarray, shape (segments, dimensions)
+            They differ at a knot by its jump.
+        """
+        order = _order(derivative)
+        inner = derived(self.coefficients, order)
+        scale = (self.durations**-order)[:, None]
+        return inner[:, 0] * scale, inner.sum(axis=1) * scale
+
+    def integral_of_square(self, derivative: int) -> Floats:
+        """Return ∫ (x^(derivative))² dt of each axis, by Gauss-Legendre quadrature (exact).
+
+        A sum of squares, so nothing cancels, as it does in the quadratic form of the powers.
+        """
+        order = _order(derivative)
+        total = np.zeros(self.dimensions)
+        if order > self.degree:
+            return total
+        nodes, weights = gauss_legendre(self.degree - order + 1)
+        powers = np.vander(nodes, self.degree - order + 1, increasing=True)
+        for begin in range(0, self.segments, _CHUNK):
+            part = slice(begin, begin + _CHUNK)
+            inner = derived(self.coefficients[part], order)
+            values = np.einsum("np,kpd->knd", powers, inner)
+            share = np.einsum("n,knd->kd", weights, values**2)
+            total += (share * (self.durations[part] ** (1 - 2 * order))[:, None]).sum(axis=0)
+        return total
+
+    def extremes(
+        self,
+        derivative: int = 0,
+        direction: ArrayLike | None = None,
+        segments: NDArray[np.int64] | None = None,
+    ) -> Extremes:
+        """Return the least and largest value of a derivative on every segment, and where.
+
+        Exact up to rounding: the values at the ends and at the roots of the next derivative.
+
+        Parameters
+        ----------
+        derivative : int
+            Which derivative in time.
+        direction : ndarray, shape (segments, dimensions), optional
+            Look at its component along these vectors instead of the axes: one column comes back.
+        segments : ndarray of int, optional
+            Look at these segments only, which may repeat; a row each.
+        """
+        order = _order(derivative)
+        own = np.arange(self.segments) if segments is None else np.asarray(segments)
+        inner = derived(self.coefficients[own], order)
+        if direction is not None:
+            inner = np.einsum("kpd,kd->kp", inner, np.asarray(direction, float))[:, :, None]
+        count, powers, width = inner.shape
+        shape = (count, width)
+        flat = np.moveaxis(inner, 2, 1).reshape(-1, powers)
+        result = np.empty((4, count * width))
+        for begin in range(0, flat.shape[0], _CHUNK):
+            part = slice(begin, begin + _CHUNK)
+            s = critical_points(flat[part])
+            values = horner(flat[part][:, :, None], s)
+            low, high = values.argmin(axis=1), values.argmax(axis=1)
+            rows = np.arange(s.shape[0])
+            result[0, part], result[1, part] = values[rows, low], values[rows, high]
+            result[2, part], result[3, part] = s[rows, low], s[rows, high]
+        least, largest, where_least, where_largest = (r.reshape(shape) for r in result)
+        begin_times, long = self.times[own, None], self.durations[own, None]
+        scale = long ** -float(order)
+        return Extremes(
+            least * scale,
+            largest * scale,
+            begin_times + where_least * long,
+            begin_times + where_largest * long,
+        )
+
+    # -- other forms -----------------------------------------------------------------------------
+
+    def bezier(self) -> Floats:
+        """Return the Bézier control points, shape (segments, degree + 1, dimensions)."""
+        control: Floats = np.einsum("bp,kpd->kbd", bernstein_matrix(self.degree), self.coefficients)
+        return control
+
+    @classmethod
+    def from_bezier(cls, times: ArrayLike, points: ArrayLike) -> Trajectory:
+        """Return the trajectory whose segments have these Bézier control points.
+
+        Parameters
+        ----------
+        times : ndarray, shape (segments + 1,)
+            Knots, s.
+        points : ndarray, shape (segments, degree + 1, dimensions)
+            Control points.
+        """
+        control = Array(("segments", "degree + 1", "dimensions")).coerce("points", points, {})
+        matrix = power_matrix(max(control.shape[1] - 1, 0))
+        return cls(np.asarray(times, float), np.einsum("pb,kbd->kpd", matrix, control))
+
+    def to_ppoly(self) -> PPoly:
+        """Return a ``scipy.interpolate.PPoly`` with values of shape (dimensions,).
+
+        Its powers are of seconds, not scaled.
+        """
+        from scipy.interpolate import PPoly
+
+        scale = self.durations[:, None] ** -np.arange(self.degree + 1.0)
+        powers = self.coefficients * scale[:, :, None]
+        return PPoly(np.moveaxis(powers[:, ::-1], 0, 1), self.times, extrapolate=False)
+
+    @classmethod
+    def from_ppoly(cls, piecewise: PPoly) -> Trajectory:
+        """Return the trajectory that a ``PPoly`` describes; one without value shape is 1-D."""
+        c = np.asarray(piecewise.c, float)
+        if c.ndim not in (2, 3):
+            raise InvalidData(
+                f"piecewise.c must have 2 or 3 dimensions, got shape {c.shape}", field="piecewise"
+            )
+        powers = np.moveaxis(c.reshape(*c.shape[:2], -1)[::-1], 0, 1)
+        times = np.asarray(piecewise.x, float)
+        scale = np.diff(times)[:, None] ** np.arange(float(c.shape[0]))
+        return cls(times, powers * scale[:, :, None])
+
+    def to_bspline(self) -> BSpline:
+        """Return a ``scipy.interpolate.BSpline``: Bézier pieces, so every knot is repeated.
+
+        Each segment keeps its own ``degree + 1`` coefficients, whatever the continuity.
+        """
+        from scipy.interpolate import BSpline
+
+        knots = np.repeat(self.times, self.degree + 1)
+        return BSpline(
+            knots, self.bezier().reshape(-1, self.dimensions), self.degree, extrapolate=False
+        )
+
+    def sampled(self, rate: float = 100.0, derivatives: int = 4) -> Floats:
+        """Return rows ``t, x…, ẋ…, …`` at `rate` per second, the last knot included.
+
+        Parameters
+        ----------
+        rate : float
+            Samples a second.
+        derivatives : int
+            The highest derivative in the rows.
+        """
+        if not np.isfinite(rate) or rate <= 0:
+            raise InvalidData(f"rate must be > 0, got {rate!r}", field="rate")
+        count = int(np.floor(self.duration * rate * (1 + 1e-12)))
+        t = self.times[0] + np.arange(count + 1) / rate
+        if t[-1] < self.times[-1] - 1e-9 / rate:
+            t = np.append(t, self.times[-1])
+        t = np.minimum(t, self.times[-1])
+        return np.column_stack([t, *(self(t, j) for j in range(_order(derivatives) + 1))])
+
+    # -- JSON ------------------------------------------------------------------------------------
+
+    def to_data(self) -> dict[str, Any]:
+        """Return ``{"times": […], "coefficients": [[[…]]]}``."""
+        return {"times": self.times.tolist(), "coefficients": self.coefficients.tolist()}
+
+    @classmethod
+    def from_data(cls, data: Any) -> Trajectory:
+        """Return the trajectory that :meth:`to_data` wrote."""
+        if not isinstance(data, Mapping):
+            raise InvalidData(f"a trajectory must be an object, got {show(data)}", field="plan")
+        for key in data:
+            if key not in ("times", "coefficients"):
+                raise InvalidData(
+                    f"unknown key {key!r} in a trajectory; allowed: coefficients, times",
+                    field=str(key),
+                )
+        for key in ("times", "coefficients"):
+            if key not in data:
+                raise InvalidData(f"key {key!r} is missing in the trajectory", field=key)
+        return cls(data["times"], data["coefficients"])
+
+
+def _order(derivative: Any) -> int:
+    if isinstance(derivative, bool) or not isinstance(derivative, int | np.integer):
+        raise InvalidData(
+            f"derivative must be a whole number >= 0, got {show(derivative)}", field="derivative"
+        )
+    if derivative < 0:
+        raise InvalidData(f"derivative must be >= 0, got {derivative}", field="derivative")
+    return int(derivative)

@@ -1,0 +1,365 @@
+"""The check of a plan for an optimal control problem, from the declared functions alone.
+
+It shares nothing with the transcriptions: the motion is integrated anew with the plan's control,
+bounds and path constraints are searched between the nodes, integrals are found by quadrature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import show
+from ..verification import ROUNDING, Check, Verification
+from .definition import Definition, Phase, Restriction
+from .hamiltonian import HamiltonianReport, hamiltonian_spread
+from .integration import Reintegration, integrated
+from .plan import ControlPlan
+from .sampling import Course, Instants, courses, endpoint
+
+if TYPE_CHECKING:
+    from .model import OptimalControlProblem
+
+__all__ = [
+    "HamiltonianReport",
+    "Reintegration",
+    "hamiltonian_spread",
+    "motion",
+    "verify_control",
+]
+
+Floats = NDArray[np.float64]
+
+
+class _Found(NamedTuple):
+    """The worst of one kind in one phase."""
+
+    worst: float
+    scale: float
+    unit: str
+    where: str
+    equation: str = ""
+
+
+class _Sides:
+    """The finite bounds of some entries: one column a side, measured in its own scale."""
+
+    def __init__(self, lower: Floats, upper: Floats, scale: Floats | float = 1.0) -> None:
+        below, above = np.isfinite(lower), np.isfinite(upper)
+        entries = np.arange(lower.size)
+        self.entry = np.concatenate([entries[below], entries[above]])
+        self._bound = np.concatenate([lower[below], upper[above]])
+        self._sign = np.repeat([-1.0, 1.0], [int(below.sum()), int(above.sum())])
+        typical = np.broadcast_to(scale, lower.shape)[self.entry]
+        self.scale: Floats = np.maximum(1.0, np.maximum(np.abs(self._bound), typical))
+
+    def __call__(self, values: Floats) -> Floats:
+        """Return by how much `values` break each bound, relative to its scale; shape (…, sides)."""
+        found: Floats = self._sign * (values[..., self.entry] - self._bound) / self.scale
+        return found
+
+    def found(self, share: float, column: int, unit: str, where: str, equation: str) -> _Found:
+        """Return a violation in units of the entry."""
+        scale = float(self.scale[column])
+        return _Found(share * scale if share > 0.0 else 0.0, scale, unit, where, equation)
+
+
+def motion(
+    problem: OptimalControlProblem, plan: ControlPlan, phase: int | str = 0
+) -> Reintegration:
+    """Return the motion of a plan integrated anew with its control, for one phase.
+
+    Parameters
+    ----------
+    problem : OptimalControlProblem
+        The problem, whose dynamics are integrated.
+    plan : ControlPlan
+        The plan, whose control and first state are taken.
+    phase : int or str
+        Number or name of the phase.
+
+    Raises
+    ------
+    InvalidData
+        The plan does not fit the problem, or there is no such phase.
+    """
+    found = courses(problem.definition, plan)
+    names = [one.phase.name for one in found]
+    if isinstance(phase, str) and phase in names:
+        return integrated(found[names.index(phase)])
+    if isinstance(phase, int) and -len(found) <= phase < len(found):
+        return integrated(found[phase])
+    raise InvalidData(
+        f"phase must be a number below {len(found)} or one of "
+        f"{', '.join(map(repr, names))}, got {show(phase)}",
+        field="phase",
+    )
+
+
+def verify_control(
+    problem: OptimalControlProblem, plan: ControlPlan, tolerance: float
+) -> Verification:
+    """Return the objective and every constraint of `problem`, measured on `plan`.
+
+    Parameters
+    ----------
+    problem : OptimalControlProblem
+        The problem.
+    plan : ControlPlan
+        States, controls, times and parameters.
+    tolerance : float
+        Largest violation accepted, relative to the size of what is bounded, 1 at least.
+
+    Raises
+    ------
+    InvalidData
+        The plan's phases, names or parameters are not the problem's, or it is not finite.
+    """
+    definition = problem.definition
+    phases = courses(definition, plan)
+    with np.errstate(all="ignore"):
+        motions = [integrated(one) for one in phases]
+        objective, boundary = _at_ends(definition, endpoint(phases), phases[0].parameters)
+        kinds: list[tuple[str, Iterable[_Found]]] = [
+            ("motion", map(_motion, phases, motions, _labels(phases))),
+            ("continuity of states", map(_continuity, phases, _labels(phases))),
+            ("times", _times(phases)),
+            ("initial values", _ends(phases, motions, 0)),
+            ("final values", _ends(phases, motions, 1)),
+            ("bounds of states", _bounds(phases, "states")),
+            ("bounds of controls", _bounds(phases, "controls")),
+            ("bounds of parameters", _parameters(definition, phases[0].parameters)),
+            *_paths(phases),
+            *_boundaries(definition, boundary),
+            *_invariants(phases, motions),
+            ("objective", _objective(definition, phases, motions, objective)),
+        ]
+        checks = [_check(name, list(found), tolerance) for name, found in kinds]
+    return Verification(
+        objective if np.isfinite(objective) else None, tuple(one for one in checks if one)
+    )
+
+
+def _check(name: str, found: list[_Found], tolerance: float) -> Check | None:
+    """Return the worst of one kind over the phases; none where nothing is asked."""
+    if not found:
+        return None
+    found = [one if one.worst == one.worst else one._replace(worst=np.inf) for one in found]
+    worst = max(found, key=lambda one: one.worst / one.scale)
+    return Check(
+        name, worst.equation, float(worst.worst), worst.unit, tolerance * worst.scale, worst.where,
+        ROUNDING * worst.scale,
+    )  # fmt: skip
+
+
+def _labels(phases: tuple[Course, ...]) -> list[str]:
+    """Return what names each phase behind a place; nothing where there is only one."""
+    return [f" of phase {one.phase.name!r}" if len(phases) > 1 else "" for one in phases]
+
+
+def _units(phase: Phase, what: str) -> list[str]:
+    return [one.unit for one in getattr(phase, what) for _ in range(one.size)]
+
+
+def _place(name: str, course: Course, time: float, label: str) -> str:
+    """Return ``"x at t = 0.31 s of phase 'climb'"``; without a name, the time alone."""
+    head = f"{name} at " if name else ""
+    return f"{head}t = {time:.6g} {course.phase.time_unit}".rstrip() + label
+
+
+# -- the motion --------------------------------------------------------------------------------------
+
+
+def _motion(course: Course, found: Reintegration, label: str) -> _Found:
+    share = np.abs(found.deviation) / course.state_scale
+    share = np.where(np.isnan(share), np.inf, share)
+    row, state = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
+    place = _place(course.phase.state_names[state], course, found.times[row], label)
+    if found.windows > 1:
+        place += f", in {found.windows} windows"
+    if found.failure:
+        place += f": {found.failure}"
+    scale = float(course.state_scale[state])
+    unit = _units(course.phase, "states")[state]
+    return _Found(share[row, state] * scale, scale, unit, place, course.phase.dynamics_equation)
+
+
+def _continuity(course: Course, label: str) -> _Found:
+    grid = course.dense
+    new = np.flatnonzero(np.diff(grid.interval) > 0)
+    unit = _units(course.phase, "states")
+    if not new.size:
+        return _Found(0.0, 1.0, unit[0], "")
+    share = np.abs(grid.states[new + 1] - grid.states[new]) / course.state_scale
+    row, state = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
+    scale = float(course.state_scale[state])
+    place = _place(course.phase.state_names[state], course, grid.times[new[row]], label)
+    return _Found(share[row, state] * scale, scale, unit[state], place)
+
+
+def _invariants(
+    phases: tuple[Course, ...], motions: list[Reintegration]
+) -> Iterator[tuple[str, list[_Found]]]:
+    """Yield how far each invariant strays, along the plan's states and the integrated ones."""
+    for course, label, moved in zip(phases, _labels(phases), motions, strict=True):
+        if not course.phase.invariants:
+            continue
+        tables = (course.dense_values, course.values(moved.at, moved.states))
+        begin = tables[0]["invariant"][0]
+        at = 0
+        for one in course.phase.invariants:
+            entries = slice(at, at + one.size)
+            at += one.size
+            scale = np.maximum(1.0, np.maximum(one.scale, np.abs(begin[entries])))
+            found = []
+            for table, times, whose in zip(
+                tables,
+                (course.dense.times, moved.times),
+                ("", " (integrated)"),
+                strict=True,
+            ):
+                share = np.abs(table["invariant"][:, entries] - begin[entries]) / scale
+                share = np.where(np.isnan(share), np.inf, share)
+                row, entry = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
+                place = _place(_entry(one, entry), course, times[row], label) + whose
+                size = float(scale[entry])
+                found.append(_Found(share[row, entry] * size, size, one.unit, place, one.equation))
+            yield one.name, found
+
+
+# -- at every instant --------------------------------------------------------------------------------
+
+
+def _entry(one: Restriction, entry: int) -> str:
+    return f"entry {entry}" if one.size > 1 else ""
+
+
+def _bounds(phases: tuple[Course, ...], what: str) -> Iterator[_Found]:
+    """Yield the worst against the bounds of states or controls, between the nodes as well."""
+    for course, label in zip(phases, _labels(phases), strict=True):
+        sides = _Sides(course.phase.stacked(what, "lower"), course.phase.stacked(what, "upper"))
+        if not sides.entry.size:
+            continue
+        worst = course.largest(
+            lambda at, sides=sides: sides(getattr(at, what)),  # type: ignore[misc]
+            sides(getattr(course.dense, what)),
+        )
+        entry = int(sides.entry[worst.entry])
+        names = course.phase.state_names if what == "states" else course.phase.control_names
+        place = _place(names[entry], course, worst.time, label)
+        yield sides.found(worst.value, worst.entry, _units(course.phase, what)[entry], place, "")
+
+
+def _paths(phases: tuple[Course, ...]) -> Iterator[tuple[str, list[_Found]]]:
+    """Yield the worst of each path constraint, between the nodes as well."""
+    for course, label in zip(phases, _labels(phases), strict=True):
+        begin = 0
+        for one in course.phase.paths:
+            sides = _Sides(one.lower, one.upper, one.scale)
+            entries = slice(begin, begin + one.size)
+            begin += one.size
+            if not sides.entry.size:
+                continue
+            worst = course.largest(
+                _on_path(course, sides, entries), sides(course.dense_values["path"][:, entries])
+            )
+            place = _place(_entry(one, int(sides.entry[worst.entry])), course, worst.time, label)
+            yield one.name, [sides.found(worst.value, worst.entry, one.unit, place, one.equation)]
+
+
+def _on_path(course: Course, sides: _Sides, entries: slice) -> Callable[[Instants], Floats]:
+    return lambda at: sides(course.values(at)["path"][:, entries])
+
+
+# -- at the ends -------------------------------------------------------------------------------------
+
+
+def _times(phases: tuple[Course, ...]) -> Iterator[_Found]:
+    for course, label in zip(phases, _labels(phases), strict=True):
+        phase, plan = course.phase, course.plan
+        sides = _Sides(
+            np.array([phase.start_lower, phase.end_lower]),
+            np.array([phase.start_upper, phase.end_upper]),
+        )
+        share = sides(np.array([plan.start, plan.end]))
+        worst = int(share.argmax())
+        what = f"{('start', 'end')[int(sides.entry[worst])]}{label}"
+        yield sides.found(float(share[worst]), worst, phase.time_unit, what, "")
+
+
+def _ends(phases: tuple[Course, ...], motions: list[Reintegration], end: int) -> Iterator[_Found]:
+    """Yield the worst of the states at one end, which are measured in the size of the motion."""
+    for course, label, moved in zip(phases, _labels(phases), motions, strict=True):
+        word = ("initial", "final")[end]
+        sides = _Sides(
+            course.phase.stacked("states", f"{word}_lower"),
+            course.phase.stacked("states", f"{word}_upper"),
+            course.state_scale,
+        )
+        if not sides.entry.size:
+            continue
+        values = [(course.dense.states[-end], "")]
+        if end and moved.windows == 1:
+            values.append((moved.states[-1], " (integrated)"))
+        for state, whose in values:
+            share = np.where(np.isnan(state[sides.entry]), np.inf, sides(state))
+            worst = int(share.argmax())
+            entry = int(sides.entry[worst])
+            time = (course.plan.start, course.plan.end)[end]
+            place = _place(course.phase.state_names[entry], course, time, label) + whose
+            yield sides.found(
+                float(share[worst]), worst, _units(course.phase, "states")[entry], place, ""
+            )
+
+
+def _parameters(definition: Definition, values: Floats) -> Iterator[_Found]:
+    sides = _Sides(
+        definition.stacked("parameters", "lower"), definition.stacked("parameters", "upper")
+    )
+    if sides.entry.size:
+        share = sides(values)
+        worst = int(share.argmax())
+        entry = int(sides.entry[worst])
+        unit = [one.unit for one in definition.parameters for _ in range(one.size)][entry]
+        yield sides.found(float(share[worst]), worst, unit, definition.parameter_names[entry], "")
+
+
+def _at_ends(definition: Definition, ends: Floats, parameters: Floats) -> tuple[float, Floats]:
+    """Return the objective and the boundary constraints."""
+    objective, boundary = definition.endpoint(ends, parameters)
+    return float(objective), boundary.full().ravel()
+
+
+def _boundaries(definition: Definition, values: Floats) -> Iterator[tuple[str, list[_Found]]]:
+    begin = 0
+    for one in definition.boundaries:
+        sides = _Sides(one.lower, one.upper, one.scale)
+        share = sides(values[begin : begin + one.size])
+        begin += one.size
+        if not sides.entry.size:
+            continue
+        share = np.where(np.isnan(share), np.inf, share)
+        worst = int(share.argmax())
+        where = _entry(one, int(sides.entry[worst]))
+        yield one.name, [sides.found(float(share[worst]), worst, one.unit, where, one.equation)]
+
+
+def _objective(
+    definition: Definition,
+    phases: tuple[Course, ...],
+    motions: list[Reintegration],
+    objective: float,
+) -> Iterator[_Found]:
+    """Yield how far the objective lies from that of the motion integrated anew, from end to end."""
+    if any(one.windows > 1 for one in motions):
+        return
+    ends = endpoint(phases, [(one.states[-1], one.integrals) for one in motions])
+    again, _ = _at_ends(definition, ends, phases[0].parameters)
+    scale = max(1.0, abs(objective)) if np.isfinite(objective) else 1.0
+    unit = definition.objective_unit
+    where = f"the integrated motion, where it is {again:.10g}"
+    yield _Found(abs(again - objective), scale, unit, where)

@@ -1,0 +1,1 @@
+"""Declaring an optimal control problem: phases, variables, equations, guesses."""

@@ -1,0 +1,145 @@
+"""The Hamiltonian along a plan with costates: a necessary condition of optimality, measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+
+from .definition import Definition
+from .plan import ControlPlan
+from .sampling import Course, courses, endpoint
+
+if TYPE_CHECKING:
+    from .model import OptimalControlProblem
+
+__all__ = ["HamiltonianReport", "hamiltonian_spread"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HamiltonianReport:
+    """The Hamiltonian H = λ·f + w·g along one phase of a plan.
+
+    λ are the costates, the derivatives of the least objective by the state; f are the rates, g the
+    integrands, and w the derivatives of the objective by their integrals. On an optimal plan the
+    control minimises H, H is constant where the phase does not speak of time, and it is 0 at an
+    end time that is free and that neither objective nor boundary constraints speak of.
+
+    Parameters
+    ----------
+    phase : str
+        Name of the phase.
+    autonomous : bool
+        Whether rates, integrands and path constraints leave time out: H must be constant.
+    mean : float
+        Its mean over time.
+    spread : float
+        Largest distance from its median.
+    relative : float
+        The same over the size of its terms, the largest sum of their magnitudes.
+    time : float
+        Where the spread is reached.
+    end : float
+        Its value at the end of the phase.
+    vanishing : bool
+        Whether it must be 0 at the end.
+    """
+
+    phase: str
+    autonomous: bool
+    mean: float
+    spread: float
+    relative: float
+    time: float
+    end: float
+    vanishing: bool
+
+
+def hamiltonian_spread(
+    problem: OptimalControlProblem, plan: ControlPlan
+) -> tuple[HamiltonianReport, ...]:
+    """Return how constant the Hamiltonian is along each phase of a plan that has costates.
+
+    It is a necessary condition of optimality, not of feasibility, and costates of a discrete
+    problem are rough beside jumps of the control: a report, not a check.
+
+    Parameters
+    ----------
+    problem : OptimalControlProblem
+        The problem.
+    plan : ControlPlan
+        The plan; a phase without costates has no report.
+
+    Raises
+    ------
+    InvalidData
+        The plan does not fit the problem.
+    """
+    phases = courses(problem.definition, plan)
+    with np.errstate(all="ignore"):
+        return tuple(_reports(problem.definition, phases))
+
+
+def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[HamiltonianReport]:
+    if all(one.plan.costates is None for one in phases):
+        return
+    weights = _weights(definition, phases)
+    at = 0
+    for course in phases:
+        phase, costates = course.phase, course.plan.costates
+        begin = at
+        at += phase.end_size
+        if costates is None:
+            continue
+        grid, values = course.dense, course.dense_values
+        multipliers = np.concatenate([costates.on(k, tau) for k, tau in enumerate(course.places)])
+        terms = np.concatenate(
+            [
+                multipliers * values["rate"],
+                weights[at - phase.integrals : at] * values["integrand"],
+            ],
+            axis=1,
+        )
+        level = terms.sum(axis=1)
+        off = np.abs(level - np.median(level))
+        row = int(off.argmax())
+        size = float(np.abs(terms).sum(axis=1).max())
+        # Trapezoids between the points of the grid; a knot counts twice, with no width between.
+        width = np.diff(grid.times)
+        mean = float((0.5 * (level[1:] + level[:-1]) * width).sum() / width.sum())
+        free = phase.end_lower < course.plan.end < phase.end_upper
+        yield HamiltonianReport(
+            phase=phase.name,
+            autonomous=not any(
+                phase.function.jac_sparsity(k, 0).nnz()
+                for k, name in enumerate(phase.function.name_out())
+                if name != "invariant"
+            ),
+            mean=mean,
+            spread=float(off[row]),
+            relative=float(off[row]) / size if size > 0 else 0.0,
+            time=float(grid.times[row]),
+            end=float(level[-1]),
+            vanishing=bool(free and not _speaks_of(definition, begin + 1)),
+        )
+
+
+def _weights(definition: Definition, phases: tuple[Course, ...]) -> Floats:
+    """Return the derivatives of the objective by all that it is a function of, at the plan."""
+    function = definition.endpoint
+    e, p = (casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in())
+    slope = casadi.Function("slope", [e, p], [casadi.gradient(function(e, p)[0], e)])
+    found: Floats = slope(endpoint(phases), phases[0].parameters).full().ravel()
+    return found
+
+
+def _speaks_of(definition: Definition, entry: int) -> bool:
+    """Return whether objective or boundary constraints are functions of one entry of the ends."""
+    function = definition.endpoint
+    return any(entry in function.jac_sparsity(k, 0).get_col() for k in range(function.n_out()))

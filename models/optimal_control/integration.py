@@ -1,0 +1,222 @@
+"""The motion of a plan integrated anew: what its control does, whatever its states claim.
+
+The control is integrated with the explicit Runge-Kutta method of order 8 of Dormand and Prince
+(DOP853: Hairer, Nørsett and Wanner, "Solving Ordinary Differential Equations I", section II.5), or
+with Radau IIA of order 5 where the motion is stiff. Neither uses the plan's mesh but to stop at
+knots, where a control may jump.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853, Radau
+
+from .growth import stretches
+from .lagrange import barycentric_weights
+from .sampling import Course, Instants
+
+__all__ = ["Reintegration", "integrated"]
+
+Floats = NDArray[np.float64]
+
+#: Relative error of a step; the absolute one is as much of the size of the states.
+ERROR = 1e-12
+#: The same for a stiff motion, where the method has order 5.
+ERROR_STIFF = 1e-10
+#: The first step of all, as a share of the interval.
+FIRST = 1e-3
+#: Steps in a phase after which the integration is given up.
+STEPS = 50_000
+
+
+@dataclass(frozen=True, eq=False)
+class Reintegration:
+    """The motion that a plan's control makes from the plan's first state.
+
+    Parameters
+    ----------
+    times : ndarray, shape (points,)
+        Times on a dense grid; a knot appears twice, as the end and the begin of an interval.
+    states : ndarray, shape (points, states)
+        The integrated states; not finite from where the integration broke down to the next start.
+    deviation : ndarray, shape (points, states)
+        What they differ by from the plan's.
+    windows : int
+        How many times the integration started from a state of the plan: more than once for a motion
+        so unstable that nobody can integrate it from end to end.
+    growth : float
+        By how much a small perturbation of the first state has grown at the end, at most.
+    integrals : ndarray, shape (integrals,)
+        The integrals over the phase along the integrated motion; nan where it broke down.
+    failure : str
+        Why the integration broke down; empty where it did not.
+    at : Instants
+        The grid in terms of the plan's intervals.
+    """
+
+    times: Floats
+    states: Floats
+    deviation: Floats
+    windows: int
+    growth: float
+    integrals: Floats
+    failure: str
+    at: Instants
+
+
+@lru_cache(maxsize=64)
+def _flat(function: casadi.Function) -> casadi.Function:
+    """Return the function of (t, x, u, p) that gives rates and integrands in one dense column."""
+    arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
+    rate, _, integrand, _ = function.call(arguments)
+    found = casadi.Function("motion", arguments, [casadi.densify(casadi.vertcat(rate, integrand))])
+    try:
+        return found.expand()
+    except RuntimeError:
+        # An interpolant or an external function has no scalar form; it works as it is.
+        return found
+
+
+class _Rate:
+    """The right-hand side of states and integrals, with the control of one interval.
+
+    It is asked some thousand times a second: arguments lie in buffers that CasADi reads in place.
+    """
+
+    def __init__(self, course: Course) -> None:
+        function = _flat(course.phase.function)
+        self.controls = course.plan.controls
+        self._time, self._state = np.zeros(1), np.zeros(course.plan.states.size)
+        self._control = np.zeros(self.controls.size)
+        self._parameters = np.array(course.parameters)
+        self._result = np.zeros(function.size1_out(0))
+        buffer: Any
+        buffer, self._evaluate = function.buffer()
+        held = (self._time, self._state, self._control, self._parameters)
+        for k, array in enumerate(held):
+            if array.size:
+                buffer.set_arg(k, array.data)
+        buffer.set_res(0, self._result.data)
+        self._buffer = buffer  # the evaluation works on it, and does not keep it alive
+        self._known: dict[int, Floats] = {}
+
+    def enter(self, interval: int) -> None:
+        """Take the control of another interval."""
+        low, high = self.controls.knots[interval : interval + 2]
+        self._nodes = self.controls.nodes[interval]
+        self._table = self.controls.values[interval]
+        if id(self._nodes) not in self._known:
+            self._known[id(self._nodes)] = barycentric_weights(self._nodes)
+        self._weights = self._known[id(self._nodes)]
+        self._low, self._factor = float(low), 2.0 / float(high - low)
+
+    def __call__(self, t: float, y: Floats) -> Floats:
+        if self._control.size:
+            apart = ((t - self._low) * self._factor - 1.0) - self._nodes
+            if apart.all():
+                share = self._weights / apart
+                value = share @ self._table / share.sum()
+            else:
+                value = self._table[int(np.flatnonzero(apart == 0.0)[0])]
+            if self.controls.lower is not None:
+                value = np.maximum(value, self.controls.lower)
+            if self.controls.upper is not None:
+                value = np.minimum(value, self.controls.upper)
+            self._control[:] = value
+        self._time[0] = t
+        self._state[:] = y[: self._state.size]
+        self._evaluate()
+        return self._result.copy()
+
+
+def _advance(
+    rate: _Rate, stiff: bool, times: Floats, scale: Floats, step: float, out: Floats, left: int
+) -> tuple[int, float, str]:
+    """Integrate from ``out[0]`` at ``times[0]`` and fill `out`.
+
+    Returned are the steps taken, the step to go on with, and why it broke down if it did.
+    """
+    method, error = (Radau, ERROR_STIFF) if stiff else (DOP853, ERROR)
+    begin, end = float(times[0]), float(times[-1])
+    # SciPy's own guess of a first step may be nan, which it would then try for ever.
+    first = min(step if step > 0 else FIRST * (end - begin), end - begin)
+    solver = method(
+        rate, begin, out[0].copy(), end, rtol=error, atol=error * scale, first_step=first
+    )
+    known, broken = 1, "the integration breaks down at t = {:.6g}"
+    for taken in range(1, left + 1):
+        proposed = solver.h_abs
+        try:
+            solver.step()
+        except ValueError:  # the implicit method met a matrix that is not finite
+            return taken, 0.0, broken.format(solver.t)
+        if solver.status == "failed" or not np.isfinite(solver.y).all():
+            return taken, 0.0, broken.format(solver.t)
+        upto = int(np.searchsorted(times, solver.t, side="right"))
+        if upto > known:
+            if upto - known > 1 or times[known] != solver.t:
+                out[known:upto] = solver.dense_output()(times[known:upto]).T
+            if times[upto - 1] == solver.t:
+                out[upto - 1] = solver.y
+            known = upto
+        if solver.status == "finished":
+            # The knot cuts the last step short: what was proposed says more of the motion.
+            return taken, float(max(proposed, solver.h_abs)), ""
+    return left, 0.0, f"the integration is given up at t = {solver.t:.6g} after {STEPS} steps"
+
+
+def integrated(course: Course) -> Reintegration:
+    """Return the motion of one phase of a plan, integrated anew.
+
+    The integrals are those of the integrands along that motion.
+    """
+    parts, growth = stretches(course)
+    places = []
+    for part in parts:
+        grid = course.places[part.interval]
+        inner = grid[(grid > part.low) & (grid < part.high)]
+        places.append(np.concatenate([[part.low], inner, [part.high]]))
+    counts = [tau.size for tau in places]
+    at = course.dense
+    if len(parts) > course.plan.states.intervals:  # an interval was cut: the cuts are points too
+        intervals = np.repeat(np.array([part.interval for part in parts]), counts)
+        at = course.at(intervals, np.concatenate(places))
+    size = course.plan.states.size
+    scale = np.concatenate([course.state_scale, np.maximum(1.0, np.abs(course.integrals))])
+    scale = np.where(np.isfinite(scale), scale, 1.0)
+    found = np.full((at.times.size, scale.size), np.inf)
+    rate = _Rate(course)
+    here, step, left = np.zeros(scale.size), 0.0, STEPS
+    windows, failure, broken, begin = 0, "", False, 0
+    with np.errstate(all="ignore"):
+        for part, count in zip(parts, counts, strict=True):
+            rows = slice(begin, begin + count)
+            if part.fresh or broken:
+                windows += 1
+                here[:size] = at.states[begin]
+            found[begin] = here
+            begin += count
+            rate.enter(part.interval)
+            taken, step, why = _advance(
+                rate, part.stiff, at.times[rows], scale, step, found[rows], left
+            )
+            left, broken, failure = left - taken, bool(why), failure or why
+            if not why:
+                here = found[begin - 1].copy()
+    states = found[:, :size]
+    return Reintegration(
+        times=at.times,
+        states=states,
+        deviation=states - at.states,
+        windows=windows,
+        growth=growth,
+        integrals=np.full(scale.size - size, np.nan) if failure else here[size:],
+        failure=failure,
+        at=at,
+    )

@@ -1,0 +1,407 @@
+"""What every transcription shares: from a mesh to a program, from a plan to columns and back."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import InvalidData, UnsupportedOption
+from ...formulation import Formulation
+from ...programs.base import Program
+from ...programs.nonlinear import NonlinearProgram
+from ..hamiltonian import hamiltonian_spread
+from ..model import OptimalControlProblem
+from ..plan import ControlPlan, PhasePlan, Piecewise
+from .assembly import Assembly
+from .derivatives import functions_of
+from .layout import Layout, PhaseLayout
+from .mesh import Mesh, even, given
+from .refinement import Rules, next_meshes
+from .schemes import Scheme
+from .starts import drawn
+
+__all__ = ["History", "Transcription"]
+
+Floats = NDArray[np.float64]
+
+#: How far before a knot, as a share of the phase, a control is looked up from the left.
+LEFT = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """What earlier meshes gave.
+
+    Parameters
+    ----------
+    plan : ControlPlan
+        The plan of the last one.
+    objective : float
+        Its objective.
+    change : float
+        By how much that differs from the one before, relative to ``max(1, |objective|)``.
+    rounds : int
+        Number of meshes so far.
+    """
+
+    plan: ControlPlan
+    objective: float
+    change: float
+    rounds: int
+
+
+@dataclass(frozen=True, eq=False)
+class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
+    """An optimal control problem as a nonlinear program on a mesh that is refined until it verifies.
+
+    Parameters
+    ----------
+    model : OptimalControlProblem
+        What is asked.
+    intervals : int
+        Intervals of the first mesh, in every phase.
+    degree : int
+        Collocated nodes of each interval of the first mesh.
+    mesh : sequence of float or of sequences, optional
+        Where the first mesh is cut, as fractions from 0 to 1: one list for all phases, or one each.
+    refine : bool
+        Whether the mesh is refined until the independent verification meets the tolerance.
+    rounds : int
+        Meshes at most.
+    most_nodes : int
+        Collocated nodes at most, over all phases; where more are needed, the run ends with what it has.
+    dependent : str
+        What to do about boundary conditions that others imply: ``"raise"``, ``"drop"`` the implied
+        ones from the program (they are verified all the same), or ``"keep"`` them.
+    """
+
+    intervals: int = 8
+    degree: int = 6
+    mesh: Any = None
+    refine: bool = True
+    rounds: int = 25
+    most_nodes: int = 3000
+    dependent: str = "raise"
+    _meshes: tuple[Mesh, ...] = field(init=False, repr=False, default=())
+    _history: History | None = field(init=False, repr=False, default=None)
+    _start: ControlPlan | None = field(init=False, repr=False, default=None)
+
+    program_type: ClassVar[type[Program]] = NonlinearProgram
+    relaxes: ClassVar[bool] = False
+    draws: ClassVar[bool] = True
+    #: Equations of the transcription are held to a third of what the plan must satisfy.
+    precision: ClassVar[float] = 0.3
+    #: How a mesh of this scheme may be refined.
+    rules: ClassVar[Rules] = Rules()
+
+    @staticmethod
+    @abstractmethod
+    def scheme(degree: int) -> Scheme:
+        """Return the collocation scheme of an interval with `degree` nodes."""
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ("intervals", 1, 10_000),
+            ("degree", 1, 400),
+            ("rounds", 1, 1000),
+            ("most_nodes", 1, 10**7),
+        ):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+                raise UnsupportedOption(
+                    f"formulation {self.name!r}: option {name!r} must be a whole number from {low} "
+                    f"to {high}, got {value!r}"
+                )
+        if not isinstance(self.refine, bool):
+            raise UnsupportedOption(
+                f"formulation {self.name!r}: option 'refine' must be true or false, "
+                f"got {self.refine!r}"
+            )
+        if self.dependent not in ("raise", "drop", "keep"):
+            raise UnsupportedOption(
+                f"formulation {self.name!r}: option 'dependent' must be one of 'raise', 'drop', "
+                f"'keep', got {self.dependent!r}"
+            )
+        object.__setattr__(self, "_meshes", self._first_meshes())
+
+    def _first_meshes(self) -> tuple[Mesh, ...]:
+        phases = self.model.definition.phases
+        degree = self.degree
+        if self.mesh is None:
+            return tuple(even(self.intervals, degree) for _ in phases)
+        nested = isinstance(self.mesh, list | tuple) and any(
+            isinstance(one, Mesh) or np.ndim(one) == 1 for one in self.mesh
+        )
+        if not nested:
+            return tuple(given(self.mesh, degree) for _ in phases)
+        if len(self.mesh) != len(phases):
+            raise UnsupportedOption(
+                f"formulation {self.name!r}: option 'mesh' has {len(self.mesh)} lists for "
+                f"{len(phases)} phases"
+            )
+        return tuple(given(one, degree) for one in self.mesh)
+
+    @property
+    def meshes(self) -> tuple[Mesh, ...]:
+        """The mesh of each phase."""
+        return self._meshes
+
+    # -- the program -----------------------------------------------------------------------------
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Which column and row stands for what."""
+        schemes = [tuple(self.scheme(int(n)) for n in mesh.degrees) for mesh in self._meshes]
+        return Layout.of(self.model.definition, self._meshes, schemes)
+
+    def build(self) -> NonlinearProgram:
+        """Return the program on the present mesh, started where the last one ended."""
+        from .dependence import settled
+
+        assembly = Assembly(self.layout)
+        start = self._start if self._history is None else self._history.plan
+        guess = self._guess() if start is None else self.encode(start)
+        program = assembly.program(guess, self.model.name)
+        first = assembly.row_starts[-1]
+        return settled(self.model.definition, self.layout, program, first, self.dependent)
+
+    def _guess(self) -> Floats:
+        columns = np.zeros(self.layout.size)
+        for one in self.layout.phases:
+            guess = one.phase.guess
+            for table, places, at in (
+                (guess.states, one.state_columns, one.point_fractions),
+                (guess.controls, one.control_columns, one.visit_places[0][one.owners]),
+            ):
+                for k in range(table.shape[1]):
+                    columns[places[k]] = np.interp(at, guess.fractions, table[:, k])
+            columns[one.time_columns] = guess.start, guess.end
+        columns[self.layout.parameter_columns] = self.model.definition.stacked(
+            "parameters", "initial_lower"
+        )
+        return self._with_integrals(columns)
+
+    def _with_integrals(self, columns: Floats) -> Floats:
+        """Return `columns` with the integrals that their states and controls give."""
+        functions = functions_of(self.model.definition)
+        p = columns[self.layout.parameter_columns]
+        for one, node in zip(self.layout.phases, functions.nodes, strict=True):
+            if not node.integrals:
+                continue
+            values = self._visited(columns, one, node.twice.value, p)
+            weights = np.concatenate([scheme.weights for scheme in one.schemes])
+            found = values[one.nx : one.nx + node.integrals] @ weights
+            columns[one.integral_columns] = np.where(np.isfinite(found), found, 0.0)
+        return columns
+
+    @staticmethod
+    def _visited(columns: Floats, one: PhaseLayout, function: Any, p: Floats) -> Floats:
+        """Return what a node function gives at every visit, (entries, visits)."""
+        visits = one.visits
+        found = function.map(visits)(
+            columns[one.state_columns[:, one.visit_point]],
+            columns[one.control_columns[:, one.visit_control]].reshape(one.nu, visits),
+            np.repeat(columns[one.time_columns][:, None], visits, axis=1),
+            np.repeat(p[:, None], visits, axis=1),
+            one.visit_places,
+        )
+        values: Floats = np.array(found, float)
+        return values
+
+    # -- plans -----------------------------------------------------------------------------------
+
+    def encode(self, plan: ControlPlan) -> Floats:
+        """Return the columns that sample `plan` on the present mesh.
+
+        A plan that satisfies the problem satisfies the rows as nearly as the mesh resolves it.
+        """
+        if len(plan.phases) != len(self.layout.phases):
+            raise InvalidData(
+                f"the plan has {len(plan.phases)} phases, the problem {len(self.layout.phases)}",
+                field="phases",
+            )
+        columns = np.zeros(self.layout.size)
+        for one, part in zip(self.layout.phases, plan.phases, strict=True):
+            if part.states.size != one.nx or part.controls.size != one.nu:
+                raise InvalidData(
+                    f"phase {part.name!r} of the plan has {part.states.size} states and "
+                    f"{part.controls.size} controls, the problem {one.nx} and {one.nu}",
+                    field="phases",
+                )
+            at = part.start + one.point_fractions * part.duration
+            columns[one.state_columns] = part.states(np.minimum(at, part.end)).T
+            at = part.start + one.visit_places[0][one.owners] * part.duration
+            # Where an interval's end is collocated, its control is that of this interval, not the next.
+            ends = one.visit_ends[one.owners]
+            at = np.clip(at - np.where(ends, LEFT * part.duration, 0.0), part.start, part.end)
+            columns[one.control_columns] = part.controls(at).T
+            columns[one.time_columns] = part.start, part.end
+        used, column = 0, self.layout.parameter_columns
+        for quantity in self.model.definition.parameters:
+            value = plan.parameters.get(quantity.name)
+            if value is None or value.size != quantity.size:
+                raise InvalidData(
+                    f"the plan must have {quantity.size} value(s) of parameter {quantity.name!r}",
+                    field="parameters",
+                )
+            columns[column[used : used + quantity.size]] = value
+            used += quantity.size
+        return self._with_integrals(columns)
+
+    def decode(self, point: Floats) -> ControlPlan:
+        """Return the plan whose polynomials the columns stand for."""
+        return self._decoded(np.asarray(point, float))
+
+    def _decoded(self, columns: Floats, duals: Floats | None = None) -> ControlPlan:
+        definition = self.model.definition
+        functions = functions_of(definition)
+        p = columns[self.layout.parameter_columns]
+        phases = []
+        row = 0
+        for one, node in zip(self.layout.phases, functions.nodes, strict=True):
+            t0, tf = columns[one.time_columns]
+            if not tf > t0:
+                raise InvalidData(
+                    f"phase {one.phase.name!r}: its end {tf:g} is not after its start {t0:g}",
+                    field="time",
+                )
+            knots = t0 + one.mesh.fractions * (tf - t0)
+            knots[-1] = tf
+            states = self._state_polynomials(columns, one, node.twice.value, p)
+            at = (
+                columns[one.control_columns].reshape(one.nu, one.collocated)[:, one.visit_control].T
+            )
+            cuts = one.visit_starts[1:-1].tolist()
+            controls = Piecewise(
+                knots,
+                tuple(scheme.control_points for scheme in one.schemes),
+                tuple(np.split(at, cuts)),
+                one.phase.stacked("controls", "lower"),
+                one.phase.stacked("controls", "upper"),
+            )
+            costates = None
+            if duals is not None:
+                own = duals[row : row + one.nx * one.defects].reshape(one.nx, one.defects).T
+                costates = _costates(one, own, knots)
+            row += one.nx * one.defects + node.paths * one.collocated + node.integrals
+            phases.append(
+                PhasePlan(
+                    one.phase.name, states, controls, one.phase.state_names,
+                    one.phase.control_names, costates,
+                )
+            )  # fmt: skip
+        parameters, used = {}, 0
+        for quantity in definition.parameters:
+            parameters[quantity.name] = p[used : used + quantity.size]
+            used += quantity.size
+        return ControlPlan(tuple(phases), parameters)
+
+    def _state_polynomials(
+        self, columns: Floats, one: PhaseLayout, function: Any, p: Floats
+    ) -> Piecewise:
+        x = columns[one.state_columns]
+        rates = None
+        if any(scheme.from_rates.any() for scheme in one.schemes):
+            rates = self._visited(columns, one, function, p)[: one.nx]
+        values = []
+        for k, scheme in enumerate(one.schemes):
+            table = scheme.from_states @ x[:, one.starts[k] : one.starts[k + 1] + 1].T
+            if rates is not None:
+                own = rates[:, one.visit_starts[k] : one.visit_starts[k + 1]]
+                table = table + scheme.from_rates @ own.T
+            values.append(table)
+        t0, tf = columns[one.time_columns]
+        knots = t0 + one.mesh.fractions * (tf - t0)
+        knots[-1] = tf
+        return Piecewise(knots, tuple(s.plan_points for s in one.schemes), tuple(values))
+
+    def explained(self, plan: ControlPlan, point: Floats, duals: Floats) -> ControlPlan:
+        """Return the plan with costates, from the program's row multipliers."""
+        return self._decoded(np.asarray(point, float), np.asarray(duals, float))
+
+    # -- refinement and other starts -------------------------------------------------------------
+
+    def refined(self, point: Floats, tolerance: float) -> Self | None:
+        """Return the formulation on a finer mesh, None where the plan verifies or no mesh helps."""
+        if not self.refine:
+            return None
+        plan = self.decode(point)
+        objective = float(self.program.objective(point))  # type: ignore[attr-defined]
+        before = self._history
+        change = (
+            np.inf
+            if before is None
+            else abs(objective - before.objective) / max(1.0, abs(objective))
+        )
+        history = History(plan, objective, change, 1 + (0 if before is None else before.rounds))
+        if history.rounds >= self.rounds:
+            return None
+        finer = next_meshes(self.model, plan, self._meshes, self.rules, tolerance, history.change)
+        if finer is None or sum(mesh.nodes for mesh in finer) > self.most_nodes:
+            return None
+        return self._with(_meshes=finer, _history=history)
+
+    def fitted(self, plan: ControlPlan) -> Self:
+        """Return the formulation on the plan's own mesh, where this scheme has such intervals."""
+        meshes = []
+        for part in plan.phases:
+            knots = part.states.knots
+            fractions = (knots - knots[0]) / (knots[-1] - knots[0])
+            fractions[-1] = 1.0
+            own = part.controls if part.controls.size else part.states
+            degrees = np.array([at.size for at in own.nodes])
+            fixed = self.rules.fixed_degree
+            if fixed is not None and (degrees != fixed).any():
+                return self
+            meshes.append(Mesh(fractions, degrees))
+        return self._with(_meshes=tuple(meshes))
+
+    def started(self, seed: int) -> Self:
+        """Return the formulation with a start drawn by `seed`: waves about the guess."""
+        return self._with(_start=drawn(self.model.definition, self.decode(self._guess()), seed))
+
+    def _with(self, **changes: Any) -> Self:
+        options = {
+            one.name: getattr(self, one.name)
+            for one in fields(self)
+            if one.init and one.name != "model"
+        }
+        made = type(self)(self.model, **options)
+        for name in ("_meshes", "_history", "_start"):
+            object.__setattr__(made, name, changes.get(name, getattr(self, name)))
+        return made
+
+    def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
+        """Return the size of the mesh, what it changed, and how far the Hamiltonian strays."""
+        found: dict[str, float | int | str] = {
+            "meshes": 1 if self._history is None else self._history.rounds + 1,
+            "intervals": sum(mesh.intervals for mesh in self._meshes),
+            "nodes": sum(mesh.nodes for mesh in self._meshes),
+            "columns": self.layout.size,
+        }
+        if self._history is not None:
+            before = self._history.objective
+            objective = float(self.program.objective(self.encode(plan)))  # type: ignore[attr-defined]
+            found["objective_change"] = abs(objective - before) / max(1.0, abs(objective))
+        if all(part.costates is not None for part in plan.phases):
+            reports = hamiltonian_spread(self.model, plan)
+            spreads = [one.relative for one in reports if one.autonomous]
+            if spreads:
+                found["hamiltonian_spread"] = max(spreads)
+        return found
+
+
+def _costates(one: PhaseLayout, duals: Floats, knots: Floats) -> Piecewise | None:
+    nodes, values = [], []
+    for k, scheme in enumerate(one.schemes):
+        found = scheme.costates(duals[one.row_starts[k] : one.row_starts[k + 1]])
+        if found is None:
+            return None
+        nodes.append(found[0])
+        values.append(found[1])
+    return Piecewise(knots, tuple(nodes), tuple(values))

@@ -1,0 +1,95 @@
+"""Meshes: where a phase is cut into intervals, and how many nodes each has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import UnsupportedOption
+from ...fields import frozen, show
+
+__all__ = ["Mesh", "even"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """The intervals of one phase.
+
+    Parameters
+    ----------
+    fractions : ndarray, shape (intervals + 1,)
+        Where intervals begin and end, from 0 (the phase's start) to 1 (its end).
+    degrees : ndarray of int, shape (intervals,)
+        Collocated nodes of each interval.
+    calm : ndarray of bool, shape (intervals,), optional
+        Where the controls are polynomials of half the degree, which keeps them from chattering on a
+        singular arc; nowhere by default.
+    """
+
+    fractions: Floats
+    degrees: NDArray[np.int64]
+    calm: NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        fractions = np.asarray(self.fractions, float)
+        degrees = np.asarray(self.degrees, np.int64)
+        ends = fractions.ndim == 1 and fractions.size >= 2 and fractions[0] == 0.0
+        if not ends or fractions[-1] != 1.0 or not (np.diff(fractions) > 0).all():
+            raise UnsupportedOption(
+                f"a mesh must increase from 0 to 1, got {show(np.asarray(self.fractions).tolist())}"
+            )
+        if degrees.shape != (fractions.size - 1,) or (degrees < 1).any():
+            raise UnsupportedOption(
+                f"a mesh of {fractions.size - 1} intervals needs as many degrees >= 1, "
+                f"got {show(degrees.tolist())}"
+            )
+        object.__setattr__(self, "fractions", frozen(fractions.copy()))
+        object.__setattr__(self, "degrees", frozen(degrees.copy()))
+        calm = np.zeros(degrees.size, bool) if self.calm is None else np.array(self.calm, bool)
+        object.__setattr__(self, "calm", frozen(calm))
+
+    @property
+    def intervals(self) -> int:
+        """Number of intervals."""
+        return int(self.degrees.size)
+
+    @property
+    def nodes(self) -> int:
+        """Number of collocated nodes."""
+        return int(self.degrees.sum())
+
+    def same(self, other: Mesh) -> bool:
+        """Return whether both are the same mesh."""
+        return all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("fractions", "degrees", "calm")
+        )
+
+    def calm_rows(self, interval: int) -> int:
+        """Return how many Legendre coefficients of a control vanish in `interval`."""
+        degree = int(self.degrees[interval])
+        return degree - 1 - degree // 2 if self.calm is not None and self.calm[interval] else 0
+
+
+def even(intervals: int, degree: int) -> Mesh:
+    """Return a mesh of equal intervals with `degree` nodes each."""
+    return Mesh(np.linspace(0.0, 1.0, intervals + 1), np.full(intervals, degree))
+
+
+def given(mesh: Any, degree: int) -> Mesh:
+    """Return the mesh that a user gives as fractions, with `degree` nodes each."""
+    if isinstance(mesh, Mesh):
+        return mesh
+    if not isinstance(mesh, Sequence | np.ndarray) or isinstance(mesh, str):
+        raise UnsupportedOption(f"mesh must be fractions from 0 to 1, got {show(mesh)}")
+    try:
+        fractions = np.asarray(mesh, float)
+    except (TypeError, ValueError):
+        raise UnsupportedOption(f"mesh must be fractions from 0 to 1, got {show(mesh)}") from None
+    return Mesh(fractions, np.full(max(fractions.size - 1, 0), degree))

@@ -1,0 +1,265 @@
+"""How well a mesh resolves a plan, interval by interval.
+
+The error of an interval is measured as Patterson, Hager and Rao do (Optimal Control Applications and
+Methods 36, 2015): the rates along the plan are integrated on a finer grid and held against the plan's
+states. Beside it stand what bounds and path constraints are violated by between the nodes, and the
+quadrature of the integrals. Whether an interval is smooth is read from the decay of the Legendre
+coefficients of its controls (Liu, Hager and Rao, Journal of the Franklin Institute 352, 2015).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from ..definition import Phase
+from ..lagrange import interpolation
+from ..plan import PhasePlan
+from .schemes import gauss_points, integration
+
+__all__ = ["ALLOWED", "SHARE", "Report", "evaluated", "examined"]
+
+Floats = NDArray[np.float64]
+
+#: Share of the tolerance that one interval's error may use up: errors add up along the motion.
+SHARE = 0.2
+#: Share of it that a violation between the nodes may use up.
+ALLOWED = 0.8
+#: Nodes beyond an interval's own on which its error is measured.
+FINER = 4
+#: How near a bound, as a share of the range between both, a control counts as saturated.
+SATURATED = 0.02
+#: How near its bound, relative to its typical size, a constraint counts as binding at a node.
+BINDING = 1e-4
+#: Share of a control's range that a step from node to node must take to count as chatter, and how
+#: often the steps must turn.
+STEP, TURNS = 0.15, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What an interval-by-interval look at one phase found.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (intervals,)
+        Relative error of motion and integrals.
+    violations : ndarray, shape (intervals,)
+        Largest violation of state bounds and path constraints between the nodes, relative.
+    decays : ndarray, shape (intervals,)
+        Decades by which the controls' Legendre coefficients fall a degree.
+    cuts : tuple of (float or None)
+        Where a control switches from bound to bound within the interval, in [-1, 1].
+    windows : tuple of tuple
+        Where, in [-1, 1], some constraint begins or ceases to bind: pairs of neighbouring nodes.
+    chatters : ndarray of bool, shape (intervals,)
+        Where a control goes to and fro from node to node.
+    places : ndarray, shape (intervals,)
+        Where, in [-1, 1], the plan is furthest from its dynamics or constraints.
+    """
+
+    errors: Floats
+    violations: Floats
+    decays: Floats
+    cuts: tuple[float | None, ...]
+    windows: tuple[tuple[tuple[float, float], ...], ...]
+    chatters: NDArray[np.bool_]
+    places: Floats
+
+    @property
+    def worst(self) -> Floats:
+        """The larger of error and violation, an interval each, in terms of the error."""
+        found: Floats = np.maximum(self.errors, self.violations * (SHARE / ALLOWED))
+        return found
+
+
+def examined(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
+    """Return the report on one phase of a plan."""
+    count = part.states.intervals
+    size = np.maximum(1.0, np.max([np.abs(v).max(axis=0) for v in part.states.values], axis=0))
+    errors, violations, places = np.zeros(count), np.zeros(count), np.zeros(count)
+    decays, chatters = np.zeros(count), np.zeros(count, bool)
+    cuts: list[float | None] = []
+    windows: list[tuple[tuple[float, float], ...]] = []
+    quadrature = _quadrature(phase, part, parameters)
+    whole = np.maximum(1.0, sum((size for _, size in quadrature), np.zeros(phase.integrals)))
+    for k in range(count):
+        degree = part.controls.nodes[k].size
+        fine, onto = integration(max(part.states.nodes[k].size, degree) + FINER)
+        half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
+        t = part.states.knots[k] + half * (fine + 1.0)
+        x, u = part.states.on(k, fine), part.controls.on(k, fine)
+        rate, _, integrand = evaluated(phase, t, x, u, parameters)
+        begin = part.states.on(k, [-1.0])
+        moved = begin + half * (onto @ rate.T)
+        there = part.states.on(k, np.append(fine, 1.0))
+        off = (np.abs(moved - there) / size).max(axis=1)
+        errors[k] = off.max()
+        if integrand.size:
+            gap = np.abs(quadrature[k][0] - half * (integrand @ gauss_points(fine.size)[1]))
+            errors[k] = max(errors[k], float((gap / whole).max()))
+        # The residual between two neighbours on the fine grid shows where the motion is wrong.
+        steps = np.abs(np.diff(np.append(0.0, off[:-1])))
+        places[k] = fine[int(steps.argmax())]
+        violations[k], where = _violated(phase, part, parameters, k)
+        if violations[k] > errors[k]:
+            places[k] = where
+        decays[k] = _decay(part.controls.nodes[k], part.controls.values[k], phase)
+        cuts.append(_switch(phase, part, k))
+        windows.append(_windows(phase, part, parameters, k))
+        chatters[k] = _chatters(phase, part.controls.values[k])
+    bad = ~np.isfinite(errors)
+    errors[bad] = np.inf
+    return Report(errors, violations, decays, tuple(cuts), tuple(windows), chatters, places)
+
+
+def evaluated(
+    phase: Phase, t: Floats, x: Floats, u: Floats, p: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return rates, path expressions and integrands at many instants, one column each.
+
+    Parameters
+    ----------
+    phase : Phase
+        Whose function is evaluated.
+    t : ndarray, shape (instants,)
+        Times.
+    x, u : ndarray, shape (instants, states) and (instants, controls)
+        States and controls.
+    p : ndarray, shape (parameters,)
+        Parameters.
+    """
+    count = t.size
+    found = phase.function.map(count)(
+        t[None, :], x.T, u.T.reshape(u.shape[1], count), np.repeat(p[:, None], count, axis=1)
+    )
+    rate, path, integrand = (np.array(part, float) for part in found[:3])
+    return rate, path, integrand
+
+
+def _quadrature(phase: Phase, part: PhasePlan, p: Floats) -> list[tuple[Floats, Floats]]:
+    """Return the integrals over each interval as its own nodes give them, and of the magnitudes."""
+    if not phase.integrals:
+        return []
+    found = []
+    for k in range(part.states.intervals):
+        at, weights = gauss_points(part.controls.nodes[k].size)
+        half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
+        t = part.states.knots[k] + half * (at + 1.0)
+        values = evaluated(phase, t, part.states.on(k, at), part.controls.on(k, at), p)[2]
+        found.append((half * (values @ weights), half * (np.abs(values) @ weights)))
+    return found
+
+
+def _violated(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[float, float]:
+    """Return the largest relative violation between the nodes of interval k, and where it lies."""
+    count = 3 * part.states.nodes[k].size + 8
+    tau = -np.cos(np.pi * np.arange(count) / (count - 1))
+    half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
+    t = part.states.knots[k] + half * (tau + 1.0)
+    x = part.states.on(k, tau)
+    tables = [(x.T, phase.stacked("states", "lower"), phase.stacked("states", "upper"))]
+    if phase.paths:
+        path = evaluated(phase, t, x, part.controls.on(k, tau), p)[1]
+        tables.append((path, phase.stacked("paths", "lower"), phase.stacked("paths", "upper")))
+    worst, where = 0.0, 0.0
+    for values, low, high in tables:
+        for edge, sign in ((low, -1.0), (high, 1.0)):
+            known = np.isfinite(edge)
+            if known.any():
+                scale = np.maximum(1.0, np.abs(edge[known]))
+                off = (sign * (values[known] - edge[known, None]) / scale[:, None]).max(axis=0)
+                if np.isnan(off).any():
+                    return np.inf, 0.0
+                at = int(off.argmax())
+                if off[at] > worst:
+                    worst, where = float(off[at]), float(tau[at])
+    return worst, where
+
+
+def _decay(nodes: Floats, values: Floats, phase: Phase) -> float:
+    """Return by how many decades a degree the Legendre coefficients of the controls fall."""
+    if nodes.size < 4 or not values.shape[1]:
+        return 1.0
+    table = legendre.legvander(nodes, nodes.size - 1)
+    coefficients = np.abs(np.linalg.solve(table, values))
+    scale = np.maximum(phase.stacked("controls", "scale"), np.abs(values).max(axis=0))
+    slowest = 2.0
+    for own, size in zip(coefficients.T, scale, strict=True):
+        if own[1:].max(initial=0.0) <= 1e-7 * size:
+            continue  # as good as constant
+        # The envelope from above: the largest coefficient from each degree on.
+        envelope = np.maximum.accumulate(own[::-1])[::-1]
+        logs = np.log10(np.maximum(envelope, 1e-9 * size))
+        degree = np.arange(own.size)
+        end = own.size
+        floor = np.flatnonzero(envelope <= 1e-8 * size)
+        if floor.size:
+            end = max(int(floor[0]) + 1, 3)
+        slope = -np.polyfit(degree[:end], logs[:end], 1)[0]
+        slowest = min(slowest, float(slope))
+    return slowest
+
+
+def _windows(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[tuple[float, float], ...]:
+    """Return the pairs of neighbouring nodes between which a constraint begins or ceases to bind."""
+    tau = part.controls.nodes[k]
+    half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
+    t = part.states.knots[k] + half * (tau + 1.0)
+    x, u = part.states.on(k, tau), part.controls.on(k, tau)
+    tables = [("states", x.T), ("controls", u.T)]
+    if phase.paths:
+        tables.append(("paths", evaluated(phase, t, x, u, p)[1]))
+    changes = np.zeros(max(tau.size - 1, 0), bool)
+    for what, values in tables:
+        scale = BINDING * phase.stacked(what, "scale")[:, None]
+        for side in ("lower", "upper"):
+            edge = phase.stacked(what, side)[:, None]
+            with np.errstate(invalid="ignore"):
+                binds = np.abs(values - edge) <= scale
+            if tau.size > 1:
+                changes |= (binds[:, 1:] != binds[:, :-1]).any(axis=0)
+    return tuple((float(tau[j]), float(tau[j + 1])) for j in np.flatnonzero(changes))
+
+
+def _chatters(phase: Phase, values: Floats) -> bool:
+    """Return whether a control goes to and fro from node to node."""
+    low, high = phase.stacked("controls", "lower"), phase.stacked("controls", "upper")
+    for c in range(values.shape[1]):
+        width = high[c] - low[c]
+        if not np.isfinite(width) or width <= 0.0:
+            continue
+        steps = np.diff(values[:, c]) / width
+        steps = steps[np.abs(steps) > STEP]
+        if (steps[1:] * steps[:-1] < 0.0).sum() >= TURNS:
+            return True
+    return False
+
+
+def _switch(phase: Phase, part: PhasePlan, k: int) -> float | None:
+    """Return where within interval k a control goes from one bound to the other, None if nowhere."""
+    low, high = phase.stacked("controls", "lower"), phase.stacked("controls", "upper")
+    count = part.controls.intervals
+    for c in range(part.controls.size):
+        width = high[c] - low[c]
+        if not np.isfinite(width) or width <= 0.0:
+            continue
+        own = (part.controls.values[k][:, c] - low[c]) / width
+        before, after = own[0], own[-1]
+        if k > 0 and own.size < 3:
+            before = (part.controls.values[k - 1][-1, c] - low[c]) / width
+        if k + 1 < count and own.size < 3:
+            after = (part.controls.values[k + 1][0, c] - low[c]) / width
+        falls = before > 1.0 - SATURATED and after < SATURATED
+        rises = before < SATURATED and after > 1.0 - SATURATED
+        if not (falls or rises):
+            continue
+        nodes = part.controls.nodes[k]
+        fine, weights = gauss_points(nodes.size + 2)
+        mean = 0.5 * float(weights @ (interpolation(nodes, fine) @ own))
+        share = mean if falls else 1.0 - mean
+        return float(np.clip(2.0 * share - 1.0, -0.999, 0.999))
+    return None

@@ -1,0 +1,244 @@
+"""Collocation schemes: where the dynamics are imposed within an interval, and how.
+
+Within an interval, mapped to τ in [-1, 1], every scheme reads
+
+    left @ X = (h / 2) right @ F,
+
+where X are the states at all points of the interval, its two ends included, F the rates at the
+collocated points, and h the interval's length in time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from ...fields import frozen
+from ..lagrange import barycentric_weights, differentiation, interpolation
+
+__all__ = [
+    "Scheme",
+    "gauss",
+    "gauss_points",
+    "hermite_simpson",
+    "integration",
+    "radau",
+    "radau_points",
+    "trapezoid",
+]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Scheme:
+    """One interval's collocation.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    points : ndarray, shape (points,)
+        Where states stand, from -1 to 1, both included.
+    collocated : ndarray of int, shape (collocated,)
+        Which of the points have a control, and the dynamics imposed.
+    left : ndarray, shape (rows, points)
+        Coefficients of the states.
+    right : ndarray, shape (rows, collocated)
+        Coefficients of ``(h / 2) F``.
+    weights : ndarray, shape (collocated,)
+        Quadrature weights, of sum 2.
+    plan_points : ndarray, shape (m,)
+        Nodes that carry the state's polynomial.
+    from_states : ndarray, shape (m, points)
+        With `from_rates`, the polynomial's values there: ``from_states @ X + (h / 2) from_rates @ F``.
+    from_rates : ndarray, shape (m, collocated)
+        See `from_states`.
+    shared : bool
+        Whether the ends of intervals are collocated, so that neighbours share their control.
+    """
+
+    name: str
+    points: Floats
+    collocated: NDArray[np.int64]
+    left: Floats
+    right: Floats
+    weights: Floats
+    plan_points: Floats
+    from_states: Floats
+    from_rates: Floats
+    shared: bool = False
+
+    @property
+    def control_points(self) -> Floats:
+        """Where the controls stand, in [-1, 1]."""
+        return self.points[self.collocated]
+
+    def costates(self, duals: Floats) -> tuple[Floats, Floats] | None:
+        """Return nodes and costates there, from row multipliers of shape (rows, states).
+
+        The covector mapping: a multiplier of a row is the gain of a change of its right-hand side.
+        None where the scheme has no mapping.
+        """
+        return None
+
+
+class _Gauss(Scheme):
+    def costates(self, duals: Floats) -> tuple[Floats, Floats]:
+        # The last row moves the end alone, the others the rate at a node over its weight (Benson
+        # 2005). At the begin, what the polynomial's differentiation leaves of the multipliers.
+        inner, end = duals[:-1], duals[-1]
+        nodes = inner / self.weights[:, None] + end
+        begin = end - self.left[:-1, 0] @ inner
+        return self.points, np.vstack([begin, nodes, end])
+
+
+class _Radau(Scheme):
+    def costates(self, duals: Floats) -> tuple[Floats, Floats]:
+        begin = -self.left[:, 0] @ duals
+        return self.points, np.vstack([begin, duals / self.weights[:, None]])
+
+
+@cache
+def gauss_points(count: int) -> tuple[Floats, Floats]:
+    """Return the Legendre-Gauss nodes and weights, exact for polynomials of degree 2 count - 1."""
+    nodes, weights = legendre.leggauss(count)
+    return frozen(nodes), frozen(weights)
+
+
+@cache
+def radau_points(count: int) -> tuple[Floats, Floats]:
+    """Return the Legendre-Gauss-Radau nodes with 1 among them and weights (degree 2 count - 2).
+
+    The roots of P_count - P_(count-1), polished by Newton's method.
+    """
+    if count == 1:
+        return frozen(np.ones(1)), frozen(np.full(1, 2.0))
+    series = np.zeros(count + 1)
+    series[-2:] = -1.0, 1.0
+    inner = np.sort(legendre.legroots(series).real)[:-1]
+    slope = legendre.legder(series)
+    for _ in range(3):
+        inner = inner - legendre.legval(inner, series) / legendre.legval(inner, slope)
+    nodes = np.append(inner, 1.0)
+    before = np.zeros(count)
+    before[-1] = 1.0
+    weights = (1.0 + nodes) / (count * legendre.legval(nodes, before)) ** 2
+    return frozen(nodes), frozen(weights)
+
+
+@cache
+def gauss(count: int) -> Scheme:
+    """Return the Gauss scheme with `count` Legendre-Gauss nodes (eq. 14-21 of the paper).
+
+    States are polynomials through -1 and the nodes; Σ D_ki X_i = (h / 2) f at each node. The paper
+    prints the opposite sign; a constant rate shows which is right. The end is X(-1) + (h / 2) Σ w f.
+    """
+    nodes, weights = gauss_points(count)
+    base = np.concatenate([[-1.0], nodes])
+    points = np.append(base, 1.0)
+    left = np.zeros((count + 1, count + 2))
+    left[:count, : count + 1] = differentiation(base)[1:]
+    left[count, 0], left[count, -1] = -1.0, 1.0
+    right = np.vstack([np.eye(count), weights])
+    return _Gauss(
+        "gauss",
+        frozen(points),
+        frozen(np.arange(1, count + 1)),
+        frozen(left),
+        frozen(right),
+        frozen(weights),
+        frozen(points),
+        frozen(np.eye(count + 2)),
+        frozen(np.zeros((count + 2, count))),
+    )
+
+
+@cache
+def radau(count: int) -> Scheme:
+    """Return the Radau scheme with `count` nodes, the interval's end among them (Radau IIA).
+
+    Garg, Patterson, Hager, Rao, Benson and Huntington, "A unified framework for the numerical
+    solution of optimal control problems using pseudospectral methods", Automatica 46 (2010), with
+    the nodes mirrored: the end is collocated, the begin is not.
+    """
+    nodes, weights = radau_points(count)
+    points = np.concatenate([[-1.0], nodes])
+    return _Radau(
+        "radau",
+        frozen(points),
+        frozen(np.arange(1, count + 1)),
+        frozen(differentiation(points)[1:]),
+        frozen(np.eye(count)),
+        weights,
+        frozen(points),
+        frozen(np.eye(count + 1)),
+        frozen(np.zeros((count + 1, count))),
+    )
+
+
+@cache
+def hermite_simpson() -> Scheme:
+    """Return the separated Hermite-Simpson scheme (Betts 2010, section 4.6.6)."""
+    left = np.array([[-0.5, 1.0, -0.5], [-1.0, 0.0, 1.0]])
+    right = np.array([[0.25, 0.0, -0.25], [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]])
+    # The cubic through both ends with their slopes, at four even nodes.
+    t = np.array([-1.0, -1.0 / 3.0, 1.0 / 3.0, 1.0])
+    s = 0.5 * (t + 1.0)
+    states = np.zeros((4, 3))
+    states[:, 0] = 1.0 - 3.0 * s**2 + 2.0 * s**3
+    states[:, 2] = 3.0 * s**2 - 2.0 * s**3
+    rates = np.zeros((4, 3))
+    rates[:, 0] = 2.0 * (s - 2.0 * s**2 + s**3)
+    rates[:, 2] = 2.0 * (s**3 - s**2)
+    return Scheme(
+        "hermite-simpson",
+        frozen(np.array([-1.0, 0.0, 1.0])),
+        frozen(np.arange(3)),
+        frozen(left),
+        frozen(right),
+        frozen(np.array([1.0, 4.0, 1.0]) / 3.0),
+        frozen(t),
+        frozen(states),
+        frozen(rates),
+        shared=True,
+    )
+
+
+@cache
+def trapezoid() -> Scheme:
+    """Return the trapezoidal scheme (Betts 2010, section 4.6.5)."""
+    # The quadratic that begins at the first state with both slopes; it ends at the second by the rule.
+    return Scheme(
+        "trapezoid",
+        frozen(np.array([-1.0, 1.0])),
+        frozen(np.arange(2)),
+        frozen(np.array([[-1.0, 1.0]])),
+        frozen(np.ones((1, 2))),
+        frozen(np.ones(2)),
+        frozen(np.array([-1.0, 0.0, 1.0])),
+        frozen(np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])),
+        frozen(np.array([[0.0, 0.0], [0.25, -0.25], [0.0, 0.0]])),
+        shared=True,
+    )
+
+
+@cache
+def integration(count: int) -> tuple[Floats, Floats]:
+    """Return `count` Legendre-Gauss nodes, and the matrix that integrates from -1 to each node and 1.
+
+    Shape (count + 1, count): exact for polynomials through the values at the nodes.
+    """
+    nodes, _ = gauss_points(count)
+    inner, weights = gauss_points(count)
+    ends = np.append(nodes, 1.0)
+    matrix = np.empty((count + 1, count))
+    own = barycentric_weights(nodes)
+    for row, end in enumerate(ends):
+        half = 0.5 * (end + 1.0)
+        matrix[row] = half * weights @ interpolation(nodes, -1.0 + half * (inner + 1.0), own)
+    return frozen(nodes), frozen(matrix)

@@ -1,0 +1,58 @@
+"""Other starts for a search: a guess with waves drawn by a seed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..definition import Definition, Phase
+from ..plan import ControlPlan, PhasePlan, Piecewise
+
+__all__ = ["drawn"]
+
+Floats = NDArray[np.float64]
+
+#: How far a drawn start strays: share of a quantity's range.
+STRAY = 0.4
+#: Waves that a drawn start is made of.
+WAVES = 4
+
+
+def drawn(definition: Definition, guess: ControlPlan, seed: int) -> ControlPlan:
+    """Return `guess` with smooth waves added to it, drawn by `seed`; both ends of states stay.
+
+    Waves of a control need not vanish at its ends. Free end times are stretched at random.
+    """
+    draw = np.random.default_rng(seed)
+    phases = []
+    for phase, part in zip(definition.phases, guess.phases, strict=True):
+        start, end = _times(phase, part, draw)
+        knots = start + (part.states.knots - part.start) * (end - start) / part.duration
+        knots[-1] = end
+        made = []
+        for what, source in (("states", part.states), ("controls", part.controls)):
+            low, high = phase.stacked(what, "lower"), phase.stacked(what, "upper")
+            scale = phase.stacked(what, "scale")
+            both = np.isfinite(low) & np.isfinite(high)
+            with np.errstate(invalid="ignore"):
+                reach = STRAY * np.where(both, high - low, 2.0 * scale)
+            sines = draw.normal(size=(WAVES, source.size)) / np.arange(1, WAVES + 1)[:, None]
+            cosines = draw.normal(size=(WAVES + 1, source.size))
+            values = []
+            for k, (at, table) in enumerate(zip(source.nodes, source.values, strict=True)):
+                f = source.knots[k] + 0.5 * (at + 1.0) * (source.knots[k + 1] - source.knots[k])
+                f = (f - part.start) / part.duration
+                wave = np.sin(np.pi * np.outer(f, np.arange(1, WAVES + 1))) @ sines
+                if what == "controls":
+                    wave = np.cos(np.pi * np.outer(f, np.arange(WAVES + 1))) @ cosines
+                values.append(np.clip(table + reach * wave, low, high))
+            made.append(Piecewise(knots, source.nodes, tuple(values), source.lower, source.upper))
+        phases.append(PhasePlan(part.name, made[0], made[1], part.state_names, part.control_names))
+    return ControlPlan(tuple(phases), guess.parameters)
+
+
+def _times(phase: Phase, part: PhasePlan, draw: np.random.Generator) -> tuple[float, float]:
+    stretch = float(np.exp(draw.uniform(-0.5, 0.5)))
+    start = part.start
+    end = float(np.clip(start + stretch * part.duration, phase.end_lower, phase.end_upper))
+    return (start, end) if end > start else (part.start, part.end)

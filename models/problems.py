@@ -1,0 +1,160 @@
+"""Which problems there are, and the tables that declare what belongs to each.
+
+A problem is a folder of the same name in ``models``, ``solvers`` and ``instances``. The ``__init__``
+of each holds plain tables of ``"module:object"`` strings, which nothing loads before it is used:
+
+========================= ============= =====================================================
+folder                    table         keys and objects
+========================= ============= =====================================================
+``models/<problem>``      MODELS        model kind: the :class:`~crosstrack.models.Model` type
+``models/<problem>``      PICTURES      model kind: function ``(model, plan, **options)``
+``solvers/<problem>``     BACKENDS      name: native backend, in order of preference
+``solvers/<problem>``     DIAGNOSES     model kind: function ``(model, time_limit) -> Diagnosis``
+``solvers/<problem>``     PAPER_TABLES  catalogue prefix: a ``PaperTables``
+``instances/<problem>``   CATALOGUE     catalogue prefix: function that returns the entries
+``instances/<problem>``   REFERENCES    model kind: function that reads the files it refers to
+``instances/<problem>``   HINTS         any: function ``(file, header) -> str`` about a CSV file
+``instances/<problem>``   EXPORTS       format: an ``ExportFormat``
+``instances/<problem>``   DEMOS         name: a ``Demo``
+========================= ============= =====================================================
+
+A string that begins with a dot is relative to the package that declares it. Another distribution
+announces a problem in the entry-point group ``crosstrack.problems``; the entry point names one
+module, which holds all tables that the problem has.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import importlib.util
+import logging
+from collections.abc import Iterator, Mapping
+from functools import cache
+from types import ModuleType
+from typing import Any
+
+from ..errors import BackendBroken, UnknownName
+
+__all__ = [
+    "GROUP",
+    "PROBLEMS",
+    "declared_in",
+    "model_type",
+    "model_types",
+    "problem_of",
+    "register_model",
+    "resolve",
+    "table",
+]
+
+log = logging.getLogger("crosstrack")
+
+#: The problems of crosstrack: the names of their folders.
+PROBLEMS = ("error_correction", "minimum_snap", "optimal_control", "satellite_slew")
+#: Entry-point group in which other distributions announce problems.
+GROUP = "crosstrack.problems"
+#: The kits whose folder in `models` declares models that belong to no problem.
+KITS = ("programs",)
+
+#: Model types that a user registered in this session, by kind.
+_SESSION: dict[str, Any] = {}
+
+
+def resolve(target: Any) -> Any:
+    """Return what a ``"module:object"`` string names; anything else as it is.
+
+    A module that begins with a dot is taken from within crosstrack.
+
+    Raises
+    ------
+    BackendBroken
+        The module or the object cannot be loaded; the cause is named.
+    """
+    if not isinstance(target, str):
+        return target
+    module, _, name = target.partition(":")
+    try:
+        return getattr(importlib.import_module(module, __package__.rpartition(".")[0]), name)
+    except (ImportError, AttributeError) as error:
+        raise BackendBroken(f"{target} cannot be loaded: {error}") from error
+
+
+@cache
+def _foreign() -> Mapping[str, ModuleType]:
+    """Return the modules of problems that other distributions announce, by their names."""
+    found = {}
+    for point in importlib.metadata.entry_points(group=GROUP):
+        try:
+            found[point.name] = importlib.import_module(point.value.partition(":")[0])
+        except Exception as error:  # a stranger's fault must not stop the other problems
+            log.warning("problem %r (%s) cannot be loaded: %s", point.name, point.value, error)
+    return found
+
+
+def _folders(room: str) -> Iterator[tuple[str, ModuleType]]:
+    names = (*PROBLEMS, *KITS) if room.endswith(".models") else PROBLEMS
+    for name in names:
+        yield name, importlib.import_module(f"{room}.{name}")
+    yield from _foreign().items()
+
+
+def declared_in(room: str, name: str) -> Iterator[tuple[str, str, Any]]:
+    """Yield ``(problem, key, target)`` of every table called `name` in the folders of a room.
+
+    Parameters
+    ----------
+    room : str
+        The room's package, ``__package__`` of the caller.
+    name : str
+        The table, such as ``"BACKENDS"``.
+    """
+    for problem, module in _folders(room):
+        for key, target in getattr(module, name, {}).items():
+            if isinstance(target, str) and target.startswith("."):
+                module_name, _, attribute = target.partition(":")
+                target = f"{importlib.util.resolve_name(module_name, module.__name__)}:{attribute}"
+            yield problem, key, target
+
+
+@cache
+def _declared_table(room: str, name: str) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for problem, key, target in declared_in(room, name):
+        if key in found:
+            log.warning("%s of problem %r declares %r, which is taken", name, problem, key)
+        else:
+            found[key] = target
+    return found
+
+
+def table(room: str, name: str) -> dict[str, Any]:
+    """Return the tables called `name` of all problems as one, the first of equal keys."""
+    return dict(_declared_table(room, name))
+
+
+def problem_of(kind: str) -> str:
+    """Return the problem that declares the model `kind`, empty where a user registered it."""
+    for problem, key, _ in declared_in(__package__, "MODELS"):
+        if key == kind:
+            return problem
+    return ""
+
+
+def model_types() -> tuple[str, ...]:
+    """Return the JSON names of all model types."""
+    return tuple(sorted({**table(__package__, "MODELS"), **_SESSION}))
+
+
+def model_type(kind: str) -> Any:
+    """Return the model type with the JSON name `kind`; ``UnknownName`` where there is none."""
+    types = {**table(__package__, "MODELS"), **_SESSION}
+    if kind not in types:
+        raise UnknownName("model", kind, types)
+    return resolve(types[kind])
+
+
+def register_model(cls: Any) -> Any:
+    """Make a user's model type readable from JSON by its ``kind``; usable as a decorator."""
+    _SESSION[cls.kind] = cls
+    return cls

@@ -1,0 +1,34 @@
+"""Solver-neutral programs in standard form, whose rows and columns know the paper's equations."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .base import BlockProgram as BlockProgram, Program as Program, RowProgram as RowProgram
+    from .blocks import Block as Block
+    from .builder import ProgramBuilder as ProgramBuilder
+    from .linear import (
+        MixedIntegerProgram as MixedIntegerProgram,
+        QuadraticProgram as QuadraticProgram,
+    )
+    from .nonlinear import NonlinearProgram as NonlinearProgram
+
+MODELS = {
+    "mixed-integer-program": ".linear:MixedIntegerProgram",
+    "nonlinear-program": ".nonlinear:NonlinearProgram",
+    "quadratic-program": ".linear:QuadraticProgram",
+}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "base": ("BlockProgram", "Program", "RowProgram"),
+        "blocks": ("Block",),
+        "builder": ("ProgramBuilder",),
+        "linear": ("MixedIntegerProgram", "QuadraticProgram"),
+        "nonlinear": ("NonlinearProgram",),
+    },
+)

@@ -1,0 +1,226 @@
+"""The bases of all programs, of those with bounded blocks, and of those with linear rows."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import Array
+from ..model import Model
+from ..verification import ROUNDING, TOLERANCE, Check, Verification
+from .blocks import Block
+
+if TYPE_CHECKING:
+    import cvxpy
+
+__all__ = ["BlockProgram", "Program", "RowProgram"]
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Program(Model[Vector]):
+    """Base of all programs: minimise an objective of a column vector under blocks of rows."""
+
+    def plan_to_data(self, plan: Vector) -> Any:
+        """Return the column vector as a list."""
+        return np.asarray(plan, float).tolist()
+
+    def plan_from_data(self, data: Any) -> Vector:
+        """Return the column vector in `data`."""
+        size = self.size
+        return Array((size,)).coerce("point", data, {})
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of columns."""
+
+
+class BlockProgram(Program):
+    """Base of the programs whose rows and columns have bounds and come in named blocks.
+
+    A subclass is a dataclass that declares the fields named here, and its objective.
+    """
+
+    if TYPE_CHECKING:
+        row_lower: Vector
+        row_upper: Vector
+        column_lower: Vector
+        column_upper: Vector
+        columns: tuple[Block, ...]
+        rows: tuple[Block, ...]
+
+    @abstractmethod
+    def objective(self, point: Vector) -> float:
+        """Return the objective at `point`."""
+
+    def check(self) -> None:
+        """Refuse blocks that do not cover the program."""
+        for name, blocks, size in (
+            ("columns", self.columns, self.size),
+            ("rows", self.rows, self.row_count),
+        ):
+            if blocks and sum(block.size for block in blocks) != size:
+                raise InvalidData(
+                    f"{name}: the blocks cover {sum(b.size for b in blocks)} of {size}", field=name
+                )
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return int(self.column_lower.size)
+
+    @property
+    def row_count(self) -> int:
+        """Number of rows."""
+        return int(self.row_lower.size)
+
+    @property
+    def _rows(self) -> tuple[Block, ...]:
+        return self.rows or ((Block("row", "", 0, self.row_count),) if self.row_count else ())
+
+    @property
+    def _columns(self) -> tuple[Block, ...]:
+        return self.columns or ((Block("column", "", 0, self.size),) if self.size else ())
+
+    def _point(self, plan: Vector) -> Vector:
+        """Return `plan` as a column vector of this program; ``InvalidData`` where it is none."""
+        point = np.asarray(plan, float)
+        if point.shape != (self.size,):
+            raise InvalidData(
+                f"point must have shape ({self.size},), got {point.shape}", field="point"
+            )
+        if not np.isfinite(point).all():
+            place = int(np.flatnonzero(~np.isfinite(point))[0])
+            raise InvalidData(f"point[{place}] must be finite, got {point[place]}", field="point")
+        return point
+
+    @staticmethod
+    def _checks(
+        value: Vector,
+        lower: Vector,
+        upper: Vector,
+        largest: Vector,
+        blocks: Sequence[Block],
+        tolerance: float,
+    ) -> list[Check]:
+        off = np.maximum(np.maximum(lower - value, value - upper), 0.0)
+        near = np.where(value - lower < upper - value, lower, upper)
+        scale = np.maximum(np.maximum(largest, np.where(np.isfinite(near), np.abs(near), 0.0)), 1.0)
+        found = []
+        for block in blocks:
+            if block.size:
+                entry = int((off[block.slice] / scale[block.slice]).argmax())
+                at = block.start + entry
+                found.append(
+                    Check(
+                        block.name,
+                        block.equation,
+                        float(off[at]),
+                        block.unit,
+                        float(tolerance * scale[at]),
+                        _bare(block.place(entry)),
+                        float(ROUNDING * scale[at]),
+                    )
+                )
+        return found
+
+    def row_name(self, row: int) -> str:
+        """Return the row in the paper's words."""
+        return _name(self._rows, row)
+
+    def column_name(self, column: int) -> str:
+        """Return the column in the paper's words."""
+        return _name(self._columns, column)
+
+    def column_block(self, name: str) -> Block:
+        """Return the block of columns called `name`."""
+        return next(block for block in self.columns if block.name == name)
+
+
+class RowProgram(BlockProgram):
+    """Base of the programs with ``row_lower <= matrix @ x <= row_upper`` and column bounds.
+
+    A subclass is a dataclass that declares the fields named here, and its objective.
+    """
+
+    if TYPE_CHECKING:
+        cost: Vector
+        matrix: sp.csr_array
+        offset: float
+
+    kind: ClassVar[str] = "linearly-constrained-program"
+
+    def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return the objective and the worst violation of every block of rows and columns.
+
+        A row's tolerance is relative to the largest of its terms and bounds, and at least absolute.
+        """
+        point = self._point(plan)
+        terms = self.matrix * point[None, :]
+        largest = (
+            abs(terms).max(axis=1).toarray().ravel()
+            if self.row_count and terms.nnz
+            else np.zeros(self.row_count)
+        )
+        checks = [
+            *self._checks(
+                self.matrix @ point, self.row_lower, self.row_upper, largest, self._rows, tolerance
+            ),
+            *self._checks(
+                point,
+                self.column_lower,
+                self.column_upper,
+                np.zeros(self.size),
+                self._columns,
+                tolerance,
+            ),
+        ]
+        return Verification(self.objective(point), tuple(checks))
+
+    def without_rows(self, names: Iterable[str]) -> Self:
+        """Return the program without the row blocks called `names`."""
+        drop = set(names)
+        kept = [block for block in self.rows if block.name not in drop]
+        take = np.concatenate(
+            [np.arange(b.start, b.start + b.size) for b in kept] or [np.empty(0, int)]
+        )
+        blocks, at = [], 0
+        for block in kept:
+            blocks.append(replace(block, start=at))
+            at += block.size
+        changed: dict[str, Any] = {
+            "matrix": self.matrix[take],
+            "row_lower": self.row_lower[take],
+            "row_upper": self.row_upper[take],
+            "rows": tuple(blocks),
+        }
+        return replace(self, **changed)
+
+    def to_cvxpy(self) -> tuple[cvxpy.Problem, cvxpy.Variable]:
+        """Return a ``cvxpy.Problem`` and its variable, the column vector in this order."""
+        from .export import cvxpy_problem
+
+        return cvxpy_problem(self)
+
+
+def _bare(place: str) -> str:
+    """Return a place without the preposition that a sentence supplies."""
+    for word in ("at ", "along ", "in "):
+        place = place.removeprefix(word)
+    return place
+
+
+def _name(blocks: Sequence[Block], entry: int) -> str:
+    for block in blocks:
+        if block.start <= entry < block.start + block.size:
+            return block.describe(entry - block.start)
+    raise IndexError(entry)

@@ -1,0 +1,177 @@
+"""Blocks of rows and columns that know the paper's equations, and the sparse matrix they index."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import Array, Spec, frozen, show
+
+__all__ = ["Block", "Blocks", "Sparse"]
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A named run of rows or columns that stand for one equation or one kind of decision.
+
+    Parameters
+    ----------
+    name : str
+        What the block is, such as ``"horizontal error"``.
+    equation : str
+        The paper's equation, empty where it has none.
+    start, size : int
+        The rows or columns ``start … start + size - 1``.
+    template : str
+        Says where an entry lies, such as ``"arc {0}-{1}"``, filled from `index`.
+    index : ndarray of int, shape (size, k)
+        What fills `template`, one row an entry.
+    unit : str
+        Unit of the entries.
+    """
+
+    name: str
+    equation: str
+    start: int
+    size: int
+    template: str = ""
+    index: NDArray[np.int64] | None = None
+    unit: str = ""
+
+    @property
+    def slice(self) -> slice:
+        """The entries as a slice."""
+        return slice(self.start, self.start + self.size)
+
+    def place(self, entry: int) -> str:
+        """Return where `entry` (counted within the block) lies."""
+        if self.index is None:
+            return f"{self.name} {entry}" if self.size > 1 else ""
+        return self.template.format(*self.index[entry].tolist())
+
+    @property
+    def title(self) -> str:
+        """The block's name with its equation."""
+        return f"eq. {self.equation}, {self.name}" if self.equation else self.name
+
+    def describe(self, entry: int) -> str:
+        """Return ``"eq. 13, horizontal error at point 40"``."""
+        if self.index is None:
+            return f"{self.title} {entry}" if self.size > 1 else self.title
+        return f"{self.title} {self.place(entry)}"
+
+
+@dataclass(frozen=True)
+class Blocks(Spec):
+    """Blocks that cover all rows or columns in order; labels, so no part of the content."""
+
+    content: bool = False
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> tuple[Block, ...]:
+        blocks = tuple(
+            block if isinstance(block, Block) else self._read(name, block) for block in value
+        )
+        at = 0
+        for block in blocks:
+            if block.start != at:
+                raise InvalidData(
+                    f"{name}: block {block.name!r} starts at {block.start}, {at} is next",
+                    field=name,
+                )
+            at += block.size
+        names = [block.name for block in blocks]
+        if len(set(names)) != len(names):
+            raise InvalidData(f"{name}: two blocks bear one name: {names}", field=name)
+        return blocks
+
+    @staticmethod
+    def _read(name: str, data: Any) -> Block:
+        keys = {"name", "equation", "start", "size", "template", "index", "unit"}
+        if not isinstance(data, Mapping) or set(data) != keys:
+            raise InvalidData(
+                f"{name}: a block has the keys {sorted(keys)}, got {show(data)}", field=name
+            )
+        index = None if data["index"] is None else np.asarray(data["index"], np.int64)
+        return Block(**{**data, "index": index})
+
+    def encode(self, value: tuple[Block, ...]) -> Any:
+        return [
+            {
+                "name": b.name,
+                "equation": b.equation,
+                "start": b.start,
+                "size": b.size,
+                "template": b.template,
+                "index": None if b.index is None else b.index.tolist(),
+                "unit": b.unit,
+            }
+            for b in value
+        ]
+
+
+@dataclass(frozen=True)
+class Sparse(Spec):
+    """A sparse matrix in compressed rows, canonical (sorted, summed, no stored zeros)."""
+
+    shape: tuple[str, str]
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> sp.csr_array:
+        if isinstance(value, Mapping):
+            value = self._read(name, value)
+        elif not sp.issparse(value):
+            value = Array(self.shape).coerce(name, value, dict(sizes))
+        matrix = sp.csr_array(value, dtype=float, copy=True)
+        matrix.sum_duplicates()
+        matrix.eliminate_zeros()
+        for have, want in zip(matrix.shape, self.shape, strict=True):
+            known, source = sizes.setdefault(want, (have, name))
+            if known != have:
+                raise InvalidData(
+                    f"{name} has shape {matrix.shape}, but {source} has {known} entries", field=name
+                )
+        if not np.isfinite(matrix.data).all():
+            raise InvalidData(f"{name} must hold finite numbers only", field=name)
+        return self.refreeze(matrix)
+
+    @staticmethod
+    def _read(name: str, data: Mapping[str, Any]) -> sp.csr_array:
+        if set(data) != {"shape", "indptr", "indices", "data"}:
+            raise InvalidData(f"{name} needs the keys shape, indptr, indices, data", field=name)
+        try:
+            matrix = sp.csr_array(
+                (
+                    np.asarray(data["data"], float),
+                    np.asarray(data["indices"], np.int64),
+                    np.asarray(data["indptr"], np.int64),
+                ),
+                shape=tuple(data["shape"]),
+            )
+            matrix.check_format()
+        except (ValueError, TypeError) as error:
+            raise InvalidData(f"{name} is no sparse matrix: {error}", field=name) from None
+        return matrix
+
+    def encode(self, value: sp.csr_array) -> Any:
+        return {
+            "shape": list(value.shape),
+            "indptr": value.indptr.tolist(),
+            "indices": value.indices.tolist(),
+            "data": value.data.tolist(),
+        }
+
+    def feed(self, value: sp.csr_array) -> Iterable[bytes]:
+        yield repr(value.shape).encode()
+        yield value.indptr.astype(np.int64).tobytes()
+        yield value.indices.astype(np.int64).tobytes()
+        yield value.data.tobytes()
+
+    def refreeze(self, value: sp.csr_array) -> sp.csr_array:
+        for part in (value.data, value.indices, value.indptr):
+            frozen(part)
+        return value

@@ -1,0 +1,75 @@
+"""Fields that hold a ``casadi.Function``: what is stored, sent and digested of declared symbols."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ...errors import BackendMissing, InvalidData
+from ..fields import Spec, show
+
+if TYPE_CHECKING:
+    import casadi
+
+__all__ = ["Compiled", "require_casadi"]
+
+
+def require_casadi(what: str) -> None:
+    """Raise :class:`BackendMissing`, saying what to install, where CasADi is not there."""
+    try:
+        import casadi  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise BackendMissing(
+            f"{what} needs CasADi, which is not installed ({error}): pip install 'crosstrack[nlp]'"
+        ) from error
+
+
+@dataclass(frozen=True)
+class Compiled(Spec):
+    """A ``casadi.Function`` with canonical names of its arguments and results.
+
+    JSON holds CasADi's own serialisation, which reads back to the same function.
+
+    Parameters
+    ----------
+    arguments, results : tuple of str
+        The names that it must have, in this order.
+    content : bool
+        Whether it is part of the content; what can be derived from another function is not.
+    """
+
+    arguments: tuple[str, ...]
+    results: tuple[str, ...]
+    content: bool = True
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> casadi.Function:
+        require_casadi(f"field {name!r}")
+        import casadi
+
+        if isinstance(value, str):
+            try:
+                value = casadi.Function.deserialize(value)
+            except RuntimeError as error:
+                raise InvalidData(
+                    f"{name} is no serialised casadi.Function: {str(error).strip()[:100]}",
+                    field=name,
+                ) from None
+        if not isinstance(value, casadi.Function):
+            raise InvalidData(f"{name} must be a casadi.Function, got {show(value)}", field=name)
+        for what, have, want in (
+            ("arguments", value.name_in(), self.arguments),
+            ("results", value.name_out(), self.results),
+        ):
+            if tuple(have) != want:
+                raise InvalidData(
+                    f"{name} must have the {what} {', '.join(want)}, got {', '.join(have)}",
+                    field=name,
+                )
+        return value
+
+    def encode(self, value: casadi.Function) -> Any:
+        return value.serialize()
+
+    def feed(self, value: casadi.Function) -> Iterable[bytes]:
+        yield value.serialize().encode()

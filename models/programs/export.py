@@ -1,0 +1,192 @@
+"""Programs written for other tools: free MPS, LP format, CVXPY.
+
+Numbers are written with all their digits, so another tool reads the very same program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .base import RowProgram
+from .linear import MixedIntegerProgram, QuadraticProgram
+
+if TYPE_CHECKING:
+    import cvxpy
+    import qpsolvers
+
+__all__ = ["cvxpy_problem", "lp", "mps", "qpsolvers_problem"]
+
+
+def _senses(program: MixedIntegerProgram) -> list[str]:
+    low, high = program.row_lower, program.row_upper
+    equal = low == high
+    kinds = np.where(
+        equal, "E", np.where(np.isfinite(low), "G", np.where(np.isfinite(high), "L", "N"))
+    )
+    return [str(kind) for kind in kinds]
+
+
+def mps(program: MixedIntegerProgram) -> str:
+    """Return `program` as free MPS; a row with two bounds is a G row with a range."""
+    return "\n".join(_mps_lines(program)) + "\n"
+
+
+def _mps_lines(program: MixedIntegerProgram) -> Iterator[str]:
+    low, high = program.row_lower.tolist(), program.row_upper.tolist()
+    senses = _senses(program)
+    yield "NAME crosstrack"
+    yield "ROWS"
+    yield " N cost"
+    for row, sense in enumerate(senses):
+        yield f" {sense} r{row}"
+    yield "COLUMNS"
+    by_column = program.matrix.tocsc()
+    indptr, indices, data = (
+        a.tolist() for a in (by_column.indptr, by_column.indices, by_column.data)
+    )
+    cost, integral = program.cost.tolist(), program.integral.tolist()
+    marked = False
+    for column in range(program.size):
+        if integral[column] != marked:
+            marked = integral[column]
+            yield f" MARKER 'MARKER' '{'INTORG' if marked else 'INTEND'}'"
+        # The objective is written even when 0, so that a column without rows exists.
+        yield f" x{column} cost {cost[column]!r}"
+        for k in range(indptr[column], indptr[column + 1]):
+            yield f" x{column} r{indices[k]} {data[k]!r}"
+    if marked:
+        yield " MARKER 'MARKER' 'INTEND'"
+    yield "RHS"
+    if program.offset:
+        yield f" rhs cost {-program.offset!r}"
+    for row, sense in enumerate(senses):
+        value = high[row] if sense == "L" else low[row]
+        if sense != "N" and value:
+            yield f" rhs r{row} {value!r}"
+    yield "RANGES"
+    for row, sense in enumerate(senses):
+        if sense == "G" and high[row] < np.inf:
+            yield f" range r{row} {high[row] - low[row]!r}"
+    yield "BOUNDS"
+    for column, (lower, upper) in enumerate(
+        zip(program.column_lower.tolist(), program.column_upper.tolist(), strict=True)
+    ):
+        if lower == -np.inf and upper == np.inf:
+            yield f" FR bound x{column}"
+            continue
+        yield f" MI bound x{column}" if lower == -np.inf else f" LO bound x{column} {lower!r}"
+        yield f" PL bound x{column}" if upper == np.inf else f" UP bound x{column} {upper!r}"
+    yield "ENDATA"
+
+
+def lp(program: MixedIntegerProgram) -> str:
+    """Return `program` in LP format."""
+    return "\n".join(_lp_lines(program)) + "\n"
+
+
+def _sum(columns: list[int], values: list[float]) -> str:
+    terms = [
+        f"{'-' if v < 0 else '+'} {abs(v)!r} x{c}" for c, v in zip(columns, values, strict=True)
+    ]
+    # Readers of the format limit a line's length.
+    return "\n  ".join(" ".join(terms[k : k + 8]) for k in range(0, len(terms), 8)) or "0 x0"
+
+
+def _lp_lines(program: MixedIntegerProgram) -> Iterator[str]:
+    yield "Minimize"
+    objective = _sum(list(range(program.size)), program.cost.tolist())
+    sign = "-" if program.offset < 0 else "+"
+    constant = f" {sign} {abs(program.offset)!r}" if program.offset else ""
+    yield f" cost: {objective}{constant}"
+    yield "Subject To"
+    matrix = program.matrix
+    for row, (low, high) in enumerate(
+        zip(program.row_lower.tolist(), program.row_upper.tolist(), strict=True)
+    ):
+        part = slice(matrix.indptr[row], matrix.indptr[row + 1])
+        terms = _sum(matrix.indices[part].tolist(), matrix.data[part].tolist())
+        if low == high:
+            yield f" r{row}: {terms} = {low!r}"
+        else:
+            # A range becomes two rows: not every reader knows ranges in this format.
+            if low > -np.inf:
+                yield f" r{row}{'l' if high < np.inf else ''}: {terms} >= {low!r}"
+            if high < np.inf:
+                yield f" r{row}{'u' if low > -np.inf else ''}: {terms} <= {high!r}"
+    yield "Bounds"
+    for column, (lower, upper) in enumerate(
+        zip(program.column_lower.tolist(), program.column_upper.tolist(), strict=True)
+    ):
+        if lower == -np.inf and upper == np.inf:
+            yield f" x{column} free"
+        else:
+            left = "-inf" if lower == -np.inf else repr(lower)
+            right = "+inf" if upper == np.inf else repr(upper)
+            yield f" {left} <= x{column} <= {right}"
+    if program.integral.any():
+        yield "General"
+        yield from (f" x{column}" for column in np.flatnonzero(program.integral))
+    yield "End"
+
+
+def cvxpy_problem(program: RowProgram) -> tuple[cvxpy.Problem, cvxpy.Variable]:
+    """Return `program` as a ``cvxpy.Problem`` with its variable.
+
+    The constraints stand in the order: equal rows, rows from below, rows from above, columns from
+    below, columns from above; each only where it has entries.
+    """
+    import cvxpy
+
+    made: Any = cvxpy  # its functions are not typed
+    integral = np.flatnonzero(getattr(program, "integral", ()))
+    if integral.size:
+        x = made.Variable(program.size, integer=[integral], name="x")
+    else:
+        x = made.Variable(program.size, name="x")
+    constraints: list[Any] = []
+    matrix, low, high = program.matrix, program.row_lower, program.row_upper
+    equal = low == high
+    builders: tuple[tuple[Any, Callable[[Any, Any], Any]], ...] = (
+        (equal, lambda a, k: a @ x == low[k]),
+        (~equal & np.isfinite(low), lambda a, k: a @ x >= low[k]),
+        (~equal & np.isfinite(high), lambda a, k: a @ x <= high[k]),
+    )
+    for take, build in builders:
+        if take.any():
+            constraints.append(build(matrix[np.flatnonzero(take)], take))
+    for bound, sign in ((program.column_lower, 1), (program.column_upper, -1)):
+        take = np.isfinite(bound)
+        if take.any():
+            constraints.append(sign * x[np.flatnonzero(take)] >= sign * bound[take])
+    objective = program.cost @ x + program.offset
+    if isinstance(program, QuadraticProgram):
+        # The class demands a semidefinite Hessian; CVXPY's own test of it fails by rounding.
+        objective = objective + made.quad_form(x, program.hessian, assume_PSD=True) / 2
+    return made.Problem(made.Minimize(objective), constraints), x
+
+
+def qpsolvers_problem(program: QuadraticProgram) -> qpsolvers.Problem:
+    """Return `program` as a ``qpsolvers.Problem``; the offset is left out."""
+    import qpsolvers
+    import scipy.sparse as sp
+
+    matrix, low, high = program.matrix, program.row_lower, program.row_upper
+    equal = low == high
+    above, below = ~equal & np.isfinite(high), ~equal & np.isfinite(low)
+    inequalities = bool((above | below).any())
+    stacked = sp.vstack([matrix[np.flatnonzero(above)], -matrix[np.flatnonzero(below)]])
+    bounded = np.isfinite(program.column_lower).any() or np.isfinite(program.column_upper).any()
+    # Copies: the program's arrays are read-only, which some solvers behind qpsolvers refuse.
+    return qpsolvers.Problem(
+        P=sp.csc_matrix(program.hessian, copy=True),
+        q=program.cost.copy(),
+        G=sp.csc_matrix(stacked) if inequalities else None,
+        h=np.concatenate([high[above], -low[below]]) if inequalities else None,
+        A=sp.csc_matrix(matrix[np.flatnonzero(equal)]) if equal.any() else None,
+        b=low[equal].copy() if equal.any() else None,
+        lb=program.column_lower.copy() if bounded else None,
+        ub=program.column_upper.copy() if bounded else None,
+    )

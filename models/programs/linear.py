@@ -1,0 +1,262 @@
+"""Solver-neutral programs in standard form, whose rows and columns know the paper's equations.
+
+A program is a model too: it has data, a digest and an independent verification, and its plan is
+the column vector. Any backend for programs therefore solves one that no paper stands behind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import Array, Real, declared
+from ..verification import ROUNDING, TOLERANCE, Check, Verification
+from .base import BlockProgram, Program, RowProgram
+from .blocks import Block, Blocks, Sparse
+from .nonlinear import NonlinearProgram
+
+if TYPE_CHECKING:
+    import qpsolvers
+
+__all__ = [
+    "Block",
+    "BlockProgram",
+    "MixedIntegerProgram",
+    "NonlinearProgram",
+    "Program",
+    "QuadraticProgram",
+    "RowProgram",
+]
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MixedIntegerProgram(RowProgram):
+    """Minimise ``cost @ x + offset`` with ``row_lower <= matrix @ x <= row_upper`` and bounds.
+
+    Parameters
+    ----------
+    cost : ndarray, shape (n,)
+        Objective coefficients.
+    matrix : sparse array, shape (m, n)
+        Row coefficients.
+    row_lower, row_upper : ndarray, shape (m,)
+        Row bounds; infinite where there is none.
+    column_lower, column_upper : ndarray, shape (n,)
+        Column bounds; infinite where there is none.
+    integral : ndarray of bool, shape (n,)
+        Which columns must be whole numbers.
+    offset : float
+        Constant of the objective.
+    columns, rows : tuple of Block
+        Names and equations; empty, or covering all.
+    """
+
+    cost: Vector = declared(Array(("n",)))
+    matrix: sp.csr_array = declared(Sparse(("m", "n")))
+    row_lower: Vector = declared(Array(("m",), infinity=-1))
+    row_upper: Vector = declared(Array(("m",), infinity=1))
+    column_lower: Vector = declared(Array(("n",), infinity=-1))
+    column_upper: Vector = declared(Array(("n",), infinity=1))
+    integral: NDArray[np.bool_] = declared(Array(("n",), bool))
+    offset: float = declared(Real(), default=0.0)
+    columns: tuple[Block, ...] = declared(Blocks(), default=())
+    rows: tuple[Block, ...] = declared(Blocks(), default=())
+
+    kind: ClassVar[str] = "mixed-integer-program"
+
+    def describe(self) -> str:
+        """Return the size in a few words."""
+        return f"{self.row_count} rows, {self.size} columns, {int(self.integral.sum())} integral"
+
+    @property
+    def continuous(self) -> bool:
+        """Whether no column must be whole: a linear program."""
+        return not self.integral.any()
+
+    def objective(self, point: Vector) -> float:
+        """Return the objective at `point`."""
+        return float(self.cost @ point + self.offset)
+
+    def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return the objective and the worst violation of every block, integrality included."""
+        found = super().verify(plan, tolerance=tolerance)
+        if not self.integral.any():
+            return found
+        point = np.asarray(plan, float)
+        off = np.where(self.integral, np.abs(point - np.round(point)), 0.0)
+        at = int(off.argmax())
+        check = Check(
+            "integrality", "", float(off[at]), "", tolerance, self.column_name(at), ROUNDING
+        )
+        return Verification(found.objective, (*found.checks, check))
+
+    def dual_bound(self, duals: Vector) -> float:
+        """Return the Lagrangian lower bound that row multipliers prove.
+
+        ``duals[i] >= 0`` counts against the lower bound of row i, ``<= 0`` against the upper one.
+        The bound holds for the linear relaxation, and so for the program; it is -inf where a
+        multiplier or a reduced cost points at a bound that does not exist.
+        """
+        y = np.asarray(duals, float)
+        reduced = self.cost - self.matrix.T @ y
+        # A reduced cost that is rounding noise against the terms it sums must not meet an infinite bound.
+        noise = 1e-9 * (1 + np.abs(self.cost) + abs(self.matrix).T @ np.abs(y))
+        free = np.where(
+            reduced > 0, ~np.isfinite(self.column_lower), ~np.isfinite(self.column_upper)
+        )
+        reduced = np.where(free & (np.abs(reduced) <= noise), 0.0, reduced)
+        loose = np.where(y > 0, ~np.isfinite(self.row_lower), ~np.isfinite(self.row_upper))
+        y = np.where(loose & (np.abs(y) <= 1e-9), 0.0, y)
+        with np.errstate(invalid="ignore"):
+            rows = np.where(y == 0, 0.0, y * np.where(y > 0, self.row_lower, self.row_upper))
+            cols = np.where(
+                reduced == 0,
+                0.0,
+                reduced * np.where(reduced > 0, self.column_lower, self.column_upper),
+            )
+        return float(rows.sum() + cols.sum() + self.offset)
+
+    def relaxed(self) -> MixedIntegerProgram:
+        """Return the linear relaxation."""
+        return replace(self, integral=np.zeros(self.size, bool))
+
+    def to_mps(self) -> str:
+        """Return the program in free MPS; columns are ``x0, x1, …``, rows ``r0, r1, …``."""
+        from .export import mps
+
+        return mps(self)
+
+    def to_lp(self) -> str:
+        """Return the program in LP format; columns are ``x0, x1, …``, rows ``r0, r1, …``."""
+        from .export import lp
+
+        return lp(self)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class QuadraticProgram(RowProgram):
+    """Minimise ``x @ hessian @ x / 2 + cost @ x + offset`` under linear rows and bounds.
+
+    Parameters
+    ----------
+    hessian : sparse array, shape (n, n)
+        Symmetric and positive semidefinite, with both triangles. Symmetry is checked, and what of
+        definiteness the diagonal shows; the rest is the caller's.
+    cost : ndarray, shape (n,)
+        Linear objective coefficients.
+    matrix : sparse array, shape (m, n)
+        Row coefficients.
+    row_lower, row_upper : ndarray, shape (m,)
+        Row bounds; infinite where there is none.
+    column_lower, column_upper : ndarray, shape (n,)
+        Column bounds; infinite where there is none.
+    offset : float
+        Constant of the objective.
+    columns, rows : tuple of Block
+        Names and equations; empty, or covering all.
+    """
+
+    hessian: sp.csr_array = declared(Sparse(("n", "n")))
+    cost: Vector = declared(Array(("n",)))
+    matrix: sp.csr_array = declared(Sparse(("m", "n")))
+    row_lower: Vector = declared(Array(("m",), infinity=-1))
+    row_upper: Vector = declared(Array(("m",), infinity=1))
+    column_lower: Vector = declared(Array(("n",), infinity=-1))
+    column_upper: Vector = declared(Array(("n",), infinity=1))
+    offset: float = declared(Real(), default=0.0)
+    columns: tuple[Block, ...] = declared(Blocks(), default=())
+    rows: tuple[Block, ...] = declared(Blocks(), default=())
+
+    kind: ClassVar[str] = "quadratic-program"
+
+    def check(self) -> None:
+        """Refuse blocks that do not cover the program, and a Hessian that cannot be convex."""
+        super().check()
+        largest = float(abs(self.hessian).max()) if self.hessian.nnz else 0.0
+        skew = abs(self.hessian - self.hessian.T)
+        if skew.nnz and skew.max() > 1e-12 * largest:
+            row, column = (int(k) for k in np.unravel_index(skew.argmax(), skew.shape))
+            raise InvalidData(
+                f"hessian[{row}, {column}] is {self.hessian[row, column]:g}, but "
+                f"hessian[{column}, {row}] is {self.hessian[column, row]:g}: it must be symmetric",
+                field="hessian",
+            )
+        diagonal = self.hessian.diagonal()
+        # The 2 x 2 minors: a negative diagonal entry, or one that its row outweighs at zero.
+        reach = abs(self.hessian).max(axis=1).toarray().ravel() if self.hessian.nnz else diagonal
+        bad = (diagonal < 0) | ((diagonal == 0) & (reach > 0))
+        if bad.any():
+            at = int(np.flatnonzero(bad)[0])
+            raise InvalidData(
+                f"hessian[{at}, {at}] is {diagonal[at]:g}, which no positive semidefinite matrix "
+                "with that row has",
+                field="hessian",
+            )
+
+    def describe(self) -> str:
+        """Return the size in a few words."""
+        return f"{self.row_count} rows, {self.size} columns, {self.hessian.nnz} Hessian entries"
+
+    def objective(self, point: Vector) -> float:
+        """Return the objective at `point`."""
+        return float(0.5 * (point @ (self.hessian @ point)) + self.cost @ point + self.offset)
+
+    def reduced_costs(self, point: Vector, duals: Vector) -> Vector:
+        """Return ``hessian @ point + cost - matrix.T @ duals``, the multipliers of the columns.
+
+        At an optimum they vanish for every column strictly between its bounds.
+        """
+        reduced: Vector = self.hessian @ point + self.cost - self.matrix.T @ duals
+        return reduced
+
+    def dual_residual(self, point: Vector, duals: Vector) -> float:
+        """Return the largest reduced cost that no bound of its column explains."""
+        reduced = self.reduced_costs(point, self.signed(duals))
+        loose = np.where(
+            reduced > 0, ~np.isfinite(self.column_lower), ~np.isfinite(self.column_upper)
+        )
+        return float(np.abs(reduced[loose]).max(initial=0.0))
+
+    def signed(self, duals: Vector) -> Vector:
+        """Return `duals` with 0 in place of what points at a row bound that does not exist."""
+        y = np.asarray(duals, float)
+        loose = np.where(y > 0, ~np.isfinite(self.row_lower), ~np.isfinite(self.row_upper))
+        return np.where(loose, 0.0, y)
+
+    def dual_bound(self, duals: Vector, point: Vector) -> float:
+        """Return the lower bound that row multipliers prove (Dorn's dual at `point`).
+
+        ``duals[i] >= 0`` counts against the lower bound of row i, ``<= 0`` against the upper one.
+        No solver makes the reduced cost of an unbounded column exactly zero, so such a column is
+        held within ``max(1, |point|)`` of `point` on the side that has no bound: the bound is
+        rigorous for every x in that box. What lies beyond cannot be much better either: the
+        objective is convex, so a gain far away shows as a share of it within the box.
+        """
+        p = np.asarray(point, float)
+        y = self.signed(duals)
+        reduced = self.reduced_costs(p, y)
+        reach = np.maximum(1.0, np.abs(p))
+        low = np.where(np.isfinite(self.column_lower), self.column_lower, p - reach)
+        high = np.where(np.isfinite(self.column_upper), self.column_upper, p + reach)
+        with np.errstate(invalid="ignore"):
+            rows = np.where(y == 0, 0.0, y * np.where(y > 0, self.row_lower, self.row_upper))
+        # Summed as the gap beside the primal objective: both are large where the gap is small.
+        slack = rows - y * (self.matrix @ p)
+        away = reduced * (np.where(reduced > 0, low, high) - p)
+        return self.objective(p) + float(slack.sum() + away.sum())
+
+    def to_qpsolvers(self) -> qpsolvers.Problem:
+        """Return a ``qpsolvers.Problem``; it has no place for the offset.
+
+        Equal rows come first, then rows from above and rows from below (negated) as ``G x <= h``.
+        """
+        from .export import qpsolvers_problem
+
+        return qpsolvers_problem(self)

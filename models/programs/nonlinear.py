@@ -1,0 +1,255 @@
+"""Nonlinear programs in standard form, on a ``casadi.Function``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import Array, Optional, Real, declared, frozen
+from ..verification import TOLERANCE, Verification
+from .base import BlockProgram
+from .blocks import Block, Blocks
+from .compiled import Compiled
+
+if TYPE_CHECKING:
+    import casadi
+    import scipy.sparse as sp
+
+__all__ = ["NonlinearProgram"]
+
+Vector = NDArray[np.float64]
+
+#: Steps off a guess at which a derivative is no number, in terms of the columns' sizes.
+STEPS = (1e-4, 1e-2)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NonlinearProgram(BlockProgram):
+    """Minimise ``f(x)`` with ``row_lower <= g(x) <= row_upper`` and column bounds, from a guess.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        ``(x) -> (f, g)``, with x of shape (n,), f a number, g of shape (m,).
+    row_lower, row_upper : ndarray, shape (m,)
+        Row bounds; infinite where there is none.
+    column_lower, column_upper : ndarray, shape (n,)
+        Column bounds; infinite where there is none.
+    guess : ndarray, shape (n,)
+        Where a search starts.
+    column_scale : ndarray, shape (n,), optional
+        Typical size of each column, positive: solvers work on ``x / column_scale``. Default 1.
+    row_scale : ndarray, shape (m,), optional
+        Typical size of each row, positive; default 1.
+    objective_scale : float
+        Typical size of the objective, positive.
+    derivatives : casadi.Function, optional
+        ``(x) -> (grad_f, jac_g)``: gradient (n,) and sparse Jacobian (m, n), where the maker of the
+        program knows their structure better than automatic differentiation. Labels, as it were: no
+        part of the content.
+    hessian : casadi.Function, optional
+        ``(x, lam_f, lam_g) -> (hess)``: the upper triangle of the Hessian of ``lam_f f + lam_g·g``,
+        sparse (n, n); no part of the content.
+    columns, rows : tuple of Block
+        Names and equations; empty, or covering all.
+    """
+
+    function: casadi.Function = declared(Compiled(("x",), ("f", "g")))
+    row_lower: Vector = declared(Array(("m",), infinity=-1))
+    row_upper: Vector = declared(Array(("m",), infinity=1))
+    column_lower: Vector = declared(Array(("n",), infinity=-1))
+    column_upper: Vector = declared(Array(("n",), infinity=1))
+    guess: Vector = declared(Array(("n",)))
+    column_scale: Vector = declared(Optional(Array(("n",))), default=None)
+    row_scale: Vector = declared(Optional(Array(("m",))), default=None)
+    objective_scale: float = declared(Real(0.0, strict=True), default=1.0)
+    derivatives: casadi.Function | None = declared(
+        Optional(Compiled(("x",), ("grad_f", "jac_g"), content=False)), default=None
+    )
+    hessian: casadi.Function | None = declared(
+        Optional(Compiled(("x", "lam_f", "lam_g"), ("hess",), content=False)), default=None
+    )
+    columns: tuple[Block, ...] = declared(Blocks(), default=())
+    rows: tuple[Block, ...] = declared(Blocks(), default=())
+
+    kind: ClassVar[str] = "nonlinear-program"
+
+    def check(self) -> None:
+        """Fill in the scales, and refuse shapes and bounds that contradict one another."""
+        n, m = self.size, self.row_count
+        for name, have, want in (
+            ("x", self.function.size_in(0), (n, 1)),
+            ("f", self.function.size_out(0), (1, 1)),
+            ("g", self.function.size_out(1), (m, 1)),
+        ):
+            if tuple(have) != want and 0 not in (*have, *want):
+                raise InvalidData(
+                    f"function: {name} must have shape {want}, got {tuple(have)}", field="function"
+                )
+        for name, size in (("column_scale", n), ("row_scale", m)):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, frozen(np.ones(size)))
+            scale = getattr(self, name)
+            if (scale <= 0).any():
+                at = int(np.flatnonzero(scale <= 0)[0])
+                raise InvalidData(f"{name}[{at}] must be > 0, got {scale[at]}", field=name)
+        for what in ("column", "row"):
+            lower, upper = getattr(self, f"{what}_lower"), getattr(self, f"{what}_upper")
+            if (lower > upper).any():
+                at = int(np.flatnonzero(lower > upper)[0])
+                raise InvalidData(
+                    f"{what}_lower[{at}] = {lower[at]:g} exceeds {what}_upper[{at}] = {upper[at]:g}",
+                    field=f"{what}_lower",
+                )
+        super().check()
+
+    def describe(self) -> str:
+        """Return the size in a few words."""
+        return f"{self.row_count} rows, {self.size} columns, nonlinear"
+
+    # -- values ----------------------------------------------------------------------------------
+
+    def values(self, point: Vector) -> tuple[float, Vector]:
+        """Return the objective and the rows at `point`."""
+        f, g = self.function(np.asarray(point, float))
+        return float(f), np.array(g, float).reshape(-1)
+
+    def objective(self, point: Vector) -> float:
+        """Return the objective at `point`."""
+        return self.values(point)[0]
+
+    def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return the objective and the worst violation of every block of rows and columns.
+
+        A row's tolerance is relative to its bound and to its typical size, and at least absolute.
+        """
+        point = self._point(plan)
+        objective, rows = self.values(point)
+        rows = np.where(np.isfinite(rows), rows, np.inf)
+        none = np.zeros(self.size)
+        checks = [
+            *self._checks(
+                rows, self.row_lower, self.row_upper, self.row_scale, self._rows, tolerance
+            ),
+            *self._checks(
+                point, self.column_lower, self.column_upper, none, self._columns, tolerance
+            ),
+        ]
+        return Verification(objective if np.isfinite(objective) else None, tuple(checks))
+
+    def violations(self, point: Vector) -> Vector:
+        """Return by how much each row is off at `point`, in units of its typical size, (m,)."""
+        rows = self.values(point)[1]
+        off = np.maximum(np.maximum(self.row_lower - rows, rows - self.row_upper), 0.0)
+        return np.where(np.isfinite(rows), off, np.inf) / self.row_scale
+
+    # -- derivatives -----------------------------------------------------------------------------
+
+    @cached_property
+    def first_order(self) -> casadi.Function:
+        """``(x) -> (grad_f, jac_g)``: the function given, or automatic differentiation."""
+        if self.derivatives is not None:
+            return self.derivatives
+        import casadi
+
+        x = casadi.MX.sym("x", self.size)
+        f, g = self.function(x)
+        parts = [casadi.gradient(f, x), casadi.jacobian(g, x)]
+        return casadi.Function("first_order", [x], parts, ["x"], ["grad_f", "jac_g"])
+
+    @cached_property
+    def second_order(self) -> casadi.Function:
+        """``(x, lam_f, lam_g) -> (hess)``: the function given, or automatic differentiation."""
+        if self.hessian is not None:
+            return self.hessian
+        import casadi
+
+        x, scale = casadi.MX.sym("x", self.size), casadi.MX.sym("lam_f")
+        duals = casadi.MX.sym("lam_g", self.row_count)
+        f, g = self.function(x)
+        lagrangian = scale * f + casadi.dot(duals, g)
+        return casadi.Function(
+            "second_order",
+            [x, scale, duals],
+            [casadi.triu(casadi.hessian(lagrangian, x)[0])],
+            ["x", "lam_f", "lam_g"],
+            ["hess"],
+        )
+
+    def jacobian(self, point: Vector) -> sp.csc_array:
+        """Return the Jacobian of the rows at `point`, sparse, shape (m, n)."""
+        import scipy.sparse as sp
+
+        return sp.csc_array(self.first_order(np.asarray(point, float))[1].sparse())
+
+    def gradient(self, point: Vector) -> Vector:
+        """Return the gradient of the objective at `point`, shape (n,)."""
+        return np.array(self.first_order(np.asarray(point, float))[0], float).reshape(-1)
+
+    def reduced_costs(self, point: Vector, duals: Vector) -> Vector:
+        """Return ``∇f - duals·∇g``, the multipliers of the columns; signed as linear duals are.
+
+        ``duals[i] >= 0`` counts against the lower bound of row i, ``<= 0`` against the upper one.
+        """
+        reduced: Vector = self.gradient(point) - self.jacobian(point).T @ np.asarray(duals, float)
+        return reduced
+
+    def stationarity(self, point: Vector, duals: Vector) -> float:
+        """Return the largest reduced cost that no active bound explains, in scaled terms.
+
+        A positive reduced cost is explained at the column's lower bound, a negative one at the
+        upper; what remains is held against ``objective_scale / column_scale``.
+        """
+        p = np.asarray(point, float)
+        reduced = self.reduced_costs(p, duals)
+        reach = 1e-6 * np.maximum(1.0, np.maximum(np.abs(p), self.column_scale))
+        at_lower = p - self.column_lower <= reach
+        at_upper = self.column_upper - p <= reach
+        explained = np.where(reduced > 0, at_lower, at_upper)
+        left = np.where(explained, 0.0, np.abs(reduced)) * self.column_scale / self.objective_scale
+        return float(left.max(initial=0.0))
+
+    def start(self, seed: int | None = None) -> Vector:
+        """Return where a search begins: the guess, or a point drawn about it by `seed`.
+
+        Seed None or 0 is the guess itself, moved into the bounds, and a little further where a
+        derivative is no number there, such as that of a root at 0. Any other seed draws each column
+        uniformly: between its bounds where it has both, else within its typical size of the guess.
+        """
+        low, high = self.column_lower, self.column_upper
+        if not seed:
+            return self._regular(np.clip(self.guess, low, high))
+        draw = np.random.default_rng(seed).uniform(-1.0, 1.0, self.size)
+        both = np.isfinite(low) & np.isfinite(high)
+        with np.errstate(invalid="ignore"):
+            middle = np.where(both, 0.5 * (low + high), self.guess)
+            reach = np.where(both, 0.5 * (high - low), self.column_scale)
+        return np.clip(middle + reach * draw, low, high)
+
+    def _regular(self, point: Vector) -> Vector:
+        """Return `point`, or one near it at which the derivatives are numbers."""
+        draw = np.random.default_rng(0).uniform(-1.0, 1.0, self.size)
+        for step in (0.0, *STEPS):
+            near = np.clip(
+                point + step * self.column_scale * draw, self.column_lower, self.column_upper
+            )
+            gradient, jacobian = self.first_order(near)
+            if gradient.is_regular() and jacobian.is_regular():
+                return near
+        return point
+
+    def to_casadi(self) -> dict[str, Any]:
+        """Return the program as ``casadi.nlpsol`` takes it: ``{"x", "f", "g"}`` in MX symbols.
+
+        The bounds are ``lbx, ubx, lbg, ubg`` of the solver's call, not part of it.
+        """
+        import casadi
+
+        x = casadi.MX.sym("x", self.size)
+        f, g = self.function(x)
+        return {"x": x, "f": f, "g": g}

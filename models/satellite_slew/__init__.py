@@ -1,0 +1,18 @@
+"""The rapid slew of a satellite with control moment gyros."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .model import SatelliteSlew as SatelliteSlew
+    from .tracking import Tracking as Tracking, track as track
+
+MODELS = {"satellite-slew": ".model:SatelliteSlew"}
+PICTURES = {"satellite-slew": ".plot:draw"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__, {"model": ("SatelliteSlew",), "tracking": ("Tracking", "track")}
+)

@@ -1,0 +1,254 @@
+"""The independent check of a slew: integrated anew, measured between the nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from ...errors import InvalidData
+from ..fields import show
+from ..optimal_control.plan import ControlPlan, PhasePlan
+from ..verification import ROUNDING, Check, Verification
+from .dynamics import CONTROLS, STATES, SlewMotion
+from .gyros import singularity_measure
+
+if TYPE_CHECKING:
+    from .model import SatelliteSlew
+
+__all__ = ["slew_phase", "verify_slew"]
+
+Floats = NDArray[np.float64]
+
+#: Relative and absolute error of an integration step.
+RELATIVE, ABSOLUTE = 1e-10, 1e-12
+#: Points an interval, beside its nodes, and in all at least.
+POINTS, ALL_POINTS = 8, 2000
+#: Name, first and last entry, and unit of the parts of the state.
+_PARTS = (("attitude", 0, 4, ""), ("body rates", 4, 7, "rad/s"), ("gimbal angles", 7, 11, "rad"))
+
+
+def slew_phase(plan: ControlPlan) -> PhasePlan:
+    """Return the one phase of a slew's plan, or raise ``InvalidData`` where it is none."""
+    if not isinstance(plan, ControlPlan):
+        raise InvalidData(f"plan must be a ControlPlan, got {type(plan).__name__}", field="plan")
+    if len(plan.phases) != 1:
+        raise InvalidData(f"the plan of a slew has 1 phase, got {len(plan.phases)}", field="plan")
+    phase = plan.phases[0]
+    for what, have, want in (
+        ("states", phase.state_names, STATES),
+        ("controls", phase.control_names, CONTROLS),
+    ):
+        if have != want:
+            raise InvalidData(
+                f"the plan of a slew has the {what} {', '.join(want)}, got {show(list(have))}",
+                field="plan",
+            )
+    return phase
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """States, controls and the states integrated anew, at the same times."""
+
+    times: Floats
+    states: Floats
+    controls: Floats
+    anew: Floats | None
+    objective: float | None
+
+
+def verify_slew(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> Verification:
+    """Return the objective and all checks of a plan for `model`; see :meth:`SatelliteSlew.verify`."""
+    phase = slew_phase(plan)
+    motion = SlewMotion.of(model)
+    samples = _sampled(model, motion, phase)
+    checks = [
+        *_ends(model, phase, tolerance),
+        *_motion(samples, tolerance),
+        *_limits(model, motion, samples, tolerance),
+        *_invariants(model, motion, samples, tolerance),
+    ]
+    return Verification(samples.objective, tuple(checks))
+
+
+def _check(
+    name: str, equation: str, worst: float, unit: str, tolerance: float, where: str,
+    size: float = 1.0,
+) -> Check:  # fmt: skip
+    scale = max(1.0, size)
+    # A number that is none is no small violation.
+    worst = float(worst) if np.isfinite(worst) else float("inf")
+    return Check(name, equation, worst, unit, tolerance * scale, where, ROUNDING * scale)
+
+
+# -- the ends ----------------------------------------------------------------------------------------
+
+
+def _ends(model: SatelliteSlew, phase: PhasePlan, tolerance: float) -> list[Check]:
+    """Return the checks of the times and of all eleven states at both ends."""
+    low, high = (float(t) for t in model.time_range)
+    off = max(abs(phase.start), low - phase.end, phase.end - high, 0.0)
+    where = f"t0 = {phase.start:.9g} s, tf = {phase.end:.9g} s"
+    checks = [
+        _check("start at 0, final time within its range", "12", off, "s", tolerance, where, high)
+    ]
+    last = phase.states.intervals - 1
+    begin = phase.states.on(0, [-1.0])[0]
+    end = phase.states.on(last, [1.0])[0]
+    rest = np.zeros(3)
+    for word, have, q, gimbals in (
+        ("initial", begin, model.initial_attitude, model.initial_gimbals),
+        ("final", end, model.final_attitude, model.final_gimbals),
+    ):
+        # q and -q are the same attitude.
+        q = -q if q @ have[:4] < 0.0 else q
+        for (name, first, beyond, unit), want in zip(_PARTS, (q, rest, gimbals), strict=True):
+            if want is None:
+                continue
+            apart = np.abs(have[first:beyond] - want)
+            k = int(apart.argmax())
+            place = f"{STATES[first + k]} = {have[first + k]:.9g}, not {want[k]:.9g}"
+            checks.append(
+                _check(f"{word} {name}", "12", apart[k], unit, tolerance, place, abs(want[k]))
+            )
+    return checks
+
+
+# -- along the way -----------------------------------------------------------------------------------
+
+
+def _sampled(model: SatelliteSlew, motion: SlewMotion, phase: PhasePlan) -> _Samples:
+    """Return samples on every interval, between the nodes and on them, integrated from the start.
+
+    The cost is integrated with the motion, as a twelfth state.
+    """
+    intervals = phase.states.intervals
+    count = max(POINTS, int(np.ceil(ALL_POINTS / intervals)))
+    even = np.linspace(-1.0, 1.0, count + 1)
+    times, states, controls, anew = [], [], [], []
+    x: Floats | None = np.append(phase.states.on(0, [-1.0])[0], 0.0)
+    for k in range(intervals):
+        points = np.unique(np.concatenate([even, phase.states.nodes[k], phase.controls.nodes[k]]))
+        begin, end = phase.states.knots[k], phase.states.knots[k + 1]
+        times.append(begin + 0.5 * (points + 1.0) * (end - begin))
+        states.append(phase.states.on(k, points))
+        controls.append(phase.controls.on(k, points))
+        if x is not None:
+            path = _integrated(_law(model, motion, phase, k), x, points, end - begin)
+            x = None if path is None else path[-1]
+            anew.append(np.empty((0, 12)) if path is None else path)
+    return _Samples(
+        np.concatenate(times),
+        np.concatenate(states),
+        np.concatenate(controls),
+        None if x is None else np.concatenate(anew)[:, :11],
+        None if x is None else float(x[11]),
+    )
+
+
+def _law(
+    model: SatelliteSlew, motion: SlewMotion, phase: PhasePlan, interval: int
+) -> Callable[[float, Floats], list[float]]:
+    weights = model.rate_weight
+
+    def law(place: float, x: Floats) -> list[float]:
+        u = phase.controls.on(interval, [min(max(place, -1.0), 1.0)])[0]
+        return [*motion.rate(x[:11], u), 1.0 + float(weights @ u**2)]
+
+    return law
+
+
+def _integrated(
+    law: Callable[[float, Floats], list[float]], x: Floats, points: Floats, length: float
+) -> Floats | None:
+    """Return the states at `points` of an interval from `x` at its begin; None where that fails."""
+    half = 0.5 * length
+    with np.errstate(all="ignore"):
+        found = solve_ivp(
+            lambda place, y: [half * rate for rate in law(place, y)],
+            (-1.0, 1.0), x, "DOP853", points,
+            rtol=RELATIVE, atol=ABSOLUTE, first_step=min(2.0, 0.5 / half),
+        )  # fmt: skip
+    if not found.success or not np.isfinite(found.y).all():
+        return None
+    return np.asarray(found.y.T)
+
+
+def _motion(samples: _Samples, tolerance: float) -> list[Check]:
+    """Return how far the plan's states are from those integrated anew."""
+    checks = []
+    for (name, first, beyond, unit), equation in zip(_PARTS, ("10", "10", "9"), strict=True):
+        label = f"{name} integrated anew"
+        if samples.anew is None:
+            checks.append(
+                _check(label, equation, np.inf, unit, tolerance, "the integration breaks down")
+            )
+            continue
+        apart = np.abs(samples.states[:, first:beyond] - samples.anew[:, first:beyond])
+        checks.append(
+            _worst(label, equation, apart, samples.times, STATES[first:], unit, tolerance)
+        )
+    return checks
+
+
+def _worst(
+    name: str, equation: str, over: Floats, times: Floats, entries: tuple[str, ...], unit: str,
+    tolerance: float, size: float = 1.0,
+) -> Check:  # fmt: skip
+    """Return the check of an excess, shape (samples, entries), at its largest."""
+    row, column = (int(k) for k in np.unravel_index(int(over.argmax()), over.shape))
+    where = f"t = {times[row]:.6g} s, {entries[column]}"
+    return _check(name, equation, max(0.0, over[row, column]), unit, tolerance, where, size)
+
+
+def _limits(
+    model: SatelliteSlew, motion: SlewMotion, samples: _Samples, tolerance: float
+) -> list[Check]:
+    """Return the checks of the limits, the margin taken off."""
+    times, rates, gimbals = samples.times, samples.states[:, 4:7], samples.states[:, 7:]
+    torque = motion.torque(gimbals, samples.controls)
+    measure = singularity_measure(gimbals, model.beta)[:, None]
+    reserve = f", {100 * model.margin:g} % in reserve" if model.margin else ""
+    cases = (
+        ("body rate limit", "12", rates, model.rate_limit, STATES[4:], "rad/s"),
+        (
+            f"gimbal rate limit{reserve}", "12", samples.controls, model.planned_gimbal_rate,
+            CONTROLS, "rad/s",
+        ),
+        (
+            f"control torque limit{reserve}", "9", torque, model.planned_torque,
+            ("T_c,x", "T_c,y", "T_c,z"), "N m",
+        ),
+    )  # fmt: skip
+    checks = [
+        _worst(name, equation, np.abs(values) - most, times, entries, unit, tolerance, most)
+        for name, equation, values, most, entries, unit in cases
+    ]
+    least = model.singularity_limit
+    checks.append(
+        _worst(
+            "singularity measure", "12", least - measure, times, ("det(A_t A_t')",), "",
+            tolerance, least,
+        )
+    )  # fmt: skip
+    return checks
+
+
+def _invariants(
+    model: SatelliteSlew, motion: SlewMotion, samples: _Samples, tolerance: float
+) -> list[Check]:
+    """Return the checks of what the motion conserves: the length of q, and the momentum."""
+    length = np.abs((samples.states[:, :4] ** 2).sum(axis=1) - 1.0)[:, None]
+    drift = np.abs(motion.total_momentum(samples.states) - model.total_momentum)
+    return [
+        _worst("norm of the quaternion", "10", length, samples.times, ("q·q",), "", tolerance),
+        _worst(
+            "total momentum", "10", drift, samples.times, ("x", "y", "z"), "N m s",
+            tolerance, model.momentum,
+        ),
+    ]  # fmt: skip

@@ -1,0 +1,162 @@
+"""A satellite slew as an optimal control problem: its equations in CasADi, its guess."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..optimal_control.model import OptimalControlProblem
+from .gyros import momentum_direction, singularity_measure
+from .profile import EigenaxisProfile
+from .quaternions import rotation_matrix
+
+if TYPE_CHECKING:
+    from .model import SatelliteSlew
+
+__all__ = ["slew_problem"]
+
+Floats = NDArray[np.float64]
+
+#: Samples of the guess.
+SAMPLES = 61
+#: Share of the rate and torque limits that the guess uses: the inside of the feasible set.
+SHARE = 0.9
+#: Gimbal angles that are tried for the middle of the guess, rad; the least singularity measure
+#: there; and the price of a square radian: the best optimum met moves the gimbals least.
+LEVELS, LEAST_MEASURE, PRICE = (-1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2), 0.5, 0.2
+
+
+def slew_problem(model: SatelliteSlew) -> OptimalControlProblem:
+    """Return `model` as an optimal control problem with the independent conditions at the end.
+
+    Of the eleven that the end has, the length of q gives one and the momentum three. Left out are
+    the rates, and of q the entry that is largest at the end: it alone follows smoothly from the
+    other three. Its sign is fixed. With free final gimbals the rates are imposed.
+    """
+    import casadi
+
+    problem = OptimalControlProblem(model.name)
+    low, high = (float(t) for t in model.time_range)
+    end: Any = low if low == high else (low, high)
+    phase = problem.phase("slew", time=(0.0, end), equation="10")
+    q = phase.state("q", 4, initial=model.initial_attitude, final=_final_attitude(model), scale=1.0)
+    held = model.final_gimbals is not None
+    w = phase.state(
+        "w", 3,
+        initial=np.zeros(3),
+        final=None if held else np.zeros(3),
+        lower=-model.rate_limit,
+        upper=model.rate_limit,
+        unit="rad/s",
+    )  # fmt: skip
+    delta = phase.state(
+        "delta", 4, initial=model.initial_gimbals, final=model.final_gimbals, scale=1.0, unit="rad"
+    )
+    fastest = model.planned_gimbal_rate
+    rate = phase.control("rate", 4, lower=-fastest, upper=fastest, unit="rad/s")
+
+    inertia = casadi.DM(np.array(model.inertia))
+    direction, jacobian = _pyramid(casadi, delta, model.beta)
+    torque = -model.momentum * (jacobian @ rate)
+    momentum = inertia @ w + model.momentum * direction
+    phase.dynamics(
+        {
+            q: casadi.vertcat(
+                -0.5 * casadi.dot(w, q[1:]), -0.5 * casadi.cross(w, q[1:]) + 0.5 * q[0] * w
+            ),
+            w: casadi.DM(np.linalg.inv(model.inertia)) @ (torque - casadi.cross(w, momentum)),
+            delta: rate,
+        }
+    )
+    phase.path(
+        casadi.det(jacobian @ jacobian.T),
+        lower=model.singularity_limit, name="singularity measure", equation="12", scale=1.0,
+    )  # fmt: skip
+    most = model.planned_torque
+    phase.path(torque, lower=-most, upper=most, name="control torque", equation="9", unit="N m")
+    phase.invariant("norm of the quaternion", casadi.dot(q, q), equation="10", scale=1.0)
+    phase.invariant(
+        "total momentum", _inertial(casadi, q, momentum),
+        equation="10", unit="N m s", scale=model.momentum,
+    )  # fmt: skip
+    weight = casadi.DM(np.array(model.rate_weight))
+    problem.minimise(phase.integral(1.0 + casadi.dot(weight, rate**2)), unit="s")
+    phase.guess(**_guess(model))
+    return problem
+
+
+def _final_attitude(model: SatelliteSlew) -> tuple[Floats, Floats]:
+    """Return the range of q at the end: fixed but for its largest entry, whose sign is kept."""
+    low, high = model.target.copy(), model.target.copy()
+    largest = int(np.abs(model.target).argmax())
+    positive = model.target[largest] > 0.0
+    low[largest] = 0.0 if positive else -np.inf
+    high[largest] = np.inf if positive else 0.0
+    return low, high
+
+
+def _pyramid(casadi: Any, delta: Any, beta: float) -> tuple[Any, Any]:
+    """Return A_s·1 and its Jacobian A_t, by CasADi's own differentiation."""
+    s, c = casadi.sin(delta), casadi.cos(delta)
+    cb, sb = float(np.cos(beta)), float(np.sin(beta))
+    direction = casadi.vertcat(
+        -cb * s[0] - c[1] + cb * s[2] + c[3],
+        c[0] - cb * s[1] - c[2] + cb * s[3],
+        sb * (s[0] + s[1] + s[2] + s[3]),
+    )
+    return direction, casadi.jacobian(direction, delta)
+
+
+def _inertial(casadi: Any, q: Any, vector: Any) -> Any:
+    """Return R(q) v, the inertial components of a vector in body axes."""
+    scalar, axis = q[0], q[1:]
+    return (
+        (scalar**2 - casadi.dot(axis, axis)) * vector
+        + 2.0 * casadi.dot(axis, vector) * axis
+        + 2.0 * scalar * casadi.cross(axis, vector)
+    )
+
+
+def _guess(model: SatelliteSlew) -> dict[str, Any]:
+    """Return the samples of an eigenaxis slew; the gimbals bulge out to what its coast needs."""
+    axis, angle = model.turn
+    peak = SHARE * model.rate_limit / float(np.abs(axis).max())
+    push = SHARE * model.planned_torque / float(np.abs(model.inertia @ axis).max())
+    profile = EigenaxisProfile(model.initial_attitude, axis, angle, peak, push)
+    low, high = (float(t) for t in model.time_range)
+    long = float(np.clip(profile.duration, max(low, 0.1 * high if angle == 0.0 else 0.0), high))
+    fractions = np.linspace(0.0, 1.0, SAMPLES)
+    stretch = profile.duration / long
+    attitude, rates, _ = profile.course(fractions * profile.duration)
+    begin = model.initial_gimbals
+    end = begin if model.final_gimbals is None else model.final_gimbals
+    half = SAMPLES // 2
+    bulge = _coasting(model, attitude[half], rates[half]) - 0.5 * (begin + end)
+    gimbals = begin + fractions[:, None] * (end - begin)
+    gimbals = gimbals + np.sin(np.pi * fractions)[:, None] * bulge
+    return {
+        "time": fractions * long,
+        "q": attitude,
+        "w": rates * stretch,
+        "delta": gimbals,
+        "rate": np.gradient(gimbals, fractions * long, axis=0),
+    }
+
+
+def _coasting(model: SatelliteSlew, attitude: Floats, rates: Floats) -> Floats:
+    """Return gimbal angles that hold about the momentum of the coast, far from singularities.
+
+    Gimbals that stand still, or move alike, are a symmetry that a search has to leave first: from
+    there it took two to four times as many steps, and ended at worse optima.
+    """
+    angles = np.array(list(product(LEVELS, repeat=4)))
+    needed = rotation_matrix(attitude).T @ model.total_momentum - model.inertia @ rates
+    apart = momentum_direction(angles, model.beta) - needed / model.momentum
+    measures = singularity_measure(angles, model.beta)
+    least = min(max(LEAST_MEASURE, 1.5 * model.singularity_limit), float(measures.max()))
+    value = (apart**2).sum(axis=1) + PRICE * (angles**2).sum(axis=1)
+    found: Floats = angles[int(np.where(measures >= least, value, np.inf).argmin())]
+    return found

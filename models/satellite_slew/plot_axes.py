@@ -1,0 +1,221 @@
+"""The ways that the body axes of a satellite go during a slew: a picture, and the same in motion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import show
+from ..optimal_control.plan import ControlPlan
+from ..plots.options import check_size
+from ..plots.style import BLACK, GREY, RED, axis_style
+from .checks import slew_phase
+from .model import SatelliteSlew
+from .quaternions import product, rotation_about, rotation_matrix
+
+if TYPE_CHECKING:
+    from matplotlib.animation import FuncAnimation
+    from matplotlib.figure import Figure
+
+__all__ = ["animate_slew", "draw_axes"]
+
+Floats = NDArray[np.float64]
+
+#: Where the sphere is seen from, degrees.
+_ELEVATION, _AZIMUTH = 22.0, 36.0
+#: Points of a way, and half the sides of the body that is drawn in motion.
+_POINTS, _BODY = 241, np.array([0.42, 0.28, 0.2])
+#: The corners of a box, and its faces by their numbers.
+_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+_FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
+
+
+def draw_axes(
+    model: SatelliteSlew, plan: ControlPlan | None, *, title: str, wrong: bool, size: Any
+) -> Figure:
+    """Return the ways of the body axes on the unit sphere, from their begin to their end."""
+    figure, axes = _sphere(title, wrong, size)
+    _dotted(model, axes)
+    if plan is not None:
+        part = slew_phase(plan)
+        ways = _ways(part.states(part.grid(_POINTS))[:, :4])
+        for k in range(3):
+            axes.plot(*ways[:, k].T, lw=2.4, zorder=5, gid=f"way {'xyz'[k]}", **axis_style(k))
+    begin = rotation_matrix(model.initial_attitude)
+    end = rotation_matrix(model.target)
+    for k in range(3):
+        colour = axis_style(k)["color"]
+        moved = float(np.linalg.norm(end[:, k] - begin[:, k])) > 0.05
+        for place, face, word in ((begin[:, k], "white", ""), (end[:, k], colour, "'")):
+            axes.plot(*np.stack([np.zeros(3), place]).T, lw=0.9, color=colour, zorder=3)
+            axes.scatter(
+                *place[:, None], s=34, facecolors=face, edgecolors=colour, linewidths=1.4, zorder=7,
+                depthshade=False,
+            )  # fmt: skip
+            if not word or moved:
+                axes.text(
+                    *(1.16 * place), f"{'xyz'[k]}{word}", color=colour, fontsize=10, ha="center",
+                    va="center", zorder=8,
+                )  # fmt: skip
+    _legend(figure, plan is not None)
+    return figure
+
+
+def animate_slew(
+    model: SatelliteSlew,
+    plan: ControlPlan | Any,
+    *,
+    frames: int = 90,
+    interval: float = 60.0,
+    turn: float = 40.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> FuncAnimation:
+    """Return the slew in motion: the body, its axes and the ways they go, seen from a turning place.
+
+    Parameters
+    ----------
+    model : SatelliteSlew
+        The slew.
+    plan : ControlPlan or Solution
+        A plan of it.
+    frames : int
+        Number of pictures, at least 2.
+    interval : float
+        Time from one to the next, ms.
+    turn : float
+        By how much the point of view turns around the satellite in all, degrees.
+    title : str, optional
+        Instead of the name.
+    size : (float, float), optional
+        Width and height (inch).
+
+    Returns
+    -------
+    matplotlib.animation.FuncAnimation
+        Tied to no window: ``animate_slew(model, plan).save("slew.gif", writer="pillow", dpi=80)``.
+
+    Raises
+    ------
+    InvalidData
+        The plan is none of a slew, or an option has a value that is not allowed.
+    """
+    from matplotlib.animation import FuncAnimation
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    if isinstance(frames, bool) or not isinstance(frames, int) or not 2 <= frames <= 10_000:
+        raise InvalidData(
+            f"frames must be a whole number from 2 to 10000, got {show(frames)}", field="frames"
+        )
+    for name, value in (("interval", interval), ("turn", turn)):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            raise InvalidData(f"{name} must be a finite number, got {show(value)}", field=name)
+    if not interval > 0:
+        raise InvalidData(f"interval must be > 0, got {interval:g}", field="interval")
+    part = slew_phase(model.as_plan(plan))
+    text = (model.name or model.describe()) if title is None else title
+    figure, axes = _sphere(text, False, size)
+    _dotted(model, axes)
+    times = part.grid(frames)
+    attitudes = part.states(times)[:, :4]
+    ways = _ways(attitudes)
+    lines = [axes.plot([], [], [], lw=2.2, zorder=5, **axis_style(k))[0] for k in range(3)]
+    arms = [axes.plot([], [], [], lw=1.2, zorder=6, **axis_style(k))[0] for k in range(3)]
+    names = [
+        axes.text(0, 0, 0, "xyz"[k], fontsize=10, color=axis_style(k)["color"], zorder=8)
+        for k in range(3)
+    ]
+    body = Poly3DCollection(
+        [], facecolors="#c9d3dc", edgecolors="#6f7f8c", linewidths=0.7, alpha=0.85, zorder=4
+    )
+    axes.add_collection3d(body, autolim=False)
+    clock = figure.text(0.5, 0.03, "", ha="center", fontsize=9, color="#404040")
+
+    def update(frame: int) -> list[Any]:
+        turned = rotation_matrix(attitudes[frame])
+        corners = (_CORNERS * _BODY) @ turned.T
+        body.set_verts([corners[list(face)] for face in _FACES])
+        for k in range(3):
+            lines[k].set_data_3d(*ways[: frame + 1, k].T)
+            arms[k].set_data_3d(*np.stack([np.zeros(3), turned[:, k]]).T)
+            names[k].set_position_3d(1.16 * turned[:, k])
+        clock.set_text(f"t = {times[frame] - times[0]:.2f} s of {part.duration:.2f} s")
+        axes.view_init(elev=_ELEVATION, azim=_AZIMUTH + turn * (frame / (frames - 1) - 0.5))
+        return [*lines, *arms, *names, body, clock]
+
+    # Drawn once by hand, so that the figure is whole even where nobody plays it.
+    update(0)
+    return FuncAnimation(figure, update, frames=frames, interval=interval, blit=False)
+
+
+# -- parts ---------------------------------------------------------------------------------------
+
+
+def _sphere(title: str, wrong: bool, size: Any) -> tuple[Figure, Any]:
+    """Return a figure with a bare unit sphere and the inertial axes."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    broad, tall = check_size(size, (6.4, 6.0))
+    figure = Figure(figsize=(broad, tall), dpi=150)
+    FigureCanvasAgg(figure)
+    low, high = 0.5 / tall, 1 - (0.42 + 0.17 * title.count("\n")) / tall
+    axes: Any = figure.add_axes((0.0, low, 1.0, high - low), projection="3d", computed_zorder=False)
+    around = np.linspace(0.0, 2 * np.pi, 97)
+    for angle in np.deg2rad(np.arange(-60, 61, 30)):
+        ring = np.cos(angle) * np.array([np.cos(around), np.sin(around)])
+        axes.plot(*ring, np.full(around.size, np.sin(angle)), color="#e3e6e9", lw=0.6, zorder=1)
+    for angle in np.deg2rad(np.arange(0, 180, 30)):
+        flat = np.cos(around)
+        axes.plot(
+            np.cos(angle) * flat, np.sin(angle) * flat, np.sin(around), color="#e3e6e9", lw=0.6,
+            zorder=1,
+        )  # fmt: skip
+    axes.set_axis_off()
+    axes.set_box_aspect((1, 1, 1), zoom=1.5)
+    for name in "xyz":
+        getattr(axes, f"set_{name}lim")(-1.05, 1.05)
+    axes.view_init(elev=_ELEVATION, azim=_AZIMUTH)
+    figure.suptitle(
+        title, fontsize=11 * min(1.0, (broad - 0.2) / (0.086 * max(map(len, title.split("\n"))))),
+        y=1 - 0.12 / tall, va="top", color=RED if wrong else BLACK,
+    )  # fmt: skip
+    return figure, axes
+
+
+def _ways(attitudes: Floats) -> Floats:
+    """Return the body axes in inertial ones, shape (instants, axis, 3)."""
+    lengths = np.linalg.norm(attitudes, axis=1, keepdims=True)
+    found: Floats = np.swapaxes(rotation_matrix(attitudes / lengths), 1, 2)
+    return found
+
+
+def _dotted(model: SatelliteSlew, axes: Any) -> None:
+    """Draw the ways of the turn about one axis."""
+    axis, angle = model.turn
+    turned = rotation_about(axis, np.linspace(0.0, angle, _POINTS))
+    ways = _ways(product(model.initial_attitude, turned))
+    for k in range(3):
+        axes.plot(*ways[:, k].T, lw=1.1, ls=":", color=GREY, zorder=4, gid="eigenaxis")
+
+
+def _legend(figure: Figure, planned: bool) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], lw=2.2, label=f"way of body axis {'xyz'[k]}", **axis_style(k))
+        for k in range(3)
+        if planned
+    ]
+    handles += [
+        Line2D([], [], ls="", marker="o", mfc="white", mec=GREY, label="begin"),
+        Line2D([], [], ls="", marker="o", color=GREY, label="end (')"),
+        Line2D([], [], lw=1.1, ls=":", color=GREY, label="eigenaxis turn"),
+    ]
+    figure.legend(
+        handles=handles, loc="lower center", ncols=3, fontsize=7.5, frameon=False,
+        bbox_to_anchor=(0.5, 0.0),
+    )  # fmt: skip

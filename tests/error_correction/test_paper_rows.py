@@ -1,0 +1,101 @@
+"""The paper's rows: the public points of rows 7-9 with their proven optima, and rows by seed."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+import crosstrack as ct
+from crosstrack.models import ErrorCorrectionRouting
+
+POINTS = (
+    Path(__file__).resolve().parents[3] / "shared" / "data" / "error-correction" / "points_327.csv"
+)
+
+#: Thresholds with the optimum, its corrections and its route, proven by several exact methods.
+ROWS = {
+    7: ((20, 10, 15, 20, 20), 109342.281, "0-163-114-8-309-305-123-45-160-92-93-61-292-326"),
+    8: ((25, 15, 20, 25, 30), 106545.931, "0-163-114-234-309-305-123-45-160-92-93-61-326"),
+    9: ((50, 50, 50, 50, 50), 103251.457, "0-114-305-45-160-326"),
+}
+
+real = pytest.mark.skipif(
+    not POINTS.exists(), reason=f"public data {POINTS.name} is not beside the checkout"
+)
+
+
+def load(row):
+    with POINTS.open() as file:
+        table = list(csv.DictReader(file))
+    points = [[float(line[axis]) for axis in "xyz"] for line in table]
+    return ErrorCorrectionRouting(
+        points, [line["kind"] for line in table], *ROWS[row][0], delta=0.001, name=f"real/{row}"
+    )
+
+
+@real
+@pytest.mark.parametrize("row", ROWS)
+def test_exact_backends_agree_on_the_real_rows(row):
+    model = load(row)
+    _, optimum, route = ROWS[row]
+    backends = ["label-setting", "two-stage", "pulse", "dynamic-programming"]
+    result = ct.compare(model, backends, time_limit=100)
+    assert result.outcome == "AGREED", result
+    for solution in result.solutions:
+        assert solution.termination == "optimal", solution
+        assert solution.primal_bound == pytest.approx(optimum, abs=6e-4)
+        assert str(solution.plan) == route
+
+
+@real
+@pytest.mark.parametrize("row", ROWS)
+def test_arc_flow_proves_the_real_rows_from_a_native_bound(row):
+    model = load(row)
+    start = ct.solve(model).plan
+    programs = ["highs", "scip", "ortools", "scipy", "cvxpy"]
+    result = ct.compare(model, programs, time_limit=60, warm_start=start)
+    assert result.outcome == "AGREED", result
+    for solution in result.solutions:
+        assert solution.termination == "optimal", solution
+        assert solution.primal_bound == pytest.approx(ROWS[row][1], abs=6e-4)
+
+
+@real
+@pytest.mark.parametrize("row", ROWS)
+def test_the_real_routes_satisfy_the_papers_program(row):
+    model = load(row)
+    route = model.plan_from_data([int(k) for k in ROWS[row][2].split("-")])
+    found = ct.verify(model, route, formulation="paper", tolerance=1e-9)
+    assert found.ok, found
+    assert found.objective == pytest.approx(ROWS[row][1], abs=6e-4)
+
+
+@pytest.mark.parametrize("row", range(1, 13))
+def test_rows_by_seed_are_solved_alike(row):
+    model = ct.load(f"error-correction/{row}")
+    result = ct.compare(
+        model,
+        ["label-setting", "two-stage", "highs:arc-flow"],
+        time_limit=100,
+        warm_start=ct.solve(model),
+    )
+    assert result.outcome == "AGREED", result
+    assert all(solution.termination == "optimal" for solution in result.solutions), result
+
+
+@pytest.mark.parametrize("row", range(1, 7))
+def test_the_papers_program_proves_rows_1_to_6(row):
+    model = ct.load(f"error-correction/{row}")
+    result = ct.compare(model, ["label-setting", "highs:paper"], time_limit=100)
+    assert result.outcome == "AGREED", result
+    assert all(solution.termination == "optimal" for solution in result.solutions), result
+
+
+def test_a_program_that_cannot_fit_is_refused_before_it_is_built():
+    from crosstrack.errors import UnsupportedFormulation
+    from crosstrack.instances.error_correction.generator import uniform_slab
+
+    model = uniform_slab(20_000, (50, 50, 50, 50, 50), seed=0)
+    for formulation in ("paper", "arc-flow"):
+        with pytest.raises(UnsupportedFormulation, match="native backend"):
+            _ = model.formulate(formulation).program

@@ -1,0 +1,104 @@
+"""What the documentation shows runs, and what it links to is there."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted(
+    [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    + [
+        p
+        for p in (ROOT / "docs").rglob("*.md")
+        if not {"_build", "gallery", "generated"} & set(p.parts)
+    ]
+)
+EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
+
+
+def named(page):
+    """The name of a page in the list of tests."""
+    return str(page.relative_to(ROOT))
+
+
+def commands():
+    """The command line's subcommands with their options."""
+    from crosstrack.__main__ import cli
+
+    return {
+        name: {
+            option
+            for parameter in command.params
+            for option in (*parameter.opts, *parameter.secondary_opts)
+        }
+        for name, command in cli.commands.items()
+    }
+
+
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if "\n```python\n" in p.read_text("utf-8")], ids=named
+)
+def test_python_on_a_page_runs(page, page_code, run_python, tmp_path):
+    (tmp_path / "page.py").write_text(page_code(page), "utf-8")
+    run_python("-W", "error::DeprecationWarning", "page.py", cwd=tmp_path)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=named)
+def test_examples_run(example, run_python, tmp_path):
+    printed = run_python(str(example), cwd=tmp_path, timeout=300)
+    # Local searches agree without proving it.
+    assert "AGREED" in printed or "INCONCLUSIVE" in printed
+    assert "CONTRADICTION" not in printed
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_links_between_files_lead_somewhere(page):
+    text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.S | re.M)
+    for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):
+        if not re.match(r"[a-z]+:", target):
+            # The gallery is made from the examples when the site is built.
+            made = re.sub(r"gallery/(.+)\.(?:md|rst)$", r"examples/\1.py", target)
+            assert (page.parent / made).exists(), f"{page.name} links to {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_commands_on_a_page_exist(page):
+    known = commands()
+    blocks = "\n".join(re.findall(r"^```console\n(.*?)^```", page.read_text("utf-8"), re.S | re.M))
+    for line in re.findall(r"^\$ crosstrack ([^|>\n]+)", blocks, re.M):
+        name, *rest = line.split()
+        if name.startswith("-"):
+            continue
+        assert name in known, f"no command {name!r}"
+        for word in rest:
+            if word.startswith("--"):
+                assert word.partition("=")[0] in {*known[name], "--help"}, (
+                    f"{name} has no option {word}"
+                )
+
+
+def test_readme_lists_every_command():
+    text = (ROOT / "README.md").read_text("utf-8")
+    listed = re.findall(r"^\| `crosstrack ([a-z]+)", text, re.M)
+    assert sorted(listed) == sorted(commands())
+
+
+def test_readme_names_what_make_knows():
+    makefile = (ROOT / "Makefile").read_text("utf-8")
+    text = "".join((ROOT / name).read_text("utf-8") for name in ("README.md", "CONTRIBUTING.md"))
+    for target in set(re.findall(r"(?:`|\$ )make ([a-z]+)", text)):
+        assert re.search(rf"^{target}:", makefile, re.M), f"no target {target!r}"
+    ci = (ROOT / ".ci" / "run").read_text("utf-8")
+    assert re.search(r"^make test$", ci, re.M)
+
+
+def test_help_of_every_command_is_short_and_whole():
+    for name in commands():
+        done = subprocess.run(
+            [sys.executable, "-m", "crosstrack", name, "--help"],
+            capture_output=True, text=True, timeout=60, check=True, cwd=ROOT / "tests",
+        )  # fmt: skip
+        assert done.stdout.startswith(f"Usage: crosstrack {name}")

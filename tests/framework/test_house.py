@@ -1,0 +1,154 @@
+"""The rules of the house that no linter knows: layers, names, docstrings, doctests, clean files."""
+
+import ast
+import doctest
+import importlib
+import inspect
+import pkgutil
+import re
+import sys
+
+import pytest
+from imports import imported, modules
+
+import crosstrack
+
+#: What the modules of a room may load when they are imported, beside the standard library.
+#: Anything else is imported by the function that needs it.
+MAY_LOAD = {
+    "errors": set(),
+    "lazy": set(),
+    "version": set(),
+    "models": {"casadi", "numpy", "scipy"},
+    "instances": {"numpy", "scipy"},
+    "solvers": {"cloudpickle", "numba", "numpy", "scipy"},
+}
+
+ROOMS = sorted(MAY_LOAD)
+
+
+def module_names():
+    """Every module of the package by its dotted name, found without importing."""
+    names = ["crosstrack"]
+    for found in pkgutil.walk_packages(crosstrack.__path__, "crosstrack."):
+        names.append(found.name)
+    return sorted(name for name in names if not name.endswith("__main__"))
+
+
+def sources(checkout, room):
+    """The modules of a room: dotted name, package and syntax tree."""
+    return [one for one in modules(checkout) if one[0].split(".")[1:2] == [room]]
+
+
+def loading(tree):
+    """The import statements that run when the module is imported."""
+    stack = list(tree.body)
+    while stack:
+        node = stack.pop()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            stack.extend(node.orelse)
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            stack.extend(
+                child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt)
+            )
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_inside_the_package_imports_are_relative(room, checkout):
+    wrong = [
+        f"{module} line {node.lineno}"
+        for module, _, tree in sources(checkout, room)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        and not getattr(node, "level", 0)
+        and any(name.split(".")[0] == "crosstrack" for name in imported(node, []))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_modules_load_only_what_their_room_may(room, checkout):
+    allowed = MAY_LOAD[room] | set(sys.stdlib_module_names) | {"crosstrack"}
+    wrong = []
+    for module, package, tree in sources(checkout, room):
+        for node in loading(tree):
+            for name in imported(node, package):
+                if name.partition(".")[0] not in allowed:
+                    wrong.append(f"{module} line {node.lineno} loads {name}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_module_bears_the_name_of_an_exported_function():
+    wrong = []
+    for name in module_names():
+        package = importlib.import_module(name)
+        if not hasattr(package, "__path__"):
+            continue
+        below = {found.name for found in pkgutil.iter_modules(package.__path__)}
+        # A package may export another one, as crosstrack does with its rooms.
+        wrong += [
+            f"{name}.{export}"
+            for export in getattr(package, "__all__", ())
+            if export in below and not inspect.ismodule(getattr(package, export))
+        ]
+    assert not wrong, wrong
+
+
+@pytest.mark.parametrize("name", module_names())
+def test_everything_public_exists_and_has_a_docstring(name):
+    module = importlib.import_module(name)
+    assert (module.__doc__ or "").strip(), f"{name} has no docstring"
+    for export in getattr(module, "__all__", ()):
+        value = getattr(module, export)
+        if inspect.isclass(value) or inspect.isroutine(value):
+            text = (inspect.getdoc(value) or "").strip()
+            assert text, f"{name}.{export} has no docstring"
+            # A dataclass without one is given its signature.
+            assert not text.startswith(f"{export}("), f"{name}.{export} has no docstring"
+
+
+@pytest.mark.parametrize("name", module_names())
+def test_doctests(name):
+    failed, _ = doctest.testmod(
+        importlib.import_module(name), optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    )
+    assert not failed
+
+
+def test_no_module_is_far_above_400_lines(checkout):
+    long = {}
+    for room in ROOMS:
+        top = checkout / room
+        for path in sorted(top.rglob("*.py")) if top.is_dir() else [checkout / f"{room}.py"]:
+            count = len(path.read_text("utf-8").splitlines())
+            if count > 500:
+                long[str(path.relative_to(checkout))] = count
+    assert not long
+
+
+#: Written so that they do not match themselves.
+STRANGE = {
+    "a machine's path": re.compile(r"(?<![\w.])/(?:home|opt|root|work|Users)/[\w.]"),
+    "a registry's address": re.compile(
+        r"--(?:extra-)?index[-]url|find[-]links|pythonhosted[.]|/sim[p]le/"
+    ),
+    "a file's address": re.compile(r"\bfile[:]/"),
+}
+
+
+def test_files_know_no_machine_and_no_registry(own_files, checkout):
+    wrong = []
+    for path in own_files:
+        try:
+            text = path.read_text("utf-8")
+        except UnicodeDecodeError:
+            continue
+        for what, pattern in STRANGE.items():
+            for number, line in enumerate(text.splitlines(), 1):
+                if pattern.search(line):
+                    wrong.append(
+                        f"{path.relative_to(checkout)} line {number}: {what}: {line.strip()}"
+                    )
+    assert not wrong, "\n".join(wrong)
