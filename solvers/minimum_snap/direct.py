@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...models.minimum_snap.model import MinimumDerivative, derivative_name
+from ...models.minimum_snap.bounds import derivative_name
+from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
 from ..backend import Answer, Backend, Feature, Guarantee, Request, Termination
 

@@ -14,7 +14,7 @@ from scipy.interpolate import make_interp_spline
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation, UnsupportedOption
 from crosstrack.models import MinimumSnap
-from crosstrack.models.minimum_snap.model import FREE, MinimumDerivative
+from crosstrack.models.minimum_snap import FREE, MinimumDerivative
 from crosstrack.models.minimum_snap.polynomials import critical_points
 from crosstrack.models.minimum_snap.trajectory import Trajectory
 from crosstrack.solvers import Request, find_backend

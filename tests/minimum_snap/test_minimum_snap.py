@@ -21,7 +21,7 @@ from scipy.interpolate import PPoly, make_interp_spline
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation, UnsupportedOption
 from crosstrack.models import MinimumSnap, Model
-from crosstrack.models.minimum_snap.model import FREE, MinimumDerivative
+from crosstrack.models.minimum_snap import FREE, MinimumDerivative
 from crosstrack.models.minimum_snap.polynomials import critical_points, horner
 from crosstrack.models.minimum_snap.trajectory import Trajectory
 
