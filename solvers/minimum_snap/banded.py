@@ -132,6 +132,8 @@ class _System:
         own = [*range(s, r), *range(r + s, 2 * r)]
         places = [*range(s), *range(r, r + s), *own]
         rows = size[:, :, None] * table.rows[:, places] * units[:, None, places]
+        # In one memory order, for which the kernels are compiled once.
+        rows = np.ascontiguousarray(rows)
         free = ~np.concatenate([self.pattern[:-1], self.pattern[1:]], axis=1)
         self.own = free[:, own]
         rows[:, :, 2 * s :] *= self.own[:, None]
