@@ -690,21 +690,3 @@ def test_what_is_not_covered_is_said():
     options = {"inner": "spline"}
     with pytest.raises(UnsupportedFormulation, match="corridor or limits"):
         ct.solve(TimeAllocation(POINTS, 1, **LIMITS), "time-simplex", backend_options=options)
-
-
-def test_without_numba_times_are_found_without_limits(run_python, tmp_path):
-    script = (
-        "import sys; sys.modules['numba'] = None\n"
-        "import crosstrack as ct\n"
-        "from crosstrack.models import TimeAllocation\n"
-        "from crosstrack.errors import CrosstrackError\n"
-        "points = [[0, 0], [1, 2], [3, 2], [4, 0]]\n"
-        "print(ct.solve(TimeAllocation(points, 100), 'time-gradient').primal_bound)\n"
-        "try:\n"
-        "    ct.solve(TimeAllocation(points, 100, velocity_limit=2), 'time-gradient')\n"
-        "except CrosstrackError as error:\n"
-        "    print(error)\n"
-    )
-    first, second = run_python("-c", script, cwd=tmp_path).splitlines()
-    assert float(first) == pytest.approx(696.05740046, rel=1e-9)
-    assert "numba" in second
