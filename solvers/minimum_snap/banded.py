@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -98,16 +96,6 @@ def solve_hermite(
     return Solved(jets, moments, objective, outcome, worst, most, len(groups), "general")
 
 
-class _Descent(NamedTuple):
-    """Where Newton's method ended: see :class:`~.hermite.Solved`."""
-
-    jets: Floats
-    moments: Floats
-    objective: Floats
-    residual: float
-    steps: int
-
-
 class _System:
     """The optimality conditions of one pattern of fixed entries.
 
@@ -155,8 +143,11 @@ class _System:
             and (~self.own | (pivots[:, : len(own)] > least * np.sqrt(squares[:, 2 * s :]))).all()
         )
 
-    def descend(self, values: Floats) -> _Descent:
-        """Take Newton steps from the fixed `values` of some axes until the jumps are rounding."""
+    def descend(self, values: Floats) -> tuple[Floats, Floats, Floats, float, int]:
+        """Take Newton steps from the fixed `values` of some axes until the jumps are rounding.
+
+        Returns jets, moments, objective and residual as in :class:`~.hermite.Solved`, and the steps.
+        """
         r, s, table = self.order, self.shared, self.table
         jets = _begin(values, self.pattern)
         lows, forces = np.zeros_like(jets), np.empty_like(jets)
@@ -185,7 +176,7 @@ class _System:
             stuck = steps > _PATIENCE and not progress < 0.5 * before
             if not residual > REFINED or steps > MOST_REFINEMENTS or stuck:
                 worst = residual if np.isfinite(jets).all() else np.inf
-                return _Descent(jets, moments[..., -r:], objective, worst, steps)
+                return jets, moments[..., -r:], objective, worst, steps
             before = progress
             steps += 1
             for a in range(axes):

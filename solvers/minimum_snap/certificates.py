@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from .chain_kernels import (
     bound_gradient,
-    factorise,
     multiply,
     row_values,
     solve_factors,
@@ -18,7 +17,7 @@ from .chain_kernels import (
 )
 from .interior_state import State
 
-__all__ = ["contradiction", "proven"]
+__all__ = ["find_contradiction", "prove_bound"]
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +27,7 @@ REACH = 1e4
 EIGHT_ULPS = 8 * np.finfo(float).eps
 
 
-def proven(state: State) -> tuple[float, float, float]:
+def prove_bound(state: State) -> tuple[float, float, float]:
     """Return objective, lower bound and dual residual, in the model's units.
 
     For any λ, ``|Cy|²/2 >= λ'Cy - |λ|²/2``: with multipliers z of the bounds this is linear in y
@@ -36,15 +35,11 @@ def proven(state: State) -> tuple[float, float, float]:
     residual as large as the rounding of y times C'C, so λ and z are refined by themselves: they
     are small where y is a position far from the origin.
     """
-    count, _, width = state.cost.shape
-    n = state.fixed.shape[1]
     low, high = np.isfinite(state.lower), np.isfinite(state.upper)
     z_below, z_above = state.z_below.copy(), state.z_above.copy()
     d_below = np.where(low, z_below / state.below, 0.0)
     d_above = np.where(high, z_above / state.above, 0.0)
-    factors, last = np.zeros((count, width - n, width)), np.zeros((n, n))
-    weight = np.sqrt(d_below + d_above)
-    factorise(state.cost, state.rows, state.start, weight, state.fixed, factors, last)
+    factors, last = state.factorised(np.sqrt(d_below + d_above), state.cost)
     value = multiply(state.cost, state.knots, state.inner)
     dual = value.copy()
     for turn in range(4):
@@ -65,7 +60,7 @@ def proven(state: State) -> tuple[float, float, float]:
     at = row_values(state.rows, state.start, state.knots, state.inner)
     slack = float(np.sum(z_below[low] * (at - state.lower)[low]))
     slack += float(np.sum(z_above[high] * (state.upper - at)[high]))
-    slack += _noise(state, z_below, z_above)
+    slack += _rounding(state, z_below, z_above)
     half = 0.5 * float(np.sum(value**2))
     away = 0.5 * float(np.sum((value - dual) ** 2))
     unit = 2.0 / state.scale**2
@@ -73,7 +68,7 @@ def proven(state: State) -> tuple[float, float, float]:
     return half * unit, (half - away - slack - gain) * unit, residual
 
 
-def _noise(state: State, z_below: Floats, z_above: Floats) -> float:
+def _rounding(state: State, z_below: Floats, z_above: Floats) -> float:
     """Return what rounding may hide in a sum of multipliers times slacks."""
     size = row_values(np.abs(state.rows), state.start, np.abs(state.knots), np.abs(state.inner))
     size_below = size + np.where(np.isfinite(state.lower), np.abs(state.lower), 0.0)
@@ -100,23 +95,17 @@ def _reach(state: State) -> tuple[Floats, Floats]:
     return knots, np.maximum(1.0, np.abs(state.inner))
 
 
-def _refined_ray(state: State, below: Floats, above: Floats) -> tuple[Floats, Floats]:
+def _refine_ray(state: State, below: Floats, above: Floats) -> tuple[Floats, Floats]:
     """Make ``G'z`` vanish, changing the ray in place; return what is left of it.
 
     The barrier only tends to a ray. The least change of the multipliers, each weighed by its
     own size over its slack, takes what is missing.
     """
-    count, _, width = state.cost.shape
-    n = state.fixed.shape[1]
     d_below, d_above = below / state.below, above / state.above
     largest = max(float((d_below + d_above).max()), 1e-300)
     d_below, d_above = d_below / largest, d_above / largest
     typical = max(float(np.linalg.norm(state.cost, axis=2).max()), 1e-300)
-    factors, last = np.zeros((count, width - n, width)), np.zeros((n, n))
-    factorise(
-        state.cost * (1e-8 / typical), state.rows, state.start, np.sqrt(d_below + d_above),
-        state.fixed, factors, last,
-    )  # fmt: skip
+    factors, last = state.factorised(np.sqrt(d_below + d_above), state.cost * (1e-8 / typical))
     for turn in range(4):
         knots, inner = np.zeros_like(state.knots), np.zeros_like(state.inner)
         bound_gradient(state.rows, state.start, above - below, knots, inner)
@@ -130,7 +119,7 @@ def _refined_ray(state: State, below: Floats, above: Floats) -> tuple[Floats, Fl
     return knots, inner
 
 
-def contradiction(state: State) -> NDArray[np.int64] | None:
+def find_contradiction(state: State) -> NDArray[np.int64] | None:
     """Return the segments whose bounds prove that no trajectory keeps them, None without proof.
 
     Where there is none, the multipliers grow without limit along a ray that proves it (Farkas):
@@ -142,9 +131,9 @@ def contradiction(state: State) -> NDArray[np.int64] | None:
     if not largest > 1.0 or not np.isfinite(largest):
         return None
     below, above = state.z_below / largest, state.z_above / largest
-    knots, inner = _refined_ray(state, below, above)
+    knots, inner = _refine_ray(state, below, above)
     at = row_values(state.rows, state.start, state.knots, state.inner)
-    noise = _noise(state, below, above)
+    noise = _rounding(state, below, above)
     violation = float(np.sum(below[low] * (state.lower - at)[low]))
     violation += float(np.sum(above[high] * (at - state.upper)[high]))
     gain = float(

@@ -103,11 +103,11 @@ class InteriorPoint(Backend):
                 results.append(work(group))
                 if results[-1].status in ("infeasible", "stopped"):
                     break
-        answer = _concluded(problem, request, results, len(groups))
+        answer = _conclude(problem, request, results, len(groups))
         return replace(answer, seconds={"solve": time.perf_counter() - begin})
 
 
-def _concluded(
+def _conclude(
     problem: MinimumDerivative,
     request: Request,
     results: list[ChainResult],

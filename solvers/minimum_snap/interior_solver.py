@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .certificates import contradiction, proven
+from .certificates import find_contradiction, prove_bound
 from .chain import Chain
 from .interior_kernels import CONVERGED, STOPPED
 from .interior_state import Iterate, Settings, State
@@ -61,7 +61,7 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
     """
     state = State(chain, settings, flag)
     gaps = [*LEVELS, settings.gap]
-    kept: list[Iterate] = [state.kept()]  # kept[i] is where the descent to gaps[i] begins
+    kept: list[Iterate] = [state.copy()]  # kept[i] is where the descent to gaps[i] begins
     level, iterations, rounds = 0, 0, 0
     status, primal, retreat = "stalled", 0.0, 0
     while rounds < settings.rounds:
@@ -71,25 +71,25 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
         if code == STOPPED:
             status = "stopped"
             break
-        if code != CONVERGED and not (last and state.good(primal)):
+        if code != CONVERGED and not (last and state.is_settled(primal)):
             # Only rows that came late make a start too narrow: without them it is the problem.
-            if rounds == 0 or retreat == 0 or contradiction(state) is not None:
+            if rounds == 0 or retreat == 0 or find_contradiction(state) is not None:
                 break
             retreat = level = max(min(retreat, level) - 2, 0)
             del kept[level + 1 :]
-            state.back_to(kept[level])
+            state.restore(kept[level])
             continue
         threshold = max(settings.between, min(1e-2 * gaps[level], 1e-2), 4.0 * primal)
-        fresh, worst = state.missing(threshold)
+        fresh, worst = state.find_violations(threshold)
         if fresh is None:
             if last:
                 status = "solved"
                 break
             level += 1
-            kept.append(state.kept())
+            kept.append(state.copy())
             continue
         rounds += 1
-        kept = state.add(fresh, [*kept, state.kept()])
+        kept = state.add(fresh, [*kept, state.copy()])
         if last:
             # As deep as the violation is small.
             wanted = 1 + int(np.searchsorted(-np.array(LEVELS), -10.0 * worst))
@@ -98,16 +98,16 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
         else:
             level += 1
             retreat = level
-        state.back_to(kept[level])
+        state.restore(kept[level])
     conflict = np.empty(0, np.int64)
-    objective, bound, dual = proven(state)
+    objective, bound, dual = prove_bound(state)
     if status == "stalled":
         # Good enough is for the caller to judge by the bound; else see whether nothing can be.
         small = max(1e-6 * abs(objective), state.nothing)
         if abs(objective - bound) <= small and primal <= 1e-7:
             status = "solved"
         else:
-            found = contradiction(state)
+            found = find_contradiction(state)
             if found is not None:
                 status, conflict = "infeasible", found
     return ChainResult(

@@ -96,13 +96,17 @@ class State:
         self.upper = np.where(narrow, self.upper + room, self.upper)
         self.start = np.searchsorted(self.held.segment, np.arange(count + 1)).astype(np.int64)
 
-    def newton(self, weight: Floats, target: Floats, cost: Floats) -> None:
-        """Move to the minimum of |cost y|² + |weight (rows y - target)|²."""
+    def factorised(self, weight: Floats, cost: Floats) -> tuple[Floats, Floats]:
+        """Return the triangular factors of `cost` and the rows times `weight`."""
         count, _, width = cost.shape
         n = self.fixed.shape[1]
-        own = width - 2 * n
-        factors, last = np.zeros((count, own + n, width)), np.zeros((n, n))
+        factors, last = np.zeros((count, width - n, width)), np.zeros((n, n))
         factorise(cost, self.rows, self.start, weight, self.fixed, factors, last)
+        return factors, last
+
+    def newton(self, weight: Floats, target: Floats, cost: Floats) -> None:
+        """Move to the minimum of |cost y|² + |weight (rows y - target)|²."""
+        factors, last = self.factorised(weight, cost)
         for _ in range(2):
             knots, inner = np.zeros_like(self.knots), np.zeros_like(self.inner)
             transposed(cost, -multiply(cost, self.knots, self.inner), knots, inner)
@@ -138,12 +142,12 @@ class State:
         self.z_below = np.where(low, mu / self.below, 0.0)
         self.z_above = np.where(high, mu / self.above, 0.0)
 
-    def kept(self) -> Iterate:
-        """Return the present iterate, to come back to."""
+    def copy(self) -> Iterate:
+        """Return a copy of the present iterate."""
         parts = (self.knots, self.inner, self.below, self.above, self.z_below, self.z_above)
         return Iterate(*(part.copy() for part in parts))
 
-    def back_to(self, iterate: Iterate) -> None:
+    def restore(self, iterate: Iterate) -> None:
         """Take up an iterate that was kept."""
         copies = [part.copy() for part in iterate]
         self.knots, self.inner, self.below, self.above, self.z_below, self.z_above = copies
@@ -173,14 +177,14 @@ max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settin
         """Return the coefficients of the iterate."""
         return self.chain.powers(self.knots, self.inner)
 
-    def good(self, primal: float) -> bool:
+    def is_settled(self, primal: float) -> bool:
         """Whether an iterate that stalled is settled all the same, at the rounding of its rows."""
         comp = float(np.sum(self.below * self.z_below) + np.sum(self.above * self.z_above))
         value = multiply(self.cost, self.knots, self.inner)
         size = max(0.5 * float(np.sum(value**2)), NOTHING * self.chain.model.segments)
         return primal <= 1e-8 and comp <= 1e-7 * size
 
-    def missing(self, threshold: float) -> tuple[Instants | None, float]:
+    def find_violations(self, threshold: float) -> tuple[Instants | None, float]:
         """Return the instants at which the iterate lies outside, and by how much at most.
 
         Parameters
