@@ -12,15 +12,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from ..errors import InvalidData, UnknownName, UnsupportedFormulation
 from .fields import Spec, Text, show
 from .problems import model_type, resolve
 from .verification import TOLERANCE, Verification
-
-if TYPE_CHECKING:
-    from .formulation import Formulation
 
 __all__ = ["Model", "parse_json"]
 
@@ -55,7 +52,7 @@ class Model(ABC, Generic[PlanT]):
     name: str = dataclasses.field(default="", kw_only=True, metadata={"spec": Text(content=False)})
 
     kind: ClassVar[str] = ""
-    formulations: ClassVar[dict[str, str | type[Formulation[Any, Any]]]] = {}
+    formulations: ClassVar[dict[str, Any]] = {}
     default_formulation: ClassVar[str] = ""
     objective_unit: ClassVar[str] = ""
 
@@ -236,18 +233,26 @@ class Model(ABC, Generic[PlanT]):
         return None
 
     @classmethod
-    def formulation_type(cls, name: str | None = None) -> type[Formulation[Any, Any]]:
-        """Return the formulation class called `name`, the default one for None."""
+    def formulation_type(cls, name: str | None = None) -> Any:
+        """Return the :class:`~crosstrack.models.formulation.Formulation` class called `name`.
+
+        None means the default one.
+        """
         if not cls.formulations:
             raise UnsupportedFormulation(f"model {cls.kind!r} has no formulation as a program")
         name = cls.default_formulation if name is None else name
         if name not in cls.formulations:
             raise UnknownName(f"formulation of model {cls.kind!r}", name, cls.formulations)
-        found: type[Formulation[Any, Any]] = resolve(cls.formulations[name])
-        return found
+        return resolve(cls.formulations[name])
 
-    def formulate(self, name: str | None = None, **options: Any) -> Formulation[Any, Any]:
+    def formulate(self, name: str | None = None, **options: Any) -> Any:
         """Return this model's formulation called `name`, with its typed `options`.
+
+        Returns
+        -------
+        Formulation
+            Of the type :meth:`formulation_type`; not named in the signature, for formulations
+            stand above models.
 
         Raises
         ------
