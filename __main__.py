@@ -297,7 +297,6 @@ def compare(
 ) -> int:  # fmt: skip
     """Solve every INSTANCE with several backends, one process each, and judge the answers."""
     from crosstrack.solvers.registry import fitting
-    from crosstrack.solvers.report.tables import comparison_parts
 
     if resume and jsonl is None:
         raise click.UsageError("--resume needs --jsonl FILE")
@@ -325,7 +324,7 @@ def compare(
     if as_json:
         emit(result.to_dict())
     else:
-        show(*comparison_parts(result))
+        show(*result.parts())
     return compare_code(result)
 
 
@@ -567,7 +566,6 @@ def demo(
     from crosstrack.instances.error_correction import read_csv
     from crosstrack.solvers.crosscheck import rejudged
     from crosstrack.solvers.registry import find_backend, fitting
-    from crosstrack.solvers.report.tables import comparison_parts
 
     picture = picture_path(plot)
     if points is None:
@@ -605,7 +603,7 @@ def demo(
     if as_json:
         emit(result.to_dict())
     else:
-        show(*comparison_parts(result))
+        show(*result.parts())
     best = result.verdicts[0].best
     if best is not None:
         if not as_json:

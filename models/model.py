@@ -8,13 +8,16 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
-from ..errors import InvalidData, UnknownName, UnsupportedFormulation
+import numpy as np
+
+from ..errors import HiddenData, InvalidData, UnknownName, UnsupportedFormulation
 from .fields import Spec, Text, show
 from .problems import model_type, resolve
 from .verification import TOLERANCE, Verification
@@ -46,6 +49,9 @@ class Model(ABC, Generic[PlanT]):
         The one taken when none is named.
     objective_unit : str
         Unit of the objective, which is always minimised.
+    agreement : float, optional
+        Largest :meth:`distance` at which two plans agree, for models that no backend proves
+        anything of, such as estimation; None where plans are judged by bounds alone.
     """
 
     # Written out, for type checkers see only through dataclasses.field that it is no position.
@@ -55,6 +61,7 @@ class Model(ABC, Generic[PlanT]):
     formulations: ClassVar[dict[str, Any]] = {}
     default_formulation: ClassVar[str] = ""
     objective_unit: ClassVar[str] = ""
+    agreement: ClassVar[float | None] = None
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -78,12 +85,51 @@ class Model(ABC, Generic[PlanT]):
                 yield field.name, field.metadata["spec"]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        held = (field.name for field in dataclasses.fields(self))
+        state = {name: self.__dict__[name] for name in held if name in self.__dict__}
+        # A model without its hidden fields cannot compute its digest again.
+        return {**state, "digest": self.digest} if self.is_blinded else state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         specs = dict(self._specs())
         for name, value in state.items():
-            object.__setattr__(self, name, specs[name].refreeze(value) if name in specs else value)
+            self.__dict__[name] = specs[name].refreeze(value) if name in specs else value
+
+    # -- what backends must not see --------------------------------------------------------------
+
+    @classmethod
+    def hidden_fields(cls) -> tuple[str, ...]:
+        """Return the names of the fields that backends do not receive."""
+        fields = dataclasses.fields(cls)
+        return tuple(field.name for field in fields if field.metadata.get("hidden"))
+
+    @property
+    def is_blinded(self) -> bool:
+        """Whether this is a backend's view, which lacks the hidden fields."""
+        return any(name not in self.__dict__ for name in self.hidden_fields())
+
+    def blinded(self) -> Self:
+        """Return the model as backends receive it: without its hidden fields, with its digest.
+
+        Reading a hidden field of it raises :class:`~crosstrack.errors.HiddenData`. A model without
+        hidden fields is returned as it is.
+        """
+        hidden = self.hidden_fields()
+        if not hidden or self.is_blinded:
+            return self
+        view = object.__new__(type(self))
+        for field in dataclasses.fields(self):
+            if field.name not in hidden:
+                view.__dict__[field.name] = self.__dict__[field.name]
+        view.__dict__["digest"] = self.digest
+        return view
+
+    if not TYPE_CHECKING:  # else every misspelt attribute would have a type
+
+        def __getattr__(self, name: str) -> Any:
+            if name in type(self).hidden_fields():
+                raise HiddenData(f"{name} of model {self.kind!r} is hidden from backends")
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     # -- JSON ------------------------------------------------------------------------------------
 
@@ -178,6 +224,14 @@ class Model(ABC, Generic[PlanT]):
         """Return the same model under another name."""
         return dataclasses.replace(self, name=name)
 
+    def scene_seeds(self, count: int) -> list[int]:
+        """Return `count` seeds that follow from the digest, for objectives measured on drawn scenes.
+
+        The same model is judged on the same scenes everywhere, and no backend chooses them.
+        """
+        sequence = np.random.SeedSequence(int(self.digest[:32], 16))
+        return [int(seed) for seed in sequence.generate_state(count, np.uint64)]
+
     # -- plans -----------------------------------------------------------------------------------
 
     @abstractmethod
@@ -199,6 +253,13 @@ class Model(ABC, Generic[PlanT]):
     @abstractmethod
     def plan_from_data(self, data: Any) -> PlanT:
         """Return the plan that :meth:`plan_to_data` wrote; bad data raises ``InvalidData``."""
+
+    def distance(self, plan: PlanT, other: PlanT) -> float:
+        """Return how far apart two plans are, in the unit of :attr:`agreement`.
+
+        The default tells equal plans from different ones: 0 or infinity.
+        """
+        return 0.0 if self.plan_to_data(plan) == self.plan_to_data(other) else math.inf
 
     def as_plan(self, value: Any) -> PlanT:
         """Return the plan that `value` means.

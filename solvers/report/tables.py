@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ...models.problems import model_type
+from ...models.problems import model_type, model_types
 from ...models.verification import Verification
 from ..backend import Limit, Termination
 from ..solution import Solution
@@ -14,17 +14,15 @@ from ..solution import Solution
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..crosscheck import Comparison
-    from ..verdict import Verdict
+    from ..repeats import Spread
 
 __all__ = [
-    "comparison_text",
     "number",
     "render",
     "seconds_text",
     "solutions_table",
+    "spreads_table",
     "table",
-    "verdict_text",
     "verification_table",
 ]
 
@@ -102,7 +100,8 @@ def solutions_table(solutions: Sequence[Solution[Any]], title: str = "") -> Tabl
     Compilation, which only a first call on a machine pays for, has a column of its own where it
     took a noticeable time, and is no part of the total shown.
     """
-    unit = model_type(solutions[0].model).objective_unit if solutions else ""
+    kind = solutions[0].model if solutions else ""
+    unit = model_type(kind).objective_unit if kind in model_types() else ""
     if not isinstance(unit, str):
         unit = ""  # each problem of the kind has its own
     objective = f"objective ({unit})" if unit else "objective"
@@ -153,29 +152,22 @@ def verification_table(verification: Verification) -> Table:
     return table("", ("constraint", "eq.", "state", "worst", "tolerance", "where"), rows)
 
 
-def _verdict_parts(verdict: Verdict) -> list[Any]:
-    lines = [
-        f"{verdict.outcome}: {verdict.evidence}",
-        *(f"  note: {note}" for note in verdict.notes),
+def spreads_table(spreads: Sequence[Spread]) -> Table:
+    """Return a table of repeated runs: successes, and quartiles of objective and seconds."""
+    rows = [
+        (
+            spread.backend + (f" : {spread.formulation}" if spread.formulation else ""),
+            f"{spread.successes} of {spread.runs}",
+            *(number(value) for value in spread.objective or (None,) * 3),
+            *(seconds_text(value) for value in spread.seconds),
+        )
+        for spread in spreads
     ]
-    return [solutions_table(verdict.solutions, verdict.instance), "\n".join(lines)]
-
-
-def verdict_text(verdict: Verdict) -> str:
-    """Return the verdict with its table as text."""
-    return render(*_verdict_parts(verdict), width=140)
-
-
-def comparison_text(comparison: Comparison) -> str:
-    """Return all verdicts with their tables as text, and the outcome of all at the end."""
-    return render(*comparison_parts(comparison), width=140)
-
-
-def comparison_parts(comparison: Comparison) -> list[Any]:
-    """Return what to print of a comparison."""
-    parts = [part for verdict in comparison.verdicts for part in _verdict_parts(verdict)]
-    if len(comparison.verdicts) > 1:
-        parts.append(f"\nall {len(comparison.verdicts)} instances: {comparison.outcome}")
-    if comparison.interrupted:
-        parts.append("interrupted: what is missing was not run")
-    return parts
+    quartiles = ("quarter", "median", "three quarters")
+    columns = (
+        "repeated",
+        "verified",
+        *(f"objective\n{word}" for word in quartiles),
+        *(f"seconds\n{word}" for word in quartiles),
+    )
+    return table("", columns, rows, right=columns[1:])
