@@ -16,6 +16,7 @@ folder                    table         keys and objects
 ``instances/<problem>``   HINTS         any: function ``(file, header) -> str`` about a CSV file
 ``instances/<problem>``   EXPORTS       format: an ``ExportFormat``
 ``instances/<problem>``   DEMOS         name: a ``Demo``
+``instances/<problem>``   PRINTED       ``<prefix>/<table>``: function that returns a paper's table
 ========================= ============= =====================================================
 
 A string that begins with a dot is relative to the package that declares it. Another distribution
