@@ -40,6 +40,8 @@ __all__ = [
     "GROUP",
     "PROBLEMS",
     "declared_in",
+    "loadable",
+    "loadable_models",
     "model_type",
     "model_types",
     "problem_of",
@@ -76,8 +78,17 @@ def resolve(target: Any) -> Any:
     module, _, name = target.partition(":")
     try:
         return getattr(importlib.import_module(module, __package__.rpartition(".")[0]), name)
-    except (ImportError, AttributeError) as error:
+    except Exception as error:  # whatever a stranger's module raises, the cause is named
         raise BackendBroken(f"{target} cannot be loaded: {error}") from error
+
+
+def loadable(room: str, name: str) -> Iterator[tuple[str, Any]]:
+    """Yield ``(key, object)`` of every table called `name`; what cannot be loaded is logged."""
+    for key, target in table(room, name).items():
+        try:
+            yield key, resolve(target)
+        except BackendBroken as error:  # a stranger's fault must not hide the others
+            log.warning("%s %r: %s", name, key, error)
 
 
 @cache
@@ -144,6 +155,11 @@ def problem_of(kind: str) -> str:
 def model_types() -> tuple[str, ...]:
     """Return the JSON names of all model types."""
     return tuple(sorted({**table(__package__, "MODELS"), **_SESSION}))
+
+
+def loadable_models() -> Iterator[tuple[str, Any]]:
+    """Yield ``(kind, type)`` of every model, by kind; a type that cannot be loaded is logged."""
+    yield from sorted({**dict(loadable(__package__, "MODELS")), **_SESSION}.items())
 
 
 def model_type(kind: str) -> Any:

@@ -169,16 +169,16 @@ def compare(
         "formulation_options": dict(formulation_options or {}),
         "time_limit": time_limit, "gap": gap, "tolerance": tolerance, "seed": seed, "threads": threads,
     }  # fmt: skip
-    known = [_named(backend, formulation) for backend in backends]
+    # A name may mean another native algorithm for another model.
+    known = [[_named(backend, formulation, model) for backend in backends] for model in models]
+    names = {backend.name for found in known for backend, _ in found}
     for name in backend_options or {}:
-        if name not in {backend.name for backend, _ in known}:
-            raise UnknownName(
-                "backend in backend_options", name, [backend.name for backend, _ in known]
-            )
+        if name not in names:
+            raise UnknownName("backend in backend_options", name, names)
     tasks = [
         _task(row, column, model, backend, wanted, common, warm[row], backend_options or {})
         for row, model in enumerate(models)
-        for column, (backend, wanted) in enumerate(known)
+        for column, (backend, wanted) in enumerate(known[row])
     ]
     answers: dict[tuple[int, int], Solution[Any]] = {}
     with contextlib.ExitStack() as stack:
@@ -202,11 +202,11 @@ def compare(
             interrupted = _by_pool(open_tasks, pool, grace, finished)
         else:
             interrupted = _by_threads(open_tasks, min(workers, len(tasks)), grace, finished)
-    exact = exact_names([backend for backend, _ in known])
     verdicts = []
     for row, model in enumerate(models):
-        found_here = [answers[row, c] for c in range(len(known)) if (row, c) in answers]
+        found_here = [answers[row, c] for c in range(len(backends)) if (row, c) in answers]
         if found_here or not interrupted:
+            exact = exact_names([backend for backend, _ in known[row]])
             verdicts.append(judge(model.name or model.digest[:12], found_here, exact))
     return Comparison(tuple(verdicts), interrupted)
 
@@ -214,17 +214,18 @@ def compare(
 def rejudged(model: Model[Any], *parts: Comparison) -> Comparison:
     """Return one comparison on `model` of answers that came in several turns."""
     solutions = [solution for part in parts for solution in part.solutions]
-    exact = exact_names([solution.backend for solution in solutions])
+    exact = exact_names([solution.backend for solution in solutions], model)
     verdict = judge(model.name or model.digest[:12], solutions, exact)
     return Comparison((verdict,), any(part.interrupted for part in parts))
 
 
-def _named(backend: str | Backend, formulation: str | None) -> tuple[Backend, str | None]:
-    """Return the backend and the formulation that ``"name:formulation"`` asks for."""
+def _named(
+    backend: str | Backend, formulation: str | None, model: Model[Any]
+) -> tuple[Backend, str | None]:
+    """Return the backend for `model` and the formulation that ``"name:formulation"`` asks for."""
     if isinstance(backend, str) and ":" in backend:
-        name, _, formulation = backend.partition(":")
-        return find_backend(name), formulation
-    return find_backend(backend), formulation
+        backend, _, formulation = backend.partition(":")
+    return find_backend(backend, model), formulation
 
 
 def _warm_starts(value: Any, models: Sequence[Model[Any]]) -> list[Any]:
@@ -287,7 +288,7 @@ def _refused(task: _Task) -> Solution[Any]:
 
 def failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
     """Return the solution of a job that did not run to an answer."""
-    backend = find_backend(job.backend)
+    backend = find_backend(job.backend, job.model)
     return Solution(
         model=job.model.kind,
         instance=job.model.name,

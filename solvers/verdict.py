@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+from ..models.model import Model
 from ..models.verification import ROUNDING
 from .backend import Guarantee, Termination
 from .registry import find_backend
@@ -91,9 +92,9 @@ def _exact(solution: Solution[Any], exact: frozenset[str]) -> bool:
     return solution.backend in exact
 
 
-def exact_names(backends: Sequence[Any]) -> frozenset[str]:
-    """Return the names of those `backends` that are exact."""
-    found = (find_backend(backend) for backend in backends)
+def exact_names(backends: Sequence[Any], model: Model[Any] | None = None) -> frozenset[str]:
+    """Return the names of those `backends`, looked up for `model`, that are exact."""
+    found = (find_backend(backend, model) for backend in backends)
     return frozenset(b.name for b in found if b.guarantee is Guarantee.EXACT)
 
 

@@ -106,7 +106,7 @@ def reproduce(
             break
         layout = layouts[published["table"]]
         answers: list[Solution[Any]] = []
-        exact = exact_names([column.backend.partition(":")[0] for column in layout.columns])
+        exact = exact_names([one.backend.partition(":")[0] for one in layout.columns], model)
         for warm in (False, True):
             names = [column.backend for column in layout.columns if column.warm is warm]
             if names and not interrupted:
