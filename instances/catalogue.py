@@ -11,7 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from ..errors import BackendBroken, InvalidData, UnknownName
+from ..errors import InvalidData, UnknownName
 from ..models.model import Model
 from ..models.problems import loadable, resolve, table
 
@@ -191,7 +191,7 @@ def _all() -> dict[str, CatalogueEntry]:
     for problem in table(__package__, "CATALOGUE"):
         try:
             found.update(_problem(problem))
-        except BackendBroken as error:  # a stranger's fault must not hide the other instances
+        except Exception as error:  # a stranger's fault must not hide the other instances
             log.warning("the catalogue of %r cannot be loaded: %s", problem, error)
     return {**found, **_REGISTERED}
 

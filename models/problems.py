@@ -59,6 +59,12 @@ GROUP = "crosstrack.problems"
 #: The kits whose folder in `models` declares models that belong to no problem.
 KITS = ("programs",)
 
+#: The tables that a problem may have; the docstring above says what each holds.
+TABLES = (
+    *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "PAPER_TABLES"),
+    *("CATALOGUE", "REFERENCES", "HINTS", "EXPORTS", "DEMOS"),
+)
+
 #: Model types that a user registered in this session, by kind.
 _SESSION: dict[str, Any] = {}
 
@@ -97,7 +103,11 @@ def _foreign() -> Mapping[str, ModuleType]:
     found = {}
     for point in importlib.metadata.entry_points(group=GROUP):
         try:
-            found[point.name] = importlib.import_module(point.value.partition(":")[0])
+            module = importlib.import_module(point.value.partition(":")[0])
+            for name in TABLES:
+                if not isinstance(getattr(module, name, {}), Mapping):
+                    raise TypeError(f"{name} is no table")
+            found[point.name] = module
         except Exception as error:  # a stranger's fault must not stop the other problems
             log.warning("problem %r (%s) cannot be loaded: %s", point.name, point.value, error)
     return found

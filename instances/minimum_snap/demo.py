@@ -1,4 +1,4 @@
-"""The demonstration of minimum-snap trajectories: an eight with a turning heading."""
+"""The demonstration of minimum-snap trajectories: along a square."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from ..demos import Demo
 
 __all__ = ["DEMO"]
 
-DEMO = Demo("minimum-snap/figure-eight-yaw")
+DEMO = Demo("minimum-snap/square")
