@@ -156,7 +156,7 @@ def filtered(
         if not isinstance(written.program, RowProgram):
             raise UnsupportedFormulation(f"formulation {written.name!r} has no linear rows")
         program = written.program
-    solver = recommended(program) if backend is None else find_backend(backend)
+    solver = recommended(program) if backend is None else find_backend(backend, program)
     if solver.guarantee is not Guarantee.EXACT or not isinstance(program, solver.accepts):
         raise UnsupportedFormulation(
             f"the deletion filter needs an exact backend for a {program.kind}; "

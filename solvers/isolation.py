@@ -31,7 +31,7 @@ from .assembly import Claim, assemble, claim_from_data
 from .backend import Backend, Limit, Termination
 from .execution import GRACE, warm_objective
 from .job import Job
-from .registry import BackendState, find_backend, rivals
+from .registry import BackendState, rivals
 from .solution import Incumbent, Solution
 
 __all__ = ["Worker", "WorkerFailure", "in_worker", "probe"]
@@ -382,12 +382,11 @@ def probe(states: tuple[BackendState, ...]) -> tuple[BackendState, ...]:
     """
 
     def probed(state: BackendState) -> BackendState:
-        requires = find_backend(state.name).requires if state.state == "installed" else ()
-        if not requires:
+        if state.state != "installed" or not state.requires:
             return state
         with Worker() as worker:
             try:
-                cause = worker.call(_import_all, requires, deadline=START)
+                cause = worker.call(_import_all, state.requires, deadline=START)
             except WorkerFailure as failure:
                 cause = str(failure)
         return replace(state, state="broken", cause=cause) if cause else state
