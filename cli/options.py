@@ -52,6 +52,10 @@ _COMMON = [
     tolerance,
     click.option("--seed", type=int, help="Seed for backends that draw."),
     click.option("--threads", type=int, help="Threads for backends that use several."),
+    click.option(
+        "--evaluations", type=int, help="Evaluations granted, for backends that count them."
+    ),
+    click.option("--target", type=float, help="An objective that is good enough to stop at."),
     click.option("--warm-start", metavar="PLAN.json", help="A plan to start from; verified first."),
     as_json,
 ]

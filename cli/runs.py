@@ -139,12 +139,15 @@ def _solve_code(solution: Solution[Any]) -> int:
 )
 @click.option("--workers", type=int, default=1, show_default=True, help="Jobs at the same time.")
 @click.option(
+    "--repeats", type=int, default=1, show_default=True, help="Runs of each backend that draws."
+)
+@click.option(
     "--jsonl", metavar="FILE", help="Append every answer to FILE at once, one JSON line each."
 )
 @click.option("--resume", is_flag=True, help="Go on with FILE, running only what it lacks.")
 def compare(
     instances: Sequence[str], names: str | None, as_json: bool, jsonl: str | None, resume: bool,
-    warm_start: str | None, grace: float, workers: int, **asked: Any,
+    warm_start: str | None, grace: float, workers: int, repeats: int, **asked: Any,
 ) -> int:  # fmt: skip
     """Solve every INSTANCE with several backends, one process each, and judge the answers."""
     from ..instances.catalogue import load
@@ -174,7 +177,7 @@ def compare(
 
         result = crosscheck.compare(
             models, chosen, record=jsonl, resume=resume, warm_start=start, grace=grace,
-            workers=workers, on_solution=ended, **only(**asked),
+            workers=workers, repeats=repeats, on_solution=ended, **only(**asked),
         )  # fmt: skip
     if as_json:
         emit(result.to_dict())
