@@ -10,7 +10,7 @@ import hashlib
 import json
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
@@ -18,21 +18,23 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 import numpy as np
 
 from ..errors import HiddenData, InvalidData, UnknownName, UnsupportedFormulation
-from .fields import Spec, Text, show
+from .declaration import Declared
+from .fields import Text, show
 from .problems import model_type, resolve
 from .verification import TOLERANCE, Verification
 
-__all__ = ["Model", "parse_json"]
+__all__ = ["Model", "as_model", "parse_json"]
 
 PlanT = TypeVar("PlanT")
 
 
 @dataclass(frozen=True, eq=False)
-class Model(ABC, Generic[PlanT]):
+class Model(Declared, ABC, Generic[PlanT]):
     """A planning problem: its data, and how a plan for it is written and verified.
 
     Subclasses are frozen dataclasses with ``eq=False`` whose fields are declared with a
-    :class:`~crosstrack.models.fields.Spec`; the base copies, coerces, checks and freezes them.
+    :class:`~crosstrack.models.fields.Spec`; :class:`~crosstrack.models.declaration.Declared` copies,
+    coerces, checks and freezes them.
 
     Parameters
     ----------
@@ -67,33 +69,11 @@ class Model(ABC, Generic[PlanT]):
         super().__init_subclass__(**kwargs)
         cls.formulations = dict(cls.formulations)
 
-    # -- data in ---------------------------------------------------------------------------------
-
-    def __post_init__(self) -> None:
-        sizes: dict[str, tuple[int, str]] = {}
-        for name, spec in self._specs():
-            object.__setattr__(self, name, spec.coerce(name, getattr(self, name), sizes))
-        self.check()
-
-    def check(self) -> None:
-        """Raise :class:`~crosstrack.errors.InvalidData` where fields contradict one another."""
-
-    @classmethod
-    def _specs(cls) -> Iterator[tuple[str, Spec]]:
-        for field in dataclasses.fields(cls):
-            if "spec" in field.metadata:
-                yield field.name, field.metadata["spec"]
-
     def __getstate__(self) -> dict[str, Any]:
         held = (field.name for field in dataclasses.fields(self))
         state = {name: self.__dict__[name] for name in held if name in self.__dict__}
         # A model without its hidden fields cannot compute its digest again.
         return {**state, "digest": self.digest} if self.is_blinded else state
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        specs = dict(self._specs())
-        for name, value in state.items():
-            self.__dict__[name] = specs[name].refreeze(value) if name in specs else value
 
     # -- what backends must not see --------------------------------------------------------------
 
@@ -135,42 +115,18 @@ class Model(ABC, Generic[PlanT]):
 
     def data(self) -> dict[str, Any]:
         """Return the content as JSON data (no NaN, no infinity)."""
-        given = {field.name for field in dataclasses.fields(self) if field.init}
-        return {
-            name: spec.encode(getattr(self, name))
-            for name, spec in self._specs()
-            if name in given and name != "name"
-        }
+        found = super().data()
+        del found["name"]
+        return found
 
     @classmethod
-    def from_data(cls, data: Mapping[str, Any], *, name: str = "") -> Self:
+    def from_data(cls, data: Any, *, name: str = "") -> Self:
         """Return the model that :meth:`data` wrote; unknown and missing keys raise."""
-        if not isinstance(data, Mapping):
-            raise InvalidData(f"data must be an object, got {show(data)}", field="data")
-        known = {f.name: f for f in dataclasses.fields(cls) if f.init and f.name != "name"}
-        extra = cls.input_names()
-        for key in data:
-            if key not in known and key not in extra:
-                allowed = ", ".join(sorted({*known, *extra}))
-                raise InvalidData(
-                    f"unknown key {key!r} in the data of model {cls.kind!r}; allowed: {allowed}",
-                    field=str(key),
-                )
-        for key, field in known.items():
-            required = (
-                field.default is dataclasses.MISSING
-                and field.default_factory is dataclasses.MISSING
-            )
-            if required and key not in data:
-                raise InvalidData(
-                    f"key {key!r} is missing in the data of model {cls.kind!r}", field=key
-                )
-        return cls(**{str(key): value for key, value in data.items()}, name=name)
+        return cls._from_data(data, name=name)
 
     @classmethod
-    def input_names(cls) -> frozenset[str]:
-        """Return further names that the constructor takes beside the fields."""
-        return frozenset()
+    def _label(cls) -> str:
+        return f"model {cls.kind!r}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return ``{"model": kind, "name": …, "data": {…}}``."""
@@ -333,6 +289,23 @@ class Model(ABC, Generic[PlanT]):
     def describe(self) -> str:
         """Return the size of the model in a few words."""
         return f"digest {self.digest[:12]}"
+
+
+def as_model(value: Any) -> Model[Any]:
+    """Return `value` as it is where it is a model, and what its ``build()`` returns where it has one.
+
+    Raises
+    ------
+    InvalidData
+        It is neither.
+    """
+    found = value
+    if not isinstance(value, Model) and callable(getattr(value, "build", None)):
+        found = value.build()
+    if not isinstance(found, Model):
+        hint = "; load it first: crosstrack.load(…)" if isinstance(value, str) else ""
+        raise InvalidData(f"model must be a Model, got {value!r}{hint}", field="model")
+    return found
 
 
 def parse_json(text: str) -> Any:

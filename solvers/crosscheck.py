@@ -8,7 +8,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Any
 import cloudpickle
 
 from ..errors import CrosstrackError, InvalidData, UnknownName, UnsupportedOption
-from ..models.model import Model
+from ..models.model import Model, as_model
 from .assembly import Claim, assemble
 from .backend import Backend, Feature, Limit, Termination
 from .campaign import Record
@@ -169,7 +169,7 @@ def compare(
     UnknownName, UnsupportedOption, InvalidData
         A name or an option that no row could have; a refusal of one backend alone is a row.
     """
-    models = [models] if isinstance(models, Model) else list(models)
+    models = list(models) if isinstance(models, Iterable) else [models]
     if isinstance(backends, str | Backend):
         backends = [backends]
     if not models or not backends:
@@ -179,9 +179,7 @@ def compare(
             raise UnsupportedOption(f"{name} must be a whole number >= 1, got {value!r}")
     if resume and record is None:
         raise UnsupportedOption("resume needs a record to go on with")
-    for model in models:
-        if not isinstance(model, Model):
-            raise InvalidData(f"models must be Models, got {model!r}", field="models")
+    models = [as_model(model) for model in models]
     warm = _warm_starts(warm_start, models)
     common = {
         "formulation_options": dict(formulation_options or {}),

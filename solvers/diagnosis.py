@@ -8,7 +8,7 @@ from typing import Any
 
 from ..errors import UnsupportedFormulation
 from ..models.formulation import Formulation
-from ..models.model import Model
+from ..models.model import Model, as_model
 from ..models.problems import resolve, table
 from ..models.programs.base import RowProgram
 from ..models.programs.linear import QuadraticProgram
@@ -131,6 +131,7 @@ def diagnose(
     UnsupportedFormulation
         The backend is not exact, or takes no program.
     """
+    model = as_model(model)
     searches = table(__package__, "DIAGNOSES")
     if backend is None and formulation is None and model.kind in searches:
         native: Callable[[Any, float | None], Diagnosis] = resolve(searches[model.kind])

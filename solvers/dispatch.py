@@ -6,8 +6,8 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from ..errors import InvalidData, UnsupportedOption
-from ..models.model import Model
+from ..errors import UnsupportedOption
+from ..models.model import Model, as_model
 from ..models.verification import TOLERANCE, Verification
 from .backend import Backend
 from .execution import execute, multistart
@@ -98,9 +98,7 @@ def solve(
     UnknownName, UnsupportedOption, UnsupportedFormulation, InvalidData
         Something asked for is not to be had.
     """
-    if not isinstance(model, Model):
-        hint = "; load it first: crosstrack.load(…)" if isinstance(model, str) else ""
-        raise InvalidData(f"model must be a Model, got {model!r}{hint}", field="model")
+    model = as_model(model)
     job = Job(
         model=model,
         backend=backend,
@@ -177,6 +175,7 @@ def verify(
     InvalidData
         The plan is none for this model, or cannot be encoded.
     """
+    model = as_model(model)
     checked = model.as_plan(plan)
     found = model.verify(checked, tolerance=tolerance)
     if formulation is None:

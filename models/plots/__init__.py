@@ -7,13 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...errors import BackendMissing, UnknownName, UnsupportedOption
+from ..model import Model, as_model
 from ..problems import resolve, table
 from ..verification import TOLERANCE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from ..model import Model
 
 __all__ = ["picture_options", "plot", "register_plot"]
 
@@ -54,6 +53,7 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
     BackendMissing
         Matplotlib is not installed.
     """
+    model = as_model(model)
     draw = _picture(model.kind)
     _refuse_unknown(model.kind, draw, options)
     asked = getattr(plan, "options", None)
