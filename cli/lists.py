@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import click
@@ -28,19 +29,20 @@ def backends(probe: bool, as_json: bool) -> int:
     if as_json:
         emit([state.to_dict() for state in states])
         return VERIFIED
-    rows = [
-        (
-            s.name,
-            s.state,
-            s.version or "",
-            s.accepts,
-            s.guarantee,
-            ", ".join(s.features),
-            s.cause or s.summary,
+    columns = ("backend", "state", "version", "accepts", "guarantee", "features", "summary")
+    groups: dict[str, list[tuple[str, ...]]] = {}
+    for s in states:
+        row = (s.name, s.state, s.version or "", s.accepts, s.guarantee, ", ".join(s.features))
+        owner = s.problem.replace("_", "-")
+        group = f"native algorithms of {owner}" if owner else "solvers of programs"
+        groups.setdefault(group, []).append((*row, s.cause or s.summary))
+    drop = ("features", "version", "accepts", "state")
+    show(
+        *(
+            table(group, columns, rows, whole=("state", "guarantee"), drop=drop)
+            for group, rows in groups.items()
         )
-        for s in states
-    ]
-    show(table("", ("backend", "state", "version", "accepts", "guarantee", "features", ""), rows))
+    )
     return VERIFIED
 
 
@@ -71,8 +73,8 @@ def models(as_json: bool) -> int:
     if as_json:
         emit(found)
     else:
-        rows = [(f["model"], f["summary"], ", ".join(f["formulations"])) for f in found]
-        show(table("", ("model", "", "formulations"), rows))
+        rows = [(f["model"], _plain(f["summary"]), ", ".join(f["formulations"])) for f in found]
+        show(table("", ("model", "summary", "formulations"), rows, drop=("formulations",)))
     return VERIFIED
 
 
@@ -89,5 +91,11 @@ def instances(as_json: bool) -> int:
         emit([entry.to_dict() for entry in found])
     else:
         rows = [(e.name, e.model, e.provenance, e.title, e.note) for e in found]
-        show(table("", ("instance", "model", "data", "", "note"), rows))
+        columns = ("instance", "model", "data", "title", "note")
+        show(table("", columns, rows, whole=("model", "data"), drop=("note", "model", "data")))
     return VERIFIED
+
+
+def _plain(text: str) -> str:
+    """Return a line of a docstring without its markup."""
+    return re.sub(r":\w+:`~?([^`]*)`|``?([^`]*)``?", lambda m: m[1] or m[2], text)

@@ -63,7 +63,7 @@ KITS = ("programs",)
 #: The tables that a problem may have; the docstring above says what each holds.
 TABLES = (
     *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "PAPER_TABLES"),
-    *("CATALOGUE", "REFERENCES", "HINTS", "EXPORTS", "DEMOS"),
+    *("CATALOGUE", "REFERENCES", "HINTS", "EXPORTS", "DEMOS", "PRINTED"),
 )
 
 #: Model types that a user registered in this session, by kind.
