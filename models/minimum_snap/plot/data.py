@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ....errors import InvalidData
 from ...fields import show
 from ...verification import Check, Verification
-from ..model import Bound, Halfspaces, derivative_name
+from ..bounds import Bound, Halfspaces, derivative_name
 from ..polynomials import derived
 from ..trajectory import Trajectory
 

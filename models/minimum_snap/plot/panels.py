@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...plots.style import BLACK, MOST_KNOTS, RED, axis_style, bare, number, speed_map
-from ..model import Bound, derivative_name, derivative_unit
+from ..bounds import Bound, derivative_name, derivative_unit
 from .data import Mark, Scene, pretty_unit
 
 if TYPE_CHECKING:

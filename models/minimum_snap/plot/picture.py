@@ -15,7 +15,7 @@ import numpy as np
 from ....errors import InvalidData
 from ...fields import show
 from ...plots.style import BLACK, RED, number
-from ..model import derivative_name
+from ..bounds import derivative_name
 from .data import Scene, given_times, pretty_unit, scene_of
 from .panels import draw_panel, panel_handles, title_of, told
 from .path import draw_path
