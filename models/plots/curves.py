@@ -1,22 +1,18 @@
-"""What pictures of controls are made of: curves, limits, panels and phases, and how plans become them."""
+"""The plain data of a picture over time: panels of curves, their limits, marks and phases."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..optimal_control.plan import PhasePlan, Piecewise
-
-__all__ = ["Curve", "Limit", "Panel", "Span", "nodes_of", "sampled"]
+__all__ = ["Curve", "Limit", "Mark", "Panel", "Span"]
 
 Floats = NDArray[np.float64]
-
-#: Points of a curve an interval at the least, and in all about.
-_FEWEST, _POINTS = 12, 2400
 
 
 class Curve(NamedTuple):
@@ -27,46 +23,78 @@ class Curve(NamedTuple):
     name : str
         What it is called in the legend.
     colour : int
-        Which of the colours it has.
+        The number of its colour, see :func:`.style.axis_style`.
     times, values : ndarray, shape (points,)
         The curve.
-    node_times, nodes : ndarray, shape (nodes,)
-        Dots on it: the nodes of the mesh.
+    width : float
+        Width of the line (point).
     """
 
     name: str
     colour: int
     times: Floats
     values: Floats
-    node_times: Floats = np.empty(0)
-    nodes: Floats = np.empty(0)
+    width: float = 1.4
 
 
 class Limit(NamedTuple):
-    """A bound that curves have for some time.
+    """A bound that curves have for some time; it may change in steps.
 
     Parameters
     ----------
-    start, end : float
-        When it holds.
-    lower, upper : float
+    times : ndarray, shape (points,)
+        When it holds, ascending; where it changes, a time comes twice.
+    lower, upper : float or ndarray, shape (points,)
         The bound; infinite where there is none.
     colours : tuple of int
-        The curves that it bounds; empty for all of the panel.
+        The colours of the curves that it bounds; empty for all of the panel.
     tolerance : float
         By how much it may be exceeded before the worst place is ringed.
-    kind : str
-        ``"limit"``, beyond which is shaded; ``"reserve"``, of the actuator where a plan holds some in
-        reserve; ``"paper"``, what the paper's controller kept to.
+    label : str
+        What the legend calls its line.
+    dashes : str
+        Dashes of its line.
+    shaded : bool
+        Whether what lies beyond it is shaded, where it bounds all curves of the panel.
+    band : str
+        What the legend calls the region inside it, which is filled; empty where it is not.
     """
 
-    start: float
-    end: float
-    lower: float
-    upper: float
+    times: Floats
+    lower: float | Floats
+    upper: float | Floats
     colours: tuple[int, ...] = ()
     tolerance: float = np.inf
-    kind: str = "limit"
+    label: str = "limit"
+    dashes: str = "--"
+    shaded: bool = True
+    band: str = ""
+
+
+class Mark(NamedTuple):
+    """Places on or beside a curve.
+
+    Parameters
+    ----------
+    label : str
+        What the legend calls them; ``"node"``, ``"fixed value"``, ``"waypoint"`` and ``"worst
+        violation"`` have a look of their own.
+    times, values : ndarray, shape (points,)
+        The places.
+    colour : int
+        The number of their colour, that of the curve they belong to.
+    look : mapping
+        Options of a matplotlib line that change their look, such as ``{"marker": "^"}``.
+    note : str
+        Written above the panel, in red.
+    """
+
+    label: str
+    times: Floats
+    values: Floats
+    colour: int = 0
+    look: Mapping[str, Any] = MappingProxyType({})
+    note: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,21 +109,24 @@ class Panel:
         What is drawn.
     limits : sequence of Limit
         What bounds it.
+    marks : sequence of Mark
+        Places that are marked.
     log : bool
         Whether the values are drawn by their logarithm.
     whole : bool
         Whether every limit is in sight, however far away.
-    shades : sequence of (float, float)
-        Stretches of time that are marked, such as those in which an actuator is saturated.
+    shades : mapping of str to a sequence of (float, float)
+        Stretches of time that are shaded, by what the legend calls them.
     """
 
     title: str
     unit: str
     curves: Sequence[Curve]
     limits: Sequence[Limit] = ()
+    marks: Sequence[Mark] = ()
     log: bool = False
     whole: bool = False
-    shades: Sequence[tuple[float, float]] = ()
+    shades: Mapping[str, Sequence[tuple[float, float]]] = field(default_factory=dict)
 
 
 class Span(NamedTuple):
@@ -105,28 +136,3 @@ class Span(NamedTuple):
     start: float
     end: float
     knots: Floats
-
-
-def sampled(part: PhasePlan) -> tuple[Floats, Floats, Floats]:
-    """Return times, states and controls of a phase for its curves; a knot comes twice."""
-    count = part.states.intervals
-    even = np.linspace(-1.0, 1.0, max(_FEWEST, _POINTS // count))
-    times, states, controls = [], [], []
-    for k in range(count):
-        nodes = [part.states.nodes[k], part.controls.nodes[k]]
-        places = np.unique(np.concatenate([even, *nodes]))
-        begin, end = part.states.knots[k], part.states.knots[k + 1]
-        times.append(begin + 0.5 * (places + 1.0) * (end - begin))
-        states.append(part.states.on(k, places))
-        controls.append(part.controls.on(k, places))
-    return np.concatenate(times), np.concatenate(states), np.concatenate(controls)
-
-
-def nodes_of(part: Piecewise) -> tuple[Floats, Floats]:
-    """Return times and values of the nodes of a plan's functions, (nodes,) and (nodes, size)."""
-    times = [
-        part.knots[k] + 0.5 * (at + 1.0) * (part.knots[k + 1] - part.knots[k])
-        for k, at in enumerate(part.nodes)
-    ]
-    values = [part.on(k, at) for k, at in enumerate(part.nodes)]
-    return np.concatenate(times), np.concatenate(values)

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from ....errors import InvalidData
 from ...fields import show
+from ...plots.options import check_list
 from ...verification import Check, Verification
 from ..model import Bound, Halfspaces, derivative_name
 from ..polynomials import derived
 from ..trajectory import Trajectory
 
-__all__ = ["Mark", "Scene", "given_times", "pretty_unit", "scene_of"]
+__all__ = ["Scene", "Violation", "given_times", "scene_of"]
 
 Floats = NDArray[np.float64]
 
@@ -26,10 +27,8 @@ _POINTS = 8000
 #: Points a segment: fewer do not show its shape, more are not seen.
 _FEWEST, _MOST = 4, 240
 
-_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
-
-class Mark(NamedTuple):
+class Violation(NamedTuple):
     """The place where a plan breaks one condition most.
 
     Parameters
@@ -179,25 +178,24 @@ class Scene:
 
     # -- what is broken --------------------------------------------------------------------------
 
-    @cached_property
+    @property
     def violated(self) -> tuple[Check, ...]:
         """The checks that the plan does not pass."""
-        found = self.verification
-        return () if found is None else tuple(check for check in found.checks if not check.ok)
+        return () if self.verification is None else tuple(self.verification.violated)
 
     @cached_property
-    def marks(self) -> tuple[Mark, ...]:
+    def marks(self) -> tuple[Violation, ...]:
         """The worst place of each broken condition that has a place."""
-        return tuple(mark for check in self.violated for mark in self._marked(check))
+        return tuple(mark for check in self.violated for mark in self._located(check))
 
-    def _marked(self, check: Check) -> Iterator[Mark]:
+    def _located(self, check: Check) -> Iterator[Violation]:
         plan = self._planned()
         for bound in self.bounds:
             if bound.name == check.name:
                 yield self._of_bound(check, bound)
         if check.name == "polytope" and self.halfspaces is not None:
             time = self._of_halfspaces(self.halfspaces)
-            yield Mark(check, 0, -1, time, np.nan, plan(time))
+            yield Violation(check, 0, -1, time, np.nan, plan(time))
         for order in range(max(self.conditions.shape[1], plan.degree + 1)):
             word = derivative_name(order)
             begin, end = plan.at_ends(order)
@@ -219,13 +217,15 @@ class Scene:
                 off = np.where(known, np.abs(values - wanted), 0.0)
                 yield self._at_knot(check, order, off, values, 0)
 
-    def _at_knot(self, check: Check, order: int, off: Floats, values: Floats, first: int) -> Mark:
+    def _at_knot(
+        self, check: Check, order: int, off: Floats, values: Floats, first: int
+    ) -> Violation:
         row, axis = (int(k) for k in np.unravel_index(int(off.argmax()), off.shape))
         time = float(self.flown[row + first])
         value, plan = float(values[row, axis]), self._planned()
-        return Mark(check, order, axis, time, value, plan(time))
+        return Violation(check, order, axis, time, value, plan(time))
 
-    def _of_bound(self, check: Check, bound: Bound) -> Mark:
+    def _of_bound(self, check: Check, bound: Bound) -> Violation:
         plan = self._planned()
         found = plan.extremes(bound.derivative)
         best = (-np.inf, 0, 0.0, 0.0)
@@ -241,7 +241,7 @@ class Scene:
                 place = (float(times[row, axis]), float(values[row, axis]))
                 best = (float(share[row, axis]), axis, *place)
         _, axis, time, value = best
-        return Mark(check, bound.derivative, axis, time, value, plan(time))
+        return Violation(check, bound.derivative, axis, time, value, plan(time))
 
     def _of_halfspaces(self, spaces: Halfspaces) -> float:
         plan, rows = self._planned(), spaces.segments
@@ -273,18 +273,10 @@ def _names(names: Any, dimensions: int) -> tuple[str, ...]:
     if names is None:
         # Beyond three, the numbers that the checks speak of.
         return tuple("xyz"[k] if k < 3 else f"axis {k}" for k in range(dimensions))
-    listed = list(names) if isinstance(names, tuple | list) else []
-    wrong = len(listed) != dimensions or len(set(map(str, listed))) < dimensions
-    if wrong or not all(isinstance(name, str) and name for name in listed):
-        raise InvalidData(
-            f"names must hold {dimensions} different word{'s' if dimensions > 1 else ''}, one an "
-            f"axis, got {show(names)}",
-            field="names",
+    allowed = f"hold {dimensions} different word{'s' if dimensions > 1 else ''}, one an axis"
+    return tuple(
+        check_list(
+            "names", names, lambda name: isinstance(name, str) and name != "", allowed,
+            least=dimensions, most=dimensions,
         )
-    return tuple(listed)
-
-
-def pretty_unit(unit: str) -> str:
-    """Return ``"m/s²"`` for ``"m/s^2"``."""
-    base, mark, power = unit.partition("^")
-    return base + power.translate(_SUPERSCRIPTS) if mark else unit
+    )  # fmt: skip
