@@ -18,7 +18,7 @@ from ..plots.curves import Curve, Mark, Panel, Span
 from ..plots.labels import write_names
 from ..plots.options import check_flags
 from ..plots.panels import draw_panels
-from ..plots.space import dress_space, space_axes
+from ..plots.space import dots, dress_space, space_axes
 from ..plots.style import (
     BLACK,
     DARK,
@@ -44,12 +44,9 @@ __all__ = ["draw", "violated_stops"]
 _NUMBERS = {"A": 6, "horizontal": 0, "vertical": 1, "B": 6}
 _COLOURS = {word: axis_style(number)["color"] for word, number in _NUMBERS.items()}
 _MARKERS = {"A": ">", "horizontal": "o", "vertical": "^", "B": "s"}
-_LEGEND = {
-    "A": "start A",
-    "horizontal": "horizontal correction",
-    "vertical": "vertical correction",
-    "B": "end B",
-}
+_LEGEND = dict(
+    zip(_MARKERS, ("start A", "horizontal correction", "vertical correction", "end B"), strict=True)
+)
 
 #: More labels than this are not readable.
 _MOST_LABELS = 45
@@ -172,28 +169,21 @@ def _title(
 
 
 def _space(
-    model: ErrorCorrectionRouting,
-    stops: list[Stop],
-    bad: list[int],
-    axes: Any,
-    scale: float,
+    model: ErrorCorrectionRouting, stops: list[Stop], bad: list[int], axes: Any, scale: float,
     unit: str,
-) -> None:
+) -> None:  # fmt: skip
     points = model.points * scale
     visited = [stop.point for stop in stops]
     floor = float(points[:, 2].min())
     others = np.ones(len(points), bool)
     others[visited] = False
     crowded = len(points) > 60
+    size, alpha = (9 if stops and crowded else 18), (0.22 if crowded else 0.4) if stops else 0.75
     for word in KIND_WORDS:
+        area, clear = (36, 1.0) if word in ("A", "B") else (size, alpha)
         faint = points[(model.kinds == word) & others]
-        ends = word in ("A", "B")
         if len(faint):
-            axes.scatter(
-                *faint.T, marker=_MARKERS[word], color=_COLOURS[word], depthshade=False,
-                s=36 if ends else 9 if stops and crowded else 18, linewidths=0,
-                alpha=1.0 if ends else 0.75 if not stops else 0.22 if crowded else 0.4, zorder=2,
-            )  # fmt: skip
+            dots(axes, faint, _MARKERS[word], _COLOURS[word], size=area, alpha=clear, zorder=2)
     if stops:
         way = points[visited]
         # The shadow on the floor and the stems tell how high a point is.
@@ -201,18 +191,13 @@ def _space(
         for x, y, z in way:
             axes.plot([x, x], [y, y], [floor, z], color=GREY, lw=0.5, alpha=0.6, zorder=1)
         axes.plot(*way.T, color=BLACK, lw=1.5, zorder=3)
+        white: dict[str, Any] = {"size": 46, "edge": "white", "width": 0.6, "zorder": 4}
         for word in KIND_WORDS:
             at = way[[stop.kind == word for stop in stops]]
             if len(at):
-                axes.scatter(
-                    *at.T, marker=_MARKERS[word], color=_COLOURS[word], depthshade=False,
-                    s=46, edgecolors="white", linewidths=0.6, zorder=4,
-                )  # fmt: skip
+                dots(axes, at, _MARKERS[word], _COLOURS[word], **white)
         if bad:
-            axes.scatter(
-                *way[bad].T, marker="o", facecolors="none", edgecolors=RED, s=110,
-                linewidths=1.6, depthshade=False, zorder=21,
-            )  # fmt: skip
+            dots(axes, way[bad], "o", "none", size=110, edge=RED, width=1.6, zorder=21)
     _box(points, axes, unit)
 
 

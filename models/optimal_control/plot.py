@@ -160,27 +160,26 @@ def guessed(definition: Definition) -> ControlPlan:
 
 def sampled(part: PhasePlan) -> tuple[Floats, Floats, Floats]:
     """Return times, states and controls of a phase for its curves; a knot comes twice."""
-    count = part.states.intervals
-    even = np.linspace(-1.0, 1.0, max(_FEWEST, _POINTS // count))
-    times, states, controls = [], [], []
-    for k in range(count):
-        nodes = [part.states.nodes[k], part.controls.nodes[k]]
-        places = np.unique(np.concatenate([even, *nodes]))
-        begin, end = part.states.knots[k], part.states.knots[k + 1]
-        times.append(begin + 0.5 * (places + 1.0) * (end - begin))
-        states.append(part.states.on(k, places))
-        controls.append(part.controls.on(k, places))
-    return np.concatenate(times), np.concatenate(states), np.concatenate(controls)
+    even = np.linspace(-1.0, 1.0, max(_FEWEST, _POINTS // part.states.intervals))
+    rows = []
+    for k in range(part.states.intervals):
+        at = np.unique(np.concatenate([even, part.states.nodes[k], part.controls.nodes[k]]))
+        rows.append((_times(part.states, k, at), part.states.on(k, at), part.controls.on(k, at)))
+    times, states, controls = (np.concatenate(column) for column in zip(*rows, strict=True))
+    return times, states, controls
 
 
 def nodes_of(part: Piecewise) -> tuple[Floats, Floats]:
     """Return times and values of the nodes of a plan's functions, (nodes,) and (nodes, size)."""
-    times = [
-        part.knots[k] + 0.5 * (at + 1.0) * (part.knots[k + 1] - part.knots[k])
-        for k, at in enumerate(part.nodes)
-    ]
+    times = [_times(part, k, at) for k, at in enumerate(part.nodes)]
     values = [part.on(k, at) for k, at in enumerate(part.nodes)]
     return np.concatenate(times), np.concatenate(values)
+
+
+def _times(part: Piecewise, interval: int, at: Floats) -> Floats:
+    begin, end = part.knots[interval : interval + 2]
+    found: Floats = begin + 0.5 * (at + 1.0) * (end - begin)
+    return found
 
 
 def curves_of(

@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 _TURNS = np.deg2rad([90, -90, 45, 135, -45, -135, 0, 180, 68, 112, -68, -112])
 #: Distances of a label's nearest edge from its point, in heights of a line.
 _GAPS = (0.55, 1.3, 2.1)
+_FAR = np.repeat(_GAPS, len(_TURNS))
 #: How wide a character and how high a line is, in sizes of the font.
 _CHARACTER, _LINE = 0.62, 1.07
 
@@ -76,7 +77,7 @@ def place_labels(
     points : ndarray, shape (k, 2)
         The points in the plane of the paper, in the order of the route.
     widths : list of float, length k
-        Widths of the labels, in the unit of `points`.
+        Widths of the labels, in the unit of `points`; 0 where there is none.
     height : float
         Height of a label.
     route : bool
@@ -88,24 +89,22 @@ def place_labels(
         Same input, same offsets.
     """
     obstacles = _along(points, height / 2) if route else points
+    ways = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
     offsets = np.zeros((len(points), 2))
-    boxes = np.zeros((0, 4))
+    lows, highs = np.zeros((2, 0, 2))
     for k, (point, width) in enumerate(zip(points, widths, strict=True)):
+        if not width:
+            continue
         half = np.array([width, height]) / 2
-        best = np.inf
-        for gap in _GAPS:
-            for turn in _TURNS:
-                way = np.array([np.cos(turn), np.sin(turn)])
-                offset = way * (half * np.abs(way) + gap * height)
-                low, high = point + offset - half, point + offset + half
-                # To hide another label is worst, a marker or the line bad, far away a little.
-                overlap = np.minimum(high, boxes[:, 2:]) - np.maximum(low, boxes[:, :2])
-                hidden = (overlap > 0).all(axis=1).sum()
-                covered = ((obstacles > low) & (obstacles < high)).all(axis=1).sum()
-                cost = 50.0 * hidden + 3.0 * covered + 2.0 * gap
-                if cost < best:
-                    best, offsets[k], box = cost, offset, np.concatenate([low, high])
-        boxes = np.vstack([boxes, box])
+        tried = np.concatenate([ways * (half * np.abs(ways) + gap * height) for gap in _GAPS])
+        low, high = (point + tried + side * half for side in (-1, 1))
+        # To hide another label is worst, a marker or the line bad, far away a little.
+        apart = np.minimum(high[:, None], highs) - np.maximum(low[:, None], lows)
+        inside = (obstacles > low[:, None]) & (obstacles < high[:, None])
+        hidden, covered = (hit.all(axis=2).sum(axis=1) for hit in (apart > 0, inside))
+        best = int((50.0 * hidden + 3.0 * covered + 2.0 * _FAR).argmin())
+        offsets[k] = tried[best]
+        lows, highs = np.vstack([lows, low[best]]), np.vstack([highs, high[best]])
     return offsets
 
 

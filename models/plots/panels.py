@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .curves import Floats, Limit, Mark, Panel, Span
+from .curves import Floats, Mark, Panel, Span, range_of, worst_of
 from .style import (
     BLACK,
     DARK,
@@ -22,10 +22,11 @@ from .style import (
     headline,
     inches,
     key,
+    legend_row,
     number,
     pretty_unit,
     sheet,
-)
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,8 +36,6 @@ __all__ = ["draw_panel", "draw_panels", "keys_of", "panel_sheet"]
 
 #: More nodes than this in a panel are no dots any more, more knots no ticks, more curves have no name.
 _MOST_NODES, _MOST_TICKS, _MOST_NAMES = 240, 100, 6
-#: A limit farther away than this many times the height of the curves is told in words.
-_FAR = 1.2
 _SHADED = "#E69F00"
 #: How places look, beside their colour, by what the legend calls them.
 _MARKS: dict[str, dict[str, Any]] = {
@@ -53,18 +52,15 @@ _LINE, _KEY, _LETTER = 0.17, 0.43, 0.06
 _LEFT, _GAP, _RIGHT = 0.92, 1.02, 0.15
 #: Letters of a line beside a panel.
 _LETTERS = 18
-#: Decades that a logarithmic panel shows at the most.
-_DECADES = 12
 
 
 def panel_sheet(
     panels: Sequence[Panel], spans: Sequence[Span], *, title: str, wrong: bool, columns: int,
     size: Any = None, **how: Any,
 ) -> Figure:  # fmt: skip
-    """Return a figure of nothing but panels, with a title that is a warning where `wrong`.
+    """Return a figure of nothing but panels; `how` is told to :func:`draw_panels`.
 
-    `size` is width and height (inch), by default what the panels need; everything else is told as to
-    :func:`draw_panels`.
+    `size` is width and height (inch), by default what the panels need.
     """
     rows = -(-len(panels) // columns)
     high = _head(title, spans) + _FOOT + _ROW * rows
@@ -102,7 +98,7 @@ def draw_panels(
     ruled : bool
         Whether knots are lines through the panel, and not ticks at its foot.
     guess : bool
-        Whether what is drawn is a guess and no plan.
+        Whether what is drawn is a guess, and no plan.
     keys : sequence
         More entries of the legend, see :func:`.style.key`.
 
@@ -129,8 +125,15 @@ def draw_panels(
         draw_panel(panel, axes, spans, wrong=wrong, mesh=mesh, ruled=ruled, guess=guess)
         if row == 0:
             _name_phases(axes, spans)
-        if not shared:
-            _name_curves(panel, axes)
+        own = _curve_keys(panel)
+        if not shared and len(own) > 1:
+            # In a row above the panel, where names hide nothing.
+            tight: dict[str, Any] = {
+                "handlelength": 1.3,
+                "columnspacing": 1.0,
+                "borderaxespad": 0.0,
+            }
+            legend_row(axes, own, "lower right", (1.0, 0.97), **tight)
         if row + 1 < rows and k + 1 < len(panels):
             axes.tick_params(labelbottom=False)
         else:
@@ -138,19 +141,12 @@ def draw_panels(
         places.append(axes)
     for column in range(columns):
         figure.align_ylabels(places[column * rows : (column + 1) * rows])
-    found = [
-        *(_curve_keys(panels[0]) if shared else []),
-        *keys_of(panels, places, guess=guess),
-        *keys,
-    ]
-    if found:
-        # In two rows, where one would not fit.
-        words = sum(_KEY + _LETTER * len(one.get_label()) for one in found)
-        figure.legend(
-            handles=found, loc="upper center", ncols=-(-len(found) // (1 + (words > broad))),
-            bbox_to_anchor=(0.5, 1 - (0.34 + _LINE * title.count("\n")) / tall), fontsize=7.5,
-            frameon=False, handletextpad=0.4, columnspacing=1.4,
-        )  # fmt: skip
+    own = _curve_keys(panels[0]) if shared else []
+    found = [*own, *keys_of(panels, places, guess=guess), *keys]
+    # In two rows, where one would not fit.
+    rows = 1 + (sum(_KEY + _LETTER * len(one.get_label()) for one in found) > broad)
+    place = (0.5, 1 - (0.34 + _LINE * title.count("\n")) / tall)
+    legend_row(figure, found, "upper center", place, rows=rows)
     return places
 
 
@@ -189,7 +185,7 @@ def draw_panel(
     ruled: bool = False, guess: bool = False,
 ) -> None:  # fmt: skip
     """Draw one panel; the options are those of :func:`draw_panels`."""
-    low, high = _range(panel)
+    low, high = range_of(panel)
     notes = _draw_limits(panel, axes, low, high)
     for begin, end in itertools.chain.from_iterable(panel.shades.values()):
         axes.axvspan(begin, end, color=_SHADED, alpha=0.25, lw=0, zorder=0.7, gid="shade")
@@ -224,7 +220,7 @@ def _scale(panel: Panel, axes: Axes, low: float, high: float) -> None:
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
     broad, tall = np.array(axes.get_position().size) * inches(axes.figure)
-    ticks = int(np.clip(1.8 * broad, 4, 9))
+    ticks = int(np.clip(2.1 * broad, 4, 9))
     axes.xaxis.set_major_locator(MaxNLocator(nbins=ticks, steps=[1, 2, 5, 10]))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
     if panel.log:
@@ -239,40 +235,7 @@ def _scale(panel: Panel, axes: Axes, low: float, high: float) -> None:
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, digits)))
 
 
-def _range(panel: Panel) -> tuple[float, float]:
-    """Return the limits of the panel: of what is drawn, and of the bounds that are near it."""
-    drawn = [curve.values for curve in panel.curves] + [mark.values for mark in panel.marks]
-    values = np.concatenate([np.empty(0), *drawn])
-    values = values[np.isfinite(values)]
-    edges = np.concatenate(
-        [np.empty(0), *(np.ravel(side) for one in panel.limits for side in (one.lower, one.upper))]
-    )
-    edges = edges[np.isfinite(edges)]
-    if panel.log:
-        sizes = np.abs(np.append(values, edges))
-        sizes = sizes[sizes > 0.0]
-        top = float(sizes.max(initial=0.0)) or 1.0
-        return max(float(sizes.min(initial=top)), top * 10.0**-_DECADES) / 3, 3 * top
-    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
-    # What is constant but for rounding is not blown up.
-    span = high - low
-    if span <= 1e-9 * max(1.0, abs(low), abs(high)):
-        span = 0.0
-    reach = _FAR * (span or float(np.abs(edges).max(initial=0.0)) or 1.0)
-    near = edges[panel.whole | ((edges >= low - reach) & (edges <= high + reach))]
-    low, high = float(near.min(initial=low)), float(near.max(initial=high))
-    margin = 0.08 * (high - low)
-    if not margin > 1e-9 * max(1.0, abs(low), abs(high)):
-        margin = 0.5 * (abs(high) or 1.0)
-    return low - margin, high + margin
-
-
 # -- limits and marks ----------------------------------------------------------------------------
-
-
-def _sides(limit: Limit) -> tuple[Floats, Floats]:
-    lower, upper = (np.full(len(limit.times), side) for side in (limit.lower, limit.upper))
-    return lower, upper
 
 
 def _draw_limits(panel: Panel, axes: Axes, low: float, high: float) -> list[str]:
@@ -288,7 +251,7 @@ def _draw_limits(panel: Panel, axes: Axes, low: float, high: float) -> list[str]
         line: dict[str, Any] = {"ls": limit.dashes, "lw": 1.0}
         if limit.colours and len(limit.times) > 2 * MOST_KNOTS:
             line = {"ls": "-", "lw": 0.5}
-        lower, upper = _sides(limit)
+        lower, upper = limit.sides
         hidden: list[tuple[str, Floats]] = []
         for edge, beyond, sign in ((lower, low, "≥"), (upper, high, "≤")):
             finite = edge[np.isfinite(edge)]
@@ -326,7 +289,7 @@ def _draw_limits(panel: Panel, axes: Axes, low: float, high: float) -> list[str]
 def _draw_marks(panel: Panel, axes: Axes, *, wrong: bool, mesh: bool) -> None:
     dots = sum(mark.values.size for mark in panel.marks if mark.label == "node")
     marks = list(panel.marks)
-    worst = _worst(panel) if wrong else None
+    worst = worst_of(panel) if wrong else None
     if worst is not None:
         marks.append(Mark("worst violation", *worst))
     for mark in marks:
@@ -338,26 +301,6 @@ def _draw_marks(panel: Panel, axes: Axes, *, wrong: bool, mesh: bool) -> None:
     if told:
         more = f" (and {len(told) - 1} more)" if len(told) > 1 else ""
         axes.set_title(told[0] + more, fontsize=7.5, color=RED, loc="right", pad=2.5)
-
-
-def _worst(panel: Panel) -> tuple[Floats, Floats] | None:
-    """Return where a limit is exceeded most, by more than its tolerance; None where none is."""
-    best, place = 1.0, None
-    for limit, curve in itertools.product(panel.limits, panel.curves):
-        apart = curve.times[0] >= limit.times[-1] or curve.times[-1] <= limit.times[0]
-        # A phase that ends where the limit of the next begins is not bound by it.
-        if apart or (limit.colours and curve.colour not in limit.colours):
-            continue
-        at = np.searchsorted(limit.times, curve.times, side="right") - 1
-        inside = (at >= 0) & (curve.times <= limit.times[-1])
-        lower, upper = (side[np.clip(at, 0, None)] for side in _sides(limit))
-        over = np.maximum(curve.values - upper, lower - curve.values)
-        over = np.where(inside & np.isfinite(over), over, -np.inf)
-        row = int(over.argmax())
-        share = float(over[row]) / max(limit.tolerance, np.finfo(float).tiny)
-        if share > best:
-            best, place = share, (curve.times[[row]], curve.values[[row]])
-    return place
 
 
 def _draw_knots(axes: Axes, spans: Sequence[Span], *, ruled: bool) -> None:
@@ -380,17 +323,6 @@ def _curve_keys(panel: Panel) -> list[Any]:
     names = list(dict.fromkeys(curve.name for curve in panel.curves))
     keys = [key(name, lw=1.6, **axis_style(first[name])) for name in names[:_MOST_NAMES]]
     return keys + [key(f"… {len(names)} in all", ls="")] * (len(names) > _MOST_NAMES)
-
-
-def _name_curves(panel: Panel, axes: Axes) -> None:
-    """Name the curves in a row above the panel, where they hide nothing."""
-    keys = _curve_keys(panel)
-    if len(keys) > 1:
-        axes.legend(
-            handles=keys, loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=len(keys),
-            fontsize=7.5, frameon=False, handlelength=1.3, handletextpad=0.4, columnspacing=1.0,
-            borderaxespad=0.0,
-        )  # fmt: skip
 
 
 def _name_phases(axes: Axes, spans: Sequence[Span]) -> None:

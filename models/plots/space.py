@@ -1,10 +1,13 @@
-"""What is drawn in space: axes with a quiet box, from one point of view for all problems."""
+"""What is drawn in a plane and in space: markers, and axes with a quiet box, from one point of view for all problems."""
 
 from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["dress_space", "space_axes"]
+from numpy import float64
+from numpy.typing import NDArray
+
+__all__ = ["dots", "dress_space", "space_axes"]
 
 
 def space_axes(figure: Any, place: tuple[float, float, float, float]) -> Any:
@@ -28,3 +31,18 @@ def dress_space(axes: Any, *, above: float = 28) -> None:
         pane.set_major_locator(MaxNLocator(nbins=5))
     for artist in (*axes.collections, *axes.lines):
         artist.set_clip_on(False)
+
+
+def dots(
+    axes: Any, places: NDArray[float64], marker: str, face: str, *, size: float, zorder: float,
+    edge: str = "none", width: float = 1.0, **more: Any,
+) -> Any:  # fmt: skip
+    """Draw markers at `places` of a plane or of space, (k, 2) or (k, 3), and return them.
+
+    `size` is the area of a marker (square points), `width` that of its edge (points).
+    """
+    depth = {"depthshade": False} if places.shape[1] == 3 else {}
+    return axes.scatter(
+        *places.T, marker=marker, s=size, facecolors=face, edgecolors=edge, zorder=zorder,
+        linewidths=0 if edge == "none" else width, **depth, **more,
+    )  # fmt: skip

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLACK", "DARK", "GREY", "MOST_KNOTS", "RED", "RING", "axis_style", "bare", "headline", "inches",
-    "key", "legend_below", "not_valid", "number", "pretty_unit", "sheet",
+    "key", "legend_below", "legend_row", "not_valid", "number", "pretty_unit", "sheet",
 ]  # fmt: skip
 
 # Okabe and Ito's colours, which all eyes tell apart and whose greys differ in print.
@@ -93,13 +93,24 @@ def key(label: str, **look: Any) -> Any:
     return Line2D([], [], label=label, **look)
 
 
-def legend_below(figure: Any, handles: Sequence[Any], middle: float = 0.5) -> None:
-    """Write a legend in one row at the foot of a figure or of a part of one."""
-    if handles:
-        figure.legend(
-            handles=handles, loc="lower center", bbox_to_anchor=(middle, 0.08 / inches(figure)[1]),
-            ncols=len(handles), fontsize=7.5, frameon=False, handletextpad=0.3, columnspacing=1.2,
+def legend_row(
+    where: Any, keys: Sequence[Any], loc: str, place: tuple[float, float], *, rows: int = 1,
+    **look: Any,
+) -> None:  # fmt: skip
+    """Write a legend in `rows` rows in a figure, a part of one or axes; nothing without `keys`.
+
+    `loc` is the corner of the legend that stands at `place`, as matplotlib names it.
+    """
+    if keys:
+        where.legend(
+            handles=keys, loc=loc, bbox_to_anchor=place, ncols=-(-len(keys) // rows), fontsize=7.5,
+            frameon=False, **{"handletextpad": 0.4, "columnspacing": 1.2, **look},
         )  # fmt: skip
+
+
+def legend_below(figure: Any, keys: Sequence[Any], middle: float = 0.5, rows: int = 1) -> None:
+    """Write a legend at the foot of a figure or of a part of one."""
+    legend_row(figure, keys, "lower center", (middle, 0.08 / inches(figure)[1]), rows=rows)
 
 
 def number(value: float, digits: int = 6) -> str:

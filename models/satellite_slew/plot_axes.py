@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ..optimal_control.plan import ControlPlan
 from ..plots.options import check_option, is_number, is_whole
-from ..plots.space import space_axes
-from ..plots.style import DARK, GREY, axis_style, headline, key, sheet
+from ..plots.space import dots, space_axes
+from ..plots.style import DARK, GREY, axis_style, headline, key, legend_below, sheet
 from .checks import slew_phase
 from .model import SatelliteSlew
 from .quaternions import product, rotation_about, rotation_matrix
@@ -50,10 +50,7 @@ def draw_axes(
         moved = float(np.linalg.norm(end[:, k] - begin[:, k])) > 0.05
         for place, face, word in ((begin[:, k], "white", ""), (end[:, k], colour, "'")):
             axes.plot(*np.stack([np.zeros(3), place]).T, lw=0.9, color=colour, zorder=3)
-            axes.scatter(
-                *place[:, None], s=34, facecolors=face, edgecolors=colour, linewidths=1.4, zorder=7,
-                depthshade=False,
-            )  # fmt: skip
+            dots(axes, place[None], "o", face, size=34, edge=colour, width=1.4, zorder=7)
             if not word or moved:
                 axes.text(
                     *(1.16 * place), f"{'xyz'[k]}{word}", color=colour, fontsize=10, ha="center",
@@ -201,7 +198,4 @@ def _legend(figure: Figure, planned: bool) -> None:
         key("end (')", marker="o", color=GREY),
         key("eigenaxis turn", lw=1.1, ls=":", color=GREY),
     ]
-    figure.legend(
-        handles=keys, loc="lower center", ncols=3, fontsize=7.5, frameon=False,
-        bbox_to_anchor=(0.5, 0.0),
-    )  # fmt: skip
+    legend_below(figure, keys, rows=-(-len(keys) // 3))

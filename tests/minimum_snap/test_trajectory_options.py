@@ -48,7 +48,6 @@ def test_data_alone():
         bare = walk(5, dimensions)
         model = walk(5, dimensions, **boxes(bare, 0.5))
         figure = ct.plot(model)
-        render(figure)
         assert len(figure.axes) == 1
         assert not any("speed" in word for word in words(figure))
 
@@ -71,7 +70,7 @@ def test_options():
     assert path(alone).get_ylabel() == "z (m)"
     assert path(alone).get_xlabel() == "time (s)"
     for size in ((1, 1), (30, 20)):
-        render(ct.plot(model, plan, size=size, derivatives=1))
+        render(ct.plot(model, plan, size=size, derivatives=(1,)))
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ def test_a_slew_in_the_papers_manner(tmp_path):
     model = SatelliteSlew(name="turn")
     plan = slewed(model)
     figure = ct.plot(model, plan)
-    figure.savefig(tmp_path / "slew.png")
+    figure.savefig(tmp_path / "slew.png", dpi=50)
     drawn = panels(figure)
     assert list(drawn) == SLEW_PANELS
     assert [axes.get_ylabel().rpartition("\n")[2] for axes in figure.axes] == [
@@ -112,7 +112,7 @@ def test_tracking_adds_the_errors():
 def test_the_ways_of_the_axes(tmp_path):
     model = SatelliteSlew()
     figure = ct.plot(model, slewed(model), view="axis")
-    figure.savefig(tmp_path / "axes.png")
+    figure.savefig(tmp_path / "axes.png", dpi=50)
     (axes,) = figure.axes
     assert axes.name == "3d"
     for k, name in enumerate("xyz"):

@@ -69,17 +69,32 @@ class Scene:
         The plan.
     names : tuple of str
         Names of the axes.
+    waypoints : ndarray, shape (knots, dimensions)
+        Positions at the knots, infinite where free.
+    conditions : ndarray, shape (knots, orders, dimensions)
+        What is fixed at the knots, infinite where free.
+    timed : bool
+        Whether the knots have times: the model's, or the plan's.
+    times : ndarray, shape (knots,)
+        Times of the knots, or their numbers where nothing tells the times.
+    bounds : tuple of Bound
+        The corridor's boxes and the limits.
+    halfspaces : Halfspaces, optional
+        The polytopes.
+    verification : Verification, optional
+        The model's own check of the plan.
     """
 
     model: Any
     plan: Trajectory | None
     names: tuple[str, ...]
-
-    @property
-    def waypoints(self) -> Floats:
-        """Positions at the knots, infinite where free, shape (knots, dimensions)."""
-        found: Floats = self.model.waypoints
-        return found
+    waypoints: Floats
+    conditions: Floats
+    timed: bool
+    times: Floats
+    bounds: tuple[Bound, ...]
+    halfspaces: Halfspaces | None
+    verification: Verification | None
 
     @property
     def dimensions(self) -> int:
@@ -91,53 +106,14 @@ class Scene:
         """Number of polynomials an axis."""
         return len(self.waypoints) - 1
 
-    @cached_property
-    def timed(self) -> bool:
-        """Whether the knots have times: the model's, or the plan's."""
-        return given_times(self.model) is not None or self.plan is not None
-
-    @cached_property
-    def times(self) -> Floats:
-        """Times of the knots, or their numbers where nothing tells the times."""
-        given = given_times(self.model)
-        if given is None:
-            given = np.arange(len(self.waypoints)) if self.plan is None else self.plan.times
-        return np.asarray(given, float)
-
-    @cached_property
+    @property
     def flown(self) -> Floats:
         """Times of the plan's own knots, which are between its segments."""
         return self.times if self.plan is None else self.plan.times
 
-    @cached_property
-    def bounds(self) -> tuple[Bound, ...]:
-        """The corridor's boxes and the limits."""
-        found = getattr(self.model, "bounds", ())
-        return tuple(found() if callable(found) else found)
-
     def bounds_of(self, order: int) -> list[Bound]:
         """Return the bounds on one derivative."""
         return [bound for bound in self.bounds if bound.derivative == order]
-
-    @cached_property
-    def halfspaces(self) -> Halfspaces | None:
-        """The polytopes, None where there are none."""
-        found: Halfspaces | None = getattr(self.model, "halfspaces", None)
-        return found
-
-    @cached_property
-    def conditions(self) -> Floats:
-        """What is fixed at the knots, shape (knots, orders, dimensions), infinite where free."""
-        found = getattr(self.model, "conditions", None)
-        return self.waypoints[:, None] if found is None else np.asarray(found, float)
-
-    @cached_property
-    def verification(self) -> Verification | None:
-        """The model's own check of the plan."""
-        if self.plan is None:
-            return None
-        found: Verification = self.model.verify(self.plan)
-        return found
 
     # -- samples ---------------------------------------------------------------------------------
 
@@ -266,7 +242,19 @@ def scene_of(model: Any, plan: Any, names: Any) -> Scene:
             f"{dimensions}-D",
             field="plan",
         )
-    return Scene(model, plan, _names(names, dimensions))
+    times, bounds = given_times(model), getattr(model, "bounds", ())
+    if times is None and plan is not None:
+        times = plan.times
+    conditions = getattr(model, "conditions", None)
+    return Scene(
+        model, plan, _names(names, dimensions), waypoints,
+        conditions=waypoints[:, None] if conditions is None else np.asarray(conditions, float),
+        timed=times is not None,
+        times=np.asarray(np.arange(count + 1) if times is None else times, float),
+        bounds=tuple(bounds() if callable(bounds) else bounds),
+        halfspaces=getattr(model, "halfspaces", None),
+        verification=None if plan is None else model.verify(plan),
+    )  # fmt: skip
 
 
 def _names(names: Any, dimensions: int) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...plots.labels import write_names
-from ...plots.space import dress_space
+from ...plots.space import dots, dress_space
 from ...plots.style import BLACK, DARK, GREY, MOST_KNOTS, RED, bare, inches
 from .data import Scene
 from .regions import regions
@@ -81,7 +81,10 @@ def draw_path(
     else:
         axes.plot(*places[known].T, color=GREY, lw=0.9, ls=(0, (2, 2)), zorder=3)
     handles = _waypoints(scene, axes, places, known) + handles
-    handles += _marks(scene, own, axes)
+    if scene.marks:
+        worst = np.array([one.position[own] for one in scene.marks])
+        look: dict[str, Any] = {"size": 120, "edge": RED, "width": 1.6, "zorder": 21}
+        handles.append(dots(axes, worst, "o", "none", label="worst violation", **look))
     _frame(scene, shown, axes, low, high)
     if labels or (labels is None and len(places) <= _MOST_NUMBERS):
         _numbers(scene, own, axes, places)
@@ -195,60 +198,25 @@ def line_by_speed(way: Floats, speed: Floats, axes: Any) -> Collection:
 
 
 def _waypoints(scene: Scene, axes: Any, places: Floats, known: NDArray[np.bool_]) -> list[Any]:
-    space = places.shape[1] == 3
-    depth = {"depthshade": False} if space else {}
     drawn = _whole(np.isfinite(places))
-    inner = drawn.copy()
-    inner[[0, -1]] = False
-    crowd = len(places) > MOST_KNOTS
+    knot = np.arange(len(places))
+    first, last = drawn & (knot == 0), drawn & (knot == knot[-1])
+    inner = drawn & ~first & ~last & (scene.plan is None or len(places) <= _MOST_WAYPOINTS)
     # Many waypoints are dots: rings would hide the path.
-    small = {"s": max(2.0, 10.0 * MOST_KNOTS / len(places)), "linewidths": 0}
-    rings = {"s": 22, "linewidths": 1.0}
-    handles = []
-    if scene.plan is not None and len(places) > _MOST_WAYPOINTS:
-        inner[:] = False
-    for chosen, face, word in (
-        (inner & known, "white", "waypoint"),
-        (inner & ~known, "#c9c9c9", "waypoint, partly free"),
-    ):
-        if chosen.any():
-            look: dict[str, Any] = (
-                {"c": BLACK if face == "white" else GREY, **small}
-                if crowd
-                else {"facecolors": face, "edgecolors": BLACK, **rings}
-            )
-            marker = "o" if face == "white" else "D"
-            handles.append(
-                axes.scatter(
-                    *places[chosen].T, marker=marker, zorder=5, label=word, **look, **depth
-                )
-            )
+    crowd = len(places) > MOST_KNOTS
+    size, edge = (max(2.0, 10.0 * MOST_KNOTS / len(places)), "none") if crowd else (22, BLACK)
+    partly = "waypoint, partly free"
     # Where both are one place, the start is seen on the end.
-    for knot, marker, word, size, face in (
-        (0, ">", "start", 34, "white"),
-        (-1, "s", "end", 52, BLACK),
-    ):
-        if drawn[knot]:
-            handles.append(
-                axes.scatter(
-                    *places[[knot]].T, marker=marker, s=size, facecolors=face, edgecolors=BLACK,
-                    linewidths=1.0, zorder=7 if knot == 0 else 6, label=word, **depth,
-                )
-            )  # fmt: skip
-    return handles
-
-
-def _marks(scene: Scene, own: list[int], axes: Any) -> list[Any]:
-    if not scene.marks:
-        return []
-    depth = {"depthshade": False} if len(own) == 3 else {}
-    places = np.array([mark.position[own] for mark in scene.marks])
     return [
-        axes.scatter(
-            *places.T, marker="o", facecolors="none", edgecolors=RED, s=120, linewidths=1.6,
-            zorder=21, label="worst violation", **depth,
+        dots(axes, places[rows], marker, face, size=size, edge=edge, zorder=zorder, label=label)
+        for rows, marker, face, size, edge, zorder, label in (
+            (inner & known, "o", BLACK if crowd else "white", size, edge, 5, "waypoint"),
+            (inner & ~known, "D", GREY if crowd else "#c9c9c9", size, edge, 5, partly),
+            (first, ">", "white", 34, BLACK, 7, "start"),
+            (last, "s", BLACK, 52, BLACK, 6, "end"),
         )
-    ]  # fmt: skip
+        if rows.any()
+    ]
 
 
 def _numbers(scene: Scene, own: list[int], axes: Any, places: Floats) -> None:
