@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.minimum_snap.time_allocation import TimeAllocation
-from .time_inner import Inner, Spline
+from .time_barrier import Barrier, Inner
+from .time_inner import Spline
 from .time_search import Descent
-
-if TYPE_CHECKING:
-    from .time_barrier import Barrier
 
 __all__ = ["Allocated", "Variables", "allocate"]
 
@@ -24,8 +21,6 @@ Floats = NDArray[np.float64]
 GAPS = tuple(float(gap) for gap in np.geomspace(1e-1, 1e-6, 9))
 #: Gradient at which the descent on a barrier ends, beside its complementarity.
 LOOSE = 1.0
-#: Segments up to which second derivatives, O(M²) and dense, are worth their time.
-NEWTON = 400
 #: Share of the way back to the last durations that had a path, tried where new ones have none.
 BACK = (0.05, 0.2, 0.5, 0.8, 1.0)
 #: Stretches, as logarithms, tried before that where a slower motion keeps all limits.
@@ -62,28 +57,6 @@ class Variables:
             return durations * (slope + self.weight)
         mean = float(durations @ slope) / self.total
         return durations * (slope - mean)
-
-    def change(self, durations: Floats, way: Floats) -> Floats:
-        """Return the change of T along a change of x."""
-        if self.total is None:
-            return durations * way
-        return durations * (way - float(durations @ way) / self.total)
-
-    def curvature(self, durations: Floats, slope: Floats, bent: Floats) -> Floats:
-        """Return the second derivatives by x, from the first and second ones of J by T."""
-        if self.total is None:
-            inside = durations[:, None] * bent * durations
-            inside[np.diag_indices_from(inside)] += durations * (slope + self.weight)
-            return inside
-        share = durations / self.total
-        turned = durations[:, None] * bent
-        turned = turned - share[:, None] * turned.sum(axis=0)
-        turned = turned * durations
-        turned = turned - turned.sum(axis=1)[:, None] * share
-        away = durations * (slope - float(share @ slope))
-        result: Floats = turned - np.outer(share, away) - np.outer(away, share)
-        result[np.diag_indices_from(result)] += away
-        return result
 
 
 @dataclass
@@ -153,18 +126,6 @@ def allocate(
         value = found.value + model.time_weight * float(now.sum())
         return value, variables.slope(now, found.slope)
 
-    def bent(point: Floats) -> Floats | None:
-        now = variables.durations(point)
-        assert not isinstance(inner, Spline)
-        found = inner.curvature(now)
-        if found is None:
-            return None
-        return variables.curvature(now, inner.value(now).slope, found)
-
-    def aim(point: Floats, way: Floats) -> float:
-        assert not isinstance(inner, Spline)
-        return inner.aim(variables.change(variables.durations(point), way))
-
     descent = Descent()
     if isinstance(inner, Spline):
         reached = descent.descend(
@@ -185,10 +146,7 @@ def allocate(
         goal = tolerance if last else max(LOOSE * gap, tolerance)
         threshold = between if last else max(between, 1e-2 * gap)
         for _ in range(20):
-            reached = descent.descend(
-                function, x, goal, most - result.iterations,
-                stopped=stopped, curvature=bent if x.size <= NEWTON else None, aim=aim,
-            )  # fmt: skip
+            reached = descent.descend(function, x, goal, most - result.iterations, stopped=stopped)
             result.iterations += reached.iterations
             result.evaluations += reached.evaluations
             if stopped():

@@ -14,8 +14,7 @@ from ..backend import Answer, Feature, Guarantee, Limit, Request, Termination
 from .time_gradient import NativeTimes, concluded
 
 if TYPE_CHECKING:
-    from .time_barrier import Barrier
-    from .time_inner import Inner
+    from .time_barrier import Barrier, Inner
 
 __all__ = ["TimeDistance", "TimeTrapezoid"]
 
@@ -40,7 +39,8 @@ class RuleOfThumb(NativeTimes):
 
     def run(self, problem: TimeAllocation, request: Request) -> Answer:
         """Scale the rule's durations, and solve for the trajectory."""
-        from .time_inner import Spline, inner_problem
+        from .time_barrier import inner_problem
+        from .time_inner import Spline
         from .time_rules import started
 
         self.covered(problem)

@@ -8,17 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.minimum_snap.time_allocation import TimeAllocation
-from .time_inner import Inner, Spline
+from .time_barrier import Barrier, Inner
+from .time_descent import allocate
+from .time_inner import Spline
 from .time_search import Descent
-
-if TYPE_CHECKING:
-    from .time_barrier import Barrier
 
 __all__ = ["distance", "fitted", "hurried", "scaled", "started", "trapezoid"]
 
@@ -187,8 +185,6 @@ def hurried(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats 
     From rest to rest whatever takes less time may be slowed down: so the total is left free and made
     dear, until it is short enough.
     """
-    from .time_descent import allocate
-
     total = model.total_time
     if total is None or not model.from_rest_to_rest:
         return None
