@@ -40,7 +40,7 @@ def diagnose_trajectory(model: MinimumDerivative, time_limit: float | None = 60.
         Seconds for each problem that the filter solves.
     """
     backend = InteriorPoint()
-    if backend.refuses(model) or backend.missing():
+    if backend.refuses(model):
         return filtered(model, None, None, time_limit)
     ends = _ends(time_limit)
     first, segments = ends(model)

@@ -37,7 +37,6 @@ class InteriorPoint(Backend):
     features = frozenset(
         {Feature.GAP, Feature.SEED, Feature.THREADS, Feature.DUAL_BOUND, Feature.INTERRUPT}
     )
-    requires = ("numba",)
     options: ClassVar[Mapping[str, Option]] = {
         "samples": Option(
             8, "Instants of each segment held from the start.", int, lower=2, upper=64
@@ -79,7 +78,6 @@ class InteriorPoint(Backend):
         from .chain import chains
         from .interior_solver import Settings, solve_chain
 
-        self.require()
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")

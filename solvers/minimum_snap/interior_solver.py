@@ -81,8 +81,6 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
             continue
         threshold = max(settings.between, min(1e-2 * gaps[level], 1e-2), 4.0 * primal)
         fresh, worst = state.missing(threshold)
-        if fresh is None and last:
-            fresh, worst = state.missing(threshold, exact=True)
         if fresh is None:
             if last:
                 status = "solved"

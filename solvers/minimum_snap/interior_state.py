@@ -20,7 +20,7 @@ from .chain_kernels import (
     transposed,
 )
 from .interior_kernels import interior_point
-from .separation import outside, roots_outside
+from .separation import outside
 
 __all__ = ["Iterate", "Settings", "State"]
 
@@ -180,20 +180,16 @@ max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settin
         size = max(0.5 * float(np.sum(value**2)), NOTHING * self.chain.model.segments)
         return primal <= 1e-8 and comp <= 1e-7 * size
 
-    def missing(self, threshold: float, *, exact: bool = False) -> tuple[Instants | None, float]:
+    def missing(self, threshold: float) -> tuple[Instants | None, float]:
         """Return the instants at which the iterate lies outside, and by how much at most.
 
         Parameters
         ----------
         threshold : float
             Violations count from here on, relative to what the verification holds them against.
-        exact : bool
-            Whether to look at the roots of the slopes instead of their changes of sign on a grid,
-            which miss two extremes in one cell.
         """
         polynomials, limits, owners = self.chain.polynomials(self.powers())
-        look = roots_outside if exact else outside
-        row, s, share = look(polynomials, *limits, threshold)
+        row, s, share = outside(polynomials, *limits, threshold)
         if not row.size:
             return None, 0.0
         fresh = self.held.fresh(owners.taken(row)._replace(s=s))

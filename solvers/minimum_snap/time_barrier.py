@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.minimum_snap.time_allocation import TimeAllocation
 from ...models.minimum_snap.trajectory import Trajectory
-from .separation import outside, roots_outside
+from .separation import outside
 from .time_held import Group, Iterate, forms_of, groups_of
 from .time_inner import Spline, Value
 from .time_kernels import SETTLED, evaluate
@@ -125,10 +125,8 @@ class Barrier:
         )
         return powers
 
-    def exchange(self, durations: Floats, threshold: float, *, exactly: bool = False) -> int:
+    def exchange(self, durations: Floats, threshold: float) -> int:
         """Hold the bounds where the iterate at `durations` leaves them; return at how many instants.
-
-        A search on a grid may miss two extremes between its nodes; `exactly` finds all, by roots.
 
         Parameters
         ----------
@@ -144,8 +142,7 @@ class Barrier:
                 self._powers(group, durations), durations, owners.segment, spans.derivative,
                 spans.mix,
             )  # fmt: skip
-            look = roots_outside if exactly else outside
-            row, s, _ = look(
+            row, s, _ = outside(
                 polynomials, spans.lower, spans.upper, spans.low_scale, spans.high_scale, threshold
             )
             if row.size:
@@ -155,17 +152,14 @@ class Barrier:
             self._latest = None
         return count
 
-    def settle(
-        self, durations: Floats, threshold: float, rounds: int = 25, *, exactly: bool = False
-    ) -> Value:
+    def settle(self, durations: Floats, threshold: float, rounds: int = 25) -> Value:
         """Return the value at `durations` with the bounds held wherever it takes."""
         found = self.value(durations, afresh=True)
         for _ in range(rounds):
             if not np.isfinite(found.value):
                 break
             if not self.exchange(durations, threshold):
-                if not exactly or not self.exchange(durations, threshold, exactly=True):
-                    break
+                break
             found = self.value(durations, afresh=True)
         return found
 
@@ -177,7 +171,7 @@ class Barrier:
         kept, mu = [replace(group) for group in self.groups], self.mu
         try:
             powers = None
-            found = self.settle(durations, BETWEEN, exactly=True)
+            found = self.settle(durations, BETWEEN)
             least = SHARP * (
                 self.unit + self.model.time_weight * float(durations.sum())
             ) / self.pairs  # fmt: skip
@@ -186,7 +180,7 @@ class Barrier:
                 if self.mu <= least:
                     break
                 self.mu = max(least, 1e-2 * self.mu)
-                found = self.settle(durations, BETWEEN, exactly=True)
+                found = self.settle(durations, BETWEEN)
         finally:
             self.groups, self.mu = kept, mu
             self._latest = None

@@ -1,14 +1,11 @@
-"""The interior point's kernels: plain meaning, dense algebra, known extremes."""
-
-from itertools import pairwise
+"""The interior point's kernels against dense algebra, and the extremes outside bounds."""
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 from minimum_snap.corridors import INF
 from numpy.polynomial import polynomial
 
-from crosstrack.models.minimum_snap.polynomials import critical_points
 from crosstrack.solvers.minimum_snap.chain_kernels import (
     bound_gradient,
     factorise,
@@ -118,18 +115,13 @@ def test_products_are_those_of_the_dense_rows(seed):
 
 
 def reported(powers, lower, upper, threshold=1e-9):
-    """Return the rows, places and shares of `outside`, compiled and plain alike."""
+    """Return the rows, places and shares of `outside`."""
     edges = np.asarray(lower, float), np.asarray(upper, float)
     sizes = (np.maximum(1.0, np.where(np.isfinite(edge), np.abs(edge), 1.0)) for edge in edges)
-    arguments = (np.ascontiguousarray(powers), *edges, *sizes)
-    compiled = outside(*arguments, threshold)
-    python = plain(outside)(*arguments, threshold)
-    for a, b in zip(compiled, python, strict=True):
-        assert np.allclose(a, b, rtol=0, atol=1e-9)
-    return compiled
+    return outside(powers, *edges, *sizes, threshold)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, deadline=None)
 @given(
     roots=st.lists(st.floats(-0.5, 1.5), min_size=0, max_size=6),
     sign=st.sampled_from([-1.0, 1.0]),
@@ -139,10 +131,7 @@ def reported(powers, lower, upper, threshold=1e-9):
 @example(roots=[0.25, 0.5, 0.75], sign=-1.0, share=0.1)
 @example(roots=[0.0, 1.0], sign=-1.0, share=0.5)
 def test_extremes_outside_against_known_roots(roots, sign, share):
-    """The slope's roots are given; those apart by a cell of the grid must all be found."""
-    inner = sorted(r for r in roots if -0.1 < r < 1.1)
-    if any(b - a < 1 / 16 for a, b in pairwise(inner)):
-        return
+    """The slope's roots are given, however close."""
     powers = polynomial.polyint(polynomial.polyfromroots(roots)) * sign * 10
     at = np.array([0.0, 1.0, *[r for r in roots if 0 <= r <= 1]])
     values = polynomial.polyval(at, powers)
@@ -159,23 +148,21 @@ def test_extremes_outside_against_known_roots(roots, sign, share):
     assert (found.max() if row.size else 0.0) == pytest.approx(max(worst, 0.0), rel=1e-6, abs=1e-7)
 
 
-def test_three_roots_in_one_cell():
-    """Extremes closer than the grid count as one: what is passed over is tiny, and verified."""
+def test_extremes_side_by_side_are_told_apart():
     roots = np.array([0.5103, 0.5168, 0.5235])
     powers = 1e4 * polynomial.polyint(-polynomial.polyfromroots(roots))
     values = polynomial.polyval(roots, powers)
     powers[0] -= values.max()
-    _, _, found = reported(powers[None], [-INF], [-1e-4])
-    assert found.max() == pytest.approx(1e-4, abs=1.001 * np.ptp(values[[0, 2]]))
-    exact = polynomial.polyval(critical_points(powers[None])[0], powers)
-    assert exact.max() == pytest.approx(0.0, abs=1e-12)
+    _, place, found = reported(powers[None], [-INF], [-1e-4])
+    assert place == pytest.approx(roots[[0, 2]], abs=1e-6)
+    assert found == pytest.approx(1e-4 + values[[0, 2]] - values.max(), abs=1e-12)
 
 
 def test_many_rows_are_many_answers():
-    """The buffers grow: every second row is far outside at both ends and in the middle."""
+    """Every second row is far outside."""
     powers = np.tile([[1.0, 0.1, -0.13], [0.0, 0.0, 0.0]], (500, 1))
     rows, _, shares = reported(powers, np.full(1000, -INF), np.full(1000, 0.5))
-    assert sorted(set(rows.tolist())) == list(range(0, 1000, 2))
+    assert rows.tolist() == list(range(0, 1000, 2))
     assert (shares > 0).all()
     assert reported(powers[:0], np.empty(0), np.empty(0))[0].size == 0
     assert reported(powers, np.full(1000, -INF), np.full(1000, INF))[0].size == 0
