@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.fields import Real, Whole
-from ...models.minimum_snap.model import FREE, MinimumSnap
+from ...models.minimum_snap import FREE, MinimumSnap
 from ...models.minimum_snap.trajectory import Trajectory
 from .paths import generator, random_waypoints, times_by_distance
 

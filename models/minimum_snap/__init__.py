@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 from ...lazy import attach
 
 if TYPE_CHECKING:
-    from .model import (
+    from .bounds import (
         FREE as FREE,
         Bound as Bound,
         Halfspaces as Halfspaces,
-        MinimumDerivative as MinimumDerivative,
-        MinimumSnap as MinimumSnap,
         derivative_name as derivative_name,
     )
+    from .model import MinimumDerivative as MinimumDerivative, MinimumSnap as MinimumSnap
     from .time_allocation import TimeAllocation as TimeAllocation
     from .trajectory import Extremes as Extremes, Trajectory as Trajectory
 
@@ -28,14 +27,8 @@ PICTURES = dict.fromkeys(MODELS, ".plot.picture:draw")
 __getattr__, __dir__, __all__ = attach(
     __name__,
     {
-        "model": (
-            "FREE",
-            "Bound",
-            "Halfspaces",
-            "MinimumDerivative",
-            "MinimumSnap",
-            "derivative_name",
-        ),
+        "bounds": ("FREE", "Bound", "Halfspaces", "derivative_name"),
+        "model": ("MinimumDerivative", "MinimumSnap"),
         "time_allocation": ("TimeAllocation",),
         "trajectory": ("Extremes", "Trajectory"),
     },

@@ -7,18 +7,15 @@ square of their derivatives by quadrature, and finds their extremes from roots.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..verification import ROUNDING, TOLERANCE, Check, Verification
+from .bounds import Bound, PathData, derivative_name, derivative_unit
 from .polynomials import bernstein_matrix, derived, factorials
 from .trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from .model import Bound, MinimumDerivative
 
 __all__ = ["check_conditions", "verify_trajectory"]
 
@@ -31,10 +28,8 @@ _ULPS = 16 * float(np.finfo(float).eps)
 # -- of the data -------------------------------------------------------------------------------------
 
 
-def check_conditions(model: MinimumDerivative) -> None:
+def check_conditions(model: PathData) -> None:
     """Raise :class:`InvalidData` where what is fixed contradicts itself, corridor or limits."""
-    from .model import derivative_name
-
     for name, rows in (("start", model.start), ("end", model.end)):
         if len(rows) > model.degree:
             raise InvalidData(
@@ -79,7 +74,7 @@ def check_conditions(model: MinimumDerivative) -> None:
                 )
 
 
-def _field(model: MinimumDerivative, knot: int, derivative: int) -> str:
+def _field(model: PathData, knot: int, derivative: int) -> str:
     if derivative == 0:
         return f"waypoints[{knot}]"
     for at, name, rows in ((0, "start", model.start), (model.segments, "end", model.end)):
@@ -101,7 +96,7 @@ def _agree(given: Floats, rows: Floats, name: str, knot: int) -> None:
         )
 
 
-def _check_polytopes(model: MinimumDerivative) -> None:
+def _check_polytopes(model: PathData) -> None:
     parts = (model.polytope_segments, model.polytope_normals, model.polytope_offsets)
     if all(part is None for part in parts):
         return
@@ -148,7 +143,7 @@ def _check_polytopes(model: MinimumDerivative) -> None:
 
 
 def verify_trajectory(
-    model: MinimumDerivative, plan: Trajectory, tolerance: float = TOLERANCE
+    model: PathData, plan: Trajectory, tolerance: float = TOLERANCE
 ) -> Verification:
     """Return the objective and every condition of `model`, measured on `plan`."""
     if not isinstance(plan, Trajectory):
@@ -169,7 +164,7 @@ def verify_trajectory(
     return Verification(model.objective(plan), tuple(checks))
 
 
-def _times(model: MinimumDerivative, plan: Trajectory, tolerance: float) -> Check:
+def _times(model: PathData, plan: Trajectory, tolerance: float) -> Check:
     off = np.abs(plan.times - model.times)
     at = int(off.argmax())
     # A knot that is off by a share of its segment is off by as much of the path.
@@ -179,7 +174,7 @@ def _times(model: MinimumDerivative, plan: Trajectory, tolerance: float) -> Chec
     )
 
 
-def _degree(model: MinimumDerivative, plan: Trajectory, tolerance: float) -> Iterator[Check]:
+def _degree(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Check]:
     """What a plan of a higher degree has beyond the model's, as Bernstein would see it."""
     if plan.degree <= model.degree:
         return
@@ -191,12 +186,8 @@ def _degree(model: MinimumDerivative, plan: Trajectory, tolerance: float) -> Ite
     )  # fmt: skip
 
 
-def _knots(
-    model: MinimumDerivative, plan: Trajectory, order: int, tolerance: float
-) -> Iterator[Check]:
+def _knots(model: PathData, plan: Trajectory, order: int, tolerance: float) -> Iterator[Check]:
     """Yield the fixed values and the continuity of one derivative."""
-    from .model import derivative_name, derivative_unit
-
     word, unit = derivative_name(order), derivative_unit(order)
     begin, end = plan.at_ends(order)
     # What the coefficients can hold: a short segment multiplies their last digit.
@@ -260,10 +251,8 @@ def _knots(
         )  # fmt: skip
 
 
-def _bounded(model: MinimumDerivative, plan: Trajectory, bound: Bound, tolerance: float) -> Check:
+def _bounded(model: PathData, plan: Trajectory, bound: Bound, tolerance: float) -> Check:
     """Measure a bound where it is nearest to being broken."""
-    from .model import derivative_unit
-
     order = bound.derivative
     scale = (plan.durations**-order)[:, None]
     inner = derived(plan.coefficients, order)
@@ -293,7 +282,7 @@ def _bounded(model: MinimumDerivative, plan: Trajectory, bound: Bound, tolerance
     )  # fmt: skip
 
 
-def _halfspaces(model: MinimumDerivative, plan: Trajectory, tolerance: float) -> Iterator[Check]:
+def _halfspaces(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Check]:
     spaces = model.halfspaces
     if spaces is None:
         return

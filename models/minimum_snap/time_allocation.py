@@ -20,7 +20,8 @@ from ...errors import InvalidData
 from ..fields import Optional, Real, declared, frozen
 from ..model import Model
 from ..verification import ROUNDING, TOLERANCE, Check, Verification
-from .model import Bound, Halfspaces, MinimumDerivative, derivative_name
+from .bounds import Bound, Halfspaces, derivative_name
+from .model import MinimumDerivative
 from .trajectory import Trajectory
 
 __all__ = ["TimeAllocation"]

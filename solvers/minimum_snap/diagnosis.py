@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...models.minimum_snap.model import Bound, MinimumDerivative, derivative_name, derivative_unit
+from ...models.minimum_snap.bounds import Bound, derivative_name, derivative_unit
+from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
 from ..backend import Control, Termination
 from ..diagnosis import Diagnosis, Finding, filtered

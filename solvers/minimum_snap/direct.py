@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...models.minimum_snap.model import MinimumDerivative, derivative_name
+from ...models.minimum_snap.bounds import derivative_name
+from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
 from ..backend import Answer, Backend, Feature, Guarantee, Request, Termination
 
@@ -24,9 +25,8 @@ _CHUNK = 65536
 class Banded(Backend):
     """Block-tridiagonal elimination of the free derivatives at the knots, all axes at once.
 
-    Assembly, factorisation and solve are one compiled pass; without Numba, SciPy's banded Cholesky
-    does the same slower. The optimum of one order has degree ``2 r - 1`` whatever the model allows,
-    and derivatives up to ``2 r - 2`` are continuous by optimality where only the position is fixed.
+    The optimum of one order has degree ``2 r - 1`` whatever the model allows, and derivatives up to
+    ``2 r - 2`` are continuous by optimality where only the position is fixed.
     """
 
     name = "banded"
@@ -62,33 +62,27 @@ class Banded(Backend):
         """Compile the kernels, or load them from the cache."""
         if Banded._compiled:
             return
-        from .banded_fallback import solver
+        from .banded import solve_hermite
 
-        solve = solver()
-        for order in (2, 3, 4):
-            for extra in (False, True):
-                # The usual pattern has kernels of its own; a free waypoint takes the general ones.
-                fixed = np.zeros((1, 4, order), bool)
-                fixed[:, :, 0], fixed[:, [0, -1]] = True, True
-                fixed[0, 1, 0] = not extra
-                weights = np.zeros(order)
-                weights[-1] = 1.0
-                values = np.zeros((1, 4, order))
-                values[0, :, 0] = [0.0, 1.0, 0.0, 2.0]
-                found = solve.solve_hermite(np.ones(3), values, fixed, weights, order - 1)
-                solve.jets_to_coefficients(np.ones(3), found.jets)
+        # Waypoints alone have a kernel for each order; a free waypoint takes the general ones.
+        for order, free in ((2, False), (3, False), (4, False), (4, True)):
+            fixed = np.zeros((1, 4, order), bool)
+            fixed[:, :, 0], fixed[:, [0, -1]] = True, True
+            fixed[0, 1, 0] = not free
+            values = np.zeros((1, 4, order))
+            values[0, :, 0] = [0.0, 1.0, 0.0, 2.0]
+            solve_hermite(np.ones(3), values, fixed, np.eye(order)[-1], order - 1)
         Banded._compiled = True
 
     def run(self, problem: MinimumDerivative, request: Request) -> Answer:
         """Solve, and bound the objective from below by the gradient that rounding left."""
-        from .banded_fallback import solver
-        from .hermite import Outcome
+        from .banded import solve_hermite
+        from .hermite import Outcome, jets_to_coefficients
 
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         begin = time.perf_counter()
-        solve = solver()
         order = problem.order
         # Derivatives beyond the given rows are free.
         table = np.full((problem.times.size, order, problem.dimensions), np.inf)
@@ -98,23 +92,22 @@ class Banded(Backend):
         values = np.moveaxis(np.where(fixed, table, 0.0), 2, 0)
         # A copy: kernels are compiled for arrays that may be written, and the model's may not.
         durations = np.array(problem.durations)
-        found = solve.solve_hermite(
+        found = solve_hermite(
             durations,
             np.ascontiguousarray(values),
             np.ascontiguousarray(np.moveaxis(fixed, 2, 0)),
             problem.order_weights,
             min(problem.continuity, order - 1),
         )
-        info = found.info
         statistics: dict[str, float | int | str] = {
-            "refinements": info["refinements"],
-            "factorisations": info["factorisations"],
-            "stationarity residual": float(info["residual"]),
-            "method": info["method"],
+            "refinements": found.refinements,
+            "factorisations": found.factorisations,
+            "stationarity residual": float(found.residual),
+            "method": found.method,
         }
-        if info["outcome"] is not Outcome.SOLVED:
+        if found.outcome is not Outcome.SOLVED:
             seconds = {"solve": time.perf_counter() - begin}
-            if info["outcome"] is Outcome.NOT_UNIQUE:
+            if found.outcome is Outcome.NOT_UNIQUE:
                 message = (
                     "some motion costs nothing and moves nothing that is fixed, so there is no "
                     "unique optimum: fix more waypoints or derivatives"
@@ -124,7 +117,7 @@ class Banded(Backend):
             return Answer(
                 Termination.NO_SOLUTION, seconds=seconds, statistics=statistics, message=message
             )
-        coefficients = solve.jets_to_coefficients(durations, found.jets, info["lows"])
+        coefficients = jets_to_coefficients(durations, found.jets, found.moments)
         plan = Trajectory(problem.times, coefficients)
         objective = float(found.objective.sum())
         solved = time.perf_counter()

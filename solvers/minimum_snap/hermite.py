@@ -19,20 +19,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from enum import IntEnum
-from typing import NamedTuple, TypedDict
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .tables import Table, moment_tables, moments_of_powers, table_of
+from .moment_kernels import blend
+from .tables import Table, moment_tables, table_of
 
 __all__ = [
     "ACCEPTED",
     "MOST_REFINEMENTS",
     "REFINED",
-    "SUSPECT",
     "WORST",
-    "Info",
     "Outcome",
     "Solved",
     "Table",
@@ -40,8 +39,6 @@ __all__ = [
     "has_one_optimum",
     "jets_to_coefficients",
     "moment_tables",
-    "objective_of_coefficients",
-    "objective_of_jets",
     "patterns",
     "scaled_jets",
     "table_of",
@@ -57,8 +54,6 @@ REFINED = 2e-12
 ACCEPTED = 5e-12
 #: Jumps above which there is no solution to speak of.
 WORST = 1e-6
-#: Shares of the diagonal below which a pivot may be rounding.
-SUSPECT = 1e-13
 #: Newton steps after the first one.
 MOST_REFINEMENTS = 6
 
@@ -73,13 +68,20 @@ class Outcome(IntEnum):
     ILL_CONDITIONED = 2
 
 
-class Info(TypedDict):
-    """What a solve says of itself.
+class Solved(NamedTuple):
+    """What a solve found.
 
     Parameters
     ----------
+    jets : ndarray, shape (axes, segments, 2, r)
+        Derivatives 0 … r-1 at the start and the end of each segment; NaN unless ``SOLVED``.
+    moments : ndarray, shape (axes, segments, r), or None
+        Legendre moments of the r-th derivative, with digits that the jets cannot hold where
+        durations differ wildly; None where the jets say as much.
+    objective : ndarray, shape (axes,)
+        J of each axis; NaN unless ``SOLVED``.
     outcome : Outcome
-        Jets and objective are NaN unless it is ``SOLVED``.
+        How it ended.
     residual : float
         Worst jump of a derivative of order r … 2r-1 across a knot where its counterpart is free
         (stationarity), relative to the largest value of that derivative on its axis.
@@ -87,30 +89,18 @@ class Info(TypedDict):
         Newton steps after the first one, the most of all groups of axes.
     factorisations : int
         Groups of axes with a pattern of their own.
-    pivot : (int, int, int) or None
-        Axis, knot and order of the derivative at which the elimination broke down.
     method : str
-        ``"fused"``, ``"frontal"``, ``"precise"`` or ``"scipy"``: how far it had to go.
-    lows : ndarray, shape (axes, segments, 2, r), or None
-        Where ordinary floats do not reach, what rounding left of the jets: add it before anything
-        cancels, as ``jets_to_coefficients`` does.
+        ``"fused"``, the kernels for waypoints alone, or ``"general"``.
     """
 
+    jets: Floats
+    moments: Floats | None
+    objective: Floats
     outcome: Outcome
     residual: float
     refinements: int
     factorisations: int
-    pivot: tuple[int, int, int] | None
     method: str
-    lows: Floats | None
-
-
-class Solved(NamedTuple):
-    """Jets, shape (axes, segments, 2, r); objective, shape (axes,); and what was met on the way."""
-
-    jets: Floats
-    objective: Floats
-    info: Info
 
 
 # -- algebra --------------------------------------------------------------------------------------
@@ -128,7 +118,7 @@ def scaled_jets(durations: Floats, jets: Floats) -> Floats:
     return scaled.reshape(*jets.shape[:2], 2 * order)
 
 
-def jets_to_coefficients(durations: Floats, jets: Floats, lows: Floats | None = None) -> Floats:
+def jets_to_coefficients(durations: Floats, jets: Floats, moments: Floats | None = None) -> Floats:
     """Return ascending powers of s = (t - t_k) / T_k.
 
     Parameters
@@ -137,46 +127,20 @@ def jets_to_coefficients(durations: Floats, jets: Floats, lows: Floats | None = 
         T_k, s.
     jets : ndarray, shape (A, M, 2, r)
         Derivatives 0 … r-1 at the start and the end of each segment.
-    lows : ndarray, shape (A, M, 2, r), optional
-        What rounding left of the jets; here it is merely added.
+    moments : ndarray, shape (A, M, r), optional
+        ``Solved.moments``, for the powers from r on. Without them they come from the jets, and lose
+        digits where durations differ wildly.
 
     Returns
     -------
     ndarray, shape (M, 2r, A)
         In units of position.
     """
-    order = jets.shape[-1]
-    rows, blend, factorials = moment_tables(order)
-    scaled = scaled_jets(durations, jets)
-    moments = scaled @ rows.T
-    if lows is not None:
-        moments += scaled_jets(durations, lows) @ rows.T
-    coefficients = np.empty((len(durations), 2 * order, len(jets)))
-    coefficients[:, 0] = jets[:, :, 0, 0].T
-    coefficients[:, 1:order] = np.moveaxis(scaled[:, :, 1:order] / factorials[1:], 0, 2)
-    coefficients[:, order:] = np.moveaxis(moments @ blend.T, 0, 2)
+    axes, count, _, order = jets.shape
+    coefficients = np.empty((count, 2 * order, axes))
+    given = np.empty((0, 0, order)) if moments is None else moments
+    blend(durations, jets, given, *moment_tables(order), coefficients)
     return coefficients
-
-
-def _per_segment(durations: Floats, jets: Floats, weights: Floats) -> tuple[Floats, Floats]:
-    """Return cost and its derivative by the duration, both of shape (A, M)."""
-    table = table_of(weights)
-    order = jets.shape[-1]
-    scaled = scaled_jets(durations, jets)
-    moments = scaled @ table.rows.T
-    # d y_i / dT = i y_i / T; what follows is multiplied by T throughout.
-    slopes = (scaled * np.tile(np.arange(order), 2)) @ table.rows.T
-    powers = 1.0 - 2.0 * table.orders
-    scale = table.factors * durations[:, None] ** powers
-    cost: Floats = np.einsum("kn,akn,akn->ak", scale, moments, moments)
-    slope: Floats = np.einsum("kn,akn,akn->ak", scale, moments, powers * moments + 2.0 * slopes)
-    return cost, slope / durations
-
-
-def objective_of_jets(durations: Floats, jets: Floats, weights: Floats) -> Floats:
-    """Return ∫ Σ w_j (x^(j))² dt of each axis, shape (A,)."""
-    cost: Floats = _per_segment(durations, jets, weights)[0].sum(axis=1)
-    return cost
 
 
 def duration_gradient(
@@ -203,34 +167,18 @@ def duration_gradient(
     ndarray, shape (M,), or (A, M) with `per_axis`
         J per second.
     """
-    slope = _per_segment(durations, jets, weights)[1]
+    table = table_of(weights)
+    scaled = scaled_jets(durations, jets)
+    moments = scaled @ table.rows.T
+    # d y_i / dT = i y_i / T; what follows is multiplied by T throughout.
+    slopes = (scaled * np.tile(np.arange(jets.shape[-1]), 2)) @ table.rows.T
+    powers = 1.0 - 2.0 * table.orders
+    scale = table.factors * durations[:, None] ** powers
+    slope: Floats = np.einsum("kn,akn,akn->ak", scale, moments, powers * moments + 2.0 * slopes)
+    slope /= durations
     if per_axis:
         return slope
     total: Floats = slope.sum(axis=0)
-    return total
-
-
-def objective_of_coefficients(durations: Floats, coefficients: Floats, weights: Floats) -> Floats:
-    """Return ∫ Σ w_j (x^(j))² dt of each axis by closed form, shape (A,).
-
-    Parameters
-    ----------
-    durations : ndarray, shape (M,)
-        T_k, s.
-    coefficients : ndarray, shape (M, 2r, A)
-        Ascending powers of s in [0, 1].
-    weights : ndarray, shape (r,)
-        Of the orders 1 … r.
-    """
-    order = len(weights)
-    total = np.zeros(coefficients.shape[2])
-    for j, weight in enumerate(weights, start=1):
-        if weight:
-            moments = np.einsum("in,kna->kia", moments_of_powers(order, j), coefficients)
-            norms = 2.0 * np.arange(2 * order - j) + 1.0
-            total += weight * np.einsum(
-                "k,i,kia,kia->a", durations ** (1.0 - 2.0 * j), norms, moments, moments
-            )
     return total
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Table", "moment_tables", "moments_of_powers", "table_of"]
+__all__ = ["Table", "moment_tables", "table_of"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -28,21 +28,11 @@ class Table(NamedTuple):
         Their ``(2i + 1) w_j``, that number divided out.
     orders : ndarray of int, shape (N,)
         Their j, so that ``J = Σ factors T^(1 - 2 orders) g²``.
-    grams, gram_lows : ndarray, shape (J, 2r, 2r)
-        The Gram matrix of each derivative that has a weight, and what rounding took from it.
-    gram_weights : ndarray, shape (J,)
-        Their w_j.
-    gram_orders : ndarray of int, shape (J,)
-        Their j.
     """
 
     rows: Floats
     factors: Floats
     orders: Ints
-    grams: Floats
-    gram_lows: Floats
-    gram_weights: Floats
-    gram_orders: Ints
 
 
 def _legendre(index: int) -> list[int]:
@@ -144,7 +134,7 @@ def _exact_rows(order: int, derivative: int) -> tuple[tuple[Fraction, ...], ...]
 @cache
 def _table(weights: tuple[float, ...]) -> Table:
     r = len(weights)
-    rows, factors, orders, grams, lows, gram_orders = [], [], [], [], [], []
+    rows, factors, orders = [], [], []
     for j, weight in enumerate(weights, start=1):
         if weight == 0.0:
             continue
@@ -155,24 +145,10 @@ def _table(weights: tuple[float, ...]) -> Table:
             rows.append([float(value * common) for value in row])
             factors.append(weight * float(Fraction(2 * i + 1, common * common)))
             orders.append(j)
-        gram = [
-            [
-                sum(((2 * i + 1) * row[p] * row[q] for i, row in enumerate(own)), Fraction(0))
-                for q in range(2 * r)
-            ]
-            for p in range(2 * r)
-        ]
-        grams.append([[float(value) for value in row] for row in gram])
-        lows.append([[float(value - Fraction(float(value))) for value in row] for row in gram])
-        gram_orders.append(j)
     table = Table(
         np.array(rows),
         np.array(factors),
         np.array(orders, np.int64),
-        np.array(grams),
-        np.array(lows),
-        np.array([weights[j - 1] for j in gram_orders]),
-        np.array(gram_orders, np.int64),
     )
     for array in table:
         array.setflags(write=False)
@@ -182,9 +158,3 @@ def _table(weights: tuple[float, ...]) -> Table:
 def table_of(weights: Floats) -> Table:
     """Return the table for weights of the orders 1 … r, which are kept for the next call."""
     return _table(tuple(map(float, weights)))
-
-
-@cache
-def moments_of_powers(order: int, derivative: int) -> Floats:
-    """Return ∫ (s^n)^(j) P_i ds, shape (2r - j, 2r), rounded once."""
-    return np.array([[float(v) for v in row] for row in _power_moments(order, derivative)])

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ...models.minimum_snap.time_allocation import TimeAllocation
 from ...models.minimum_snap.trajectory import Trajectory
-from .banded_fallback import solver
-from .hermite import Outcome, duration_gradient
+from .banded import solve_hermite
+from .hermite import Outcome, duration_gradient, jets_to_coefficients
 
 __all__ = ["Spline", "Value", "jets_of"]
 
@@ -77,17 +77,14 @@ class Spline:
         self.model = model
         self.values, self.fixed, self.origin = jets_of(model)
         self.weights = np.asarray(model.order_weights)
-        self.banded = solver()
         self.solves = self.steps = 0
 
     def solve(self, durations: Floats) -> Any:
         """Return the banded solver's result, None where it has none."""
         self.solves += 1
         continuity = min(self.model.continuity, self.model.order - 1)
-        found = self.banded.solve_hermite(
-            durations, self.values, self.fixed, self.weights, continuity
-        )
-        return found if found.info["outcome"] is Outcome.SOLVED else None
+        found = solve_hermite(durations, self.values, self.fixed, self.weights, continuity)
+        return found if found.outcome is Outcome.SOLVED else None
 
     def value(self, durations: Floats) -> Value:
         """Return J and its slope at `durations`."""
@@ -102,6 +99,6 @@ class Spline:
         found = self.solve(durations)
         if found is None:
             return None
-        powers = self.banded.jets_to_coefficients(durations, found.jets, found.info["lows"])
+        powers = jets_to_coefficients(durations, found.jets, found.moments)
         powers[:, 0] += self.origin
         return Trajectory(self.model.times(durations), powers)

@@ -675,7 +675,7 @@ _INTERRUPT = """
 import json, os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
 import casadi
-from crosstrack.models.transcription.base import Transcription
+from crosstrack.models.optimal_control.transcription.base import Transcription
 from crosstrack.__main__ import main
 
 asked = Transcription.refined

@@ -22,7 +22,8 @@ from ....errors import InvalidData, UnsupportedOption
 from ...formulation import Formulation
 from ...programs.blocks import Block
 from ...programs.linear import QuadraticProgram
-from ..model import Bound, MinimumDerivative
+from ..bounds import Bound, derivative_name, derivative_unit
+from ..model import MinimumDerivative
 from ..polynomials import derived, horner
 from ..trajectory import Trajectory
 from .instants import NOWHERE, Instants, Limits, first_instants, sticking_out, violation
@@ -149,8 +150,6 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         return sp.csr_array(sp.coo_array(entries, shape=(count * size,) * 2))
 
     def _all_rows(self) -> Iterator[tuple[str, str, str, str, _Rows]]:
-        from ..model import derivative_name, derivative_unit
-
         model = self.model
         conditions = model.conditions
         knot_place = "at knot {0}, axis {1}"

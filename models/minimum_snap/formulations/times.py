@@ -19,7 +19,7 @@ from ...formulation import Formulation
 from ...programs.blocks import Block
 from ...programs.compiled import require_casadi
 from ...programs.nonlinear import NonlinearProgram
-from ..model import derivative_unit
+from ..bounds import derivative_unit
 from ..time_allocation import TimeAllocation
 from ..trajectory import Trajectory
 from .bases import UnitBasisFormulation

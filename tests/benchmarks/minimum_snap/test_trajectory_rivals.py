@@ -3,7 +3,7 @@
 Nothing fails because it is slow; everything fails that is wrong. What is printed are medians and
 their ratios to our own solver. Run with ``make bench``, or::
 
-    pytest tests/benchmarks/test_trajectory_rivals.py -s
+    pytest tests/benchmarks/minimum_snap/test_trajectory_rivals.py -s
 """
 
 from __future__ import annotations

@@ -1,0 +1,235 @@
+"""What is asked of a path at given times: conditions at the knots, corridor and limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..fields import Array, Broadcast, Optional, Whole, declared, frozen
+from ..model import Model
+from .trajectory import Trajectory
+
+__all__ = ["FREE", "Bound", "Halfspaces", "PathData", "derivative_name", "derivative_unit"]
+
+Floats = NDArray[np.float64]
+
+#: Stands for a coordinate or derivative that is free; None and JSON's null mean the same.
+FREE = np.inf
+
+_NAMES = ("position", "velocity", "acceleration", "jerk", "snap", "crackle", "pop")
+
+
+def derivative_name(order: int) -> str:
+    """Return ``"velocity"`` for 1, and so on."""
+    return _NAMES[order] if order < len(_NAMES) else f"derivative {order}"
+
+
+def derivative_unit(order: int) -> str:
+    """Return the unit of a derivative of a position in metres."""
+    return "m" if order == 0 else "m/s" if order == 1 else f"m/s^{order}"
+
+
+class Bound(NamedTuple):
+    """A bound on every component of one derivative, throughout each segment.
+
+    Parameters
+    ----------
+    name : str
+        ``"corridor"``, ``"velocity limit"``, …
+    derivative : int
+        Which derivative in time.
+    lower, upper : ndarray, shape (segments, dimensions)
+        Infinite where there is none.
+    """
+
+    name: str
+    derivative: int
+    lower: Floats
+    upper: Floats
+
+
+class Halfspaces(NamedTuple):
+    """Half-spaces that hold the position throughout a segment: ``normals @ x <= offsets``.
+
+    Parameters
+    ----------
+    segments : ndarray of int, shape (halfspaces,)
+        The segment of each.
+    normals : ndarray, shape (halfspaces, dimensions)
+        Normals of length 1, so that a violation is a distance.
+    offsets : ndarray, shape (halfspaces,)
+        Right-hand sides.
+    """
+
+    segments: NDArray[np.int64]
+    normals: Floats
+    offsets: Floats
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PathData(Model[Trajectory]):
+    """The fields of :class:`~crosstrack.models.MinimumDerivative`, and what follows from them.
+
+    The model itself and the checks of its data and plans both read these. Parameters are described
+    there.
+    """
+
+    waypoints: Floats = declared(Array(("knots", "dimensions"), infinity=1))
+    times: Floats = declared(Array(("knots",)))
+    order: int = declared(Whole(1, 8), default=4)
+    weights: Floats | None = declared(Optional(Array(("orders",), lower=0)), default=None)
+    start: Floats = declared(
+        Optional(Array(("start rows", "dimensions"), infinity=1)), default=None
+    )
+    end: Floats = declared(Optional(Array(("end rows", "dimensions"), infinity=1)), default=None)
+    derivatives: Floats | None = declared(
+        Optional(Array(("knots", "derivative rows", "dimensions"), infinity=1)), default=None
+    )
+    corridor_lower: Floats | None = declared(
+        Optional(Broadcast(("knots", "dimensions"), infinity=-1)), default=None
+    )
+    corridor_upper: Floats | None = declared(
+        Optional(Broadcast(("knots", "dimensions"), infinity=1)), default=None
+    )
+    velocity_limit: Floats | None = declared(
+        Optional(Broadcast(("knots", "dimensions"), lower=0, infinity=1)), default=None
+    )
+    acceleration_limit: Floats | None = declared(
+        Optional(Broadcast(("knots", "dimensions"), lower=0, infinity=1)), default=None
+    )
+    jerk_limit: Floats | None = declared(
+        Optional(Broadcast(("knots", "dimensions"), lower=0, infinity=1)), default=None
+    )
+    polytope_segments: NDArray[np.int64] | None = declared(
+        Optional(Array(("halfspaces",), int, lower=0)), default=None
+    )
+    polytope_normals: Floats | None = declared(
+        Optional(Array(("halfspaces", "dimensions"))), default=None
+    )
+    polytope_offsets: Floats | None = declared(Optional(Array(("halfspaces",))), default=None)
+    degree: int = declared(Optional(Whole(1, 31)), default=None)
+    continuity: int = declared(Optional(Whole(0)), default=None)
+
+    # -- sizes and conditions --------------------------------------------------------------------
+
+    @property
+    def segments(self) -> int:
+        """Number of polynomials an axis."""
+        return int(self.times.size) - 1
+
+    @property
+    def dimensions(self) -> int:
+        """Number of axes."""
+        return int(self.waypoints.shape[1])
+
+    @cached_property
+    def durations(self) -> Floats:
+        """Duration of each segment, s, shape (segments,)."""
+        return frozen(np.diff(self.times))
+
+    @cached_property
+    def order_weights(self) -> Floats:
+        """Weight of each order 1 … r in the objective, shape (order,)."""
+        if self.weights is not None:
+            return self.weights
+        single = np.zeros(self.order)
+        single[-1] = 1.0
+        return frozen(single)
+
+    @property
+    def highest_fixed(self) -> int:
+        """The highest derivative that is fixed at some knot."""
+        rows = 0 if self.derivatives is None else self.derivatives.shape[1]
+        return max(len(self.start), len(self.end), rows)
+
+    @cached_property
+    def conditions(self) -> Floats:
+        """What is fixed at the knots: shape (knots, highest_fixed + 1, dimensions), else FREE.
+
+        Derivative j of knot k stands in ``conditions[k, j]``.
+        """
+        table = np.full((self.times.size, self.highest_fixed + 1, self.dimensions), FREE)
+        table[:, 0] = self.waypoints
+        if self.derivatives is not None:
+            table[:, 1 : 1 + self.derivatives.shape[1]] = self.derivatives
+        for knot, rows in ((0, self.start), (-1, self.end)):
+            given = table[knot, 1 : 1 + len(rows)]
+            table[knot, 1 : 1 + len(rows)] = np.where(np.isfinite(rows), rows, given)
+        return frozen(table)
+
+    @cached_property
+    def bounds(self) -> tuple[Bound, ...]:
+        """The corridor's boxes and the limits, where there are any."""
+        found = []
+        if self.corridor_lower is not None or self.corridor_upper is not None:
+            free = np.full((self.segments, self.dimensions), np.inf)
+            lower = -free if self.corridor_lower is None else self.corridor_lower
+            upper = free if self.corridor_upper is None else self.corridor_upper
+            found.append(Bound("corridor", 0, lower, upper))
+        for order, limit in enumerate(
+            (self.velocity_limit, self.acceleration_limit, self.jerk_limit), start=1
+        ):
+            if limit is not None:
+                found.append(Bound(f"{derivative_name(order)} limit", order, -limit, limit))
+        return tuple(b for b in found if np.isfinite(b.lower).any() or np.isfinite(b.upper).any())
+
+    @cached_property
+    def halfspaces(self) -> Halfspaces | None:
+        """The polytopes' half-spaces with normals of length 1, None where there are none."""
+        if self.polytope_segments is None or not self.polytope_segments.size:
+            return None
+        assert self.polytope_normals is not None and self.polytope_offsets is not None
+        length = np.linalg.norm(self.polytope_normals, axis=1)
+        return Halfspaces(
+            self.polytope_segments,
+            frozen(self.polytope_normals / length[:, None]),
+            frozen(self.polytope_offsets / length),
+        )
+
+    @cached_property
+    def position_scale(self) -> Floats:
+        """What a violation of a position is held against, m, shape (dimensions,).
+
+        The extent of the waypoints and the corridor on each axis, at least 1: it does not change
+        with the origin, as the positions themselves do.
+        """
+        tables = [self.waypoints]
+        tables += [t for t in (self.corridor_lower, self.corridor_upper) if t is not None]
+        table = np.concatenate(tables)
+        low = np.where(np.isfinite(table), table, np.inf).min(axis=0)
+        high = np.where(np.isfinite(table), table, -np.inf).max(axis=0)
+        extent = np.where(np.isfinite(low) & np.isfinite(high), high - low, 0.0)
+        return frozen(np.maximum(1.0, extent))
+
+    def bound_scale(self, bound: Bound) -> tuple[Floats, Floats]:
+        """Return what violations of `bound` from below and above are held against.
+
+        Returns
+        -------
+        tuple of ndarray, shape (segments, dimensions)
+            ``max(1, |bound|)``, and for positions :attr:`position_scale`.
+        """
+        if bound.derivative == 0:
+            scale = np.broadcast_to(self.position_scale, bound.lower.shape)
+            return scale, scale
+        return tuple(
+            np.maximum(1.0, np.where(np.isfinite(edge), np.abs(edge), 1.0))
+            for edge in (bound.lower, bound.upper)
+        )  # type: ignore[return-value]
+
+    @property
+    def bounded(self) -> bool:
+        """Whether there is a corridor or a limit."""
+        return bool(self.bounds) or self.halfspaces is not None
+
+    def objective(self, plan: Trajectory) -> float:
+        """Return Σ w_j ∫ (x^(j))² dt, over all axes."""
+        total = 0.0
+        for order, weight in enumerate(self.order_weights, start=1):
+            if weight:
+                total += float(weight) * float(plan.integral_of_square(order).sum())
+        return total

@@ -1,0 +1,175 @@
+"""The gradient of the objective by the derivatives at the knots, by way of the Legendre moments.
+
+A short segment between long ones is nearly free to move, and its highest derivatives are what is
+left when the jets at its ends cancel. Hence jets, and the sums that make moments of them, are
+unevaluated sums of two floats (Dekker, "A floating-point technique for extending the available
+precision", Numerische Mathematik 18, 1971). Forces are ordinary floats.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit import kernel
+
+__all__ = ["blend", "differentiate"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Pair = tuple[float, float]
+
+#: 2^27 + 1 splits a float into two halves of 26 bits (Dekker 1971).
+_SPLIT = 134217729.0
+
+
+@kernel
+def plus(ah: float, al: float, bh: float, bl: float) -> Pair:
+    """Return a + b."""
+    s = ah + bh
+    t = s - ah
+    e = (ah - (s - t)) + (bh - t)
+    e += al + bl
+    h = s + e
+    return h, e - (h - s)
+
+
+@kernel
+def times(ah: float, al: float, b: float) -> Pair:
+    """Return a * b."""
+    p = ah * b
+    t = _SPLIT * ah
+    a1 = t - (t - ah)
+    a2 = ah - a1
+    t = _SPLIT * b
+    b1 = t - (t - b)
+    b2 = b - b1
+    e = ((a1 * b1 - p) + a1 * b2 + a2 * b1) + a2 * b2
+    e += al * b
+    h = p + e
+    return h, e - (h - p)
+
+
+@kernel
+def differentiate(
+    durations: Floats,
+    rows: Floats,
+    factors: Floats,
+    orders: Ints,
+    jets: Floats,
+    lows: Floats,
+    forces: Floats,
+    moments: Floats,
+    sizes: Floats,
+    bounds: Floats,
+    objective: Floats,
+) -> None:
+    """Fill in what the jets cost, and half the gradient of that.
+
+    Parameters
+    ----------
+    durations : ndarray, shape (M,)
+        T_k.
+    rows, factors, orders : ndarray
+        See ``tables.Table``.
+    jets, lows : ndarray, shape (A, M, 2, r)
+        Derivatives at both ends of each segment, and what rounding left of them.
+    forces : ndarray, shape (A, M, 2, r)
+        Filled with half the derivative of J by each of them.
+    moments : ndarray, shape (A, M, N)
+        Filled with the moments, for the rows of the table.
+    sizes : ndarray, shape (A, r)
+        Filled with the largest term of a force by its order: what a jump is held against. A force
+        may vanish at all knots; its terms say how large it is between.
+    bounds : ndarray, shape (A, r)
+        Filled with what the forces would be if nothing cancelled.
+    objective : ndarray, shape (A,)
+        Filled with J.
+    """
+    axes, count, _, order = jets.shape
+    size, terms = 2 * order, rows.shape[0]
+    power, low, scales = np.empty(order), np.empty(order), np.empty(terms)
+    strength, rests = np.empty(order), np.empty(terms)
+    sums = np.zeros((axes, 2))
+    sizes[:], bounds[:], forces[:] = 0.0, 0.0, 0.0
+    for k in range(count):
+        power[0], low[0] = 1.0, 0.0
+        for i in range(1, order):
+            power[i], low[i] = times(power[i - 1], low[i - 1], durations[k])
+        strength[:] = 0.0
+        for n in range(terms):
+            scales[n] = factors[n] * durations[k]
+            for _ in range(orders[n]):
+                scales[n] /= durations[k] * durations[k]
+            largest = np.abs(rows[n]).max()
+            for p in range(size):
+                strength[p % order] += scales[n] * power[p % order] * abs(rows[n, p]) * largest
+        for a in range(axes):
+            own, rest = jets[a, k], lows[a, k]
+            moments[a, k], rests[:] = 0.0, 0.0
+            amount = 0.0
+            # Positions count from the start of the segment, so the first entry is 0.
+            for p in range(1, size):
+                i = p % order
+                d, e = own[p // order, i], rest[p // order, i]
+                if i == 0:
+                    d, e = plus(d, e, -own[0, 0], -rest[0, 0])
+                yh, yl = times(d, e, power[i])
+                yh, yl = plus(yh, yl, d * low[i], 0.0)
+                amount += abs(yh)
+                for n in range(terms):
+                    if rows[n, p] != 0.0:
+                        th, tl = times(yh, yl, rows[n, p])
+                        moments[a, k, n], rests[n] = plus(moments[a, k, n], rests[n], th, tl)
+            for n in range(terms):
+                force = scales[n] * moments[a, k, n]
+                sums[a, 0], sums[a, 1] = plus(sums[a, 0], sums[a, 1], force * moments[a, k, n], 0.0)
+                for p in range(size):
+                    part = force * rows[n, p] * power[p % order]
+                    forces[a, k, p // order, p % order] += part
+                    sizes[a, p % order] = max(sizes[a, p % order], abs(part))
+            for i in range(order):
+                bounds[a, i] = max(bounds[a, i], strength[i] * amount)
+    objective[:] = sums[:, 0] + sums[:, 1]
+
+
+@kernel
+def blend(
+    durations: Floats,
+    jets: Floats,
+    moments: Floats,
+    rows: Floats,
+    powers: Floats,
+    factorials: Floats,
+    coefficients: Floats,
+) -> None:
+    """Fill `coefficients`, shape (M, 2r, A), by ``tables.moment_tables``.
+
+    `moments` of shape (A, M, r) are those of the r-th derivative; with no axes, they come from the
+    jets.
+    """
+    axes, count, _, order = jets.shape
+    given = moments.shape[0] > 0
+    scaled, own = np.zeros(2 * order), np.empty(order)
+    for k in range(count):
+        for a in range(axes):
+            unit = 1.0
+            for i in range(order):
+                scaled[i] = jets[a, k, 0, i] * unit
+                scaled[order + i] = jets[a, k, 1, i] * unit
+                coefficients[k, i, a] = scaled[i] / factorials[i]
+                unit *= durations[k]
+            scaled[order] -= scaled[0]
+            for n in range(order):
+                total = 0.0
+                if given:
+                    total = moments[a, k, n]
+                else:
+                    for p in range(1, 2 * order):
+                        total += rows[n, p] * scaled[p]
+                own[n] = total
+            for i in range(order):
+                total = 0.0
+                for n in range(i, order):
+                    total += powers[i, n] * own[n]
+                coefficients[k, order + i, a] = total
