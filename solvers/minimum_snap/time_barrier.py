@@ -8,13 +8,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.minimum_snap.polynomials import factorials
 from ...models.minimum_snap.time_allocation import TimeAllocation
 from ...models.minimum_snap.trajectory import Trajectory
 from .separation import outside
 from .time_held import Group, Iterate, forms_of, groups_of
 from .time_inner import Spline, Value
 from .time_kernels import SETTLED, evaluate
-from .time_polynomials import bounded_rows, powers_of
+from .time_rows import knot_scales
 
 __all__ = ["Barrier", "Inner", "inner_problem"]
 
@@ -119,11 +120,32 @@ class Barrier:
     # -- bounds between the instants -------------------------------------------------------------
 
     def _powers(self, group: Group, durations: Floats) -> Floats:
-        now = group.iterate
-        powers: Floats = powers_of(
-            durations, self.model.order, len(group.axes), self.forms.basis, now.knots, now.inner
-        )
+        """Return the iterate as ascending powers of s, shape (M, degree + 1, axes)."""
+        knots, inner = group.iterate.knots, group.iterate.inner
+        scales, order = knot_scales(durations), np.arange(self.model.order)
+        jets = knots.reshape(len(knots), -1, order.size)
+        begin = (durations / scales[:-1])[:, None, None] ** order * jets[:-1]
+        end = (durations / scales[1:])[:, None, None] ** order * jets[1:]
+        # Relative to the start: Hermite functions take differences of positions.
+        start = jets[:-1, :, 0]
+        begin[:, :, 0] = 0.0
+        end[:, :, 0] -= start
+        local = np.concatenate([begin, end, inner.reshape(*start.shape, -1)], axis=2)
+        powers: Floats = np.moveaxis(local @ self.forms.basis.T, 2, 1)
+        powers[:, 0] += start
         return powers
+
+    def _bounded(self, group: Group, durations: Floats) -> Floats:
+        """Return what is bounded as polynomials in s, padded to one width, (N, degree + 1)."""
+        segment, spans = group.owners.segment, group.spans
+        powers = np.einsum("npa,na->np", self._powers(group, durations)[segment], spans.mix)
+        rows = np.zeros(powers.shape)
+        for j in np.unique(spans.derivative):
+            take = np.flatnonzero(spans.derivative == j)
+            scale = durations[segment[take]] ** -float(j)
+            padded = powers[take, j:] * factorials(powers.shape[1] - 1, int(j)) * scale[:, None]
+            rows[take, : padded.shape[1]] = padded
+        return rows
 
     def exchange(self, durations: Floats, threshold: float) -> int:
         """Hold the bounds where the iterate at `durations` leaves them; return at how many instants.
@@ -138,10 +160,7 @@ class Barrier:
         count = 0
         for group in self.groups:
             spans, owners = group.spans, group.owners
-            polynomials = bounded_rows(
-                self._powers(group, durations), durations, owners.segment, spans.derivative,
-                spans.mix,
-            )  # fmt: skip
+            polynomials = self._bounded(group, durations)
             row, s, _ = outside(
                 polynomials, spans.lower, spans.upper, spans.low_scale, spans.high_scale, threshold
             )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from .time_barrier import Barrier, Inner
 from .time_inner import Spline
 from .time_search import Descent
 
-__all__ = ["Allocated", "Variables", "allocate"]
+__all__ = ["Allocated", "Factor", "Variables", "allocate"]
 
 Floats = NDArray[np.float64]
 
@@ -59,6 +60,32 @@ class Variables:
         return durations * (slope - mean)
 
 
+@dataclass(frozen=True)
+class Factor:
+    """One variable: the logarithm of a factor of given durations.
+
+    Parameters
+    ----------
+    weight : float
+        ρ.
+    base : ndarray, shape (M,)
+        The durations of factor 1.
+    """
+
+    weight: float
+    base: Floats
+    total: ClassVar[None] = None
+
+    def durations(self, x: Floats) -> Floats:
+        """Return T, shape (M,)."""
+        whole: Floats = self.base * np.exp(np.clip(x[0], -50.0, 50.0))
+        return whole
+
+    def slope(self, durations: Floats, slope: Floats) -> Floats:
+        """Return the derivative of J + ρ ΣT by x, shape (1,), from those of J by T."""
+        return np.array([float(durations @ (slope + self.weight))])
+
+
 @dataclass
 class Allocated:
     """Where the descent on the times ended.
@@ -93,9 +120,10 @@ def allocate(
     tolerance: float,
     most: int,
     between: float,
-    stopped: Callable[[], bool],
-    heard: Heard,
+    stopped: Callable[[], bool] = lambda: False,
+    heard: Heard = lambda durations, value: None,
     first: float = GAPS[0],
+    proportional: bool = False,
 ) -> Allocated:
     """Descend from `durations`, which must have a path.
 
@@ -113,10 +141,15 @@ def allocate(
         Told better durations and their objective.
     first : float
         Relative complementarity of the first barrier: a large one leads away from the bounds.
+    proportional : bool
+        Whether the durations keep their proportions.
     """
-    variables = Variables(model.time_weight, model.total_time)
     result = Allocated(durations)
-    x = np.log(durations)
+    variables: Variables | Factor
+    if proportional:
+        variables, x = Factor(model.time_weight, durations), np.zeros(1)
+    else:
+        variables, x = Variables(model.time_weight, model.total_time), np.log(durations)
 
     def function(point: Floats) -> tuple[float, Floats]:
         now = variables.durations(point)
@@ -182,14 +215,19 @@ def allocate(
     return result
 
 
-def _exchanged(inner: Barrier, variables: Variables, x: Floats, threshold: float) -> bool:
+def _exchanged(inner: Barrier, variables: Variables | Factor, x: Floats, threshold: float) -> bool:
     now = variables.durations(x)
     inner.value(now)
     return inner.exchange(now, threshold) > 0
 
 
 def _inside(
-    inner: Barrier, variables: Variables, x: Floats, safe: Floats, threshold: float, rounds: int
+    inner: Barrier,
+    variables: Variables | Factor,
+    x: Floats,
+    safe: Floats,
+    threshold: float,
+    rounds: int,
 ) -> Floats | None:
     """Return `x`, or a point near it with a path that keeps all bounds; None if none is found.
 
@@ -204,7 +242,9 @@ def _inside(
     return None
 
 
-def _ways(inner: Barrier, variables: Variables, x: Floats, safe: Floats) -> Iterator[Floats]:
+def _ways(
+    inner: Barrier, variables: Variables | Factor, x: Floats, safe: Floats
+) -> Iterator[Floats]:
     yield x
     slower = inner.model.from_rest_to_rest and variables.total is None
     if slower:

@@ -16,7 +16,6 @@ from ...models.minimum_snap.time_allocation import TimeAllocation
 from .time_barrier import Barrier, Inner
 from .time_descent import allocate
 from .time_inner import Spline
-from .time_search import Descent
 
 __all__ = ["distance", "fitted", "hurried", "scaled", "started", "trapezoid"]
 
@@ -100,21 +99,9 @@ def scaled(model: TimeAllocation, inner: Inner, durations: Floats) -> Floats:
             best: Floats = durations * share ** (1.0 / power)
             return best
         return durations
-    return durations * _best_factor(model, inner, durations)
-
-
-def _best_factor(model: TimeAllocation, inner: Inner, durations: Floats) -> float:
-    def function(x: Floats) -> tuple[float, Floats]:
-        now = durations * np.exp(x[0])
-        found = inner.value(now)
-        slope = float(now @ found.slope) + model.time_weight * float(now.sum())
-        return found.value + model.time_weight * float(now.sum()), np.array([slope])
-
-    start = np.zeros(1)
-    if not np.isfinite(function(start)[0]):
-        return 1.0
-    reached = Descent().descend(function, start, 1e-8, 60)
-    return float(np.exp(np.clip(reached.point[0], -50.0, 50.0)))
+    return allocate(
+        model, inner, durations, tolerance=1e-8, most=60, between=BETWEEN, proportional=True
+    ).durations
 
 
 def _peaks(model: TimeAllocation, spline: Spline, durations: Floats) -> float:

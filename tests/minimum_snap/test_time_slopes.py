@@ -171,7 +171,7 @@ def test_the_variables_derivatives_are_those_of_differences(total):
 
 
 def test_kernels_mean_what_their_python_says():
-    from crosstrack.solvers.minimum_snap import time_polynomials, time_rows
+    from crosstrack.solvers.minimum_snap import time_rows
 
     model = tight("velocity", "polytopes")
     inner = Barrier(model, np.zeros(1, np.int8))
@@ -191,11 +191,9 @@ def test_kernels_mean_what_their_python_says():
         cost = function(*given, now.knots, now.inner, pull, slope)
         return cost, slope
 
-    powers = time_polynomials.powers_of
     for function, call in (
         (time_rows.pose, lambda f: f(*given)),
         (time_rows.slopes, sloped),
-        (powers, lambda f: (f(DURATIONS, 4, 3, forms.basis, now.knots, now.inner),)),
     ):
         for got, expected in zip(call(function), call(function.py_func), strict=True):
             assert got == pytest.approx(expected, rel=1e-10, abs=1e-12)
