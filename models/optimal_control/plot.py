@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
+from ...errors import UnsupportedOption
 from ..plots.curves import Curve, Limit, Mark, Panel, Span
 from ..plots.options import check_flags, check_list, check_option, check_tolerance, is_whole
 from ..plots.panels import panel_sheet
-from ..plots.style import not_valid, number, pretty_unit
-from ..verification import TOLERANCE
+from ..plots.style import number, pretty_unit, title_of
+from ..verification import TOLERANCE, Verification
 from .definition import Definition, Guess, Phase, Quantity, Restriction, entry_names
 from .plan import ControlPlan, PhasePlan, Piecewise
 from .sampling import Course, courses
@@ -92,9 +92,9 @@ def draw(
     Raises
     ------
     InvalidData
-        The plan is none of the problem, or has no costates to draw.
+        The plan is none of the problem.
     UnsupportedOption
-        An option has a value that is not allowed.
+        An option has a value that is not allowed, or asks for what the plan has not.
     """
     definition = model.definition
     check_flags(paths=paths, costates=costates, deviation=deviation, mesh=mesh)
@@ -110,16 +110,13 @@ def draw(
         )  # fmt: skip
         panels = [known[name] for name in names]
     if plan is None and (costates or deviation):
-        raise InvalidData("costates and deviation are of a plan, and there is none", field="plan")
+        raise UnsupportedOption("costates and deviation are of a plan, and there is none")
     if costates:
         panels += _costates(found)
     if deviation:
         panels.append(_deviation(model, drawn, found, tolerance))
     verification = None if plan is None else model.verify(drawn, tolerance=tolerance)
-    text = title
-    if text is None:
-        objective = None if verification is None else verification.objective
-        text = _title(model, drawn, objective, plan is None) + not_valid(verification)
+    text = _title(model, drawn, verification) if title is None else title
     unit = pretty_unit(definition.phases[0].time_unit)
     return panel_sheet(
         panels, [Span(part.name, part.start, part.end, part.states.knots) for part in drawn],
@@ -247,10 +244,9 @@ def _costates(found: Sequence[Course]) -> Iterator[Panel]:
     for course in found:
         name, part = course.plan.name, course.plan.costates
         if part is None:
-            raise InvalidData(
+            raise UnsupportedOption(
                 f"the plan has no costates in phase {name!r}: they come with the formulations that "
-                "give them, such as 'gauss' and 'radau'",
-                field="costates",
+                "give them, such as 'gauss' and 'radau'"
             )
         names = course.plan.state_names
         tables.append(sampled(PhasePlan(name, part, part, names, names))[:2])
@@ -280,20 +276,16 @@ def _deviation(
     return Panel("deviation", "relative", curves, [limit], log=True)
 
 
-def _title(
-    model: OptimalControlProblem, plan: ControlPlan, objective: float | None, unplanned: bool
-) -> str:
+def _title(model: OptimalControlProblem, plan: ControlPlan, found: Verification | None) -> str:
     definition = model.definition
-    parts = ["guess"] if unplanned else []
-    if objective is not None:
-        parts.append(
-            f"objective = {number(objective)} {pretty_unit(definition.objective_unit)}".rstrip()
-        )
+    parts = ["guess"] if found is None else []
+    if found is not None and found.objective is not None:
+        unit = pretty_unit(definition.objective_unit)
+        parts.append(f"objective = {number(found.objective)} {unit}".rstrip())
     end: Phase = definition.phases[-1]
     unit = pretty_unit(end.time_unit)
     parts.append(f"{number(plan.phases[-1].end, 5)} {unit}".rstrip())
     for name, value in list(plan.parameters.items())[:3]:
         if value.size == 1:
             parts.append(f"{name} = {number(float(value[0]), 5)}")
-    text = ", ".join(parts)
-    return f"{model.name}  ·  {text}" if model.name else text
+    return title_of(model.name, parts, found)

@@ -1,4 +1,11 @@
-"""Panels over time: curves, what bounds them, where they break it, and the mesh; for any problem."""
+"""Panels over time: curves, what bounds them, where they break it, and the mesh; for any problem.
+
+A picture gathers its data and hands them over::
+
+    speed = Panel("speed", "m/s", [Curve("v", 0, times, v)], [Limit(times[[0, -1]], 0.0, 5.0)])
+    panel_sheet([speed], [Span("", 0.0, 9.0, knots)], title=title_of(model.name, [], found),
+                wrong=not found.ok, columns=1, label="time (s)")
+"""
 
 from __future__ import annotations
 

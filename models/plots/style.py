@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLACK", "DARK", "GREY", "MOST_KNOTS", "RED", "RING", "axis_style", "bare", "headline", "inches",
-    "key", "legend_below", "legend_row", "not_valid", "number", "pretty_unit", "sheet",
+    "key", "legend_below", "legend_row", "number", "pretty_unit", "sheet", "title_of",
 ]  # fmt: skip
 
 # Okabe and Ito's colours, which all eyes tell apart and whose greys differ in print.
@@ -60,13 +60,15 @@ def headline(figure: Figure, text: str, *, wrong: bool) -> None:
     )  # fmt: skip
 
 
-def not_valid(found: Verification | None) -> str:
-    """Return the line of a title that says what a plan breaks; empty where it is valid."""
+def title_of(name: str, parts: Sequence[str], found: Verification | None) -> str:
+    """Return ``"name  ·  part, part"``, and below it what the plan breaks where it is not valid."""
+    text = ", ".join(parts)
+    text = f"{name}  ·  {text}" if name else text
     if found is None or found.ok:
-        return ""
+        return text
     broken = [check.name for check in found.violated]
     more = f" and {len(broken) - 2} more" if len(broken) > 2 else ""
-    return f"\nNOT VALID: {', '.join(broken[:2]) or 'no objective'}{more}"
+    return f"{text}\nNOT VALID: {', '.join(broken[:2]) or 'no objective'}{more}"
 
 
 def axis_style(axis: int) -> dict[str, Any]:

@@ -19,8 +19,8 @@ from ..optimal_control.plot import curves_of, guessed, nodes_of, sampled
 from ..plots.curves import Limit, Panel, Span
 from ..plots.options import check_flags, check_option, check_tolerance
 from ..plots.panels import panel_sheet
-from ..plots.style import not_valid, number
-from ..verification import TOLERANCE
+from ..plots.style import number, title_of
+from ..verification import TOLERANCE, Verification
 from .checks import slew_phase
 from .dynamics import SlewMotion
 from .gyros import singularity_measure
@@ -108,17 +108,17 @@ def draw(
     if plan is not None:
         slew_phase(plan)
         found = model.verify(plan, tolerance=tolerance)
-    text = title
-    if text is None:
-        objective = None if found is None else found.objective
-        text = _title(model, plan, objective) + not_valid(found)
+    text = _title(model, plan, found) if title is None else title
     wrong = found is not None and not found.ok
     if view == "axis":
         return draw_axes(model, plan, title=text, wrong=wrong, size=size)
     drawn = _guessed(model) if plan is None else plan
     panels = _panels(model, drawn, tolerance)
     if tracking is not None:
-        panels = [*panels[:3], _attitude_errors(tracking), *panels[3:], _rate_errors(tracking)]
+        attitude, kept = tracking.quaternion_errors[:, 1:], PAPER_QUATERNION_ERROR
+        rates = tracking.rate_errors
+        panels.insert(3, _errors("quaternion\nerrors", "", _ATTITUDE[1:], attitude, kept, tracking))
+        panels.append(_errors("rate errors", "rad/s", _RATES, rates, PAPER_RATE_ERROR, tracking))
     part = slew_phase(drawn)
     end = part.end if tracking is None else max(part.end, float(tracking.times[-1]))
     return panel_sheet(
@@ -134,18 +134,17 @@ def _guessed(model: SatelliteSlew) -> ControlPlan:
     return guessed(problem.definition)
 
 
-def _title(model: SatelliteSlew, plan: ControlPlan | None, objective: float | None) -> str:
+def _title(model: SatelliteSlew, plan: ControlPlan | None, found: Verification | None) -> str:
     axis, angle = model.turn
     around = ", ".join(number(float(x), 3) for x in axis)
     parts = [f"{number(float(np.rad2deg(angle)), 5)}° about ({around})"]
     if model.margin:
         parts.append(f"{number(100 * model.margin, 4)} % in reserve")
-    if objective is not None:
-        parts.append(f"J = {number(objective)} s")
+    if found is not None and found.objective is not None:
+        parts.append(f"J = {number(found.objective)} s")
     if plan is not None:
         parts.append(f"tf = {number(plan.end, 5)} s")
-    text = ", ".join(parts)
-    return f"{model.name}  ·  {text}" if model.name else text
+    return title_of(model.name, parts, found)
 
 
 # -- the panels ----------------------------------------------------------------------------------
@@ -206,23 +205,10 @@ def _saturated(tracking: Tracking) -> list[tuple[float, float]]:
 def _errors(
     title: str, unit: str, names: Sequence[str], values: Floats, kept: float, tracking: Tracking
 ) -> Panel:
-    times = tracking.times
-    # The paper's figures forbid nothing: they are what its own controller kept to.
-    paper = Limit(
-        times[[0, -1]], -kept, kept, label="kept by the paper's controller", dashes="-.",
-        shaded=False,
-    )  # fmt: skip
+    """Return how far the flight strays, beside what the paper's controller kept to."""
+    times, label = tracking.times, "kept by the paper's controller"
+    # The paper's figures forbid nothing.
+    paper = Limit(times[[0, -1]], -kept, kept, label=label, dashes="-.", shaded=False)
     curves, _ = curves_of(names, times, values)
     shades = {"saturated": _saturated(tracking)}
     return Panel(title, unit, curves, [paper], whole=True, shades=shades)
-
-
-def _attitude_errors(tracking: Tracking) -> Panel:
-    values = tracking.quaternion_errors[:, 1:]
-    return _errors(
-        "quaternion\nerrors", "", _ATTITUDE[1:], values, PAPER_QUATERNION_ERROR, tracking
-    )
-
-
-def _rate_errors(tracking: Tracking) -> Panel:
-    return _errors("rate errors", "rad/s", _RATES, tracking.rate_errors, PAPER_RATE_ERROR, tracking)

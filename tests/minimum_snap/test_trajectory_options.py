@@ -110,16 +110,14 @@ def test_unknown_options():
 # -- size and state ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("shape", "dimensions"), [("boxes", 2), ("polytopes", 2), ("polytopes", 3)]
-)
+@pytest.mark.parametrize(("shape", "dimensions"), [("boxes", 2), ("boxes", 3), ("polytopes", 2)])
 def test_a_thousand_segments_are_as_many_artists_as_a_hundred(shape, dimensions):
     counts, pieces = [], []
     for segments in (100, 1000):
         bare = walk(segments, dimensions)
         region = boxes(bare, 9.0) if shape == "boxes" else strips(bare, 9.0)
         model = walk(segments, dimensions, velocity_limit=50, **region)
-        figure = ct.plot(model, spline(bare), derivatives=1)
+        figure = ct.plot(model, spline(bare), derivatives=(1,))
         counts.append(size_of(figure))
         way = next(c for c in path(figure).collections if c.get_array() is not None)
         pieces.append(len(way.get_array()))

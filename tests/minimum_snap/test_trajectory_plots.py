@@ -259,7 +259,7 @@ def test_every_broken_condition_draws():
         for mark in scene.marks:
             assert good.times[0] <= mark.time <= good.times[-1]
             assert f"(t = {mark.time:.6g} s)" in mark.check.where
-        figure = ct.plot(model, plan, derivatives=(1,))
+        figure = ct.plot(model, plan, derivatives=(1,), labels=False)
         assert figure.get_suptitle().count("NOT VALID") == bool(found)
         seen |= {check.name for check in found}
     assert {"waypoints", "continuity of velocity", "velocity at the ends"} <= seen

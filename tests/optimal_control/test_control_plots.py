@@ -128,7 +128,7 @@ def test_costates_and_deviation():
     drawn = panels(ct.plot(model, off, deviation=True))
     (line,) = artists(drawn["deviation"], "curve v")
     assert line.get_ydata()[-1] == pytest.approx(0.1, rel=1e-6)
-    with pytest.raises(InvalidData, match="no costates in phase 'phase 1'"):
+    with pytest.raises(UnsupportedOption, match="no costates in phase 'phase 1'"):
         ct.plot(model, cruising(), costates=True)
 
 
@@ -141,7 +141,7 @@ def test_without_a_plan_the_guess_is_drawn():
     assert legend(figure) == ["guess", "limit", "forbidden"]
     (line,) = artists(panels(figure)["v"], "curve v")
     assert line.get_ydata()[[0, -1]].tolist() == [1, -1]
-    with pytest.raises(InvalidData, match="there is none"):
+    with pytest.raises(UnsupportedOption, match="there is none"):
         ct.plot(model, deviation=True)
 
 

@@ -19,10 +19,10 @@ from ...plots.style import (
     headline,
     inches,
     legend_below,
-    not_valid,
     number,
     pretty_unit,
     sheet,
+    title_of,
 )
 from ..bounds import derivative_name
 from .data import Scene, given_times, scene_of
@@ -138,7 +138,6 @@ def _orders(derivatives: Any, scene: Scene) -> list[int]:
 
 def _title(scene: Scene) -> str:
     model = scene.model
-    name = getattr(model, "name", "")
     if scene.plan is None:
         parts = [model.describe()]
     else:
@@ -150,8 +149,7 @@ def _title(scene: Scene) -> str:
             letter = "J" if given_times(model) is not None else "objective"
             parts.append(f"{letter} = {number(found.objective)} {unit}".rstrip())
         parts.append(f"{number(scene.plan.duration, 5)} s")
-    text = f"{name}  ·  {', '.join(parts)}" if name else ", ".join(parts)
-    return text + not_valid(scene.verification)
+    return title_of(getattr(model, "name", ""), parts, scene.verification)
 
 
 def _what(model: Any) -> str:
