@@ -22,7 +22,6 @@ __all__ = [
     "USAGE",
     "VERIFIED",
     "VIOLATED",
-    "as_json",
     "common",
     "compare_code",
     "draw",
@@ -30,8 +29,6 @@ __all__ = [
     "only",
     "pairs",
     "picture_path",
-    "plot",
-    "tolerance",
 ]
 
 #: The exit codes; ``crosstrack.__main__`` says what each means.
@@ -40,6 +37,7 @@ INTERRUPTED = 130
 
 _PLOT_SUFFIXES = (".png", ".pdf", ".svg")
 
+#: The options that commands share one by one.
 as_json = click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
 plot = click.option("--plot", metavar="FILE", help="Write a picture of the plan (png, pdf, svg).")
 tolerance = click.option(

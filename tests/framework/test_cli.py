@@ -235,7 +235,14 @@ def test_interrupted_is_130_with_the_incumbent(tmp_path):
     assert data["plan"] is not None
 
 
-def test_demo_takes_a_csv(instance, tmp_path):
+SOME = ("label-setting", "dynamic-programming", "highs")
+
+
+@pytest.mark.parametrize("names", [SOME, pytest.param(None, marks=pytest.mark.slow)])
+def test_demo_takes_a_csv(names, instance, tmp_path, monkeypatch):
+    """With some of the backends that fit, of either kind, or with all that are installed."""
+    if names is not None:
+        monkeypatch.setattr("crosstrack.solvers.registry.fitting", lambda model: names)
     csv = tmp_path / "points.csv"
     words = {"A": "A", "B": "B", "horizontal": "0", "vertical": "1"}
     rows = [

@@ -18,6 +18,8 @@ PAGES = sorted(
     ]
 )
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
+#: Examples that run for ten seconds and more; `make docs` runs them all for the gallery.
+SLOW = {"plot_bases_and_backends.py", "plot_own_control_problem.py", "plot_satellite_slew.py"}
 
 
 def named(page):
@@ -45,7 +47,13 @@ def test_python_on_a_page_runs(page, page_code, run_python, tmp_path):
     run_python("-W", "error::DeprecationWarning", "page.py", cwd=tmp_path)
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=named)
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(path, id=named(path), marks=[pytest.mark.slow] if path.name in SLOW else [])
+        for path in EXAMPLES
+    ],
+)
 def test_examples_run(example, run_python, tmp_path):
     printed = run_python(str(example), cwd=tmp_path, timeout=300)
     # Local searches agree without proving it.

@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 from commands import run_all
 
+# One process of the tests installs it.
+pytestmark = pytest.mark.xdist_group("foreign")
+
 SOURCE = Path(__file__).parent / "foreign"
 EXAMPLE = "error-correction/example-1"
 
