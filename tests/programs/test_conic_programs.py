@@ -213,6 +213,16 @@ def test_no_multipliers_prove_too_much(seed: int, power: float) -> None:
     assert bound <= program.objective(point) + 1e-9 * max(1.0, abs(bound))
 
 
+@pytest.mark.parametrize("kind", list(ConeKind))
+def test_multipliers_outside_of_the_dual_cone_prove_nothing_wrong(kind: ConeKind) -> None:
+    draw = np.random.default_rng(8)
+    for point in inside(kind, draw.normal(size=(20, SIZES[kind]))):
+        program = conic([], [(kind, [], point.tolist())], offset=7.0)
+        assert program.verify(np.zeros(0)).ok
+        for weights in draw.normal(size=(5, SIZES[kind])):
+            assert program.dual_bound(weights, np.zeros(0)) <= 7.0 + 1e-12
+
+
 def test_multipliers_of_the_rows_alone_leave_the_cones_out() -> None:
     program = replace(disc(), column_lower=np.array([-2.0, -2.0]))
     assert program.dual_bound(np.zeros(0), np.zeros(2)) == -4.0
