@@ -32,8 +32,8 @@ Vector = NDArray[np.float64]
 #: figure is for points that hold but for rounding, the second for those that need the tolerance; beyond
 #: the last no point counts.
 LARGE, LARGE_AND_OFF, TOO_LARGE = 1e4, 1e2, 1e7
-#: How much tighter it is asked for, and by how much a point that stays may have grown.
-TIGHTER, GROWN = 1e-2, 1.1
+#: How much tighter it is asked for, and must hold.
+TIGHTER = 1e-2
 
 
 class ConvexBackend(QuadraticBackend):
@@ -59,8 +59,6 @@ class ConvexBackend(QuadraticBackend):
 
 def conic_answer(problem: ConicProgram, request: Request, attempt: Any) -> Answer:
     """Return the answer that `attempt` earns: recomputed and proven."""
-    # There is no polish that would find the last digits.
-    request = replace(request, options={**request.options, "polish": False})
     return _ConicRun(problem, request, attempt, Clock(request.time_limit)).answer()
 
 
@@ -83,9 +81,22 @@ class _ConicRun(Run):
         return conic_core(self.problem)
 
     def judged(self, outcome: Outcome) -> Quality | None:
-        """Return the quality of the point; None without one, or where it runs off to infinity."""
+        """Return the quality of the point; None without one, or where it runs off to infinity.
+
+        A point with terms of unusual size must hold once more, and much better.
+        """
         found = self.quality(outcome)
-        return None if found is None or self.runs_away(found) else found
+        if found is None or self.over():
+            return found
+        usual = LARGE if found.violation <= ROUNDING else LARGE_AND_OFF
+        if _measured(self.problem, found.point)[0] <= usual:
+            return found
+        tighter = replace(self.request, tolerance=self.request.tolerance * TIGHTER)
+        again = self.quality(self.tried(self.core(), tighter))
+        if again is None:
+            return None
+        share, off = _measured(self.problem, again.point)
+        return again if share <= TOO_LARGE and off <= tighter.tolerance else None
 
     def quality(self, outcome: Outcome) -> Quality | None:
         if outcome.point is None or outcome.ended in (Ended.INFEASIBLE, Ended.UNBOUNDED):
@@ -94,21 +105,6 @@ class _ConicRun(Run):
         if duals is None or not np.isfinite(duals).all():
             duals = np.zeros(self.problem.row_count + self.problem.cone_offset.size)
         return measured(self.problem, outcome.point, duals)
-
-    def runs_away(self, found: Quality) -> bool:
-        """Return whether a point with huge terms is a different one at a tighter tolerance."""
-        large = LARGE if found.violation <= ROUNDING else LARGE_AND_OFF
-        share = _measured(self.problem, found.point)[0]
-        if share <= large or self.over():
-            return False
-        tighter = replace(self.request, tolerance=self.request.tolerance * TIGHTER)
-        again = self.quality(self.tried(self.core(), tighter))
-        if again is None:
-            return not self.over()
-        share, off = _measured(self.problem, again.point)
-        sizes = [np.abs(quality.point).max() for quality in (found, again)]
-        stays = max(sizes) <= GROWN * min(sizes)
-        return not (stays and share <= TOO_LARGE and off <= tighter.tolerance)
 
     def unsolved(
         self, outcome: Outcome, best: Quality | None, findings: Findings | None = None

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from crosstrack.errors import InvalidData
-from crosstrack.models import ConeBlock, ConeKind, ConicProgram, Model
+from crosstrack.models import ConeBlock, ConeKind, ConicProgram, Model, ProgramBuilder
 from crosstrack.models.programs.cones import inside, inside_dual, missing, symmetric, triangle
 from crosstrack.solvers.backend import Request
 from crosstrack.solvers.conformance import all_cases
@@ -122,6 +122,39 @@ def test_a_program_without_rows_stays_one_without_them() -> None:
     assert replace(program, name="x").digest == program.digest
 
 
+def test_the_builder_writes_cones() -> None:
+    builder = ProgramBuilder()
+    point = builder.columns("point", 2, lower=-np.inf)
+    legs = builder.columns("leg", 2, cost=1.0, unit="m")
+    # Both legs of a path from (0, 0) by way of `point` to (10, 0), with the point above 2.
+    leg = np.arange(2)
+    builder.cones(
+        "length",
+        ConeKind.SECOND_ORDER,
+        2,
+        3,
+        (3 * leg, legs, 1.0),
+        (3 * leg[:, None] + [1, 2], point, 1.0),
+        offset=[[0, 0, 0], [0, -10, 0]],
+        equation="1",
+        template="leg {0}",
+        index=leg,
+    )
+    builder.rows("height", 1, (0, point[1], 1.0), lower=2.0)
+    program = builder.build_conic(name="path", offset=3.0)
+    assert program.cone_rows(np.array([5.0, 2, 6, 7])).tolist() == [6, 5, 2, 7, -5, 2]
+    answer = find_backend("clarabel").run(program, Request())
+    assert answer.point[:2] == pytest.approx([5, 2], abs=1e-4)
+    assert answer.primal_bound == pytest.approx(3 + 2 * 29**0.5, abs=1e-6)
+    found = program.verify(np.array([5.0, 2, 6, 5]))
+    assert [check.where for check in found.violated] == ["leg 1"]
+    with pytest.raises(InvalidData, match="build_conic"):
+        builder.build()
+    builder.columns("whole", 1, integral=True)
+    with pytest.raises(InvalidData, match="integral"):
+        builder.build_conic()
+
+
 # Cones.
 
 
@@ -211,6 +244,16 @@ def test_no_multipliers_prove_too_much(seed: int, power: float) -> None:
     total = program.row_count + program.cone_offset.size
     bound = program.dual_bound(10**power * draw.normal(size=total), draw.normal(size=program.size))
     assert bound <= program.objective(point) + 1e-9 * max(1.0, abs(bound))
+
+
+@pytest.mark.parametrize("kind", list(ConeKind))
+def test_multipliers_outside_of_the_dual_cone_prove_nothing_wrong(kind: ConeKind) -> None:
+    draw = np.random.default_rng(8)
+    for point in inside(kind, draw.normal(size=(20, SIZES[kind]))):
+        program = conic([], [(kind, [], point.tolist())], offset=7.0)
+        assert program.verify(np.zeros(0)).ok
+        for weights in draw.normal(size=(5, SIZES[kind])):
+            assert program.dual_bound(weights, np.zeros(0)) <= 7.0 + 1e-12
 
 
 def test_multipliers_of_the_rows_alone_leave_the_cones_out() -> None:
