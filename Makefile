@@ -51,10 +51,10 @@ types: .venv/test.stamp  ## Type checker only
 	$(BIN)/mypy
 
 check: .venv/test.stamp  ## Tests only, those marked slow left out
-	$(BIN)/pytest tests -n 2
+	$(BIN)/pytest tests -n 2 --dist loadgroup
 
 slow: .venv/test.stamp  ## Tests marked slow
-	$(BIN)/pytest tests -n 2 -m slow
+	$(BIN)/pytest tests -n 2 --dist loadgroup -m slow
 
 bench: .venv/benchmark.stamp  ## Benchmarks; nothing else should run meanwhile
 	$(BIN)/pytest tests/benchmarks -s -q --benchmark-columns=min,median,max,rounds --benchmark-sort=fullname

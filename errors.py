@@ -8,7 +8,8 @@
     ├── BackendMissing         the backend's package is not installed
     ├── BackendBroken          the package is installed, yet cannot be used
     ├── UnsupportedOption      the backend or formulation does not know the option or its value
-    └── UnsupportedFormulation the formulation does not cover what the model asks for
+    ├── UnsupportedFormulation the formulation does not cover what the model asks for
+    └── HiddenData             a backend asks for what the model hides from backends
 
 Every message names the field, the value and what is allowed.
 """
@@ -22,6 +23,7 @@ __all__ = [
     "BackendBroken",
     "BackendMissing",
     "CrosstrackError",
+    "HiddenData",
     "InvalidData",
     "UnknownName",
     "UnsupportedFormulation",
@@ -86,3 +88,7 @@ class UnsupportedOption(CrosstrackError, ValueError):
 
 class UnsupportedFormulation(CrosstrackError, ValueError):
     """The formulation does not cover what the model asks for."""
+
+
+class HiddenData(CrosstrackError, AttributeError):
+    """A field that the model hides from backends was read where only a backend's view of it is."""

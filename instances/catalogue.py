@@ -11,9 +11,9 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from ..errors import BackendBroken, InvalidData, UnknownName
+from ..errors import InvalidData, UnknownName
 from ..models.model import Model
-from ..models.problems import declared_in, resolve, table
+from ..models.problems import loadable, resolve, table
 
 __all__ = ["CatalogueEntry", "Provenance", "entries", "entry", "load", "register_entry"]
 
@@ -170,8 +170,8 @@ def _about_csv(file: Path) -> str:
     from .storage import read_text
 
     first = next((line for line in read_text(file).splitlines() if line.strip()), "")
-    for _, _, target in declared_in(__package__, "HINTS"):
-        hint: str = resolve(target)(file, first)
+    for _, describe in loadable(__package__, "HINTS"):
+        hint: str = describe(file, first)
         if hint:
             return f"{file}: {hint}"
     return f"{file}: a CSV file holds data, and no instance; write an instance file beside it"
@@ -191,7 +191,7 @@ def _all() -> dict[str, CatalogueEntry]:
     for problem in table(__package__, "CATALOGUE"):
         try:
             found.update(_problem(problem))
-        except BackendBroken as error:  # a stranger's fault must not hide the other instances
+        except Exception as error:  # a stranger's fault must not hide the other instances
             log.warning("the catalogue of %r cannot be loaded: %s", problem, error)
     return {**found, **_REGISTERED}
 

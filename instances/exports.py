@@ -12,7 +12,7 @@ from ..errors import UnknownName, UnsupportedFormulation, UnsupportedOption
 from ..models.model import Model
 from ..models.problems import declared_in, problem_of, resolve
 
-__all__ = ["ExportFormat", "export_formats", "export_plan"]
+__all__ = ["ExportFormat", "choose_format", "export_formats", "export_plan"]
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,29 @@ def export_formats(model: Model[Any]) -> Mapping[str, ExportFormat]:
     }
 
 
+def choose_format(
+    model: Model[Any], name: str | None, options: Mapping[str, Any]
+) -> tuple[str, ExportFormat]:
+    """Return the name and the format that plans of `model` are asked to be written in.
+
+    The parameters and what raises are those of :func:`export_plan`.
+    """
+    formats = export_formats(model)
+    if not formats:
+        raise UnsupportedFormulation(f"model {model.kind!r} has no format to write plans in")
+    name = next(iter(formats)) if name is None else name
+    if name not in formats:
+        raise UnknownName(f"export format of model {model.kind!r}", name, formats)
+    chosen = formats[name]
+    for option in options:
+        if option not in chosen.options:
+            known = ", ".join(chosen.options) or "none"
+            raise UnsupportedOption(
+                f"export format {name!r} has no option {option!r}; its options: {known}"
+            )
+    return name, chosen
+
+
 def export_plan(
     model: Model[Any],
     plan: Any,
@@ -81,17 +104,5 @@ def export_plan(
     UnknownName, UnsupportedOption
         There is no such format, or the format has no such option.
     """
-    formats = export_formats(model)
-    if not formats:
-        raise UnsupportedFormulation(f"model {model.kind!r} has no format to write plans in")
-    name = next(iter(formats)) if format is None else format
-    if name not in formats:
-        raise UnknownName(f"export format of model {model.kind!r}", name, formats)
-    chosen = formats[name]
-    for option in options:
-        if option not in chosen.options:
-            known = ", ".join(chosen.options) or "none"
-            raise UnsupportedOption(
-                f"export format {name!r} has no option {option!r}; its options: {known}"
-            )
+    _, chosen = choose_format(model, format, options)
     return chosen.write(model.as_plan(plan), path, **options)

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     )
     from .programs import (
         Block as Block,
+        ConeBlock as ConeBlock,
+        ConeKind as ConeKind,
+        ConicProgram as ConicProgram,
         MixedIntegerProgram as MixedIntegerProgram,
         NonlinearProgram as NonlinearProgram,
         Program as Program,
@@ -54,6 +57,9 @@ _get, _, __all__ = attach(
         "problems": ("model_type", "model_types", "register_model"),
         "programs": (
             "Block",
+            "ConeBlock",
+            "ConeKind",
+            "ConicProgram",
             "MixedIntegerProgram",
             "NonlinearProgram",
             "Program",

@@ -72,9 +72,14 @@ class Spec(ABC):
         return value
 
 
-def declared(spec: Spec, **options: Any) -> Any:
-    """Return a dataclass field that carries `spec`; `options` go to ``dataclasses.field``."""
-    return dataclasses.field(metadata={"spec": spec}, **options)
+def declared(spec: Spec, *, hidden: bool = False, **options: Any) -> Any:
+    """Return a dataclass field that carries `spec`; `options` go to ``dataclasses.field``.
+
+    A `hidden` field is read by the verification and by nobody else: backends receive the model
+    without it, see :meth:`crosstrack.models.Model.blinded`. What is computed from it when the model
+    is made has to be hidden too.
+    """
+    return dataclasses.field(metadata={"spec": spec, "hidden": hidden}, **options)
 
 
 def _number(name: str, value: Any) -> float:

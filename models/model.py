@@ -8,31 +8,33 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
-from ..errors import InvalidData, UnknownName, UnsupportedFormulation
-from .fields import Spec, Text, show
+import numpy as np
+
+from ..errors import HiddenData, InvalidData, UnknownName, UnsupportedFormulation
+from .declaration import Declared
+from .fields import Text, show
 from .problems import model_type, resolve
 from .verification import TOLERANCE, Verification
 
-if TYPE_CHECKING:
-    from .formulation import Formulation
-
-__all__ = ["Model", "parse_json"]
+__all__ = ["Model", "as_model", "parse_json"]
 
 PlanT = TypeVar("PlanT")
 
 
 @dataclass(frozen=True, eq=False)
-class Model(ABC, Generic[PlanT]):
+class Model(Declared, ABC, Generic[PlanT]):
     """A planning problem: its data, and how a plan for it is written and verified.
 
     Subclasses are frozen dataclasses with ``eq=False`` whose fields are declared with a
-    :class:`~crosstrack.models.fields.Spec`; the base copies, coerces, checks and freezes them.
+    :class:`~crosstrack.models.fields.Spec`; :class:`~crosstrack.models.declaration.Declared` copies,
+    coerces, checks and freezes them.
 
     Parameters
     ----------
@@ -49,85 +51,82 @@ class Model(ABC, Generic[PlanT]):
         The one taken when none is named.
     objective_unit : str
         Unit of the objective, which is always minimised.
+    agreement : float, optional
+        Largest :meth:`distance` at which two plans agree, for models that no backend proves
+        anything of, such as estimation; None where plans are judged by bounds alone.
     """
 
     # Written out, for type checkers see only through dataclasses.field that it is no position.
     name: str = dataclasses.field(default="", kw_only=True, metadata={"spec": Text(content=False)})
 
     kind: ClassVar[str] = ""
-    formulations: ClassVar[dict[str, str | type[Formulation[Any, Any]]]] = {}
+    formulations: ClassVar[dict[str, Any]] = {}
     default_formulation: ClassVar[str] = ""
     objective_unit: ClassVar[str] = ""
+    agreement: ClassVar[float | None] = None
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         cls.formulations = dict(cls.formulations)
 
-    # -- data in ---------------------------------------------------------------------------------
+    def __getstate__(self) -> dict[str, Any]:
+        held = (field.name for field in dataclasses.fields(self))
+        state = {name: self.__dict__[name] for name in held if name in self.__dict__}
+        # A model without its hidden fields cannot compute its digest again.
+        return {**state, "digest": self.digest} if self.is_blinded else state
 
-    def __post_init__(self) -> None:
-        sizes: dict[str, tuple[int, str]] = {}
-        for name, spec in self._specs():
-            object.__setattr__(self, name, spec.coerce(name, getattr(self, name), sizes))
-        self.check()
-
-    def check(self) -> None:
-        """Raise :class:`~crosstrack.errors.InvalidData` where fields contradict one another."""
+    # -- what backends must not see --------------------------------------------------------------
 
     @classmethod
-    def _specs(cls) -> Iterator[tuple[str, Spec]]:
-        for field in dataclasses.fields(cls):
-            if "spec" in field.metadata:
-                yield field.name, field.metadata["spec"]
+    def hidden_fields(cls) -> tuple[str, ...]:
+        """Return the names of the fields that backends do not receive."""
+        fields = dataclasses.fields(cls)
+        return tuple(field.name for field in fields if field.metadata.get("hidden"))
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+    @property
+    def is_blinded(self) -> bool:
+        """Whether this is a backend's view, which lacks the hidden fields."""
+        return any(name not in self.__dict__ for name in self.hidden_fields())
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        specs = dict(self._specs())
-        for name, value in state.items():
-            object.__setattr__(self, name, specs[name].refreeze(value) if name in specs else value)
+    def blinded(self) -> Self:
+        """Return the model as backends receive it: without its hidden fields, with its digest.
+
+        Reading a hidden field of it raises :class:`~crosstrack.errors.HiddenData`. A model without
+        hidden fields is returned as it is.
+        """
+        hidden = self.hidden_fields()
+        if not hidden or self.is_blinded:
+            return self
+        view = object.__new__(type(self))
+        for field in dataclasses.fields(self):
+            if field.name not in hidden:
+                view.__dict__[field.name] = self.__dict__[field.name]
+        view.__dict__["digest"] = self.digest
+        return view
+
+    if not TYPE_CHECKING:  # else every misspelt attribute would have a type
+
+        def __getattr__(self, name: str) -> Any:
+            if name in type(self).hidden_fields():
+                raise HiddenData(f"{name} of model {self.kind!r} is hidden from backends")
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     # -- JSON ------------------------------------------------------------------------------------
 
     def data(self) -> dict[str, Any]:
         """Return the content as JSON data (no NaN, no infinity)."""
-        given = {field.name for field in dataclasses.fields(self) if field.init}
-        return {
-            name: spec.encode(getattr(self, name))
-            for name, spec in self._specs()
-            if name in given and name != "name"
-        }
+        found = super().data()
+        del found["name"]
+        return found
 
     @classmethod
-    def from_data(cls, data: Mapping[str, Any], *, name: str = "") -> Self:
+    def from_data(cls, data: Any, *, name: str = "") -> Self:
         """Return the model that :meth:`data` wrote; unknown and missing keys raise."""
-        if not isinstance(data, Mapping):
-            raise InvalidData(f"data must be an object, got {show(data)}", field="data")
-        known = {f.name: f for f in dataclasses.fields(cls) if f.init and f.name != "name"}
-        extra = cls.input_names()
-        for key in data:
-            if key not in known and key not in extra:
-                allowed = ", ".join(sorted({*known, *extra}))
-                raise InvalidData(
-                    f"unknown key {key!r} in the data of model {cls.kind!r}; allowed: {allowed}",
-                    field=str(key),
-                )
-        for key, field in known.items():
-            required = (
-                field.default is dataclasses.MISSING
-                and field.default_factory is dataclasses.MISSING
-            )
-            if required and key not in data:
-                raise InvalidData(
-                    f"key {key!r} is missing in the data of model {cls.kind!r}", field=key
-                )
-        return cls(**{str(key): value for key, value in data.items()}, name=name)
+        return cls._from_data(data, name=name)
 
     @classmethod
-    def input_names(cls) -> frozenset[str]:
-        """Return further names that the constructor takes beside the fields."""
-        return frozenset()
+    def _label(cls) -> str:
+        return f"model {cls.kind!r}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return ``{"model": kind, "name": …, "data": {…}}``."""
@@ -181,6 +180,14 @@ class Model(ABC, Generic[PlanT]):
         """Return the same model under another name."""
         return dataclasses.replace(self, name=name)
 
+    def scene_seeds(self, count: int) -> list[int]:
+        """Return `count` seeds that follow from the digest, for objectives measured on drawn scenes.
+
+        The same model is judged on the same scenes everywhere, and no backend chooses them.
+        """
+        sequence = np.random.SeedSequence(int(self.digest[:32], 16))
+        return [int(seed) for seed in sequence.generate_state(count, np.uint64)]
+
     # -- plans -----------------------------------------------------------------------------------
 
     @abstractmethod
@@ -202,6 +209,13 @@ class Model(ABC, Generic[PlanT]):
     @abstractmethod
     def plan_from_data(self, data: Any) -> PlanT:
         """Return the plan that :meth:`plan_to_data` wrote; bad data raises ``InvalidData``."""
+
+    def distance(self, plan: PlanT, other: PlanT) -> float:
+        """Return how far apart two plans are, in the unit of :attr:`agreement`.
+
+        The default tells equal plans from different ones: 0 or infinity.
+        """
+        return 0.0 if self.plan_to_data(plan) == self.plan_to_data(other) else math.inf
 
     def as_plan(self, value: Any) -> PlanT:
         """Return the plan that `value` means.
@@ -236,18 +250,26 @@ class Model(ABC, Generic[PlanT]):
         return None
 
     @classmethod
-    def formulation_type(cls, name: str | None = None) -> type[Formulation[Any, Any]]:
-        """Return the formulation class called `name`, the default one for None."""
+    def formulation_type(cls, name: str | None = None) -> Any:
+        """Return the :class:`~crosstrack.models.formulation.Formulation` class called `name`.
+
+        None means the default one.
+        """
         if not cls.formulations:
             raise UnsupportedFormulation(f"model {cls.kind!r} has no formulation as a program")
         name = cls.default_formulation if name is None else name
         if name not in cls.formulations:
             raise UnknownName(f"formulation of model {cls.kind!r}", name, cls.formulations)
-        found: type[Formulation[Any, Any]] = resolve(cls.formulations[name])
-        return found
+        return resolve(cls.formulations[name])
 
-    def formulate(self, name: str | None = None, **options: Any) -> Formulation[Any, Any]:
+    def formulate(self, name: str | None = None, **options: Any) -> Any:
         """Return this model's formulation called `name`, with its typed `options`.
+
+        Returns
+        -------
+        Formulation
+            Of the type :meth:`formulation_type`; not named in the signature, for formulations
+            stand above models.
 
         Raises
         ------
@@ -267,6 +289,23 @@ class Model(ABC, Generic[PlanT]):
     def describe(self) -> str:
         """Return the size of the model in a few words."""
         return f"digest {self.digest[:12]}"
+
+
+def as_model(value: Any) -> Model[Any]:
+    """Return `value` as it is where it is a model, and what its ``build()`` returns where it has one.
+
+    Raises
+    ------
+    InvalidData
+        It is neither.
+    """
+    found = value
+    if not isinstance(value, Model) and callable(getattr(value, "build", None)):
+        found = value.build()
+    if not isinstance(found, Model):
+        hint = "; load it first: crosstrack.load(…)" if isinstance(value, str) else ""
+        raise InvalidData(f"model must be a Model, got {value!r}{hint}", field="model")
+    return found
 
 
 def parse_json(text: str) -> Any:

@@ -16,6 +16,7 @@ folder                    table         keys and objects
 ``instances/<problem>``   HINTS         any: function ``(file, header) -> str`` about a CSV file
 ``instances/<problem>``   EXPORTS       format: an ``ExportFormat``
 ``instances/<problem>``   DEMOS         name: a ``Demo``
+``instances/<problem>``   PRINTED       ``<prefix>/<table>``: function that returns a paper's table
 ========================= ============= =====================================================
 
 A string that begins with a dot is relative to the package that declares it. Another distribution
@@ -40,6 +41,8 @@ __all__ = [
     "GROUP",
     "PROBLEMS",
     "declared_in",
+    "loadable",
+    "loadable_models",
     "model_type",
     "model_types",
     "problem_of",
@@ -56,6 +59,12 @@ PROBLEMS = ("error_correction", "minimum_snap", "optimal_control", "satellite_sl
 GROUP = "crosstrack.problems"
 #: The kits whose folder in `models` declares models that belong to no problem.
 KITS = ("programs",)
+
+#: The tables that a problem may have; the docstring above says what each holds.
+TABLES = (
+    *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "PAPER_TABLES"),
+    *("CATALOGUE", "REFERENCES", "HINTS", "EXPORTS", "DEMOS", "PRINTED"),
+)
 
 #: Model types that a user registered in this session, by kind.
 _SESSION: dict[str, Any] = {}
@@ -76,8 +85,17 @@ def resolve(target: Any) -> Any:
     module, _, name = target.partition(":")
     try:
         return getattr(importlib.import_module(module, __package__.rpartition(".")[0]), name)
-    except (ImportError, AttributeError) as error:
+    except Exception as error:  # whatever a stranger's module raises, the cause is named
         raise BackendBroken(f"{target} cannot be loaded: {error}") from error
+
+
+def loadable(room: str, name: str) -> Iterator[tuple[str, Any]]:
+    """Yield ``(key, object)`` of every table called `name`; what cannot be loaded is logged."""
+    for key, target in table(room, name).items():
+        try:
+            yield key, resolve(target)
+        except BackendBroken as error:  # a stranger's fault must not hide the others
+            log.warning("%s %r: %s", name, key, error)
 
 
 @cache
@@ -86,7 +104,11 @@ def _foreign() -> Mapping[str, ModuleType]:
     found = {}
     for point in importlib.metadata.entry_points(group=GROUP):
         try:
-            found[point.name] = importlib.import_module(point.value.partition(":")[0])
+            module = importlib.import_module(point.value.partition(":")[0])
+            for name in TABLES:
+                if not isinstance(getattr(module, name, {}), Mapping):
+                    raise TypeError(f"{name} is no table")
+            found[point.name] = module
         except Exception as error:  # a stranger's fault must not stop the other problems
             log.warning("problem %r (%s) cannot be loaded: %s", point.name, point.value, error)
     return found
@@ -144,6 +166,11 @@ def problem_of(kind: str) -> str:
 def model_types() -> tuple[str, ...]:
     """Return the JSON names of all model types."""
     return tuple(sorted({**table(__package__, "MODELS"), **_SESSION}))
+
+
+def loadable_models() -> Iterator[tuple[str, Any]]:
+    """Yield ``(kind, type)`` of every model, by kind; a type that cannot be loaded is logged."""
+    yield from sorted({**dict(loadable(__package__, "MODELS")), **_SESSION}.items())
 
 
 def model_type(kind: str) -> Any:

@@ -104,10 +104,14 @@ class Verification:
         The recomputed objective; None where the plan is too broken to have one.
     checks : tuple of Check
         One a constraint.
+    spread : float
+        Half the width of the interval in which the objective lies, where it is measured on drawn
+        scenes; 0 where it is computed. A plan contradicts nobody inside it.
     """
 
     objective: float | None
     checks: tuple[Check, ...]
+    spread: float = 0.0
 
     @property
     def ok(self) -> bool:
@@ -130,12 +134,14 @@ class Verification:
             "ok": self.ok,
             "objective": self.objective,
             "checks": [check.to_dict() for check in self.checks],
+            **({"spread": self.spread} if self.spread else {}),
         }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Verification:
         """Return the verification that :meth:`to_dict` wrote."""
-        return cls(data["objective"], tuple(Check.from_dict(check) for check in data["checks"]))
+        checks = tuple(Check.from_dict(check) for check in data["checks"])
+        return cls(data["objective"], checks, data.get("spread", 0.0))
 
     def summary(self) -> str:
         """Return one word and, where it is not plain ok, the checks that say why."""

@@ -29,7 +29,18 @@ if TYPE_CHECKING:
         find_backend as find_backend,
         register_backend as register_backend,
     )
+    from .repeats import Spread as Spread
     from .solution import Incumbent as Incumbent, Solution as Solution, relative_gap as relative_gap
+    from .stopping import (
+        AllOf as AllOf,
+        AnyOf as AnyOf,
+        Criterion as Criterion,
+        Evaluations as Evaluations,
+        Progress as Progress,
+        Seconds as Seconds,
+        Stalled as Stalled,
+        Target as Target,
+    )
     from .verdict import Outcome as Outcome, Verdict as Verdict
 
 __getattr__, __dir__, __all__ = attach(
@@ -53,6 +64,17 @@ __getattr__, __dir__, __all__ = attach(
             "find_backend",
             "register_backend",
         ),
+        "stopping": (
+            "AllOf",
+            "AnyOf",
+            "Criterion",
+            "Evaluations",
+            "Progress",
+            "Seconds",
+            "Stalled",
+            "Target",
+        ),
+        "repeats": ("Spread",),
         "crosscheck": (
             "Comparison",
             "compare",

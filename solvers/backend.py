@@ -9,13 +9,10 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
-import queue
-import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from enum import StrEnum
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,8 +21,12 @@ from numpy.typing import NDArray
 from ..errors import BackendMissing, UnsupportedOption
 from ..models.model import Model
 from ..version import __version__
+from .control import Control
+from .enums import PROVING, Feature, Guarantee, Limit, Termination
+from .option import Option
 
 __all__ = [
+    "PROVING",
     "Answer",
     "Backend",
     "Control",
@@ -36,148 +37,6 @@ __all__ = [
     "Request",
     "Termination",
 ]
-
-
-class Guarantee(StrEnum):
-    """What an answer of the backend proves, if its claims are right."""
-
-    EXACT = "exact"
-    LOCAL = "local"
-    HEURISTIC = "heuristic"
-    RELAXATION = "relaxation"
-
-
-class Feature(StrEnum):
-    """What a backend understands of the common request."""
-
-    GAP = "gap"
-    SEED = "seed"
-    THREADS = "threads"
-    WARM_START = "warm start"
-    CUTOFF = "cutoff"
-    INCUMBENTS = "incumbents"
-    DUAL_BOUND = "dual bound"
-    DUALS = "duals"
-    INTERRUPT = "interrupt"
-
-
-class Termination(StrEnum):
-    """How a run ended, apart from the limit that may have ended it."""
-
-    OPTIMAL = "optimal"
-    LOCALLY_OPTIMAL = "locally_optimal"
-    FEASIBLE = "feasible"
-    INFEASIBLE = "infeasible"
-    LOCALLY_INFEASIBLE = "locally_infeasible"
-    UNBOUNDED = "unbounded"
-    NO_SOLUTION = "no_solution"
-    REJECTED = "rejected"
-    FAILED = "failed"
-
-
-class Limit(StrEnum):
-    """The limit that ended a run."""
-
-    TIME = "time"
-    MEMORY = "memory"
-    ITERATIONS = "iterations"
-    INTERRUPTED = "interrupted"
-
-
-@dataclass(frozen=True)
-class Option:
-    """One option of a backend's own.
-
-    Parameters
-    ----------
-    default : object
-        The value when nothing is given.
-    help : str
-        One sentence: what it does, and its unit.
-    kind : type
-        The type that a value must have (``float`` takes integers too).
-    choices : tuple
-        The values allowed; empty when any is.
-    lower, upper : float, optional
-        The closed range allowed, for numbers.
-    """
-
-    default: Any
-    help: str
-    kind: type = float
-    choices: tuple[Any, ...] = ()
-    lower: float | None = None
-    upper: float | None = None
-
-    def check(self, owner: str, name: str, value: Any) -> Any:
-        """Return `value` coerced to :attr:`kind`, or raise :class:`UnsupportedOption`."""
-        if value is None and self.default is None:
-            return None
-        wrong = isinstance(value, bool) is not (self.kind is bool)
-        if self.kind is float and isinstance(value, int | float | np.number) and not wrong:
-            value = float(value)
-        elif self.kind is int and isinstance(value, np.integer):
-            value = int(value)
-        if wrong or not isinstance(value, self.kind):
-            raise UnsupportedOption(
-                f"{owner}: option {name!r} must be a {self.kind.__name__}, got {value!r}"
-            )
-        if self.choices and value not in self.choices:
-            allowed = ", ".join(map(repr, self.choices))
-            raise UnsupportedOption(
-                f"{owner}: option {name!r} must be one of {allowed}, got {value!r}"
-            )
-        number: Any = value
-        low = self.lower is not None and not number >= self.lower
-        high = self.upper is not None and not number <= self.upper
-        if low or high:
-            raise UnsupportedOption(
-                f"{owner}: option {name!r} must lie in [{self.lower}, {self.upper}], got {value!r}"
-            )
-        return value
-
-
-class Control:
-    """The line between a running backend and the caller: stop requests in, incumbents out.
-
-    A kernel without the interpreter's lock polls :attr:`flag` (one ``int8``, nonzero means stop);
-    Python callbacks read :attr:`stopped`. The dispatcher sets it at the deadline or on Ctrl-C.
-    """
-
-    def __init__(self) -> None:
-        self.flag: NDArray[np.int8] = np.zeros(1, np.int8)
-        self.reason: Limit | None = None
-        self.events: queue.SimpleQueue[tuple[float, float, Any] | None] = queue.SimpleQueue()
-        self.started = time.perf_counter()
-        self._timer: threading.Timer | None = None
-
-    @property
-    def stopped(self) -> bool:
-        """Whether the run has been asked to stop."""
-        return bool(self.flag[0])
-
-    def stop(self, reason: Limit) -> None:
-        """Ask the run to stop; the first reason given is kept."""
-        if self.reason is None:
-            self.reason = reason
-        self.flag[0] = 1
-
-    def arm(self, seconds: float | None) -> None:
-        """Restart the clock and stop the run after `seconds` (never, when None)."""
-        self.started = time.perf_counter()
-        if seconds is not None:
-            self._timer = threading.Timer(max(seconds, 0.0), self.stop, (Limit.TIME,))
-            self._timer.daemon = True
-            self._timer.start()
-
-    def disarm(self) -> None:
-        """Forget the deadline."""
-        if self._timer is not None:
-            self._timer.cancel()
-
-    def incumbent(self, objective: float, point: Any) -> None:
-        """Report a better feasible point (a column vector, or a native algorithm's plan)."""
-        self.events.put((time.perf_counter() - self.started, float(objective), point))
 
 
 @dataclass(frozen=True)
@@ -202,6 +61,10 @@ class Request:
         The objective of a verified plan: only plans at least as good, rounding aside, are wanted.
         A search that finds none proves that the cutoff is a lower bound: it answers
         ``NO_SOLUTION`` with that `dual_bound`, never ``INFEASIBLE``.
+    evaluations : int, optional
+        Evaluations of the objective that are granted, counted with :meth:`Control.evaluated`.
+    target : float, optional
+        The objective of a plan that is good enough to stop at.
     options : mapping
         The backend's own options, checked, defaults filled in.
     control : Control
@@ -215,8 +78,72 @@ class Request:
     threads: int | None = None
     warm_start: Any = None
     cutoff: float | None = None
+    evaluations: int | None = None
+    target: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     control: Control = field(default_factory=Control)
+
+    def left(self) -> float | None:
+        """Return the seconds left of the time limit, at least 0; None where there is no limit."""
+        if self.time_limit is None:
+            return None
+        return max(self.time_limit - (time.perf_counter() - self.control.started), 0.0)
+
+    def within(
+        self,
+        backend: Backend,
+        problem: Any,
+        *,
+        time_limit: float | None = None,
+        options: Mapping[str, Any] | None = None,
+        lift: Callable[[float, Any], tuple[float, Any]] | None = None,
+        **changes: Any,
+    ) -> Answer:
+        """Run `backend` on `problem` as a stage or a restart of this run, and return its answer.
+
+        The stage has this run's clock, stop flag and tolerances, and a seed of its own that follows
+        from this run's: the same seed gives the same stages. A stage that may not begin, because
+        the run was stopped or its time is used up, answers ``NO_SOLUTION`` with the limit.
+
+        Parameters
+        ----------
+        backend : Backend
+            What runs.
+        problem : object
+            An instance of what it accepts.
+        time_limit : float, optional
+            Seconds for the stage; never more than what the run has left.
+        options : mapping, optional
+            The backend's own options.
+        lift : callable, optional
+            ``(objective, point) -> (objective, point)`` of this run, for the stage's incumbents;
+            None does not report them.
+        **changes
+            Other fields of the stage's request, such as ``warm_start`` or ``tolerance``.
+        """
+        backend.require()
+        limits = [one for one in (self.left(), time_limit) if one is not None]
+        seconds = min(limits) if limits else None
+        if self.control.stopped or seconds == 0.0:
+            return Answer(Termination.NO_SOLUTION, self.control.reason or Limit.TIME)
+        seed = changes.pop("seed", None)
+        if seed is None and self.seed is not None and Feature.SEED in backend.features:
+            sequence = np.random.SeedSequence([self.seed, self.control.stages])
+            seed = int(sequence.generate_state(1)[0])
+
+        def forward(objective: float, point: Any) -> None:
+            assert lift is not None
+            self.control.incumbent(*lift(objective, point))
+
+        with self.control.stage(seconds, None if lift is None else forward) as control:
+            asked: dict[str, Any] = {
+                "warm_start": None, "cutoff": None, "evaluations": None, "target": None, **changes,
+            }  # fmt: skip
+            request = replace(
+                self, time_limit=seconds, seed=seed, options=backend.checked_options(options or {}),
+                control=control, **asked,
+            )  # fmt: skip
+            return backend.run(problem, request)
 
 
 @dataclass(frozen=True)
@@ -267,7 +194,7 @@ class Backend(ABC):
     accepts : type or tuple of types
         Program types, or the model type that a native algorithm knows.
     guarantee : Guarantee
-        Only ``EXACT`` backends may claim infeasibility or a dual bound.
+        Only ``EXACT`` and ``RELAXATION`` backends may claim infeasibility or a dual bound.
     features : frozenset of Feature
         What of the common request it understands; asking for anything else raises.
     deterministic : bool
@@ -328,7 +255,8 @@ class Backend(ABC):
     def prepare(self) -> None:
         """Do what only the first run needs, such as compiling; timed apart as ``seconds.compile``.
 
-        The clock of a time limit starts after it.
+        The clock of a time limit starts after it. It never trains: what is learned is a file that an
+        option names.
         """
 
     def refuses(self, problem: Any) -> str:

@@ -8,7 +8,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,16 +17,17 @@ from typing import Any
 import cloudpickle
 
 from ..errors import CrosstrackError, InvalidData, UnknownName, UnsupportedOption
-from ..models.model import Model
-from ..version import __version__
+from ..models.model import Model, as_model
+from .assembly import Claim, assemble
 from .backend import Backend, Feature, Limit, Termination
 from .campaign import Record
 from .execution import GRACE
 from .isolation import Worker
 from .job import Job
 from .registry import find_backend
+from .report.tables import render
 from .solution import Solution
-from .verdict import Outcome, Verdict, exact_names, judge
+from .verdict import Outcome, Verdict, judge
 
 __all__ = ["Comparison", "compare", "rejudged"]
 
@@ -70,10 +71,17 @@ class Comparison:
             "instances": [verdict.to_dict() for verdict in self.verdicts],
         }
 
-    def __str__(self) -> str:
-        from .report.tables import comparison_text
+    def parts(self) -> list[Any]:
+        """Return what to print: every verdict with its table, and the outcome of all at the end."""
+        parts = [part for verdict in self.verdicts for part in verdict.parts()]
+        if len(self.verdicts) > 1:
+            parts.append(f"\nall {len(self.verdicts)} instances: {self.outcome}")
+        if self.interrupted:
+            parts.append("interrupted: what is missing was not run")
+        return parts
 
-        return comparison_text(self)
+    def __str__(self) -> str:
+        return render(*self.parts(), width=140)
 
 
 @dataclass
@@ -82,6 +90,7 @@ class _Task:
 
     row: int
     column: int
+    turn: int
     job: Job
     refusal: CrosstrackError | None = None
 
@@ -98,6 +107,9 @@ def compare(
     tolerance: float | None = None,
     seed: int | None = None,
     threads: int | None = None,
+    evaluations: int | None = None,
+    target: float | None = None,
+    repeats: int = 1,
     warm_start: Any = None,
     backend_options: Mapping[str, Mapping[str, Any]] | None = None,
     workers: int = 1,
@@ -124,8 +136,13 @@ def compare(
         Seconds beyond it before the worker is killed with its process group.
     gap, tolerance : float, optional
         The same for all backends; heuristics know no gap and are not asked for one.
-    seed, threads : int, optional
-        Given to the backends that have the feature; a row's message names what it does not have.
+    seed, threads, evaluations : int, optional
+        Given to the backends that have the feature.
+    target : float, optional
+        An objective that is good enough to stop at, for the backends that report incumbents.
+    repeats : int
+        How often each backend that draws runs on each model, from the seeds ``seed``, ``seed + 1``
+        …; the verdicts then hold medians, quartiles and success rates over them.
     warm_start : plan, Solution or sequence of them, optional
         One for all models, or one a model (None where there is none); given to the backends that
         take one.
@@ -152,35 +169,44 @@ def compare(
     UnknownName, UnsupportedOption, InvalidData
         A name or an option that no row could have; a refusal of one backend alone is a row.
     """
-    models = [models] if isinstance(models, Model) else list(models)
+    models = list(models) if isinstance(models, Iterable) else [models]
     if isinstance(backends, str | Backend):
         backends = [backends]
     if not models or not backends:
         raise InvalidData("compare needs at least one model and one backend")
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise UnsupportedOption(f"workers must be a whole number >= 1, got {workers!r}")
+    for name, value in (("workers", workers), ("repeats", repeats)):
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            raise UnsupportedOption(f"{name} must be a whole number >= 1, got {value!r}")
     if resume and record is None:
         raise UnsupportedOption("resume needs a record to go on with")
-    for model in models:
-        if not isinstance(model, Model):
-            raise InvalidData(f"models must be Models, got {model!r}", field="models")
+    models = [as_model(model) for model in models]
     warm = _warm_starts(warm_start, models)
     common = {
         "formulation_options": dict(formulation_options or {}),
         "time_limit": time_limit, "gap": gap, "tolerance": tolerance, "seed": seed, "threads": threads,
+        "evaluations": evaluations, "target_value": target,
     }  # fmt: skip
-    known = [_named(backend, formulation) for backend in backends]
+    known = {_name_of(backend) for backend in backends}
     for name in backend_options or {}:
-        if name not in {backend.name for backend, _ in known}:
-            raise UnknownName(
-                "backend in backend_options", name, [backend.name for backend, _ in known]
-            )
-    tasks = [
-        _task(row, column, model, backend, wanted, common, warm[row], backend_options or {})
-        for row, model in enumerate(models)
-        for column, (backend, wanted) in enumerate(known)
-    ]
-    answers: dict[tuple[int, int], Solution[Any]] = {}
+        if name not in known:
+            raise UnknownName("backend in backend_options", name, known)
+    tasks = []
+    for row, model in enumerate(models):
+        for column, asked in enumerate(backends):
+            # Looked up among what this model accepts: problems may share names.
+            backend, wanted = _named(asked, formulation, model)
+            draws = Feature.SEED in backend.features
+            for turn in range(repeats if draws else 1):
+                if draws and repeats > 1:
+                    common["seed"] = (seed or 0) + turn
+                tasks.append(
+                    _task(
+                        (row, column, turn), model, backend, wanted, common, warm[row],
+                        backend_options or {},
+                    )
+                )  # fmt: skip
+            common["seed"] = seed
+    answers: dict[tuple[int, int, int], Solution[Any]] = {}
     with contextlib.ExitStack() as stack:
         book = stack.enter_context(Record(record, resume=resume)) if record is not None else None
         open_tasks: deque[_Task] = deque()
@@ -189,10 +215,10 @@ def compare(
             if found is None:
                 open_tasks.append(task)
             else:
-                answers[task.row, task.column] = found
+                answers[task.row, task.column, task.turn] = found
 
         def finished(task: _Task, solution: Solution[Any]) -> None:
-            answers[task.row, task.column] = solution
+            answers[task.row, task.column, task.turn] = solution
             if book is not None and solution.limit is not Limit.INTERRUPTED:
                 book.add(task.job, solution)
             if on_solution is not None:
@@ -202,29 +228,34 @@ def compare(
             interrupted = _by_pool(open_tasks, pool, grace, finished)
         else:
             interrupted = _by_threads(open_tasks, min(workers, len(tasks)), grace, finished)
-    exact = exact_names([backend for backend, _ in known])
     verdicts = []
     for row, model in enumerate(models):
-        found_here = [answers[row, c] for c in range(len(known)) if (row, c) in answers]
+        found_here = [answers[place] for place in sorted(answers) if place[0] == row]
         if found_here or not interrupted:
-            verdicts.append(judge(model.name or model.digest[:12], found_here, exact))
+            verdicts.append(judge(model.name or model.digest[:12], found_here, model))
     return Comparison(tuple(verdicts), interrupted)
 
 
 def rejudged(model: Model[Any], *parts: Comparison) -> Comparison:
     """Return one comparison on `model` of answers that came in several turns."""
     solutions = [solution for part in parts for solution in part.solutions]
-    exact = exact_names([solution.backend for solution in solutions])
-    verdict = judge(model.name or model.digest[:12], solutions, exact)
+    verdict = judge(model.name or model.digest[:12], solutions, model)
     return Comparison((verdict,), any(part.interrupted for part in parts))
 
 
-def _named(backend: str | Backend, formulation: str | None) -> tuple[Backend, str | None]:
+def _name_of(backend: str | Backend) -> str:
+    """Return the name of a backend that is asked for, ``"name:formulation"`` included."""
+    return backend.partition(":")[0] if isinstance(backend, str) else backend.name
+
+
+def _named(
+    backend: str | Backend, formulation: str | None, model: Model[Any]
+) -> tuple[Backend, str | None]:
     """Return the backend and the formulation that ``"name:formulation"`` asks for."""
     if isinstance(backend, str) and ":" in backend:
         name, _, formulation = backend.partition(":")
-        return find_backend(name), formulation
-    return find_backend(backend), formulation
+        return find_backend(name, model), formulation
+    return find_backend(backend, model), formulation
 
 
 def _warm_starts(value: Any, models: Sequence[Model[Any]]) -> list[Any]:
@@ -240,8 +271,7 @@ def _warm_starts(value: Any, models: Sequence[Model[Any]]) -> list[Any]:
 
 
 def _task(
-    row: int,
-    column: int,
+    place: tuple[int, int, int],
     model: Model[Any],
     backend: Backend,
     formulation: str | None,
@@ -255,6 +285,8 @@ def _task(
         ("gap", Feature.GAP),
         ("seed", Feature.SEED),
         ("threads", Feature.THREADS),
+        ("evaluations", Feature.EVALUATIONS),
+        ("target_value", Feature.INCUMBENTS),
     ):
         if feature not in backend.features:
             asked[name] = None
@@ -276,8 +308,8 @@ def _task(
     except CrosstrackError as error:
         if isinstance(error, UnknownName):
             raise
-        return _Task(row, column, job, error)
-    return _Task(row, column, job)
+        return _Task(*place, job, error)
+    return _Task(*place, job)
 
 
 def _refused(task: _Task) -> Solution[Any]:
@@ -287,22 +319,13 @@ def _refused(task: _Task) -> Solution[Any]:
 
 def failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
     """Return the solution of a job that did not run to an answer."""
-    backend = find_backend(job.backend)
-    return Solution(
-        model=job.model.kind,
-        instance=job.model.name,
-        digest=job.model.digest,
-        backend=backend.name,
+    broken = Claim(
+        Termination.FAILED,
         formulation=job.formulation,
-        termination=Termination.FAILED,
         seconds={"total": seconds},
-        backend_version=backend.version(),
-        version=__version__,
-        options=job.options(),
-        formulation_options=dict(job.formulation_options),
-        seed=job.seed,
-        message=message,
+        messages=(message,),
     )
+    return assemble(job, broken)
 
 
 def _run(worker: Worker, job: Job, grace: float) -> Solution[Any]:

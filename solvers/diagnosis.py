@@ -8,7 +8,7 @@ from typing import Any
 
 from ..errors import UnsupportedFormulation
 from ..models.formulation import Formulation
-from ..models.model import Model
+from ..models.model import Model, as_model
 from ..models.problems import resolve, table
 from ..models.programs.base import RowProgram
 from ..models.programs.linear import QuadraticProgram
@@ -131,6 +131,7 @@ def diagnose(
     UnsupportedFormulation
         The backend is not exact, or takes no program.
     """
+    model = as_model(model)
     searches = table(__package__, "DIAGNOSES")
     if backend is None and formulation is None and model.kind in searches:
         native: Callable[[Any, float | None], Diagnosis] = resolve(searches[model.kind])
@@ -156,7 +157,7 @@ def filtered(
         if not isinstance(written.program, RowProgram):
             raise UnsupportedFormulation(f"formulation {written.name!r} has no linear rows")
         program = written.program
-    solver = recommended(program) if backend is None else find_backend(backend)
+    solver = recommended(program) if backend is None else find_backend(backend, program)
     if solver.guarantee is not Guarantee.EXACT or not isinstance(program, solver.accepts):
         raise UnsupportedFormulation(
             f"the deletion filter needs an exact backend for a {program.kind}; "

@@ -6,15 +6,16 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from ..errors import InvalidData
-from ..models.model import Model
+from ..errors import UnsupportedOption
+from ..models.model import Model, as_model
 from ..models.verification import TOLERANCE, Verification
 from .backend import Backend
-from .execution import execute
+from .execution import execute, multistart
 from .isolation import in_worker
 from .job import Job
 from .registry import rivals
 from .solution import Incumbent, Solution
+from .stopping import Criterion
 
 __all__ = ["solve", "verify"]
 
@@ -32,6 +33,9 @@ def solve(
     tolerance: float | None = None,
     seed: int | None = None,
     threads: int | None = None,
+    evaluations: int | None = None,
+    target: float | None = None,
+    stop: Criterion | None = None,
     warm_start: PlanT | Solution[PlanT] | Any = None,
     starts: int = 1,
     on_incumbent: Callable[[Incumbent[PlanT]], None] | None = None,
@@ -63,6 +67,13 @@ def solve(
         Largest violation accepted, in the backend and in the verification (default 1e-6).
     seed, threads : int, optional
         For backends that draw, or that use threads.
+    evaluations : int, optional
+        Evaluations of the objective, for backends that count them.
+    target : float, optional
+        Objective of a plan that is good enough to stop at, for backends that report incumbents.
+    stop : Criterion, optional
+        Any other reason to stop, such as ``Stalled(5.0)`` or criteria joined by ``|`` and ``&``
+        (:mod:`crosstrack.solvers.stopping`), for backends that report incumbents.
     warm_start : plan, Solution or JSON data, optional
         A plan to start from; it is verified first, and bounds the objective.
     starts : int
@@ -87,9 +98,7 @@ def solve(
     UnknownName, UnsupportedOption, UnsupportedFormulation, InvalidData
         Something asked for is not to be had.
     """
-    if not isinstance(model, Model):
-        hint = "; load it first: crosstrack.load(…)" if isinstance(model, str) else ""
-        raise InvalidData(f"model must be a Model, got {model!r}{hint}", field="model")
+    model = as_model(model)
     job = Job(
         model=model,
         backend=backend,
@@ -100,11 +109,22 @@ def solve(
         tolerance=tolerance,
         seed=seed,
         threads=threads,
+        evaluations=evaluations,
+        target_value=target,
+        stop=stop,
         warm_start=None if warm_start is None else model.as_plan(warm_start),
         starts=starts,
         backend_options=dict(backend_options or {}),
     ).resolved()
-    if needs_worker(job) if isolate is None else isolate:
+    hides = bool(model.hidden_fields())
+    if hides and isolate is False:
+        raise UnsupportedOption(
+            f"model {model.kind!r} hides data from backends, which run in a worker: isolate=False"
+        )
+    if hides and starts > 1:
+        job.target()
+        return multistart(job, lambda one, **_: in_worker(one, listener=on_incumbent))
+    if hides or (needs_worker(job) if isolate is None else isolate):
         job.target()  # what cannot be had raises here, before a process starts
         return in_worker(job, listener=on_incumbent)
     return execute(job, listener=on_incumbent)
@@ -155,6 +175,7 @@ def verify(
     InvalidData
         The plan is none for this model, or cannot be encoded.
     """
+    model = as_model(model)
     checked = model.as_plan(plan)
     found = model.verify(checked, tolerance=tolerance)
     if formulation is None:

@@ -27,12 +27,11 @@ import cloudpickle
 
 from .. import errors
 from ..errors import CrosstrackError
-from ..models.verification import TOLERANCE
-from ..version import __version__
+from .assembly import Claim, assemble, claim_from_data
 from .backend import Backend, Limit, Termination
-from .execution import GRACE
+from .execution import GRACE, warm_objective
 from .job import Job
-from .registry import BackendState, find_backend, rivals
+from .registry import BackendState, rivals
 from .solution import Incumbent, Solution
 
 __all__ = ["Worker", "WorkerFailure", "in_worker", "probe"]
@@ -213,7 +212,12 @@ class Worker:
         """
         begin = time.monotonic()
         self._interrupt.clear()
-        number = self._send("solve", job)
+        hides = bool(job.model.hidden_fields())
+        if hides and job.warm_start is not None:
+            warm_objective(job)  # the worker, which lacks the hidden data, cannot verify it
+        # What a backend must not see does not even reach its process: the plan is verified here.
+        sent = replace(job, model=job.model.blinded()) if hides else job
+        number = self._send("solve", sent)
         deadline = begin + job.time_limit + grace if job.time_limit is not None else float("inf")
         incumbents: list[Incumbent[Any]] = []
         best: Any = None
@@ -253,6 +257,10 @@ class Worker:
                 incumbents.append(Incumbent(event["seconds"], event["objective"], plan))
                 if listener is not None:
                     listener(incumbents[-1])
+            elif kind == "claim":
+                solution = assemble(job, claim_from_data(job, event["claim"]))
+                total = {"total": time.monotonic() - begin}
+                return replace(solution, seconds={**solution.seconds, **total})
             elif kind == "solution":
                 return Solution.from_dict(event["solution"], job.model)
             elif kind == "error":
@@ -290,33 +298,16 @@ def _salvage(
     begin: float,
 ) -> Solution[Any]:
     """Return what is left of a run whose worker is gone: its last incumbent, verified here."""
-    verification = None if best is None else job.model.verify(
-        best, tolerance=TOLERANCE if job.tolerance is None else job.tolerance
-    )  # fmt: skip
-    if verification is not None and not verification.ok:
-        best = verification = None
-    backend = job.backend
-    return Solution(
-        model=job.model.kind,
-        instance=job.model.name,
-        digest=job.model.digest,
-        backend=backend if isinstance(backend, str) else backend.name,
+    left = Claim(
+        termination,
+        limit,
+        best,
         formulation=job.formulation,
-        formulation_options=dict(job.formulation_options),
-        termination=Termination.FEASIBLE if best is not None else termination,
-        limit=limit,
-        primal_bound=None if verification is None else verification.objective,
-        plan=best,
-        stored_plan=None if best is None else job.model.plan_to_data(best),
-        verification=verification,
         seconds={"total": time.monotonic() - begin},
         incumbents=tuple(incumbents),
-        backend_version=backend.version() if isinstance(backend, Backend) else None,
-        version=__version__,
-        options=job.options(),
-        seed=job.seed,
-        message=message,
+        messages=(message,),
     )
+    return assemble(job, left)
 
 
 _idle: list[Worker] = []
@@ -391,12 +382,11 @@ def probe(states: tuple[BackendState, ...]) -> tuple[BackendState, ...]:
     """
 
     def probed(state: BackendState) -> BackendState:
-        requires = find_backend(state.name).requires if state.state == "installed" else ()
-        if not requires:
+        if state.state != "installed" or not state.requires:
             return state
         with Worker() as worker:
             try:
-                cause = worker.call(_import_all, requires, deadline=START)
+                cause = worker.call(_import_all, state.requires, deadline=START)
             except WorkerFailure as failure:
                 cause = str(failure)
         return replace(state, state="broken", cause=cause) if cause else state

@@ -7,14 +7,17 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from ..errors import UnsupportedFormulation, UnsupportedOption
 from ..models.formulation import Formulation
 from ..models.model import Model
 from ..models.verification import TOLERANCE
+from . import stopping
 from .backend import Backend, Feature, Guarantee
 from .registry import accepted, default_formulation, find_backend, recommended
+from .stopping import Criterion
 
 __all__ = ["GAP", "Job", "Target"]
 
@@ -44,6 +47,9 @@ class Job:
     tolerance: float | None = None
     seed: int | None = None
     threads: int | None = None
+    evaluations: int | None = None
+    target_value: float | None = None
+    stop: Criterion | None = None
     warm_start: Any = None
     starts: int = 1
     backend_options: Mapping[str, Any] = field(default_factory=dict)
@@ -58,12 +64,16 @@ class Job:
                 raise UnsupportedOption(
                     f"{name} must be a number {'>' if strict else '>='} 0, got {value!r}"
                 )
-        for name, lower in (("seed", 0), ("threads", 1), ("starts", 1)):
+        for name, lower in (("seed", 0), ("threads", 1), ("evaluations", 1), ("starts", 1)):
             value = getattr(self, name)
             if value is None and name != "starts":
                 continue
             if isinstance(value, bool) or not isinstance(value, int) or value < lower:
                 raise UnsupportedOption(f"{name} must be a whole number >= {lower}, got {value!r}")
+        if self.target_value is not None:
+            stopping.Target(self.target_value)  # raises for what is no number
+        if self.stop is not None and not isinstance(self.stop, Criterion):
+            raise UnsupportedOption(f"stop must be a Criterion, got {self.stop!r}")
 
     def resolved(self) -> Job:
         """Return the job with its backend looked up and ``"auto"`` decided."""
@@ -91,6 +101,9 @@ class Job:
             ("gap", Feature.GAP),
             ("seed", Feature.SEED),
             ("threads", Feature.THREADS),
+            ("evaluations", Feature.EVALUATIONS),
+            ("target_value", Feature.INCUMBENTS),
+            ("stop", Feature.INCUMBENTS),
         ):
             asked = getattr(self, name)
             if asked is None or feature in backend.features:
@@ -99,7 +112,8 @@ class Job:
                 continue
             if name == "seed" and backend.deterministic:
                 continue
-            raise UnsupportedOption(f"backend {backend.name!r} does not support {name}={asked!r}")
+            word = name.partition("_")[0]
+            raise UnsupportedOption(f"backend {backend.name!r} does not support {word}={asked!r}")
         usable = {Feature.WARM_START, Feature.CUTOFF} & backend.features
         if self.warm_start is not None and not usable:
             raise UnsupportedOption(f"backend {backend.name!r} takes no warm start")
@@ -126,7 +140,8 @@ class Job:
                 )
             return Target(backend, model, None)
         name = self.formulation or default_formulation(model, backend)
-        return Target(backend, model, model.formulate(name, **self.formulation_options))
+        written = model.blinded().formulate(name, **self.formulation_options)
+        return Target(backend, model, written)
 
     def _known_formulation(self, name: str) -> None:
         step: Model[Any] | None = self.model
@@ -147,7 +162,15 @@ class Job:
 
     def options(self) -> dict[str, Any]:
         """Return everything asked of the run as JSON data, for the solution's record."""
+        given = {
+            "evaluations": self.evaluations,
+            "target": self.target_value,
+            "stop": None if self.stop is None else repr(self.stop),
+            "files": self._files() or None,
+        }
         return {
+            # Written where given only, so that records of earlier versions keep their keys.
+            **{name: value for name, value in given.items() if value is not None},
             "time_limit": self.time_limit,
             "gap": GAP if self.gap is None else self.gap,
             "tolerance": TOLERANCE if self.tolerance is None else self.tolerance,
@@ -158,6 +181,31 @@ class Job:
             else self.model.plan_to_data(self.warm_start),
             "backend_options": dict(self.backend_options),
         }
+
+    def _files(self) -> dict[str, str]:
+        """Return the SHA-256 of every file that a backend option names, by the option."""
+        backend = self.backend
+        options = backend.options if isinstance(backend, Backend) else {}
+        return {
+            name: hashlib.sha256(Path(str(value)).read_bytes()).hexdigest()
+            for name, value in self.backend_options.items()
+            if value is not None and name in options and options[name].file
+        }
+
+    @property
+    def criterion(self) -> Criterion | None:
+        """What stops the run beside its time limit."""
+        parts: list[Criterion] = [] if self.stop is None else [self.stop]
+        if self.evaluations is not None:
+            parts.append(stopping.Evaluations(self.evaluations))
+        if self.target_value is not None:
+            parts.append(stopping.Target(self.target_value))
+        return stopping.AnyOf(tuple(parts)) if parts else None
+
+    @property
+    def verification_tolerance(self) -> float:
+        """Largest violation accepted of a plan."""
+        return TOLERANCE if self.tolerance is None else float(self.tolerance)
 
     def key(self) -> str:
         """Return what identifies the job in a campaign's record: same key, same work."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -12,6 +13,8 @@ from ..errors import BackendBroken, InvalidData, UnknownName, UnsupportedFormula
 from ..models.model import Model
 from ..models.problems import declared_in, resolve
 from .backend import Backend, Guarantee
+
+log = logging.getLogger("crosstrack")
 
 __all__ = [
     "BackendState",
@@ -47,6 +50,7 @@ _SOLVERS: Mapping[str, str] = {
     "quadprog": ".solvers.qp.quadprog:Quadprog",
     "osqp": ".solvers.qp.osqp:Osqp",
     "scs": ".solvers.qp.scs:Scs",
+    "ecos": ".solvers.conic.ecos:Ecos",
     "casadi": ".solvers.qp.casadi:CasadiConic",
     "ipopt": ".solvers.nlp.ipopt:Ipopt",
     "uno": ".solvers.nlp.uno:Uno",
@@ -163,7 +167,14 @@ def find_backend(backend: str | Backend, model: Model[Any] | None = None) -> Bac
             f"{', '.join(one.problem for one in found)}: name it together with a model",
             field="backend",
         )
-    loaded = [one.load() for one in found]
+    loaded: list[Backend] = []
+    for one in found:
+        try:
+            loaded.append(one.load())
+        except BackendBroken as error:  # another problem's fault must not stop this one
+            log.warning("%s", error)
+    if not loaded:
+        raise BackendBroken(f"no backend {backend!r} can be loaded")
     return next((one for one in loaded if accepted(model, one, None) is not None), loaded[0])
 
 
@@ -172,8 +183,8 @@ class BackendState:
     """What is known of a backend without importing its solver.
 
     ``problem`` is the problem whose native algorithm it is, empty for a solver of programs. ``state`` is ``"installed"``, ``"missing"`` or ``"broken"``; ``cause`` says why it is not the
-    first. Whether an installed one really loads is found in a worker
-    (:func:`crosstrack.solvers.worker.probe`).
+    first. Whether an installed one really loads, with all that it ``requires``, is found in a worker
+    (:func:`crosstrack.solvers.isolation.probe`).
     """
 
     name: str
@@ -186,6 +197,7 @@ class BackendState:
     options: Mapping[str, str] | None = None
     summary: str = ""
     problem: str = ""
+    requires: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the state as JSON data."""
@@ -232,6 +244,7 @@ def _state(declared: _Declared) -> BackendState:
         options={key: option.help for key, option in backend.options.items()},
         summary=backend.summary,
         problem=declared.problem,
+        requires=tuple(backend.requires),
     )
 
 

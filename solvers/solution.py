@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..errors import InvalidData
 from ..models.model import Model
 from ..models.verification import Verification
-from .backend import Limit, Termination
+from .enums import Guarantee, Limit, Termination
 
 __all__ = ["Incumbent", "Solution", "relative_gap"]
 
@@ -69,6 +69,10 @@ class Solution(Generic[PlanT]):
         Name of the backend.
     formulation : str, optional
         Name of the formulation; None for a native algorithm.
+    problem : str
+        The problem whose native algorithm the backend is; empty for a solver of programs.
+    guarantee : Guarantee, optional
+        What the backend's answers prove; None in records of versions that did not say.
     termination : Termination
         How the run ended.
     limit : Limit, optional
@@ -76,7 +80,7 @@ class Solution(Generic[PlanT]):
     primal_bound : float, optional
         The verified objective of `plan`.
     dual_bound : float, optional
-        Lower bound on every plan's objective, claimed by an exact backend.
+        Lower bound on every plan's objective, of an exact backend or a relaxation.
     plan : PlanT, optional
         The plan; only ever one that passed verification.
     verification : Verification, optional
@@ -115,6 +119,8 @@ class Solution(Generic[PlanT]):
     backend: str
     termination: Termination
     formulation: str | None = None
+    problem: str = ""
+    guarantee: Guarantee | None = None
     limit: Limit | None = None
     primal_bound: float | None = None
     dual_bound: float | None = None
@@ -157,6 +163,8 @@ class Solution(Generic[PlanT]):
             "digest": self.digest,
             "backend": self.backend,
             "formulation": self.formulation,
+            "problem": self.problem,
+            "guarantee": None if self.guarantee is None else str(self.guarantee),
             "termination": str(self.termination),
             "limit": None if self.limit is None else str(self.limit),
             "primal_bound": _finite(self.primal_bound),
@@ -214,6 +222,8 @@ class Solution(Generic[PlanT]):
         return cls(
             **known,
             termination=Termination(data["termination"]),
+            problem=data.get("problem", ""),
+            guarantee=None if data.get("guarantee") is None else Guarantee(data["guarantee"]),
             limit=None if data["limit"] is None else Limit(data["limit"]),
             plan=plan,
             stored_plan=data["plan"],

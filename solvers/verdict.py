@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+from ..errors import CrosstrackError
+from ..models.model import Model
 from ..models.verification import ROUNDING
-from .backend import Guarantee, Termination
+from .enums import PROVING, Guarantee, Termination
 from .registry import find_backend
+from .repeats import Spread, spreads
+from .report.tables import render, solutions_table, spreads_table
 from .solution import Solution
 
 __all__ = ["Outcome", "Verdict", "judge"]
@@ -24,8 +29,11 @@ WORSE = 20.0
 class Outcome(StrEnum):
     """What a set of answers amounts to."""
 
+    #: A verified plan and a proof meet, infeasibility is proven, or estimates agree.
     AGREED = "AGREED"
+    #: No verified plan, or no proof that it is the best.
     INCONCLUSIVE = "INCONCLUSIVE"
+    #: A proof speaks against a verified plan: one of the two backends is wrong.
     CONTRADICTION = "CONTRADICTION"
 
 
@@ -63,20 +71,35 @@ class Verdict:
         )
         return ranked[0] if ranked else None
 
+    @property
+    def spreads(self) -> tuple[Spread, ...]:
+        """Quartiles and successes of every backend that ran more than once."""
+        return spreads(self.solutions)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict as JSON data."""
+        repeated = [spread.to_dict() for spread in self.spreads]
         return {
             "instance": self.instance,
             "verdict": str(self.outcome),
             "evidence": self.evidence,
             "notes": list(self.notes),
+            **({"repeats": repeated} if repeated else {}),
             "solutions": [solution.to_dict() for solution in self.solutions],
         }
 
-    def __str__(self) -> str:
-        from .report.tables import verdict_text
+    def parts(self) -> list[Any]:
+        """Return what to print: a table of the answers, the verdict and its notes."""
+        lines = [f"{self.outcome}: {self.evidence}", *(f"  note: {note}" for note in self.notes)]
+        repeated = self.spreads
+        return [
+            solutions_table(self.solutions, self.instance),
+            *([spreads_table(repeated)] if repeated else []),
+            "\n".join(lines),
+        ]
 
-        return verdict_text(self)
+    def __str__(self) -> str:
+        return render(*self.parts(), width=140)
 
 
 def _clean(solution: Solution[Any]) -> bool:
@@ -87,23 +110,27 @@ def _who(solution: Solution[Any]) -> str:
     return solution.backend + (f":{solution.formulation}" if solution.formulation else "")
 
 
-def _exact(solution: Solution[Any], exact: frozenset[str]) -> bool:
-    return solution.backend in exact
+def _guarantee(solution: Solution[Any], model: Model[Any] | None) -> Guarantee | None:
+    """Return what the backend of a solution proves; records of earlier versions do not say."""
+    if solution.guarantee is not None:
+        return solution.guarantee
+    try:
+        return find_backend(solution.backend, model).guarantee
+    except CrosstrackError:
+        return None  # a record of a backend that is not here any more proves nothing
 
 
-def exact_names(backends: Sequence[Any]) -> frozenset[str]:
-    """Return the names of those `backends` that are exact."""
-    found = (find_backend(backend) for backend in backends)
-    return frozenset(b.name for b in found if b.guarantee is Guarantee.EXACT)
-
-
-def judge(instance: str, solutions: Sequence[Solution[Any]], exact: frozenset[str]) -> Verdict:
+def judge(
+    instance: str, solutions: Sequence[Solution[Any]], model: Model[Any] | None = None
+) -> Verdict:
     """Return the verdict on the answers to one model.
 
     Every verified plan that violates nothing by more than rounding bounds the optimum from above;
-    every bound of an exact backend claims to bound it from below. A claim above a plan is a
-    contradiction, as is a claim of infeasibility beside a plan. A plan that is only within
-    tolerance contradicts nobody, and the notes name the threshold it hangs on.
+    every bound of an exact backend or of a relaxation claims to bound it from below. A claim above a
+    plan is a contradiction, as is a claim of infeasibility beside a plan. A plan that is only within
+    tolerance contradicts nobody, and the notes name the threshold it hangs on; one whose objective
+    is sampled contradicts nobody inside its spread. Where nobody proves a bound, plans agree when
+    the model's own distance between them is within its :attr:`~crosstrack.models.Model.agreement`.
 
     Parameters
     ----------
@@ -111,17 +138,22 @@ def judge(instance: str, solutions: Sequence[Solution[Any]], exact: frozenset[st
         How to call the model.
     solutions : sequence of Solution
         The answers, plans verified.
-    exact : frozenset of str
-        Names of the exact backends, whose bounds and claims of infeasibility count.
+    model : Model, optional
+        What was asked; without it plans are not compared with one another.
     """
+    kinds = {id(s): _guarantee(s, model) for s in solutions}
     plans = [s for s in solutions if s.stored_plan is not None and s.primal_bound is not None]
     clean = [s for s in plans if _clean(s)]
-    bounds = [s for s in solutions if s.dual_bound is not None and _exact(s, exact)]
-    empty = [s for s in solutions if s.termination is Termination.INFEASIBLE and _exact(s, exact)]
+    proving = [s for s in solutions if kinds[id(s)] in PROVING]
+    bounds = [s for s in proving if s.dual_bound is not None]
+    empty = [s for s in proving if s.termination is Termination.INFEASIBLE]
     unbounded = [
-        s for s in solutions if s.termination is Termination.UNBOUNDED and _exact(s, exact)
+        s
+        for s in proving
+        if s.termination is Termination.UNBOUNDED and kinds[id(s)] is Guarantee.EXACT
     ]
-    notes = _notes(solutions, plans, clean, exact)
+    searches = [s for s in plans if kinds[id(s)] is not Guarantee.EXACT]
+    notes = _notes(solutions, plans, clean, searches)
 
     def verdict(outcome: Outcome, evidence: str) -> Verdict:
         return Verdict(instance, outcome, evidence, tuple(notes), tuple(solutions))
@@ -167,6 +199,9 @@ def judge(instance: str, solutions: Sequence[Solution[Any]], exact: frozenset[st
         return verdict(Outcome.AGREED, f"infeasible, proven by {_names(empty)}")
     if unbounded:
         return verdict(Outcome.AGREED, f"unbounded, claimed by {_names(unbounded)}")
+    agreement = _agreement(plans, model)
+    if agreement is not None:
+        return verdict(*agreement)
     if best is not None:
         return verdict(
             Outcome.INCONCLUSIVE,
@@ -182,22 +217,48 @@ def judge(instance: str, solutions: Sequence[Solution[Any]], exact: frozenset[st
     return verdict(Outcome.INCONCLUSIVE, "no verified plan and no proof of infeasibility")
 
 
+def _agreement(
+    plans: Sequence[Solution[Any]], model: Model[Any] | None
+) -> tuple[Outcome, str] | None:
+    """Return whether plans of different backends agree, None where the model cannot say."""
+    if model is None or model.agreement is None:
+        return None
+    first = {_who(s): s for s in reversed(plans) if s.plan is not None}
+    pairs = list(itertools.combinations(first.values(), 2))
+    if not pairs:
+        return None
+    far, one, other = max(
+        ((model.distance(a.plan, b.plan), a, b) for a, b in pairs), key=lambda found: found[0]
+    )
+    if far <= model.agreement:
+        return Outcome.AGREED, (
+            f"plans of {_names(list(first.values()))} agree within {far:.3g} (allowed "
+            f"{model.agreement:g}): agreement, not optimality"
+        )
+    return Outcome.INCONCLUSIVE, (
+        f"plans of {_who(one)} and {_who(other)} differ by {far:.3g} (allowed {model.agreement:g}), "
+        "and no bound says which is right"
+    )
+
+
 def _names(solutions: Sequence[Solution[Any]]) -> str:
     return ", ".join(dict.fromkeys(_who(s) for s in solutions))
 
 
 def _slack(plan: Solution[Any], bound: Solution[Any]) -> float:
-    """Return how far a claimed bound may stand from a plan without a word: its gap and tolerance."""
+    """Return how far a bound may stand above a plan: its gap and tolerance, and the plan's spread."""
     gap = max(float(bound.options.get("gap") or 0.0), ROUNDING)
     tolerance = float(bound.options.get("tolerance") or 0.0)
-    return (gap + tolerance) * max(1.0, abs(plan.primal_bound or 0.0), abs(bound.dual_bound or 0.0))
+    size = max(1.0, abs(plan.primal_bound or 0.0), abs(bound.dual_bound or 0.0))
+    spread = 0.0 if plan.verification is None else plan.verification.spread
+    return (gap + tolerance) * size + spread
 
 
 def _notes(
     solutions: Sequence[Solution[Any]],
     plans: Sequence[Solution[Any]],
     clean: Sequence[Solution[Any]],
-    exact: frozenset[str],
+    searches: Sequence[Solution[Any]],
 ) -> list[str]:
     notes = []
     for solution in solutions:
@@ -215,13 +276,19 @@ def _notes(
         elif solution.termination in (Termination.FAILED, Termination.REJECTED):
             notes.append(f"{_who(solution)}: {solution.termination}: {solution.message}")
     best = min(clean or plans, key=lambda s: s.primal_bound, default=None)  # type: ignore[arg-type, return-value]
-    for solution in plans:
-        if best is None or _exact(solution, exact):
+    least: dict[str, Solution[Any]] = {}
+    for solution in searches:
+        held = least.setdefault(_who(solution), solution)
+        if (solution.primal_bound or 0.0) < (held.primal_bound or 0.0):
+            least[_who(solution)] = solution
+    for solution in least.values():
+        if best is None:
             continue
         # A local search may be content far from the optimum; its own success says nothing of that.
         assert solution.primal_bound is not None and best.primal_bound is not None
         more = solution.primal_bound - best.primal_bound
         size = max(1.0, abs(best.primal_bound))
+        more -= 0.0 if solution.verification is None else solution.verification.spread
         if more > WORSE * max(float(solution.options.get("tolerance") or 0.0), ROUNDING) * size:
             notes.append(
                 f"{_who(solution)}: stopped at a worse point, {solution.primal_bound:.10g}: "

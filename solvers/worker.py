@@ -77,8 +77,9 @@ def main() -> None:
 
 
 def _solve(number: int, job: Any, send: Any) -> None:
+    from .assembly import claim_to_data
     from .backend import Control, Limit
-    from .execution import execute
+    from .execution import claim, execute
 
     model = job.model
     control = Control()
@@ -99,11 +100,18 @@ def _solve(number: int, job: Any, send: Any) -> None:
     def preparing(begins: bool) -> None:
         send({"event": "preparing" if begins else "prepared", "number": number})
 
+    how: dict[str, Any] = {"listener": heard, "on_prepare": preparing, "control": control}
+    message: dict[str, Any]
     try:
-        solution = execute(job, listener=heard, on_prepare=preparing, control=control)
+        if model.is_blinded:
+            data = claim_to_data(job, claim(job, **how))
+            message = {"event": "claim", "number": number, "claim": data}
+        else:
+            data = execute(job, **how).to_dict()
+            message = {"event": "solution", "number": number, "solution": data}
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    send({"event": "solution", "number": number, "solution": solution.to_dict()})
+    send(message)
 
 
 if __name__ == "__main__":

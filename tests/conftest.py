@@ -39,6 +39,27 @@ _MADE = {
 }
 
 
+#: Compiles the loops of one problem's native backends, or finds them compiled.
+_COMPILE = """
+import sys
+from crosstrack.models.problems import declared_in, resolve
+for problem, _, target in declared_in("crosstrack.solvers", "BACKENDS"):
+    if problem == sys.argv[1]:
+        resolve(target)().prepare()
+"""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the native loops once before several processes would each do so."""
+    if not getattr(config.option, "numprocesses", None) or hasattr(config, "workerinput"):
+        return
+    processes = [
+        subprocess.Popen([sys.executable, "-c", _COMPILE, problem])
+        for problem in ("error_correction", "minimum_snap")
+    ]
+    assert [process.wait(600) for process in processes] == [0, 0], "the loops do not compile"
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Leave the benchmarks out unless they are named on the command line."""
     if collection_path.name == "benchmarks" and collection_path.parent == ROOT / "tests":

@@ -5,7 +5,9 @@ Directives, all for MyST pages:
 * ``crosstrack-backends``: the tables of :func:`crosstrack.backends`;
 * ``crosstrack-options``: the backends' own options;
 * ``crosstrack-help [commands]``: the real ``--help`` of the command line, or of every subcommand;
-* ``crosstrack-paper-table 1|2|3``: the paper's tables from the catalogue's settings;
+* ``crosstrack-paper-table PROBLEM/TABLE``: a paper's table from the catalogue's settings;
+* ``crosstrack-problems``: the problems, each a link to its page;
+* ``crosstrack-problem-api ROOM``: the public names of every problem's folder;
 * ``crosstrack-formulations KIND``: the formulations of a model, with the size of an instance;
 * ``crosstrack-instances PROBLEM``: the catalogue's instances of a problem;
 * ``crosstrack-published PROBLEM``: the figures that the catalogue has for them, and where from;
@@ -130,46 +132,31 @@ class Help(Made):
 
 
 class PaperTable(Made):
-    """A table as the paper prints it, from the settings that the catalogue uses."""
+    """A table as a paper prints it, from what the problem's instances declare as ``PRINTED``."""
 
     required_arguments = 1
 
     def make(self) -> str:
-        from crosstrack.instances.error_correction import settings
+        from crosstrack.models.problems import resolve, table
 
-        def figure(value: float) -> str:
-            return f"{value:,.0f}".replace(",", " ") if value >= 1000 else f"{value:g}"
+        columns, rows, notes = resolve(
+            table("crosstrack.instances", "PRINTED")[self.arguments[0]]
+        )()
+        return "\n\n".join([markdown_table(columns, rows), *notes])
 
-        which = self.arguments[0]
-        if which == "1":
-            columns = ("row", "points", "horizontal", "vertical", "α1", "α2", "β1", "β2", "θ")
-            rows: list[Sequence[Any]] = [
-                (s.row, s.n, s.horizontal, s.vertical, *(f"{t:g}" for t in s.thresholds))
-                for s in settings.SETTINGS.values()
-            ]
-            notes = [f"Row {s.row}: {s.misprint}" for s in settings.SETTINGS.values() if s.misprint]
-            return "\n\n".join([markdown_table(columns, rows), *notes])
-        if which == "2":
-            return markdown_table(
-                ("row", "optimum (m)", "Gurobi 8.0 (s)", "two-stage (s)"),
-                [
-                    (row, figure(f.optimum), figure(f.gurobi), figure(f.two_stage))
-                    for row, f in settings.TABLE_2.items()
-                ],
-            )
-        return markdown_table(
-            ("row", "stage 1 (s)", "stage 2 (s)", "two-stage (s)", "pulse (s)", "DP (s)"),
-            [
-                (
-                    row,
-                    *map(
-                        figure,
-                        (f.stage_1, f.stage_2, f.two_stage, f.pulse, f.dynamic_programming),
-                    ),
-                )
-                for row, f in settings.TABLE_3.items()
-            ],
-        )
+
+class Problems(Made):
+    """The problems with the first line of what they are, each a link to its page."""
+
+    def make(self) -> str:
+        from crosstrack.models.problems import PROBLEMS
+
+        lines = []
+        for problem in PROBLEMS:
+            said = (importlib.import_module(f"crosstrack.models.{problem}").__doc__ or "").strip()
+            page = problem.replace("_", "-")
+            lines.append(f"[{page}](problems/{page}.md)\n: {said.splitlines()[0]}\n")
+        return "\n".join(lines)
 
 
 class Formulations(Made):
@@ -282,10 +269,14 @@ class Api(Made):
     option_spec = {"not": directives.unchanged, "only": directives.unchanged}
 
     def make(self) -> str:
-        name = self.arguments[0]
-        module = importlib.import_module(name)
         left_out = set(self.options.get("not", "").replace(",", " ").split())
         only = self.options.get("only", "").replace(",", " ").split()
+        return self.described(self.arguments[0], only, left_out)
+
+    @staticmethod
+    def described(name: str, only: Sequence[str] = (), left_out: Iterable[str] = ()) -> str:
+        """Return the documentation of a module's public names."""
+        module = importlib.import_module(name)
         names = [
             n for n in (only or module.__all__) if n not in left_out and not n.startswith("__")
         ]
@@ -304,6 +295,22 @@ class Api(Made):
             else:
                 lines += ["", f".. autodata:: {n}"]
         return "\n".join([*lines, "", "```"])
+
+
+class ProblemApi(Made):
+    """The public names of every problem's folder in a room: ``models``, ``instances``."""
+
+    required_arguments = 1
+
+    def make(self) -> str:
+        from crosstrack.models.problems import PROBLEMS
+
+        parts = []
+        for problem in PROBLEMS:
+            name = f"crosstrack.{self.arguments[0]}.{problem}"
+            if getattr(importlib.import_module(name), "__all__", ()):
+                parts.append(f"## `{name}`\n\n{Api.described(name)}")
+        return "\n\n".join(parts)
 
 
 class _Pictures:
@@ -357,6 +364,8 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("crosstrack-options", Options)
     app.add_directive("crosstrack-help", Help)
     app.add_directive("crosstrack-paper-table", PaperTable)
+    app.add_directive("crosstrack-problems", Problems)
+    app.add_directive("crosstrack-problem-api", ProblemApi)
     app.add_directive("crosstrack-formulations", Formulations)
     app.add_directive("crosstrack-instances", Instances)
     app.add_directive("crosstrack-published", Published)

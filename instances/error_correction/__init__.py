@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 CATALOGUE = {"error-correction": ".listing:catalogue_entries"}
 REFERENCES = {"error-correction": ".files:resolve_references"}
 HINTS = {"points": ".files:describe_points"}
+PRINTED = {f"error-correction/{k}": f".printed:table_{k}" for k in (1, 2, 3)}
 DEMOS = {"error-correction": ".demo:DEMO"}
 
 __getattr__, __dir__, __all__ = attach(

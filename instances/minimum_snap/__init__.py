@@ -47,6 +47,7 @@ REFERENCES = {
     "minimum-snap": ".tables:resolve_references",
 }
 HINTS = {"trajectory": ".tables:describe_table"}
+DEMOS = {"minimum-snap": ".demo:DEMO"}
 EXPORTS = {
     "poly7": ".exports:POLY7",
     "samples": ".exports:SAMPLES",

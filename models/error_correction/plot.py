@@ -12,34 +12,44 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData, UnsupportedOption
+from ...errors import InvalidData
 from ..fields import show
-from ..plots.labels import place_labels
+from ..plots.curves import Curve, Mark, Panel, Span
+from ..plots.labels import write_names
+from ..plots.options import check_flags
+from ..plots.panels import draw_panels
+from ..plots.space import dots, dress_space, space_axes
+from ..plots.style import (
+    BLACK,
+    DARK,
+    GREY,
+    RED,
+    RING,
+    axis_style,
+    headline,
+    key,
+    legend_below,
+    sheet,
+)
 from ..verification import TOLERANCE
 from .model import ErrorCorrectionRouting, Route, Stop
 from .points import KIND_WORDS
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["draw", "violated_stops"]
 
-# Okabe and Ito's colours, which all eyes tell apart; the markers differ as well.
-_BLUE, _ORANGE, _BLACK, _RED, _GREY = "#0072B2", "#E69F00", "#1a1a1a", "#C8102E", "#8c8c8c"
-_COLOURS = {"A": _BLACK, "horizontal": _BLUE, "vertical": _ORANGE, "B": _BLACK}
+#: Numbers of the colours; the markers differ as well.
+_NUMBERS = {"A": 6, "horizontal": 0, "vertical": 1, "B": 6}
+_COLOURS = {word: axis_style(number)["color"] for word, number in _NUMBERS.items()}
 _MARKERS = {"A": ">", "horizontal": "o", "vertical": "^", "B": "s"}
-_LEGEND = {
-    "A": "start A",
-    "horizontal": "horizontal correction",
-    "vertical": "vertical correction",
-    "B": "end B",
-}
+_LEGEND = dict(
+    zip(_MARKERS, ("start A", "horizontal correction", "vertical correction", "end B"), strict=True)
+)
 
 #: More labels than this are not readable.
 _MOST_LABELS = 45
-#: Size of the names, and how wide a character and how high a line of it are (point).
-_FONT, _CHARACTER, _LINE = 7.5, 4.6, 8.0
 #: A side of the box shorter than this part of the longest is stretched.
 _FLATTEST = 0.3
 
@@ -80,39 +90,30 @@ def draw(
     UnsupportedOption
         An option has a value that is not allowed.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     if plan is not None and not isinstance(plan, Route):
         raise InvalidData(f"plan must be a Route, got {show(plan)}", field="plan")
     stops = [] if plan is None else model.walk(plan)
-    if size is None:
-        size = (11.5, 5.4) if stops else (6.4, 5.4)
-    figure = Figure(figsize=_checked_size(size), dpi=150)
-    FigureCanvasAgg(figure)
-    scale, unit = _scale(model, stops)
-    bad = violated_stops(model, stops)
     if labels is None:
         labels = (len(stops) or len(model.points)) <= _MOST_LABELS
+    check_flags(labels=labels)
+    figure = sheet(size, (11.5, 5.4) if stops else (6.4, 5.4))
+    scale, unit = _scale(model, stops)
+    bad = violated_stops(model, stops)
+    text = _title(model, stops, bad, scale, unit) if title is None else title
+    left: Any = figure
     if stops:
         halves: Any = figure.subfigures(1, 2, width_ratios=[1.15, 1.0], wspace=0.0)
         left, right = halves
-        upper, lower = right.subplots(2, 1, sharex=True)
-        right.subplots_adjust(left=0.11, right=0.97, bottom=0.11, top=0.86, hspace=0.12)
-        _errors(model, stops, bad, upper, "horizontal", scale)
-        _errors(model, stops, bad, lower, "vertical", scale)
-        lower.set_xlabel(f"distance flown ({unit})")
-        _errors_legend(upper)
-    else:
-        left = figure
-    # The order of drawing is ours: matplotlib would put far markers behind the route's line.
-    space = left.add_axes((0.0, 0.1, 0.96, 0.83), projection="3d", computed_zorder=False)
+        _errors(model, stops, bad, right, text, scale, unit)
+    space = space_axes(left, (0.0, 0.1, 0.96, 0.83))
     _space(model, stops, bad, space, scale, unit)
-    _kinds_legend(model, left, bool(bad))
+    legend_below(left, _kind_keys(model, bool(bad)))
     if labels:
-        _names(model, stops, space, scale)
-    text = _title(model, stops, bad, scale, unit) if title is None else title
-    figure.suptitle(text, fontsize=11.5, y=0.975, color=_RED if bad else _BLACK)
+        named = list(dict.fromkeys(stop.point for stop in stops)) or list(range(len(model.points)))
+        texts = [_name(model, point) for point in named]
+        places = model.points[named] * scale
+        write_names(space, places, texts, size=7.5, colour=BLACK, route=bool(stops))
+    headline(figure, text, wrong=bool(bad))
     return figure
 
 
@@ -138,16 +139,6 @@ def violated_stops(model: ErrorCorrectionRouting, stops: list[Stop]) -> list[int
         if wrong:
             bad.append(place)
     return bad
-
-
-def _checked_size(size: Any) -> tuple[float, float]:
-    try:
-        width, height = (float(edge) for edge in size)
-    except (TypeError, ValueError):
-        width = height = 0.0
-    if not (0 < width <= 100 and 0 < height <= 100):
-        raise UnsupportedOption(f"size must be width and height in inches, got {show(size)}")
-    return width, height
 
 
 def _scale(model: ErrorCorrectionRouting, stops: list[Stop]) -> tuple[float, str]:
@@ -178,57 +169,40 @@ def _title(
 
 
 def _space(
-    model: ErrorCorrectionRouting,
-    stops: list[Stop],
-    bad: list[int],
-    axes: Any,
-    scale: float,
+    model: ErrorCorrectionRouting, stops: list[Stop], bad: list[int], axes: Any, scale: float,
     unit: str,
-) -> None:
+) -> None:  # fmt: skip
     points = model.points * scale
     visited = [stop.point for stop in stops]
     floor = float(points[:, 2].min())
     others = np.ones(len(points), bool)
     others[visited] = False
     crowded = len(points) > 60
+    size, alpha = (9 if stops and crowded else 18), (0.22 if crowded else 0.4) if stops else 0.75
     for word in KIND_WORDS:
+        area, clear = (36, 1.0) if word in ("A", "B") else (size, alpha)
         faint = points[(model.kinds == word) & others]
-        ends = word in ("A", "B")
         if len(faint):
-            axes.scatter(
-                *faint.T, marker=_MARKERS[word], color=_COLOURS[word], depthshade=False,
-                s=36 if ends else 9 if stops and crowded else 18, linewidths=0,
-                alpha=1.0 if ends else 0.75 if not stops else 0.22 if crowded else 0.4, zorder=2,
-            )  # fmt: skip
+            dots(axes, faint, _MARKERS[word], _COLOURS[word], size=area, alpha=clear, zorder=2)
     if stops:
         way = points[visited]
         # The shadow on the floor and the stems tell how high a point is.
-        axes.plot(way[:, 0], way[:, 1], floor, color=_GREY, lw=0.9, alpha=0.6, zorder=1)
+        axes.plot(way[:, 0], way[:, 1], floor, color=GREY, lw=0.9, alpha=0.6, zorder=1)
         for x, y, z in way:
-            axes.plot([x, x], [y, y], [floor, z], color=_GREY, lw=0.5, alpha=0.6, zorder=1)
-        axes.plot(*way.T, color=_BLACK, lw=1.5, zorder=3)
+            axes.plot([x, x], [y, y], [floor, z], color=GREY, lw=0.5, alpha=0.6, zorder=1)
+        axes.plot(*way.T, color=BLACK, lw=1.5, zorder=3)
+        white: dict[str, Any] = {"size": 46, "edge": "white", "width": 0.6, "zorder": 4}
         for word in KIND_WORDS:
             at = way[[stop.kind == word for stop in stops]]
             if len(at):
-                axes.scatter(
-                    *at.T, marker=_MARKERS[word], color=_COLOURS[word], depthshade=False,
-                    s=46, edgecolors="white", linewidths=0.6, zorder=4,
-                )  # fmt: skip
+                dots(axes, at, _MARKERS[word], _COLOURS[word], **white)
         if bad:
-            axes.scatter(
-                *way[bad].T, marker="o", facecolors="none", edgecolors=_RED, s=110,
-                linewidths=1.6, depthshade=False, zorder=21,
-            )  # fmt: skip
+            dots(axes, way[bad], "o", "none", size=110, edge=RED, width=1.6, zorder=21)
     _box(points, axes, unit)
-    # The box is wider than the square that matplotlib clips to.
-    for artist in (*axes.collections, *axes.lines):
-        artist.set_clip_on(False)
 
 
 def _box(points: NDArray[np.float64], axes: Any, unit: str) -> None:
     """Set limits and aspect: equal scales, but for a side too flat to be read."""
-    from matplotlib.ticker import MaxNLocator
-
     low, high = points.min(axis=0), points.max(axis=0)
     span = high - low
     longest = float(span.max()) or 1.0
@@ -249,57 +223,18 @@ def _box(points: NDArray[np.float64], axes: Any, unit: str) -> None:
     axes.set_xlabel(f"x ({unit}{stretched[0]})", fontsize=8.5, labelpad=2)
     axes.set_ylabel(f"y ({unit}{stretched[1]})", fontsize=8.5, labelpad=2)
     axes.set_zlabel("" if planar else f"z ({unit}{stretched[2]})", fontsize=8.5, labelpad=2)
-    axes.tick_params(labelsize=7.5, pad=0)
-    axes.view_init(elev=60 if planar else 28, azim=-62)
-    for pane in (axes.xaxis, axes.yaxis, axes.zaxis):
-        pane.pane.set_facecolor("white")
-        pane.pane.set_edgecolor("#d0d0d0")
-        pane._axinfo["grid"].update(color="#e6e6e6", linewidth=0.6)
-        pane.set_major_locator(MaxNLocator(nbins=5))
+    dress_space(axes, above=60 if planar else 28)
     if planar:
         axes.set_zticks([])
 
 
-def _kinds_legend(model: ErrorCorrectionRouting, figure: Any, bad: bool) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D(
-            [], [], ls="", marker=_MARKERS[word], color=_COLOURS[word], label=_LEGEND[word], ms=6
-        )
+def _kind_keys(model: ErrorCorrectionRouting, bad: bool) -> list[Any]:
+    keys = [
+        key(_LEGEND[word], marker=_MARKERS[word], color=_COLOURS[word], ms=6)
         for word in KIND_WORDS
         if (model.kinds == word).any()
     ]
-    if bad:
-        handles.append(
-            Line2D([], [], ls="", marker="o", mfc="none", mec=_RED, ms=9, label="rule broken")
-        )
-    figure.legend(
-        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.015), ncols=len(handles),
-        fontsize=7.5, frameon=False, handletextpad=0.2, columnspacing=1.2,
-    )  # fmt: skip
-
-
-def _names(model: ErrorCorrectionRouting, stops: list[Stop], axes: Any, scale: float) -> None:
-    """Write the names of the visited points, or of all, each where it hides least."""
-    from matplotlib.patheffects import withStroke
-
-    named = list(dict.fromkeys(stop.point for stop in stops)) or list(range(len(model.points)))
-    texts = [_name(model, point) for point in named]
-    axes.apply_aspect()
-    homogeneous = np.column_stack([model.points[named] * scale, np.ones(len(named))])
-    seen = homogeneous @ axes.get_proj().T
-    flat = seen[:, :2] / seen[:, 3:]
-    # In points of print, the unit of font sizes.
-    paper = axes.transData.transform(flat) * 72 / axes.figure.dpi
-    widths = [_CHARACTER * len(text) for text in texts]
-    offsets = place_labels(paper, widths, height=_LINE, route=bool(stops))
-    halo = [withStroke(linewidth=2.0, foreground="white")]
-    for text, at, offset in zip(texts, flat, offsets, strict=True):
-        axes.annotate(
-            text, at, offset, textcoords="offset points", fontsize=_FONT, color=_BLACK,
-            ha="center", va="center_baseline", path_effects=halo, zorder=20, annotation_clip=False,
-        )  # fmt: skip
+    return [*keys, key("rule broken", **RING)] if bad else keys
 
 
 def _name(model: ErrorCorrectionRouting, point: int) -> str:
@@ -311,63 +246,45 @@ def _name(model: ErrorCorrectionRouting, point: int) -> str:
 
 
 def _errors(
-    model: ErrorCorrectionRouting,
-    stops: list[Stop],
-    bad: list[int],
-    axes: Axes,
-    axis: str,
-    scale: float,
-) -> None:
-    """Draw one error against the distance flown: it rises to each stop and may fall there."""
-    column = ("horizontal", "vertical").index(axis)
-    distance = [stop.distance * scale for stop in stops]
-    arrive = [float(getattr(stop, axis)) for stop in stops]
-    leave = [float(getattr(stop, f"{axis}_after")) for stop in stops]
-    limit = [float(model.limits[KIND_WORDS.index(stop.kind), column]) for stop in stops]
-    colour = _COLOURS[axis]
-    flown, error = np.repeat(distance, 2), np.column_stack([arrive, leave]).ravel()
-    axes.plot(flown, error, color=colour, lw=1.6)
-    axes.fill_between(flown, error, color=colour, alpha=0.12, lw=0)
-    half = 0.011 * (distance[-1] or 1.0)
-    for place, stop in enumerate(stops[1:], start=1):
-        over = place in bad and arrive[place] > limit[place]
-        axes.plot(
-            [distance[place] - half, distance[place] + half], [limit[place]] * 2,
-            color=_RED if over else "#404040", lw=1.6, solid_capstyle="butt",
-        )  # fmt: skip
-        axes.plot(
-            [distance[place]] * 2, [arrive[place], limit[place]],
-            color=_RED if over else _GREY, lw=1.4 if over else 0.6, ls="-" if over else ":",
-        )  # fmt: skip
-        axes.plot(
-            distance[place], arrive[place], ls="", marker=_MARKERS[stop.kind],
-            color=_RED if over else _COLOURS[stop.kind], ms=5, mec="white", mew=0.5, zorder=5,
-        )  # fmt: skip
-    top = max([*arrive, *limit[1:]], default=1.0) or 1.0
-    axes.set_ylim(0, 1.12 * top)
-    axes.set_xlim(0, 1.03 * (distance[-1] or 1.0))
-    axes.set_ylabel(f"{axis} error", color=_BLACK, fontsize=9)
-    axes.tick_params(labelsize=8)
-    axes.grid(axis="y", color="#ececec", lw=0.6)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-
-
-def _errors_legend(axes: Axes) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D(
-            [], [], ls="", marker=_MARKERS[word], color=_COLOURS[word], mec="white", ms=6,
-            label=f"on arrival at a {word} point",
+    model: ErrorCorrectionRouting, stops: list[Stop], bad: list[int], figure: Any, title: str,
+    scale: float, unit: str,
+) -> None:  # fmt: skip
+    """Draw both errors against the distance flown: they rise to each stop and may fall there."""
+    distance = np.array([stop.distance for stop in stops]) * scale
+    flown, kinds = np.repeat(distance, 2), np.array([stop.kind for stop in stops])
+    allowed = model.limits[[KIND_WORDS.index(word) for word in kinds]].T
+    arrive = np.array([[stop.horizontal, stop.vertical] for stop in stops]).T
+    leave = np.array([[stop.horizontal_after, stop.vertical_after] for stop in stops]).T
+    error = np.stack([arrive, leave], axis=2).reshape(2, -1)
+    over = arrive > allowed
+    over[:, [place for place in range(len(stops)) if place == 0 or place not in bad]] = False
+    panels = []
+    for row, name in enumerate(("horizontal", "vertical")):
+        label = f"{name} error"
+        marks = []
+        for word in KIND_WORDS:
+            at = (kinds == word) & (np.arange(len(stops)) > 0)
+            if at.any():
+                text = f"at {word}" if word in "AB" else f"at a {word} point"
+                look = {"marker": _MARKERS[word], "ms": 5, "mec": "white", "mew": 0.5, "zorder": 5}
+                marks.append(Mark(text, distance[at], arrive[row, at], _NUMBERS[word], look))
+        if over[row].any():
+            marks.append(Mark("rule broken", distance[over[row]], arrive[row, over[row]], 0, RING))
+        panels.append(
+            Panel(label, "", [Curve(label, _NUMBERS[name], flown, error[row], 1.6)], marks=marks)
         )
-        for word in ("horizontal", "vertical")
-    ]  # fmt: skip
-    handles.append(
-        Line2D([], [], ls="", marker="_", mew=1.6, ms=9, color="#404040", label="allowed there")
-    )
-    axes.legend(
-        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=7.5,
-        frameon=False, handletextpad=0.2, columnspacing=1.0,
+    total = float(distance[-1]) or 1.0
+    places = draw_panels(
+        figure, panels, [Span("", 0.0, total, np.empty(0))], title=title, wrong=bool(bad),
+        label=f"distance flown ({unit})",
+        keys=[key("allowed there", marker="_", mew=1.6, ms=9, color=DARK)],
     )  # fmt: skip
+    half = 0.011 * total
+    for axes, rise, most, wrong, panel in zip(places, arrive, allowed, over, panels, strict=True):
+        colour = axis_style(panel.curves[0].colour)["color"]
+        axes.fill_between(flown, panel.curves[0].values, color=colour, alpha=0.12, lw=0)
+        at, most, red = distance[1:], most[1:], wrong[1:]
+        bars, stems = ([RED if one else calm for one in red] for calm in (DARK, GREY))
+        axes.hlines(most, at - half, at + half, colors=bars, lw=1.6, gid="allowed there")
+        axes.vlines(at, rise[1:], most, colors=stems, lw=np.where(red, 1.4, 0.6).tolist(), ls=":")
+        axes.set_ylim(0, 1.12 * float(np.append(rise, most).max()) or 1.0)

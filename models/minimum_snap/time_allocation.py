@@ -104,6 +104,10 @@ continuity
     continuity: int = _shared("continuity")
 
     kind: ClassVar[str] = "time-allocation"
+    formulations: ClassVar[dict[str, Any]] = {
+        "times": ".models.minimum_snap.formulations.times:TimesFormulation"
+    }
+    default_formulation: ClassVar[str] = "times"
 
     def check(self) -> None:
         """Refuse what the problem at given times refuses, and what leaves the times no optimum."""

@@ -7,7 +7,7 @@ bounds and path constraints are searched between the nodes, integrals are found 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,21 +16,11 @@ from ...errors import InvalidData
 from ..fields import show
 from ..verification import ROUNDING, Check, Verification
 from .definition import Definition, Phase, Restriction
-from .hamiltonian import HamiltonianReport, hamiltonian_spread
 from .integration import Reintegration, integrated
 from .plan import ControlPlan
 from .sampling import Course, Instants, courses, endpoint
 
-if TYPE_CHECKING:
-    from .model import OptimalControlProblem
-
-__all__ = [
-    "HamiltonianReport",
-    "Reintegration",
-    "hamiltonian_spread",
-    "motion",
-    "verify_control",
-]
+__all__ = ["motion", "verify_control"]
 
 Floats = NDArray[np.float64]
 
@@ -68,14 +58,12 @@ class _Sides:
         return _Found(share * scale if share > 0.0 else 0.0, scale, unit, where, equation)
 
 
-def motion(
-    problem: OptimalControlProblem, plan: ControlPlan, phase: int | str = 0
-) -> Reintegration:
+def motion(problem: Any, plan: ControlPlan, phase: int | str = 0) -> Reintegration:
     """Return the motion of a plan integrated anew with its control, for one phase.
 
     Parameters
     ----------
-    problem : OptimalControlProblem
+    problem : OptimalControlProblem or Definition
         The problem, whose dynamics are integrated.
     plan : ControlPlan
         The plan, whose control and first state are taken.
@@ -87,7 +75,7 @@ def motion(
     InvalidData
         The plan does not fit the problem, or there is no such phase.
     """
-    found = courses(problem.definition, plan)
+    found = courses(getattr(problem, "definition", problem), plan)
     names = [one.phase.name for one in found]
     if isinstance(phase, str) and phase in names:
         return integrated(found[names.index(phase)])
@@ -100,15 +88,13 @@ def motion(
     )
 
 
-def verify_control(
-    problem: OptimalControlProblem, plan: ControlPlan, tolerance: float
-) -> Verification:
-    """Return the objective and every constraint of `problem`, measured on `plan`.
+def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) -> Verification:
+    """Return the objective and every constraint of a problem, measured on `plan`.
 
     Parameters
     ----------
-    problem : OptimalControlProblem
-        The problem.
+    definition : Definition
+        What the problem consists of.
     plan : ControlPlan
         States, controls, times and parameters.
     tolerance : float
@@ -119,7 +105,6 @@ def verify_control(
     InvalidData
         The plan's phases, names or parameters are not the problem's, or it is not finite.
     """
-    definition = problem.definition
     phases = courses(definition, plan)
     with np.errstate(all="ignore"):
         motions = [integrated(one) for one in phases]

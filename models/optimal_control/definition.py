@@ -6,18 +6,18 @@ verified and transcribed.
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Real, Spec, Text, Whole, declared, show
+from ..declaration import Declared, Listed, Nested
+from ..fields import Array, Real, Text, Whole, declared, show
 from ..programs.compiled import Compiled
 
 if TYPE_CHECKING:
@@ -29,70 +29,16 @@ __all__ = [
     "Phase",
     "Quantity",
     "Restriction",
-    "Stated",
     "entry_names",
 ]
 
 Floats = NDArray[np.float64]
-PartT = TypeVar("PartT", bound="_Part")
 
 _LOW = Array(("size",), infinity=-1)
 _HIGH = Array(("size",), infinity=1)
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """A piece of the definition whose fields are declared with a Spec, as a model's are."""
-
-    def __post_init__(self) -> None:
-        sizes: dict[str, tuple[int, str]] = {}
-        for field in dataclasses.fields(self):
-            spec = field.metadata.get("spec")
-            if spec is not None:
-                value = spec.coerce(field.name, getattr(self, field.name), sizes)
-                object.__setattr__(self, field.name, value)
-        self.check()
-
-    def check(self) -> None:
-        """Raise :class:`~crosstrack.errors.InvalidData` where fields contradict one another."""
-
-    def to_data(self) -> dict[str, Any]:
-        """Return the piece as JSON data."""
-        found = {}
-        for field in dataclasses.fields(self):
-            value, spec = getattr(self, field.name), field.metadata.get("spec")
-            if spec is not None:
-                found[field.name] = spec.encode(value)
-            elif isinstance(value, tuple):
-                found[field.name] = [one.to_data() for one in value]
-            else:
-                found[field.name] = None if value is None else value.to_data()
-        return found
-
-    @classmethod
-    def from_data(cls: type[PartT], data: Any, parts: Mapping[str, Any] | None = None) -> PartT:
-        """Return the piece in `data`; `parts` reads the fields that hold pieces."""
-        names = [field.name for field in dataclasses.fields(cls)]
-        if not isinstance(data, Mapping) or set(data) != set(names):
-            raise InvalidData(
-                f"a {cls.__name__.lower()} has the keys {', '.join(names)}, got {show(data)}",
-                field=cls.__name__.lower(),
-            )
-        return cls(**{name: (parts or {}).get(name, data[name]) for name in names})
-
-
-def _read(data: Mapping[str, Any], kinds: Mapping[str, type[_Part]]) -> dict[str, Any]:
-    """Return the tuples of pieces in `data`, a list of each kind by its key."""
-    found: dict[str, Any] = {}
-    for name, kind in kinds.items():
-        listed = data.get(name, ())
-        if not isinstance(listed, list | tuple):
-            raise InvalidData(f"{name} must be a list, got {show(listed)}", field=name)
-        found[name] = tuple(kind.from_data(one) for one in listed)
-    return found
-
-
-def _ordered(of: str, low: Any, high: Any, what: str) -> None:
+def _check_order(of: str, low: Any, high: Any, what: str) -> None:
     """Raise where a lower bound exceeds an upper one."""
     bad = np.flatnonzero(~(np.atleast_1d(low) <= np.atleast_1d(high)))
     if bad.size:
@@ -104,7 +50,7 @@ def _ordered(of: str, low: Any, high: Any, what: str) -> None:
         )
 
 
-def _sized(of: str, one: Any) -> None:
+def _check_entries(of: str, one: Any) -> None:
     if not one.name or any(c in one.name for c in "[]"):
         raise InvalidData(f"{of} must have a name without brackets, got {one.name!r}", field="name")
     if not one.size:
@@ -113,7 +59,7 @@ def _sized(of: str, one: Any) -> None:
         raise InvalidData(f"scale of {one.name!r} must be > 0, got {one.scale}", field="scale")
 
 
-def _apart(what: str, names: Iterable[str]) -> None:
+def _refuse_twins(what: str, names: Iterable[str]) -> None:
     """Raise where a name stands twice."""
     known: set[str] = set()
     for name in names:
@@ -122,7 +68,7 @@ def _apart(what: str, names: Iterable[str]) -> None:
         known.add(name)
 
 
-def _fits(what: str, function: casadi.Function, sizes: Mapping[str, int]) -> None:
+def _check_sizes(what: str, function: casadi.Function, sizes: Mapping[str, int]) -> None:
     """Raise where an argument or a result of `function` has another size than what is declared."""
     for name, size in sizes.items():
         known = function.name_in()
@@ -135,7 +81,7 @@ def _fits(what: str, function: casadi.Function, sizes: Mapping[str, int]) -> Non
 
 
 @dataclass(frozen=True, eq=False)
-class Quantity(_Part):
+class Quantity(Declared):
     """A state, a control or a parameter: a vector with bounds.
 
     Parameters
@@ -164,10 +110,10 @@ class Quantity(_Part):
 
     def check(self) -> None:
         """Refuse bounds that contradict one another."""
-        _sized("a quantity", self)
+        _check_entries("a quantity", self)
         for side in ("", "initial_", "final_"):
             low, high = getattr(self, f"{side}lower"), getattr(self, f"{side}upper")
-            _ordered(repr(self.name), low, high, f"{side}bounds")
+            _check_order(repr(self.name), low, high, f"{side}bounds")
 
     @property
     def size(self) -> int:
@@ -184,7 +130,7 @@ def entry_names(quantities: Iterable[Quantity]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Restriction(_Part):
+class Restriction(Declared):
     """Bounds on an expression: a path or a boundary constraint.
 
     Parameters
@@ -206,8 +152,8 @@ class Restriction(_Part):
 
     def check(self) -> None:
         """Refuse bounds that contradict one another."""
-        _sized("a constraint", self)
-        _ordered(repr(self.name), self.lower, self.upper, "bounds")
+        _check_entries("a constraint", self)
+        _check_order(repr(self.name), self.lower, self.upper, "bounds")
 
     @property
     def size(self) -> int:
@@ -216,7 +162,7 @@ class Restriction(_Part):
 
 
 @dataclass(frozen=True, eq=False)
-class Guess(_Part):
+class Guess(Declared):
     """A guess of a phase's course, by samples.
 
     Parameters
@@ -251,7 +197,7 @@ class Guess(_Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Phase(_Part):
+class Phase(Declared):
     """One phase: a stretch of time with its own states, controls and dynamics.
 
     Parameters
@@ -279,20 +225,20 @@ class Phase(_Part):
     """
 
     name: str = declared(Text())
-    states: tuple[Quantity, ...]
-    controls: tuple[Quantity, ...]
+    states: tuple[Quantity, ...] = declared(Listed(Quantity))
+    controls: tuple[Quantity, ...] = declared(Listed(Quantity))
     start_lower: float = declared(Real())
     start_upper: float = declared(Real())
     end_lower: float = declared(Real())
     end_upper: float = declared(Real())
     time_unit: str = declared(Text())
-    paths: tuple[Restriction, ...]
+    paths: tuple[Restriction, ...] = declared(Listed(Restriction))
     integrals: int = declared(Whole(0))
-    invariants: tuple[Restriction, ...]
+    invariants: tuple[Restriction, ...] = declared(Listed(Restriction))
     function: casadi.Function = declared(
         Compiled(("t", "x", "u", "p"), ("rate", "path", "integrand", "invariant"))
     )
-    guess: Guess
+    guess: Guess = declared(Nested(Guess))
     dynamics_equation: str = declared(Text())
 
     def check(self) -> None:
@@ -300,12 +246,12 @@ class Phase(_Part):
         label = f"phase {self.name!r}"
         if not self.states:
             raise InvalidData(f"{label} has no state", field="states")
-        _apart(label, (one.name for one in (*self.states, *self.controls)))
+        _refuse_twins(label, (one.name for one in (*self.states, *self.controls)))
         for what in ("paths", "invariants"):
-            _apart(f"{what} of {label}", (one.name for one in getattr(self, what)))
+            _refuse_twins(f"{what} of {label}", (one.name for one in getattr(self, what)))
         for side in ("start", "end"):
             low, high = getattr(self, f"{side}_lower"), getattr(self, f"{side}_upper")
-            _ordered(label, low, high, side)
+            _check_order(label, low, high, side)
         if not self.start_lower < self.end_upper:
             raise InvalidData(
                 f"time of {label} must go forward, got start {self.start_lower:g}, end "
@@ -319,24 +265,13 @@ class Phase(_Part):
             "integrand": self.integrals,
             "invariant": sum(one.size for one in self.invariants),
         }
-        _fits(label, self.function, sizes | results)
+        _check_sizes(label, self.function, sizes | results)
         for what, wanted in (("states", sizes["x"]), ("controls", sizes["u"])):
             have = getattr(self.guess, what).shape[1]
             if have != wanted:
                 raise InvalidData(
                     f"guess of {label} has {have} columns for {wanted} {what}", field="guess"
                 )
-
-    @classmethod
-    def from_data(cls, data: Any, parts: Mapping[str, Any] | None = None) -> Phase:
-        """Return the phase in `data`."""
-        read: dict[str, Any] = {}
-        if isinstance(data, Mapping):
-            kinds: dict[str, type[_Part]] = {"states": Quantity, "controls": Quantity}
-            read = _read(data, kinds | {"paths": Restriction, "invariants": Restriction})
-            if "guess" in data:
-                read["guess"] = Guess.from_data(data["guess"])
-        return super().from_data(data, read)
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:
@@ -360,7 +295,7 @@ class Phase(_Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Definition(_Part):
+class Definition(Declared):
     """An optimal control problem in Bolza form, over one or several phases.
 
     Parameters
@@ -378,9 +313,9 @@ class Definition(_Part):
         Unit of the objective.
     """
 
-    phases: tuple[Phase, ...]
-    parameters: tuple[Quantity, ...]
-    boundaries: tuple[Restriction, ...]
+    phases: tuple[Phase, ...] = declared(Listed(Phase))
+    parameters: tuple[Quantity, ...] = declared(Listed(Quantity))
+    boundaries: tuple[Restriction, ...] = declared(Listed(Restriction))
     endpoint: casadi.Function = declared(Compiled(("e", "p"), ("objective", "boundary")))
     objective_unit: str = declared(Text())
 
@@ -389,11 +324,11 @@ class Definition(_Part):
         if not self.phases:
             raise InvalidData("phases must hold 1 phase at least, got 0", field="phases")
         for what in ("phases", "parameters", "boundaries"):
-            _apart(what, (one.name for one in getattr(self, what)))
+            _refuse_twins(what, (one.name for one in getattr(self, what)))
         parameters = len(self.parameter_names)
         for phase in self.phases:
-            _fits(f"phase {phase.name!r}", phase.function, {"p": parameters})
-        _fits(
+            _check_sizes(f"phase {phase.name!r}", phase.function, {"p": parameters})
+        _check_sizes(
             "endpoint",
             self.endpoint,
             {
@@ -403,15 +338,6 @@ class Definition(_Part):
                 "boundary": sum(one.size for one in self.boundaries),
             },
         )
-
-    @classmethod
-    def from_data(cls, data: Any, parts: Mapping[str, Any] | None = None) -> Definition:
-        """Return the definition in `data`."""
-        read: dict[str, Any] = {}
-        if isinstance(data, Mapping):
-            kinds: dict[str, type[_Part]] = {"phases": Phase, "parameters": Quantity}
-            read = _read(data, kinds | {"boundaries": Restriction})
-        return super().from_data(data, read)
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
@@ -426,18 +352,4 @@ class Definition(_Part):
     @cached_property
     def text(self) -> str:
         """The definition as canonical JSON text, which the digest hashes."""
-        return json.dumps(self.to_data(), sort_keys=True, allow_nan=False)
-
-
-@dataclass(frozen=True)
-class Stated(Spec):
-    """The definition as a model's field."""
-
-    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Definition:
-        return value if isinstance(value, Definition) else Definition.from_data(value)
-
-    def encode(self, value: Definition) -> Any:
-        return value.to_data()
-
-    def feed(self, value: Definition) -> Iterable[bytes]:
-        yield value.text.encode()
+        return json.dumps(self.data(), sort_keys=True, allow_nan=False)

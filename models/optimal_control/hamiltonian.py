@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import casadi
 import numpy as np
@@ -13,9 +13,6 @@ from numpy.typing import NDArray
 from .definition import Definition
 from .plan import ControlPlan
 from .sampling import Course, courses, endpoint
-
-if TYPE_CHECKING:
-    from .model import OptimalControlProblem
 
 __all__ = ["HamiltonianReport", "hamiltonian_spread"]
 
@@ -61,9 +58,7 @@ class HamiltonianReport:
     vanishing: bool
 
 
-def hamiltonian_spread(
-    problem: OptimalControlProblem, plan: ControlPlan
-) -> tuple[HamiltonianReport, ...]:
+def hamiltonian_spread(problem: Any, plan: ControlPlan) -> tuple[HamiltonianReport, ...]:
     """Return how constant the Hamiltonian is along each phase of a plan that has costates.
 
     It is a necessary condition of optimality, not of feasibility, and costates of a discrete
@@ -71,7 +66,7 @@ def hamiltonian_spread(
 
     Parameters
     ----------
-    problem : OptimalControlProblem
+    problem : OptimalControlProblem or Definition
         The problem.
     plan : ControlPlan
         The plan; a phase without costates has no report.
@@ -81,9 +76,9 @@ def hamiltonian_spread(
     InvalidData
         The plan does not fit the problem.
     """
-    phases = courses(problem.definition, plan)
+    definition: Definition = getattr(problem, "definition", problem)
     with np.errstate(all="ignore"):
-        return tuple(_reports(problem.definition, phases))
+        return tuple(_reports(definition, courses(definition, plan)))
 
 
 def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[HamiltonianReport]:

@@ -9,39 +9,37 @@ for Optimal Control and Estimation Using Nonlinear Programming" (SIAM, 2010), ch
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from ...errors import InvalidData
-from ..fields import declared, show
+from ..declaration import Nested
+from ..fields import declared
 from ..model import Model
+from ..programs.compiled import require_casadi
 from ..verification import TOLERANCE, Verification
-from .definition import Definition, Stated
+from .checks import verify_control
+from .definition import Definition
 from .plan import ControlPlan
-
-if TYPE_CHECKING:
-    import casadi
-
-    from .declaration.problem import Draft, PhaseDraft
 
 __all__ = ["OptimalControlProblem"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class OptimalControlProblem(Model[ControlPlan]):
-    """An optimal control problem, declared piece by piece.
+    """An optimal control problem, as it is stored, digested, verified and transcribed.
 
-    Declare phases, states, controls, dynamics and what is to be minimised; then hand it to
-    :func:`crosstrack.solve` like any model. Expressions are CasADi's (``casadi.sin(x)``, ``x**2``).
-    Declaring more afterwards is allowed, and makes it another problem with another digest.
+    People declare one piece by piece: without a definition, ``OptimalControlProblem(name)`` returns
+    a :class:`~crosstrack.models.optimal_control.declaration.problem.ControlProblemBuilder`, which the
+    verbs take like the problem that its ``build()`` returns.
 
     Parameters
     ----------
     name : str
         A label for people.
-    definition : Definition, optional
-        A finished definition, such as another problem's; nothing more can be declared then.
+    definition : Definition
+        Such as another problem's, or its JSON data.
 
     Raises
     ------
@@ -67,7 +65,7 @@ class OptimalControlProblem(Model[ControlPlan]):
     4.0
     """
 
-    definition: Definition = declared(Stated())
+    definition: Definition = declared(Nested(Definition))
 
     kind: ClassVar[str] = "optimal-control"
     formulations: ClassVar[dict[str, Any]] = {
@@ -79,189 +77,38 @@ class OptimalControlProblem(Model[ControlPlan]):
     }
     default_formulation: ClassVar[str] = "gauss"
 
-    def __init__(self, name: str = "", *, definition: Definition | None = None) -> None:
-        from ..programs.compiled import require_casadi
+    if TYPE_CHECKING:
+        # What is called without a definition is a builder, which type checkers do not learn from
+        # __new__.
+        def build(self) -> OptimalControlProblem: ...
+        def __getattr__(self, name: str) -> Any: ...
 
+    def __new__(cls, name: str = "", **fields: Any) -> Any:
+        """Return a problem, or a builder where no definition is given."""
         require_casadi("an optimal control problem")
-        if not isinstance(name, str):
-            raise InvalidData(f"name must be a string, got {show(name)}", field="name")
+        if fields:
+            return object.__new__(cls)
+        from .declaration.problem import ControlProblemBuilder
+
+        return ControlProblemBuilder(name, cls)
+
+    def __init__(self, name: str = "", *, definition: Any = None) -> None:
         object.__setattr__(self, "name", name)
-        if definition is not None:
-            ready = Stated().coerce("definition", definition, {})
-            object.__setattr__(self, "definition", ready)
-        else:
-            from .declaration.problem import Draft
+        object.__setattr__(self, "definition", definition)
+        self.__post_init__()
 
-            object.__setattr__(self, "_draft", Draft())
+    def __getnewargs_ex__(self) -> tuple[tuple[str], dict[str, Definition]]:
+        return (self.name,), {"definition": self.definition}
 
-    def __getattr__(self, name: str) -> Any:
-        # Only asked for what is not there: a definition that must be drawn up from what was declared.
-        if name == "definition" and "_draft" in self.__dict__:
-            ready = self._draft.finished()
-            object.__setattr__(self, "definition", ready)
-            return ready
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"name": self.name, "definition": self.definition}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            object.__setattr__(self, name, value)
-
-    @property
+    @cached_property
     def digest(self) -> str:
-        """SHA-256 of the content as it is declared now, in hexadecimal."""
-        import hashlib
-
-        if "_digest" not in self.__dict__:
-            text = f"{OptimalControlProblem.kind}\0{self.definition.text}"
-            object.__setattr__(self, "_digest", hashlib.sha256(text.encode()).hexdigest())
-        found: str = self.__dict__["_digest"]
-        return found
-
-    # -- declaring -------------------------------------------------------------------------------
-
-    def _open(self) -> Draft:
-        """Return the draft to declare in; what was drawn up from it before is void."""
-        if "_draft" not in self.__dict__:
-            raise InvalidData(
-                f"problem {self.name!r} was read or copied in its finished form: nothing more can be "
-                "declared in it",
-                field="definition",
-            )
-        for stale in ("definition", "_digest"):
-            self.__dict__.pop(stale, None)
-        draft: Draft = self.__dict__["_draft"]
-        return draft
-
-    def phase(
-        self,
-        name: str = "",
-        *,
-        time: tuple[Any, Any] = (0.0, 1.0),
-        unit: str = "s",
-        equation: str = "",
-    ) -> PhaseDraft:
-        """Add a phase, and return it to declare states, controls and dynamics in.
-
-        Parameters
-        ----------
-        name : str
-            Its name; ``"phase 1"``, ``"phase 2"`` … where none is given.
-        time : tuple
-            When it starts and when it ends: each a number, or ``(lower, upper)`` where it is free.
-        unit : str
-            Unit of time.
-        equation : str
-            The paper's number of the equation of motion.
-        """
-        return self._open().phase(self._open, name, time, unit, equation)
-
-    def parameter(
-        self,
-        name: str,
-        size: int = 1,
-        *,
-        lower: Any = None,
-        upper: Any = None,
-        guess: Any = None,
-        scale: Any = None,
-        unit: str = "",
-    ) -> casadi.MX:
-        """Declare a constant that is chosen with the motion, and return its symbol.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-        size : int
-            Number of entries.
-        lower, upper : float or array_like, optional
-            Bounds.
-        guess : float or array_like, optional
-            Where a search starts.
-        scale : float or array_like, optional
-            Typical size.
-        unit : str
-            Unit, for people.
-        """
-        symbol: casadi.MX = self._open().parameter(name, size, lower, upper, guess, scale, unit)
-        return symbol
-
-    def minimise(self, objective: Any, *, unit: str = "") -> None:
-        """Declare what is minimised.
-
-        Parameters
-        ----------
-        objective : casadi expression
-            In integrals (``phase.integral(…)``), values at the ends (``phase.final(x)``), times
-            (``phase.end``) and parameters.
-        unit : str
-            Its unit.
-        """
-        self._open().minimise(objective, unit)
-
-    def subject_to(
-        self,
-        expression: Any,
-        *,
-        lower: Any = None,
-        upper: Any = None,
-        equals: Any = None,
-        name: str = "",
-        equation: str = "",
-        unit: str = "",
-        scale: Any = None,
-    ) -> None:
-        """Declare a boundary constraint: on values at the ends, integrals, times and parameters.
-
-        Parameters
-        ----------
-        expression : casadi expression
-            What is bounded, or a relation such as ``phase.final(x) <= 2 * p``.
-        lower, upper, equals : float or array_like, optional
-            Its bounds, or the value it must have.
-        name, equation, unit : str
-            In the words of the paper.
-        scale : float or array_like, optional
-            Typical size of the expression.
-        """
-        self._open().subject_to(expression, lower, upper, equals, (name, equation, unit), scale)
-
-    def link(self, first: PhaseDraft, second: PhaseDraft, *states: str) -> None:
-        """Let `second` begin when and where `first` ends.
-
-        Parameters
-        ----------
-        first, second : phase
-            The two phases.
-        *states : str
-            Names of the states that go on; all that both phases have, where none is named.
-        """
-        self._open().link(first, second, states)
-
-    # -- the model -------------------------------------------------------------------------------
-
-    @classmethod
-    def from_data(cls, data: Mapping[str, Any], *, name: str = "") -> Self:
-        """Return the problem that :meth:`data` wrote."""
-        if isinstance(data, Mapping) and not isinstance(data.get("definition"), Mapping):
-            raise InvalidData(
-                f"key 'definition' must be an object in the data of model {cls.kind!r}, "
-                f"got {show(data.get('definition'))}",
-                field="definition",
-            )
-        return super().from_data(data, name=name)
+        """SHA-256 of the definition's canonical JSON text, in hexadecimal."""
+        return hashlib.sha256(f"{self.kind}\0{self.definition.text}".encode()).hexdigest()
 
     @property
     def objective_unit(self) -> str:  # type: ignore[override]
         """Unit of the objective."""
         return self.definition.objective_unit
-
-    def renamed(self, name: str) -> Self:
-        """Return the same problem under another name."""
-        return type(self)(name, definition=self.definition)
 
     def verify(self, plan: ControlPlan, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective by quadrature and every constraint, the motion integrated anew.
@@ -270,9 +117,7 @@ class OptimalControlProblem(Model[ControlPlan]):
         plan's own; bounds and path constraints are measured on a dense grid between the nodes; the
         boundary conditions at the ends; integrals by adaptive quadrature; invariants along the way.
         """
-        from .checks import verify_control
-
-        return verify_control(self, plan, tolerance)
+        return verify_control(self.definition, plan, tolerance)
 
     def plan_to_data(self, plan: ControlPlan) -> Any:
         """Return ``{"phases": […], "parameters": {…}}``."""
@@ -284,8 +129,6 @@ class OptimalControlProblem(Model[ControlPlan]):
 
     def describe(self) -> str:
         """Return the size in a few words."""
-        if "_draft" in self.__dict__ and "definition" not in self.__dict__:
-            return "being declared"
         phases = self.definition.phases
         states = sum(len(one.state_names) for one in phases)
         controls = sum(len(one.control_names) for one in phases)

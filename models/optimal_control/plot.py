@@ -14,14 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
-from ..fields import show
-from ..minimum_snap.plot.data import pretty_unit
-from ..plots.curves import Curve, Limit, Panel, Span, nodes_of, sampled
-from ..plots.options import check_flags, check_size, check_tolerance
-from ..plots.panels import figure_of, not_valid
-from ..plots.style import number
-from ..verification import TOLERANCE
+from ...errors import UnsupportedOption
+from ..plots.curves import Curve, Limit, Mark, Panel, Span
+from ..plots.options import check_flags, check_list, check_option, check_tolerance, is_whole
+from ..plots.panels import panel_sheet
+from ..plots.style import number, pretty_unit, title_of
+from ..verification import TOLERANCE, Verification
 from .definition import Definition, Guess, Phase, Quantity, Restriction, entry_names
 from .plan import ControlPlan, PhasePlan, Piecewise
 from .sampling import Course, courses
@@ -31,12 +29,14 @@ if TYPE_CHECKING:
 
     from .model import OptimalControlProblem
 
-__all__ = ["draw", "guessed"]
+__all__ = ["curves_of", "draw", "guessed", "nodes_of", "sampled"]
 
 Floats = NDArray[np.float64]
 
 #: Panels up to which one and two columns are enough.
 _ONE, _TWO = 3, 10
+#: Points of a curve an interval at the least, and in all about.
+_FEWEST, _POINTS = 12, 2400
 
 
 def draw(
@@ -92,61 +92,45 @@ def draw(
     Raises
     ------
     InvalidData
-        The plan is none of the problem, it has no costates to draw, or an option has a value that is
-        not allowed.
+        The plan is none of the problem.
+    UnsupportedOption
+        An option has a value that is not allowed, or asks for what the plan has not.
     """
     definition = model.definition
     check_flags(paths=paths, costates=costates, deviation=deviation, mesh=mesh)
     check_tolerance(tolerance)
-    check_size(size, (1.0, 1.0))
-    unplanned = plan is None
     drawn = guessed(definition) if plan is None else plan
     found = courses(definition, drawn)
-    panels = list(_panels(found, paths and not unplanned, tolerance))
-    panels = _chosen(panels, only)
-    if unplanned and (costates or deviation):
-        raise InvalidData("costates and deviation are of a plan, and there is none", field="plan")
+    panels = list(_panels(found, paths and plan is not None, tolerance))
+    if only is not None:
+        known = {panel.title: panel for panel in panels}
+        names = check_list(
+            "only", only, lambda one: isinstance(one, str) and one in known,
+            f"hold some of {', '.join(map(repr, known))}",
+        )  # fmt: skip
+        panels = [known[name] for name in names]
+    if plan is None and (costates or deviation):
+        raise UnsupportedOption("costates and deviation are of a plan, and there is none")
     if costates:
-        panels += list(_costates(found))
+        panels += _costates(found)
     if deviation:
-        panels.append(_deviation(model, drawn, tolerance))
-    verification = None if unplanned else model.verify(drawn, tolerance=tolerance)
-    text = title
-    if text is None:
-        objective = None if verification is None else verification.objective
-        text = _title(model, drawn, objective, unplanned) + not_valid(verification)
-    spans = [Span(part.name, part.start, part.end, np.asarray(part.states.knots)) for part in drawn]
-    return figure_of(
-        panels, spans, columns=_columns(columns, len(panels)), title=text,
-        wrong=verification is not None and not verification.ok,
-        time_unit=pretty_unit(definition.phases[0].time_unit), size=size, dotted=mesh,
-        guess=unplanned,
+        panels.append(_deviation(model, drawn, found, tolerance))
+    verification = None if plan is None else model.verify(drawn, tolerance=tolerance)
+    text = _title(model, drawn, verification) if title is None else title
+    unit = pretty_unit(definition.phases[0].time_unit)
+    return panel_sheet(
+        panels, [Span(part.name, part.start, part.end, part.states.knots) for part in drawn],
+        title=text, wrong=verification is not None and not verification.ok, size=size, mesh=mesh,
+        columns=_columns(columns, len(panels)), label=f"time ({unit})" if unit else "time",
+        guess=plan is None,
     )  # fmt: skip
-
-
-# -- options -------------------------------------------------------------------------------------
 
 
 def _columns(columns: Any, panels: int) -> int:
     if columns is None:
         return 1 if panels <= _ONE else 2 if panels <= _TWO else 3
-    if isinstance(columns, bool) or not isinstance(columns, int) or not 1 <= columns <= 6:
-        raise InvalidData(
-            f"columns must be a whole number from 1 to 6, got {show(columns)}", field="columns"
-        )
-    return min(columns, panels)
-
-
-def _chosen(panels: list[Panel], names: Any) -> list[Panel]:
-    if names is None:
-        return panels
-    known = {panel.title: panel for panel in panels}
-    listed: list[Any] = list(names) if isinstance(names, tuple | list) else []
-    if not listed or not all(isinstance(name, str) and name in known for name in listed):
-        raise InvalidData(
-            f"only must hold some of {', '.join(map(repr, known))}, got {show(names)}", field="only"
-        )
-    return [known[name] for name in listed]
+    check_option("columns", columns, is_whole(columns, 1, 6), "be a whole number from 1 to 6")
+    return min(int(columns), panels)
 
 
 # -- what is drawn -------------------------------------------------------------------------------
@@ -171,13 +155,45 @@ def guessed(definition: Definition) -> ControlPlan:
     )
 
 
+def sampled(part: PhasePlan) -> tuple[Floats, Floats, Floats]:
+    """Return times, states and controls of a phase for its curves; a knot comes twice."""
+    even = np.linspace(-1.0, 1.0, max(_FEWEST, _POINTS // part.states.intervals))
+    rows = []
+    for k in range(part.states.intervals):
+        at = np.unique(np.concatenate([even, part.states.nodes[k], part.controls.nodes[k]]))
+        rows.append((_times(part.states, k, at), part.states.on(k, at), part.controls.on(k, at)))
+    times, states, controls = (np.concatenate(column) for column in zip(*rows, strict=True))
+    return times, states, controls
+
+
+def nodes_of(part: Piecewise) -> tuple[Floats, Floats]:
+    """Return times and values of the nodes of a plan's functions, (nodes,) and (nodes, size)."""
+    times = [_times(part, k, at) for k, at in enumerate(part.nodes)]
+    values = [part.on(k, at) for k, at in enumerate(part.nodes)]
+    return np.concatenate(times), np.concatenate(values)
+
+
+def _times(part: Piecewise, interval: int, at: Floats) -> Floats:
+    begin, end = part.knots[interval : interval + 2]
+    found: Floats = begin + 0.5 * (at + 1.0) * (end - begin)
+    return found
+
+
+def curves_of(
+    names: Sequence[str], times: Floats, values: Floats, nodes: tuple[Floats, Floats] | None = None
+) -> tuple[list[Curve], list[Mark]]:
+    """Return the curves of a table, one a column, and their nodes (times and table)."""
+    curves = [Curve(name, k, times, values[:, k]) for k, name in enumerate(names)]
+    dots = [] if nodes is None else list(nodes[1].T)
+    return curves, [Mark("node", nodes[0], dot, k) for k, dot in enumerate(dots) if nodes]
+
+
 def _panels(found: Sequence[Course], paths: bool, tolerance: float) -> Iterator[Panel]:
     """Yield the panels of states, controls and path constraints; phases share those of a name."""
     samples = [sampled(course.plan) for course in found]
-    for what in ("states", "controls"):
+    for k, what in enumerate(("states", "controls"), 1):
         dots = [nodes_of(getattr(course.plan, what)) for course in found]
-        tables = [(t, x if what == "states" else u) for t, x, u in samples]
-        yield from _of_kind(found, what, tables, dots, tolerance)
+        yield from _of_kind(found, what, [(one[0], one[k]) for one in samples], dots, tolerance)
     if paths:
         tables = [(course.dense.times, course.dense_values["path"]) for course in found]
         yield from _of_kind(found, "paths", tables, None, tolerance)
@@ -185,23 +201,27 @@ def _panels(found: Sequence[Course], paths: bool, tolerance: float) -> Iterator[
 
 def _of_kind(
     found: Sequence[Course], what: str, tables: Sequence[tuple[Floats, Floats]],
-    dots: Sequence[tuple[Floats, Floats]] | None, tolerance: float,
+    dots: Sequence[tuple[Floats, Floats]] | None, tolerance: float | None, title: str = "{}",
 ) -> Iterator[Panel]:  # fmt: skip
-    gathered: dict[str, tuple[str, list[Curve], list[Limit]]] = {}
+    """Yield a panel for each name; without a tolerance one that has neither unit nor limits."""
+    units: dict[str, str] = {}
+    gathered: dict[str, tuple[list[Curve], list[Mark], list[Limit]]] = {}
     for k, course in enumerate(found):
         at = 0
         for one in getattr(course.phase, what):
-            entries = range(at, at + one.size)
+            own = slice(at, at + one.size)
             at += one.size
-            unit, curves, limits = gathered.setdefault(one.name, (pretty_unit(one.unit), [], []))
-            for own, entry in enumerate(entries):
-                name = one.name if one.size == 1 else f"{one.name}[{own}]"
-                marks = () if dots is None else (dots[k][0], dots[k][1][:, entry])
-                curves.append(Curve(name, own, tables[k][0], tables[k][1][:, entry], *marks))
-            limits += _limits(one, course, tolerance)
-            gathered[one.name] = (unit or pretty_unit(one.unit), curves, limits)
-    for name, (unit, curves, limits) in gathered.items():
-        yield Panel(name, unit, curves, limits)
+            at_nodes = None if dots is None else (dots[k][0], dots[k][1][:, own])
+            curves, marks, bounds = gathered.setdefault(one.name, ([], [], []))
+            lines, nodes = curves_of(
+                entry_names([one]), tables[k][0], tables[k][1][:, own], at_nodes
+            )
+            curves += lines
+            marks += nodes
+            bounds += [] if tolerance is None else _limits(one, course, tolerance)
+            units[one.name] = units.get(one.name) or ("" if tolerance is None else one.unit)
+    for name, (curves, marks, bounds) in gathered.items():
+        yield Panel(title.format(name), units[name], curves, bounds, marks)
 
 
 def _limits(one: Quantity | Restriction, course: Course, tolerance: float) -> Iterator[Limit]:
@@ -209,57 +229,40 @@ def _limits(one: Quantity | Restriction, course: Course, tolerance: float) -> It
     groups: dict[tuple[float, float], list[int]] = {}
     for entry, pair in enumerate(zip(one.lower.tolist(), one.upper.tolist(), strict=True)):
         groups.setdefault(pair, []).append(entry)
+    times = np.array([course.plan.start, course.plan.end])
     for (lower, upper), members in groups.items():
         edges = [abs(edge) for edge in (lower, upper) if np.isfinite(edge)]
-        if not edges:
-            continue
         # As the checks have it: path constraints are measured in their own scale, too.
         typical = float(one.scale[members].max()) if isinstance(one, Restriction) else 1.0
-        size = max(1.0, typical, *edges)
-        whole = len(members) == one.size
-        yield Limit(
-            course.plan.start, course.plan.end, lower, upper,
-            () if whole else tuple(members), tolerance * size,
-        )  # fmt: skip
+        colours = () if len(members) == one.size else tuple(members)
+        if edges:
+            yield Limit(times, lower, upper, colours, tolerance * max(1.0, typical, *edges))
 
 
 def _costates(found: Sequence[Course]) -> Iterator[Panel]:
-    missing = [course.plan.name for course in found if course.plan.costates is None]
-    if missing:
-        raise InvalidData(
-            f"the plan has no costates in phase {missing[0]!r}: they come with the formulations "
-            "that give them, such as 'gauss' and 'radau'",
-            field="costates",
-        )
-    gathered: dict[str, list[Curve]] = {}
+    tables, dots = [], []
     for course in found:
-        part = course.plan.costates
-        assert part is not None
-        times, values = nodes_of(part)
-        curve = PhasePlan(
-            course.plan.name, part, part, course.plan.state_names, course.plan.state_names
-        )
-        t, x, _ = sampled(curve)
-        at = 0
-        for one in course.phase.states:
-            for own, name in enumerate(entry_names([one])):
-                gathered.setdefault(one.name, []).append(
-                    Curve(name, own, t, x[:, at], times, values[:, at])
-                )
-                at += 1
-    for name, curves in gathered.items():
-        yield Panel(f"costate λ of {name}", "", curves)
+        name, part = course.plan.name, course.plan.costates
+        if part is None:
+            raise UnsupportedOption(
+                f"the plan has no costates in phase {name!r}: they come with the formulations that "
+                "give them, such as 'gauss' and 'radau'"
+            )
+        names = course.plan.state_names
+        tables.append(sampled(PhasePlan(name, part, part, names, names))[:2])
+        dots.append(nodes_of(part))
+    yield from _of_kind(found, "states", tables, dots, None, "costate λ of {}")
 
 
-def _deviation(model: OptimalControlProblem, plan: ControlPlan, tolerance: float) -> Panel:
+def _deviation(
+    model: OptimalControlProblem, plan: ControlPlan, found: Sequence[Course], tolerance: float
+) -> Panel:
     """Return the panel of how far the plan is from its motion integrated anew."""
     from .checks import motion
 
     curves: list[Curve] = []
-    order = list(
-        dict.fromkeys(one.name for phase in model.definition.phases for one in phase.states)
-    )
-    for k, course in enumerate(courses(model.definition, plan)):
+    order = list(dict.fromkeys(one.name for course in found for one in course.phase.states))
+    for k, course in enumerate(found):
         again = motion(model, plan, k)
         share = np.abs(again.deviation) / course.state_scale
         at = 0
@@ -269,24 +272,20 @@ def _deviation(model: OptimalControlProblem, plan: ControlPlan, tolerance: float
             # Zeros have no logarithm: the start is one.
             largest = np.where(largest > 0.0, largest, np.nan)
             curves.append(Curve(one.name, order.index(one.name), again.times, largest))
-    limit = Limit(plan.start, plan.end, -np.inf, tolerance, (), np.inf)
+    limit = Limit(np.array([plan.start, plan.end]), -np.inf, tolerance)
     return Panel("deviation", "relative", curves, [limit], log=True)
 
 
-def _title(
-    model: OptimalControlProblem, plan: ControlPlan, objective: float | None, unplanned: bool
-) -> str:
+def _title(model: OptimalControlProblem, plan: ControlPlan, found: Verification | None) -> str:
     definition = model.definition
-    parts = ["guess"] if unplanned else []
-    if objective is not None:
-        parts.append(
-            f"objective = {number(objective)} {pretty_unit(definition.objective_unit)}".rstrip()
-        )
+    parts = ["guess"] if found is None else []
+    if found is not None and found.objective is not None:
+        unit = pretty_unit(definition.objective_unit)
+        parts.append(f"objective = {number(found.objective)} {unit}".rstrip())
     end: Phase = definition.phases[-1]
     unit = pretty_unit(end.time_unit)
     parts.append(f"{number(plan.phases[-1].end, 5)} {unit}".rstrip())
     for name, value in list(plan.parameters.items())[:3]:
         if value.size == 1:
             parts.append(f"{name} = {number(float(value[0]), 5)}")
-    text = ", ".join(parts)
-    return f"{model.name}  ·  {text}" if model.name else text
+    return title_of(model.name, parts, found)

@@ -7,15 +7,14 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...errors import BackendMissing, UnknownName, UnsupportedOption
+from ..model import Model, as_model
 from ..problems import resolve, table
 from ..verification import TOLERANCE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..model import Model
-
-__all__ = ["plot", "register_plot"]
+__all__ = ["picture_options", "plot", "register_plot"]
 
 #: Functions (model, plan, **options) -> Figure that users registered, by model kind.
 _REGISTERED: dict[str, Any] = {}
@@ -54,9 +53,32 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
     BackendMissing
         Matplotlib is not installed.
     """
+    model = as_model(model)
+    draw = _picture(model.kind)
+    _refuse_unknown(model.kind, draw, options)
+    asked = getattr(plan, "options", None)
+    if isinstance(asked, Mapping) and "tolerance" in picture_options(model.kind):
+        # A solution is as valid as it was asked to be.
+        options.setdefault("tolerance", asked.get("tolerance", TOLERANCE))
+    return draw(model, None if plan is None else model.as_plan(plan), **options)
+
+
+def picture_options(kind: str) -> tuple[str, ...]:
+    """Return the names of the options that pictures of models of `kind` take.
+
+    Raises
+    ------
+    UnknownName, BackendMissing
+        As :func:`plot` does.
+    """
+    return tuple(inspect.signature(_picture(kind)).parameters)[2:]
+
+
+def _picture(kind: str) -> Callable[..., Figure]:
+    """Return the function that draws models of `kind`, or raise what :func:`plot` raises."""
     pictures = {**table(__package__.rpartition(".")[0], "PICTURES"), **_REGISTERED}
-    if model.kind not in pictures:
-        raise UnknownName("picture of the model", model.kind, pictures)
+    if kind not in pictures:
+        raise UnknownName("picture of the model", kind, pictures)
     try:
         import matplotlib.figure  # noqa: F401
     except ModuleNotFoundError as error:
@@ -64,13 +86,8 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
             f"pictures need matplotlib, which is not installed ({error}): "
             "pip install 'crosstrack[plot]'"
         ) from error
-    draw: Callable[..., Figure] = resolve(pictures[model.kind])
-    _refuse_unknown(model.kind, draw, options)
-    asked = getattr(plan, "options", None)
-    if isinstance(asked, Mapping) and "tolerance" in inspect.signature(draw).parameters:
-        # A solution is as valid as it was asked to be.
-        options.setdefault("tolerance", asked.get("tolerance", TOLERANCE))
-    return draw(model, None if plan is None else model.as_plan(plan), **options)
+    found: Callable[..., Figure] = resolve(pictures[kind])
+    return found
 
 
 def _refuse_unknown(kind: str, draw: Callable[..., Any], options: dict[str, Any]) -> None:

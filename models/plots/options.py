@@ -1,44 +1,70 @@
-"""The options that pictures of controls share, checked."""
+"""The options of pictures, checked: every value that is not allowed raises ``UnsupportedOption``."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidData
+from ...errors import UnsupportedOption
 from ..fields import show
 
-__all__ = ["check_flags", "check_size", "check_tolerance"]
+__all__ = [
+    "check_flags", "check_list", "check_option", "check_size", "check_tolerance", "is_number",
+    "is_whole",
+]  # fmt: skip
+
+
+def check_option(name: str, value: Any, good: bool, allowed: str) -> None:
+    """Raise :class:`UnsupportedOption` unless `good`: ``"<name> must <allowed>, got <value>"``."""
+    if not good:
+        raise UnsupportedOption(f"{name} must {allowed}, got {show(value)}")
 
 
 def check_size(size: Any, default: tuple[float, float]) -> tuple[float, float]:
-    """Return width and height (inch), or raise :class:`InvalidData`."""
+    """Return width and height (inch), `default` for None."""
     if size is None:
         return default
     try:
         width, height = (float(edge) for edge in size)
     except (TypeError, ValueError):
         width = height = 0.0
-    if not (0 < width <= 100 and 0 < height <= 100):
-        raise InvalidData(
-            f"size must be width and height in inches, each > 0 and <= 100, got {show(size)}",
-            field="size",
-        )
+    good = 0 < width <= 100 and 0 < height <= 100
+    check_option("size", size, good, "be width and height in inches, each > 0 and <= 100")
     return width, height
 
 
 def check_flags(**flags: Any) -> None:
-    """Raise :class:`InvalidData` where one of the options is neither True nor False."""
+    """Raise where one of the options is neither True nor False."""
     for name, value in flags.items():
-        if not isinstance(value, bool):
-            raise InvalidData(f"{name} must be True or False, got {show(value)}", field=name)
+        check_option(name, value, isinstance(value, bool), "be True or False")
 
 
 def check_tolerance(tolerance: Any) -> None:
-    """Raise :class:`InvalidData` where the tolerance is no number above 0."""
-    number = isinstance(tolerance, int | float | np.number) and not isinstance(tolerance, bool)
-    if not (number and tolerance > 0):
-        raise InvalidData(
-            f"tolerance must be a number > 0, got {show(tolerance)}", field="tolerance"
-        )
+    """Raise where the tolerance is no number above 0."""
+    check_option("tolerance", tolerance, is_number(tolerance) and tolerance > 0, "be a number > 0")
+
+
+def check_list(
+    name: str, value: Any, one: Callable[[Any], bool], allowed: str, *, most: int | None = None,
+    least: int = 1,
+) -> list[Any]:  # fmt: skip
+    """Return the entries of `value`: `least` to `most` different ones, of which each is `one`."""
+    plain = isinstance(value, Iterable) and not isinstance(value, str | bytes)
+    listed = list(value) if plain else []
+    good = plain and len(listed) >= least and (most is None or len(listed) <= most)
+    good = good and all(map(one, listed)) and len(set(listed)) == len(listed)
+    check_option(name, value, good, allowed)
+    return listed
+
+
+def is_number(value: Any) -> bool:
+    """Return whether `value` is a number, and no truth value."""
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
+
+
+def is_whole(value: Any, low: int, high: int) -> bool:
+    """Return whether `value` is a whole number from `low` to `high`."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return whole and bool(low <= value <= high)

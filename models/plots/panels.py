@@ -1,4 +1,11 @@
-"""Panels over time: curves, what bounds them, and the mesh below; for any optimal control problem."""
+"""Panels over time: curves, what bounds them, where they break it, and the mesh; for any problem.
+
+A picture gathers its data and hands them over::
+
+    speed = Panel("speed", "m/s", [Curve("v", 0, times, v)], [Limit(times[[0, -1]], 0.0, 5.0)])
+    panel_sheet([speed], [Span("", 0.0, 9.0, knots)], title=title_of(model.name, [], found),
+                wrong=not found.ok, columns=1, label="time (s)")
+"""
 
 from __future__ import annotations
 
@@ -9,215 +16,330 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..verification import Verification
-from .curves import Panel, Span
-from .options import check_size
-from .style import BLACK, GREY, RED, axis_style, bare, number
+from .curves import Floats, Mark, Panel, Span, range_of, worst_of
+from .style import (
+    BLACK,
+    DARK,
+    GREY,
+    MOST_KNOTS,
+    RED,
+    RING,
+    axis_style,
+    bare,
+    headline,
+    inches,
+    key,
+    legend_row,
+    number,
+    pretty_unit,
+    sheet,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["figure_of", "not_valid"]
-
+__all__ = ["draw_panel", "draw_panels", "keys_of", "panel_sheet"]
 
 #: More nodes than this in a panel are no dots any more, more knots no ticks, more curves have no name.
-_MOST_NODES, _MOST_KNOTS, _MOST_NAMES = 240, 100, 6
-#: A limit farther away than this many times the height of the curves is told in words.
-_FAR = 1.2
-_LIMIT = "#404040"
-#: Other lines at a height: kind, dashes, and what the legend says.
-_OTHERS = (
-    ("reserve", ":", "limit, nothing in reserve"),
-    ("paper", "-.", "kept by the paper's controller"),
-)
+_MOST_NODES, _MOST_TICKS, _MOST_NAMES = 240, 100, 6
+_SHADED = "#E69F00"
+#: How places look, beside their colour, by what the legend calls them.
+_MARKS: dict[str, dict[str, Any]] = {
+    "node": {"ms": 2.0, "mew": 0, "zorder": 3.5},
+    "fixed value": {"ms": 3.2, "mfc": "white", "mew": 0.9},
+    "waypoint": {"ms": 4.5, "mfc": "white", "mec": BLACK, "mew": 0.9},
+    "worst violation": {**RING, "mew": 1.5, "zorder": 7, "clip_on": False},
+}
 #: Height of a panel with its words, and what stands above and below all of them (inch).
 _ROW, _HEAD, _FOOT = 1.42, 0.84, 0.50
-#: Left of the first column and between two, for labels (inch).
-_LEFT = 0.92
-_GAP = 1.02
+#: A line of a title, a key of a legend and each of its letters (inch).
+_LINE, _KEY, _LETTER = 0.17, 0.43, 0.06
+#: Left of the first column and between two, for labels, and right of the last (inch).
+_LEFT, _GAP, _RIGHT = 0.92, 1.02, 0.15
 #: Letters of a line beside a panel.
 _LETTERS = 18
-#: Size of the title, and how wide a character of it is (inch).
-_TITLE, _CHARACTER = 11.0, 0.086
-#: Decades that a logarithmic panel shows at the most.
-_DECADES = 12
 
 
-def not_valid(found: Verification | None) -> str:
-    """Return the line of a title that says what a plan breaks; empty where it holds."""
-    if found is None or found.ok:
-        return ""
-    broken = [check.name for check in found.violated]
-    more = f" and {len(broken) - 2} more" if len(broken) > 2 else ""
-    return f"\nNOT VALID: {', '.join(broken[:2]) or 'no objective'}{more}"
-
-
-# -- the sheet -----------------------------------------------------------------------------------
-
-
-def figure_of(
-    panels: Sequence[Panel], spans: Sequence[Span], *, columns: int, title: str, wrong: bool,
-    time_unit: str, size: Any = None, dotted: bool = True, guess: bool = False,
+def panel_sheet(
+    panels: Sequence[Panel], spans: Sequence[Span], *, title: str, wrong: bool, columns: int,
+    size: Any = None, **how: Any,
 ) -> Figure:  # fmt: skip
-    """Return a sheet of panels, column by column, with one time for all.
+    """Return a figure of nothing but panels; `how` is told to :func:`draw_panels`.
+
+    `size` is width and height (inch), by default what the panels need.
+    """
+    rows = -(-len(panels) // columns)
+    high = _head(title, spans) + _FOOT + _ROW * rows
+    figure = sheet(size, (4.5 + 4.1 * (columns - 1) + 1.2 * (columns == 1), high))
+    draw_panels(figure, panels, spans, title=title, wrong=wrong, columns=columns, **how)
+    headline(figure, title, wrong=wrong)
+    return figure
+
+
+def draw_panels(
+    figure: Any, panels: Sequence[Panel], spans: Sequence[Span], *, title: str, wrong: bool,
+    label: str, columns: int = 1, mesh: bool = True, ruled: bool = False, guess: bool = False,
+    keys: Sequence[Any] = (),
+) -> list[Axes]:  # fmt: skip
+    """Draw panels that share their time, column by column, below a legend.
 
     Parameters
     ----------
+    figure : Figure or SubFigure
+        Where.
     panels : sequence of Panel
         What to draw, from the top of the first column on.
     spans : sequence of Span
         The phases; where several follow one another, they are shaded and named.
+    title : str
+        What will stand above all, for which room is left.
+    wrong : bool
+        Whether the plan breaks anything; the worst places are ringed only then.
+    label : str
+        Below each column, such as ``"time (s)"``.
     columns : int
         Number of columns.
-    title : str
-        Above all.
-    wrong : bool
-        Whether the title is a warning.
-    time_unit : str
-        Unit of time.
-    size : (float, float), optional
-        Width and height (inch).
-    dotted : bool
+    mesh : bool
         Whether nodes and knots are drawn.
+    ruled : bool
+        Whether knots are lines through the panel, and not ticks at its foot.
     guess : bool
-        Whether what is drawn is a guess and no plan.
+        Whether what is drawn is a guess, and no plan.
+    keys : sequence
+        More entries of the legend, see :func:`.style.key`.
+
+    Returns
+    -------
+    list of Axes
+        One a panel.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     rows = -(-len(panels) // columns)
-    head = _HEAD + 0.17 * (title.count("\n") + _sequential(spans))
-    default = (4.5 + 4.1 * (columns - 1) + 1.2 * (columns == 1), head + _FOOT + _ROW * rows)
-    broad, tall = check_size(size, default)
-    figure = Figure(figsize=(broad, tall), dpi=150)
-    FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(rows, columns)
-    low, high = min(_FOOT / tall, 0.3), max(1 - head / tall, 0.6)
+    broad, tall = inches(figure)
+    wide = (broad - _LEFT - _RIGHT - _GAP * (columns - 1)) / columns
     figure.subplots_adjust(
-        left=min(_LEFT / broad, 0.3), right=max(1 - 0.15 / broad, 0.8), bottom=low, top=high,
-        hspace=0.3, wspace=_GAP / max((broad - _LEFT - 0.15 - _GAP * (columns - 1)) / columns, 0.1),
+        left=min(_LEFT / broad, 0.3), right=max(1 - _RIGHT / broad, 0.8), hspace=0.3,
+        bottom=min(_FOOT / tall, 0.3), top=max(1 - _head(title, spans) / tall, 0.6),
+        wspace=_GAP / max(wide, 0.1),
     )  # fmt: skip
-    places = [figure.add_subplot(grid[k % rows, k // rows]) for k in range(len(panels))]
-    named = [k % rows == 0 for k in range(len(panels))]
-    for panel, axes, top in zip(panels, places, named, strict=True):
-        _draw(panel, axes, spans, dotted=dotted, named=top, guess=guess)
-    for column in range(columns):
-        own = [places[k] for k in range(len(panels)) if k // rows == column]
-        for axes in own[:-1]:
+    names = {tuple(dict.fromkeys(curve.name for curve in panel.curves)) for panel in panels}
+    shared = len(panels) > 1 and len(names) == 1
+    grid = figure.add_gridspec(rows, columns)
+    places: list[Axes] = []
+    for k, panel in enumerate(panels):
+        row, column = k % rows, k // rows
+        axes = figure.add_subplot(grid[row, column])
+        draw_panel(panel, axes, spans, wrong=wrong, mesh=mesh, ruled=ruled, guess=guess)
+        if row == 0:
+            _name_phases(axes, spans)
+        own = _curve_keys(panel)
+        if not shared and len(own) > 1:
+            # In a row above the panel, where names hide nothing.
+            tight: dict[str, Any] = {
+                "handlelength": 1.3,
+                "columnspacing": 1.0,
+                "borderaxespad": 0.0,
+            }
+            legend_row(axes, own, "lower right", (1.0, 0.97), **tight)
+        if row + 1 < rows and k + 1 < len(panels):
             axes.tick_params(labelbottom=False)
-        if own:
-            own[-1].set_xlabel(f"time ({time_unit})" if time_unit else "time", fontsize=8.5)
-            figure.align_ylabels(own)
-    figure.suptitle(title, fontsize=11, y=1 - 0.12 / tall, va="top", color=RED if wrong else BLACK)
-    handles = _handles(panels, places, guess)
-    if handles:
-        figure.legend(
-            handles=handles, loc="upper center", ncols=len(handles), fontsize=7.5, frameon=False,
-            bbox_to_anchor=(0.5, 1 - (0.34 + 0.17 * title.count("\n")) / tall), handletextpad=0.4,
-            columnspacing=1.4,
-        )  # fmt: skip
-    return figure
+        else:
+            axes.set_xlabel(label, fontsize=8.5)
+        places.append(axes)
+    for column in range(columns):
+        figure.align_ylabels(places[column * rows : (column + 1) * rows])
+    own = _curve_keys(panels[0]) if shared else []
+    found = [*own, *keys_of(panels, places, guess=guess), *keys]
+    # In two rows, where one would not fit.
+    rows = 1 + (sum(_KEY + _LETTER * len(one.get_label()) for one in found) > broad)
+    place = (0.5, 1 - (0.34 + _LINE * title.count("\n")) / tall)
+    legend_row(figure, found, "upper center", place, rows=rows)
+    return places
 
 
-def _handles(panels: Sequence[Panel], places: Sequence[Axes], guess: bool) -> list[Any]:
-    from matplotlib.lines import Line2D
+def keys_of(panels: Sequence[Panel], places: Sequence[Axes], *, guess: bool = False) -> list[Any]:
+    """Return the entries of a legend that tell what was drawn of `panels` in `places`."""
     from matplotlib.patches import Patch
 
     drawn = {artist.get_gid() for axes in places for artist in (*axes.lines, *axes.collections)}
-    found: list[Any] = []
-    if guess:
-        found.append(Line2D([], [], color=GREY, lw=1.3, ls=(0, (5, 2)), label="guess"))
-    if "limit" in drawn:
-        found.append(Line2D([], [], color=_LIMIT, ls="--", lw=1.0, label="limit"))
-    for kind, style, label in _OTHERS:
-        if kind in drawn:
-            found.append(Line2D([], [], color=_LIMIT, ls=style, lw=1.1, label=label))
-    if "node" in drawn:
-        found.append(Line2D([], [], color=GREY, ls="", marker="o", ms=3.2, label="node"))
+    found = [key("guess", color=GREY, lw=1.3, ls=(0, (5, 2)))] if guess else []
+    limits = [limit for panel in panels for limit in panel.limits]
+    for label, dashes in {limit.label: limit.dashes for limit in limits}.items():
+        if label in drawn:
+            found.append(key(label, color=DARK, ls=dashes, lw=1.0))
+    if "forbidden" in drawn:
+        found.append(Patch(facecolor=RED, alpha=0.08, label="forbidden"))
+    for band in dict.fromkeys(limit.band for limit in limits if limit.band in drawn):
+        found.append(Patch(facecolor=DARK, alpha=0.13, label=band))
+    marks = {mark.label: mark for panel in panels for mark in panel.marks}
+    for label in dict.fromkeys([*marks, "worst violation"]):
+        if label in drawn:
+            own = _MARKS.get(label) or axis_style(marks[label].colour) | dict(marks[label].look)
+            look = {"marker": "o", "color": GREY, "mec": GREY, **own}
+            found.append(key(label, **look | {"ms": max(3.2, look.get("ms", 5.0)), "ls": ""}))
     if "knot" in drawn:
-        found.append(Line2D([], [], color=BLACK, ls="", marker="|", ms=7, label="knot of the mesh"))
-    if any(panel.shades for panel in panels):
-        found.append(Patch(facecolor="#E69F00", alpha=0.25, label="saturated"))
-    if "violation" in drawn:
-        found.append(
-            Line2D([], [], ls="", marker="o", ms=8, mfc="none", mec=RED, label="worst violation")
-        )
+        found.append(key("knot of the mesh", color=BLACK, marker="|", ms=7))
+    for shade in dict.fromkeys(word for panel in panels for word in panel.shades):
+        found.append(Patch(facecolor=_SHADED, alpha=0.25, label=shade))
     return found
 
 
 # -- one panel -----------------------------------------------------------------------------------
 
 
-def _draw(
-    panel: Panel, axes: Axes, spans: Sequence[Span], *, dotted: bool, named: bool, guess: bool
-) -> None:
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
-
-    low, high = _range(panel)
-    notes = _limits(panel, axes, low, high)
-    for begin, end in panel.shades:
-        axes.axvspan(begin, end, color="#E69F00", alpha=0.25, lw=0, zorder=0.7, gid="saturated")
-    _phases(axes, spans, named)
-    dashes: dict[str, Any] = {"ls": (0, (5, 2)), "alpha": 0.8} if guess else {}
-    dots = sum(curve.nodes.size for curve in panel.curves)
+def draw_panel(
+    panel: Panel, axes: Axes, spans: Sequence[Span], *, wrong: bool, mesh: bool = True,
+    ruled: bool = False, guess: bool = False,
+) -> None:  # fmt: skip
+    """Draw one panel; the options are those of :func:`draw_panels`."""
+    low, high = range_of(panel)
+    notes = _draw_limits(panel, axes, low, high)
+    for begin, end in itertools.chain.from_iterable(panel.shades.values()):
+        axes.axvspan(begin, end, color=_SHADED, alpha=0.25, lw=0, zorder=0.7, gid="shade")
+    if _sequential(spans):
+        for span in spans[1::2]:
+            axes.axvspan(span.start, span.end, color="#eef1f4", lw=0, zorder=0.4, gid="phase")
+        for span in spans[1:]:
+            axes.axvline(span.start, color="#b9c2cb", lw=0.8, zorder=0.9)
     for curve in panel.curves:
-        style = {**axis_style(curve.colour), **dashes}
+        style = {**axis_style(curve.colour), **({"ls": (0, (5, 2)), "alpha": 0.8} if guess else {})}
         values = np.abs(curve.values) if panel.log else curve.values
-        axes.plot(curve.times, values, lw=1.4, zorder=3, gid=f"curve {curve.name}", **style)
-        if dotted and not guess and 0 < dots <= _MOST_NODES:
-            axes.plot(
-                curve.node_times, curve.nodes, ls="", marker="o", ms=2.0, mew=0, zorder=3.5,
-                color=style["color"], gid="node",
-            )  # fmt: skip
-    knots = np.unique(np.concatenate([span.knots for span in spans]))
-    if dotted and not guess and 2 < knots.size <= _MOST_KNOTS:
-        axes.plot(
-            knots, np.zeros(knots.size), ls="", marker="|", ms=7, mew=0.8, color=BLACK, zorder=4,
-            transform=axes.get_xaxis_transform(), clip_on=False, gid="knot",
-        )  # fmt: skip
-    _rings(panel, axes)
+        axes.plot(curve.times, values, lw=curve.width, zorder=3, gid=f"curve {curve.name}", **style)
+    _draw_marks(panel, axes, wrong=wrong, mesh=mesh and not guess)
+    if mesh and not guess:
+        _draw_knots(axes, spans, ruled=ruled)
     first, last = min(span.start for span in spans), max(span.end for span in spans)
     edge = 0.015 * (last - first)
     axes.set_xlim(first - edge, last + edge)
-    if panel.log:
-        axes.set_yscale("log")
     axes.set_ylim(low, high)
-    if not panel.log:
-        axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
-        # As many digits as tell neighbouring ticks apart.
-        digits = 3 + max(0, int(np.ceil(np.log10(max(abs(low), abs(high)) / (high - low)))))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, digits)))
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 6)))
+    _scale(panel, axes, low, high)
     wrapped = [part for line in panel.title.split("\n") for part in textwrap.wrap(line, _LETTERS)]
-    label = "\n".join([*wrapped, *([f"({panel.unit})"] if panel.unit else [])])
-    axes.set_ylabel(label, fontsize=8)
+    unit = [f"({pretty_unit(panel.unit)})"] if panel.unit else []
+    axes.set_ylabel("\n".join([*wrapped, *unit]), fontsize=8)
     bare(axes)
-    _names(panel, axes)
+    if ruled:
+        axes.grid(visible=False, axis="x")
     if notes:
         axes.set_title("; ".join(notes), fontsize=7, color="#505050", loc="left", pad=2.5)
 
 
-def _names(panel: Panel, axes: Axes) -> None:
-    """Name the curves in a row above the panel, where they hide nothing."""
-    from matplotlib.lines import Line2D
+def _scale(panel: Panel, axes: Axes, low: float, high: float) -> None:
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+    broad, tall = np.array(axes.get_position().size) * inches(axes.figure)
+    ticks = int(np.clip(2.1 * broad, 4, 9))
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=ticks, steps=[1, 2, 5, 10]))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+    if panel.log:
+        axes.set_yscale("log")
+        axes.set_ylim(low, high)
+        return
+    axes.yaxis.set_major_locator(
+        MaxNLocator(nbins=int(np.clip(3 * tall, 4, 6)), steps=[1, 2, 5, 10])
+    )
+    # As many digits as tell neighbouring ticks apart.
+    digits = max(6, 3 + int(np.ceil(np.log10(max(abs(low), abs(high)) / (high - low)))))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, digits)))
+
+
+# -- limits and marks ----------------------------------------------------------------------------
+
+
+def _draw_limits(panel: Panel, axes: Axes, low: float, high: float) -> list[str]:
+    """Draw the limits, and return those out of sight in words."""
+    notes: list[str] = []
+    several = len({curve.colour for curve in panel.curves}) > 1
+    for limit in panel.limits:
+        own = [curve.name for curve in panel.curves if curve.colour in limit.colours]
+        whose = ", ".join(dict.fromkeys(own))
+        colour = DARK
+        if len(limit.colours) == 1 and several:
+            colour = axis_style(limit.colours[0])["color"]
+        line: dict[str, Any] = {"ls": limit.dashes, "lw": 1.0}
+        if limit.colours and len(limit.times) > 2 * MOST_KNOTS:
+            line = {"ls": "-", "lw": 0.5}
+        lower, upper = limit.sides
+        hidden: list[tuple[str, Floats]] = []
+        for edge, beyond, sign in ((lower, low, "≥"), (upper, high, "≤")):
+            finite = edge[np.isfinite(edge)]
+            if not finite.size:
+                continue
+            if not ((finite >= low) & (finite <= high)).any():
+                hidden.append((sign, finite))
+                continue
+            shown = np.where(np.isfinite(edge), edge, np.nan)
+            axes.plot(limit.times, shown, color=colour, zorder=2, gid=limit.label, **line)
+            if limit.shaded and not limit.colours and (lower < upper).any():
+                axes.fill_between(
+                    limit.times, np.clip(edge, low, high), beyond, where=list(lower < upper), lw=0,
+                    color=RED, alpha=0.08, zorder=0.6, gid="forbidden",
+                )  # fmt: skip
+            if len(limit.colours) > 1 and np.isfinite(shown[-1]):
+                axes.annotate(
+                    whose, (1.0, shown[-1]), xycoords=axes.get_yaxis_transform(), fontsize=6.5,
+                    color=colour, ha="right", va="bottom", annotation_clip=True,
+                )  # fmt: skip
+        if limit.band:
+            axes.fill_between(
+                limit.times, np.clip(lower, low, high), np.clip(upper, low, high), color=colour,
+                alpha=0.13, lw=0, zorder=0.6, gid=limit.band,
+            )  # fmt: skip
+        if len(hidden) == 2 and np.array_equal(-hidden[0][1], hidden[1][1]):
+            hidden = [(f"{limit.label} ±", hidden[1][1])]
+        for sign, finite in hidden:
+            ends = dict.fromkeys(number(float(end), 4) for end in (finite.min(), finite.max()))
+            words = f"{sign}{'' if '±' in sign else ' '}{' … '.join(ends)}"
+            notes.append(f"{whose} {words}" if whose else words)
+    return list(dict.fromkeys(notes))
+
+
+def _draw_marks(panel: Panel, axes: Axes, *, wrong: bool, mesh: bool) -> None:
+    dots = sum(mark.values.size for mark in panel.marks if mark.label == "node")
+    marks = list(panel.marks)
+    worst = worst_of(panel) if wrong else None
+    if worst is not None:
+        marks.append(Mark("worst violation", *worst))
+    for mark in marks:
+        if mark.label != "node" or (mesh and dots <= _MOST_NODES):
+            look = {"marker": "o", "color": axis_style(mark.colour)["color"], "zorder": 4}
+            look |= {**_MARKS.get(mark.label, {}), **mark.look}
+            axes.plot(mark.times, mark.values, ls="", gid=mark.label, **look)
+    told = [mark.note for mark in panel.marks if mark.note]
+    if told:
+        more = f" (and {len(told) - 1} more)" if len(told) > 1 else ""
+        axes.set_title(told[0] + more, fontsize=7.5, color=RED, loc="right", pad=2.5)
+
+
+def _draw_knots(axes: Axes, spans: Sequence[Span], *, ruled: bool) -> None:
+    knots = np.unique(np.concatenate([span.knots for span in spans]))
+    across = axes.get_xaxis_transform()
+    if ruled and knots.size <= MOST_KNOTS:
+        axes.vlines(knots, 0, 1, transform=across, color="#dcdcdc", lw=0.6, zorder=0.8)
+    elif not ruled and 2 < knots.size <= _MOST_TICKS:
+        axes.plot(
+            knots, np.zeros(knots.size), ls="", marker="|", ms=7, mew=0.8, color=BLACK, zorder=4,
+            transform=across, clip_on=False, gid="knot",
+        )  # fmt: skip
+
+
+# -- names ---------------------------------------------------------------------------------------
+
+
+def _curve_keys(panel: Panel) -> list[Any]:
     first = {curve.name: curve.colour for curve in reversed(panel.curves)}
     names = list(dict.fromkeys(curve.name for curve in panel.curves))
-    if len(names) < 2:
-        return
-    handles = [
-        Line2D([], [], lw=1.6, label=name, **axis_style(first[name]))
-        for name in names[:_MOST_NAMES]
-    ]
-    if len(names) > _MOST_NAMES:
-        handles.append(Line2D([], [], ls="", label=f"… {len(names)} in all"))
-    axes.legend(
-        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=len(handles),
-        fontsize=7.5, frameon=False, handlelength=1.3, handletextpad=0.4, columnspacing=1.0,
-        borderaxespad=0.0,
-    )  # fmt: skip
+    keys = [key(name, lw=1.6, **axis_style(first[name])) for name in names[:_MOST_NAMES]]
+    return keys + [key(f"… {len(names)} in all", ls="")] * (len(names) > _MOST_NAMES)
+
+
+def _name_phases(axes: Axes, spans: Sequence[Span]) -> None:
+    """Write the names of phases above a column, and above the row in which curves are named."""
+    for span in spans if _sequential(spans) else ():
+        axes.annotate(
+            span.name, (0.5 * (span.start + span.end), 1.0), (0, 13), fontsize=7.5,
+            xycoords=axes.get_xaxis_transform(), textcoords="offset points", ha="center",
+            va="bottom", color="#505050", annotation_clip=False,
+        )  # fmt: skip
 
 
 def _sequential(spans: Sequence[Span]) -> bool:
@@ -228,96 +350,6 @@ def _sequential(spans: Sequence[Span]) -> bool:
     )
 
 
-def _phases(axes: Axes, spans: Sequence[Span], named: bool) -> None:
-    """Shade every other phase, and write their names above the first panel of a column."""
-    if not _sequential(spans):
-        return
-    for k, span in enumerate(spans):
-        if k % 2:
-            axes.axvspan(span.start, span.end, color="#eef1f4", lw=0, zorder=0.4, gid="phase")
-        if k:
-            axes.axvline(span.start, color="#b9c2cb", lw=0.8, zorder=0.9)
-        if named:
-            # Above the row in which curves are named.
-            axes.annotate(
-                span.name, (0.5 * (span.start + span.end), 1.0), (0, 13), fontsize=7.5,
-                xycoords=axes.get_xaxis_transform(), textcoords="offset points", ha="center",
-                va="bottom", color="#505050", annotation_clip=False,
-            )  # fmt: skip
-
-
-def _range(panel: Panel) -> tuple[float, float]:
-    """Return the limits of the panel: of the curves, and of the bounds that are near them."""
-    values = np.concatenate([np.empty(0), *(curve.values for curve in panel.curves)])
-    values = values[np.isfinite(values)]
-    edges = [
-        edge for limit in panel.limits for edge in (limit.lower, limit.upper) if np.isfinite(edge)
-    ]
-    if panel.log:
-        sizes = np.abs(np.append(values, edges))
-        sizes = sizes[sizes > 0.0]
-        top = float(sizes.max()) if sizes.size else 1.0
-        return max(float(sizes.min()) if sizes.size else 0.1, top * 10.0**-_DECADES) / 3, 3 * top
-    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
-    span = high - low
-    if span <= 1e-9 * max(1.0, abs(low), abs(high)):
-        span = 0.0
-    reach = _FAR * (span or max([abs(edge) for edge in edges], default=1.0) or 1.0)
-    near = [edge for edge in edges if panel.whole or low - reach <= edge <= high + reach]
-    low, high = min([low, *near]), max([high, *near])
-    margin = 0.08 * (high - low)
-    if not margin > 1e-9 * max(1.0, abs(low), abs(high)):
-        margin = 0.5 * (abs(high) or 1.0)
-    return low - margin, high + margin
-
-
-def _limits(panel: Panel, axes: Axes, low: float, high: float) -> list[str]:
-    """Draw the limits, and return those out of sight in words."""
-    notes: list[str] = []
-    for limit in panel.limits:
-        whose = [curve.name for curve in panel.curves if curve.colour in limit.colours]
-        colour = _LIMIT
-        if len(limit.colours) == 1 and len({curve.colour for curve in panel.curves}) > 1:
-            colour = axis_style(limit.colours[0])["color"]
-        style = next((dash for kind, dash, _ in _OTHERS if kind == limit.kind), "--")
-        for edge, beyond, sign in ((limit.lower, low, "≥"), (limit.upper, high, "≤")):
-            if not np.isfinite(edge):
-                continue
-            if not low <= edge <= high:
-                head = f"{', '.join(dict.fromkeys(whose))} " if whose and limit.colours else ""
-                told = f"{head}{sign} {number(edge, 4)}"
-                notes += [told] if told not in notes else []
-                continue
-            span = [limit.start, limit.end]
-            axes.plot(
-                span, [edge, edge], color=colour, ls=style, lw=1.0, zorder=2,
-                gid=limit.kind,
-            )  # fmt: skip
-            if limit.kind == "limit" and not limit.colours and limit.lower < limit.upper:
-                axes.fill_between(
-                    span, edge, beyond, color=RED, alpha=0.08, lw=0, zorder=0.6, gid="forbidden"
-                )
-    return notes
-
-
-def _rings(panel: Panel, axes: Axes) -> None:
-    """Ring the place where each limit is exceeded most, where it is by more than its tolerance."""
-    best: tuple[float, float, float] | None = None
-    for limit in panel.limits:
-        for curve in panel.curves:
-            if limit.colours and curve.colour not in limit.colours:
-                continue
-            inside = (curve.times >= limit.start) & (curve.times <= limit.end)
-            over = np.maximum(curve.values - limit.upper, limit.lower - curve.values)
-            over = np.where(inside & np.isfinite(over), over, -np.inf)
-            if not over.size:
-                continue
-            row = int(over.argmax())
-            share = float(over[row]) / limit.tolerance if limit.tolerance > 0 else np.inf
-            if over[row] > limit.tolerance and (best is None or share > best[0]):
-                best = (share, float(curve.times[row]), float(curve.values[row]))
-    if best is not None:
-        axes.plot(
-            best[1], best[2], ls="", marker="o", ms=9, mfc="none", mec=RED, mew=1.5, zorder=7,
-            clip_on=False, gid="violation",
-        )  # fmt: skip
+def _head(title: str, spans: Sequence[Span]) -> float:
+    """Return the height of what stands above the panels (inch)."""
+    return _HEAD + _LINE * (title.count("\n") + _sequential(spans))

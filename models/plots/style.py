@@ -1,26 +1,74 @@
-"""Colours and small helpers that both halves of a trajectory's picture share."""
+"""What all pictures have in common: figures and their titles, colours, keys, numbers and units.
+
+A new picture begins with :func:`sheet` and :func:`headline`; curves over time are described with
+:mod:`.curves` and drawn by :func:`.panels.draw_panels`; :mod:`.space` holds what is drawn in space
+and the names of points; options are checked by :mod:`.options`.
+"""
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
+
+from ..verification import Verification
+from .options import check_size
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.colors import ListedColormap
+    from matplotlib.figure import Figure
 
 __all__ = [
-    "BLACK", "CORRIDOR", "CORRIDOR_EDGE", "GREY", "MOST_KNOTS", "RED", "axis_style", "bare",
-    "number", "speed_map",
+    "BLACK", "DARK", "GREY", "MOST_KNOTS", "RED", "RING", "axis_style", "bare", "headline", "inches",
+    "key", "legend_below", "legend_row", "number", "pretty_unit", "sheet", "title_of",
 ]  # fmt: skip
 
 # Okabe and Ito's colours, which all eyes tell apart and whose greys differ in print.
-BLACK, GREY, RED = "#1a1a1a", "#8c8c8c", "#C8102E"
+BLACK, DARK, GREY, RED = "#1a1a1a", "#404040", "#8c8c8c", "#C8102E"
 _LINES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#7F6000", "#1a1a1a")
-CORRIDOR, CORRIDOR_EDGE = "#dfe9f1", "#8fabc2"
-
+#: How the key of the worst violation looks.
+RING: dict[str, Any] = {"marker": "o", "ms": 8, "mfc": "none", "mec": RED}
 #: More knots than this are not told apart: no lines, no numbers.
 MOST_KNOTS = 60
+#: Size of a title (point), and how wide a character of it is (inch).
+_TITLE, _CHARACTER = 11.0, 0.086
+
+_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+def sheet(size: Any, default: tuple[float, float]) -> Figure:
+    """Return an empty figure of `size` (inch), `default` for None, tied to no window."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=check_size(size, default), dpi=150)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def inches(figure: Any) -> tuple[float, float]:
+    """Return width and height of a figure or of a part of one (inch)."""
+    return float(figure.bbox.width / figure.dpi), float(figure.bbox.height / figure.dpi)
+
+
+def headline(figure: Figure, text: str, *, wrong: bool) -> None:
+    """Write the title, in red where the plan is `wrong`, and smaller where it is too wide."""
+    broad, tall = inches(figure)
+    longest = max(map(len, text.split("\n")), default=0) or 1
+    figure.suptitle(
+        text, fontsize=_TITLE * max(0.4, min(1.0, (broad - 0.2) / (_CHARACTER * longest))),
+        y=1 - 0.12 / tall, va="top", color=RED if wrong else BLACK,
+    )  # fmt: skip
+
+
+def title_of(name: str, parts: Sequence[str], found: Verification | None) -> str:
+    """Return ``"name  ·  part, part"``, and below it what the plan breaks where it is not valid."""
+    text = ", ".join(parts)
+    text = f"{name}  ·  {text}" if name else text
+    if found is None or found.ok:
+        return text
+    broken = [check.name for check in found.violated]
+    more = f" and {len(broken) - 2} more" if len(broken) > 2 else ""
+    return f"{text}\nNOT VALID: {', '.join(broken[:2]) or 'no objective'}{more}"
 
 
 def axis_style(axis: int) -> dict[str, Any]:
@@ -29,18 +77,8 @@ def axis_style(axis: int) -> dict[str, Any]:
     return {"color": _LINES[axis % len(_LINES)], "ls": dashes}
 
 
-@cache
-def speed_map() -> ListedColormap:
-    """Return the colours of speeds: viridis without its end, which is too pale on white paper."""
-    import matplotlib
-    from matplotlib.colors import ListedColormap
-
-    whole = matplotlib.colormaps["viridis"]
-    return ListedColormap([whole(k / 280) for k in range(256)], name="speed")
-
-
 def bare(axes: Axes) -> None:
-    """Take away what frames a graph without telling anything."""
+    """Remove the parts of a graph's frame that tell nothing, and draw a faint grid."""
     axes.tick_params(labelsize=8)
     axes.grid(color="#ececec", lw=0.6)
     axes.set_axisbelow(True)
@@ -48,11 +86,43 @@ def bare(axes: Axes) -> None:
         axes.spines[side].set_visible(False)
 
 
+def key(label: str, **look: Any) -> Any:
+    """Return an entry of a legend: a marker where `look` has one, a line otherwise."""
+    from matplotlib.lines import Line2D
+
+    if "marker" in look:
+        look.setdefault("ls", "")
+    return Line2D([], [], label=label, **look)
+
+
+def legend_row(
+    where: Any, keys: Sequence[Any], loc: str, place: tuple[float, float], *, rows: int = 1,
+    **look: Any,
+) -> None:  # fmt: skip
+    """Write a legend in `rows` rows in a figure, a part of one or axes; nothing without `keys`.
+
+    `loc` is the corner of the legend that stands at `place`, as matplotlib names it.
+    """
+    if keys:
+        where.legend(
+            handles=keys, loc=loc, bbox_to_anchor=place, ncols=-(-len(keys) // rows), fontsize=7.5,
+            frameon=False, **{"handletextpad": 0.4, "columnspacing": 1.2, **look},
+        )  # fmt: skip
+
+
+def legend_below(figure: Any, keys: Sequence[Any], middle: float = 0.5, rows: int = 1) -> None:
+    """Write a legend at the foot of a figure or of a part of one."""
+    legend_row(figure, keys, "lower center", (middle, 0.08 / inches(figure)[1]), rows=rows)
+
+
 def number(value: float, digits: int = 6) -> str:
     """Return ``"6566.48"``, or ``"1.23457×10⁹"`` where zeros would not be counted."""
-    text = f"{value:.{digits}g}"
-    mantissa, mark, power = text.partition("e")
-    if not mark:
-        return text.replace("-", "−")
-    raised = str(int(power)).translate(str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"))
-    return f"{mantissa}×10{raised}".replace("-", "−")
+    mantissa, mark, power = f"{value:.{digits}g}".partition("e")
+    raised = f"×10{str(int(power)).translate(_SUPERSCRIPTS)}" if mark else ""
+    return mantissa.replace("-", "−") + raised
+
+
+def pretty_unit(unit: str) -> str:
+    """Return ``"m/s²"`` for ``"m/s^2"``."""
+    base, mark, power = unit.partition("^")
+    return base + power.translate(_SUPERSCRIPTS) if mark else unit

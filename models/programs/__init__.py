@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from .base import BlockProgram as BlockProgram, Program as Program, RowProgram as RowProgram
     from .blocks import Block as Block
     from .builder import ProgramBuilder as ProgramBuilder
+    from .cones import ConeBlock as ConeBlock, ConeKind as ConeKind
+    from .conic import ConicProgram as ConicProgram
     from .linear import (
         MixedIntegerProgram as MixedIntegerProgram,
         QuadraticProgram as QuadraticProgram,
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from .nonlinear import NonlinearProgram as NonlinearProgram
 
 MODELS = {
+    "conic-program": ".conic:ConicProgram",
     "mixed-integer-program": ".linear:MixedIntegerProgram",
     "nonlinear-program": ".nonlinear:NonlinearProgram",
     "quadratic-program": ".linear:QuadraticProgram",
@@ -28,6 +31,8 @@ __getattr__, __dir__, __all__ = attach(
         "base": ("BlockProgram", "Program", "RowProgram"),
         "blocks": ("Block",),
         "builder": ("ProgramBuilder",),
+        "cones": ("ConeBlock", "ConeKind"),
+        "conic": ("ConicProgram",),
         "linear": ("MixedIntegerProgram", "QuadraticProgram"),
         "nonlinear": ("NonlinearProgram",),
     },

@@ -43,6 +43,29 @@ class Program(Model[Vector]):
     def size(self) -> int:
         """Number of columns."""
 
+    if TYPE_CHECKING:
+
+        @property
+        def guess(self) -> Vector | None:
+            """Where a search starts, None where the program does not say."""
+
+    else:
+        # No property at run time: a subclass may declare a field of this name.
+        guess = None
+
+    def dual_bound(self, duals: Vector, point: Vector) -> float:
+        """Return the lower bound on the objective that row multipliers prove, -inf without one.
+
+        Parameters
+        ----------
+        duals : ndarray, shape (m,)
+            Row multipliers: ``duals[i] >= 0`` counts against the lower bound of row i, ``<= 0``
+            against the upper one.
+        point : ndarray, shape (n,)
+            The point that they belong to.
+        """
+        return -np.inf
+
 
 class BlockProgram(Program):
     """Base of the programs whose rows and columns have bounds and come in named blocks.

@@ -1,6 +1,7 @@
 """Programs written for other tools: free MPS, LP format, CVXPY.
 
-Numbers are written with all their digits, so another tool reads the very same program.
+Numbers are written with all their digits, so another tool reads the very same program. Programs
+call these functions, so they are not imported here: a program is whatever has its fields.
 """
 
 from __future__ import annotations
@@ -10,9 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .base import RowProgram
-from .linear import MixedIntegerProgram, QuadraticProgram
-
 if TYPE_CHECKING:
     import cvxpy
     import qpsolvers
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["cvxpy_problem", "lp", "mps", "qpsolvers_problem"]
 
 
-def _senses(program: MixedIntegerProgram) -> list[str]:
+def _senses(program: Any) -> list[str]:
     low, high = program.row_lower, program.row_upper
     equal = low == high
     kinds = np.where(
@@ -29,12 +27,12 @@ def _senses(program: MixedIntegerProgram) -> list[str]:
     return [str(kind) for kind in kinds]
 
 
-def mps(program: MixedIntegerProgram) -> str:
+def mps(program: Any) -> str:
     """Return `program` as free MPS; a row with two bounds is a G row with a range."""
     return "\n".join(_mps_lines(program)) + "\n"
 
 
-def _mps_lines(program: MixedIntegerProgram) -> Iterator[str]:
+def _mps_lines(program: Any) -> Iterator[str]:
     low, high = program.row_lower.tolist(), program.row_upper.tolist()
     senses = _senses(program)
     yield "NAME crosstrack"
@@ -82,7 +80,7 @@ def _mps_lines(program: MixedIntegerProgram) -> Iterator[str]:
     yield "ENDATA"
 
 
-def lp(program: MixedIntegerProgram) -> str:
+def lp(program: Any) -> str:
     """Return `program` in LP format."""
     return "\n".join(_lp_lines(program)) + "\n"
 
@@ -95,7 +93,7 @@ def _sum(columns: list[int], values: list[float]) -> str:
     return "\n  ".join(" ".join(terms[k : k + 8]) for k in range(0, len(terms), 8)) or "0 x0"
 
 
-def _lp_lines(program: MixedIntegerProgram) -> Iterator[str]:
+def _lp_lines(program: Any) -> Iterator[str]:
     yield "Minimize"
     objective = _sum(list(range(program.size)), program.cost.tolist())
     sign = "-" if program.offset < 0 else "+"
@@ -132,7 +130,7 @@ def _lp_lines(program: MixedIntegerProgram) -> Iterator[str]:
     yield "End"
 
 
-def cvxpy_problem(program: RowProgram) -> tuple[cvxpy.Problem, cvxpy.Variable]:
+def cvxpy_problem(program: Any) -> tuple[cvxpy.Problem, cvxpy.Variable]:
     """Return `program` as a ``cvxpy.Problem`` with its variable.
 
     The constraints stand in the order: equal rows, rows from below, rows from above, columns from
@@ -162,13 +160,13 @@ def cvxpy_problem(program: RowProgram) -> tuple[cvxpy.Problem, cvxpy.Variable]:
         if take.any():
             constraints.append(sign * x[np.flatnonzero(take)] >= sign * bound[take])
     objective = program.cost @ x + program.offset
-    if isinstance(program, QuadraticProgram):
+    if hasattr(program, "hessian"):
         # The class demands a semidefinite Hessian; CVXPY's own test of it fails by rounding.
         objective = objective + made.quad_form(x, program.hessian, assume_PSD=True) / 2
     return made.Problem(made.Minimize(objective), constraints), x
 
 
-def qpsolvers_problem(program: QuadraticProgram) -> qpsolvers.Problem:
+def qpsolvers_problem(program: Any) -> qpsolvers.Problem:
     """Return `program` as a ``qpsolvers.Problem``; the offset is left out."""
     import qpsolvers
     import scipy.sparse as sp

@@ -97,8 +97,8 @@ class MixedIntegerProgram(RowProgram):
         )
         return Verification(found.objective, (*found.checks, check))
 
-    def dual_bound(self, duals: Vector) -> float:
-        """Return the Lagrangian lower bound that row multipliers prove.
+    def dual_bound(self, duals: Vector, point: Vector | None = None) -> float:
+        """Return the Lagrangian lower bound that row multipliers prove, whatever the point.
 
         ``duals[i] >= 0`` counts against the lower bound of row i, ``<= 0`` against the upper one.
         The bound holds for the linear relaxation, and so for the program; it is -inf where a

@@ -24,7 +24,7 @@ __all__ = ["NonlinearProgram"]
 
 Vector = NDArray[np.float64]
 
-#: Steps off a guess at which a derivative is no number, in terms of the columns' sizes.
+#: Perturbations of a guess at which derivatives are not finite, in terms of the columns' sizes.
 STEPS = (1e-4, 1e-2)
 
 
@@ -50,11 +50,10 @@ class NonlinearProgram(BlockProgram):
         Typical size of the objective, positive.
     derivatives : casadi.Function, optional
         ``(x) -> (grad_f, jac_g)``: gradient (n,) and sparse Jacobian (m, n), where the maker of the
-        program knows their structure better than automatic differentiation. Labels, as it were: no
-        part of the content.
+        program knows their structure better than automatic differentiation. Excluded from the digest.
     hessian : casadi.Function, optional
         ``(x, lam_f, lam_g) -> (hess)``: the upper triangle of the Hessian of ``lam_f f + lam_g·g``,
-        sparse (n, n); no part of the content.
+        sparse (n, n). Excluded from the digest.
     columns, rows : tuple of Block
         Names and equations; empty, or covering all.
     """

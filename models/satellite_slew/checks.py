@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +13,9 @@ from ...errors import InvalidData
 from ..fields import show
 from ..optimal_control.plan import ControlPlan, PhasePlan
 from ..verification import ROUNDING, Check, Verification
+from .data import SlewData
 from .dynamics import CONTROLS, STATES, SlewMotion
 from .gyros import singularity_measure
-
-if TYPE_CHECKING:
-    from .model import SatelliteSlew
 
 __all__ = ["slew_phase", "verify_slew"]
 
@@ -62,7 +59,7 @@ class _Samples:
     objective: float | None
 
 
-def verify_slew(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> Verification:
+def verify_slew(model: SlewData, plan: ControlPlan, tolerance: float) -> Verification:
     """Return the objective and all checks of a plan for `model`; see :meth:`SatelliteSlew.verify`."""
     phase = slew_phase(plan)
     motion = SlewMotion.of(model)
@@ -89,7 +86,7 @@ def _check(
 # -- the ends ----------------------------------------------------------------------------------------
 
 
-def _ends(model: SatelliteSlew, phase: PhasePlan, tolerance: float) -> list[Check]:
+def _ends(model: SlewData, phase: PhasePlan, tolerance: float) -> list[Check]:
     """Return the checks of the times and of all eleven states at both ends."""
     low, high = (float(t) for t in model.time_range)
     off = max(abs(phase.start), low - phase.end, phase.end - high, 0.0)
@@ -122,7 +119,7 @@ def _ends(model: SatelliteSlew, phase: PhasePlan, tolerance: float) -> list[Chec
 # -- along the way -----------------------------------------------------------------------------------
 
 
-def _sampled(model: SatelliteSlew, motion: SlewMotion, phase: PhasePlan) -> _Samples:
+def _sampled(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
     """Return samples on every interval, between the nodes and on them, integrated from the start.
 
     The cost is integrated with the motion, as a twelfth state.
@@ -152,7 +149,7 @@ def _sampled(model: SatelliteSlew, motion: SlewMotion, phase: PhasePlan) -> _Sam
 
 
 def _law(
-    model: SatelliteSlew, motion: SlewMotion, phase: PhasePlan, interval: int
+    model: SlewData, motion: SlewMotion, phase: PhasePlan, interval: int
 ) -> Callable[[float, Floats], list[float]]:
     weights = model.rate_weight
 
@@ -207,7 +204,7 @@ def _worst(
 
 
 def _limits(
-    model: SatelliteSlew, motion: SlewMotion, samples: _Samples, tolerance: float
+    model: SlewData, motion: SlewMotion, samples: _Samples, tolerance: float
 ) -> list[Check]:
     """Return the checks of the limits, the margin taken off."""
     times, rates, gimbals = samples.times, samples.states[:, 4:7], samples.states[:, 7:]
@@ -240,7 +237,7 @@ def _limits(
 
 
 def _invariants(
-    model: SatelliteSlew, motion: SlewMotion, samples: _Samples, tolerance: float
+    model: SlewData, motion: SlewMotion, samples: _Samples, tolerance: float
 ) -> list[Check]:
     """Return the checks of what the motion conserves: the length of q, and the momentum."""
     length = np.abs((samples.states[:, :4] ** 2).sum(axis=1) - 1.0)[:, None]

@@ -9,16 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, sin
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .data import SlewData
 from .gyros import gimbal_jacobian, momentum_direction
 from .quaternions import rotation_matrix
-
-if TYPE_CHECKING:
-    from .model import SatelliteSlew
 
 __all__ = ["CONTROLS", "STATES", "SlewMotion"]
 
@@ -59,7 +56,7 @@ class SlewMotion:
         object.__setattr__(self, "_skew", (cos(self.beta), sin(self.beta)))
 
     @classmethod
-    def of(cls, model: SatelliteSlew, *, inertia_error: float = 0.0) -> SlewMotion:
+    def of(cls, model: SlewData, *, inertia_error: float = 0.0) -> SlewMotion:
         """Return the motion of `model`, its inertia off by a share."""
         return cls(model.inertia * (1.0 + inertia_error), model.momentum, model.beta)
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..optimal_control.model import OptimalControlProblem
+from .data import SlewData
 from .gyros import momentum_direction, singularity_measure
 from .profile import EigenaxisProfile
 from .quaternions import rotation_matrix
-
-if TYPE_CHECKING:
-    from .model import SatelliteSlew
 
 __all__ = ["slew_problem"]
 
@@ -29,7 +27,7 @@ SHARE = 0.9
 LEVELS, LEAST_MEASURE, PRICE = (-1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2), 0.5, 0.2
 
 
-def slew_problem(model: SatelliteSlew) -> OptimalControlProblem:
+def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
     """Return `model` as an optimal control problem with the independent conditions at the end.
 
     Of the eleven that the end has, the length of q gives one and the momentum three. Left out are
@@ -38,7 +36,7 @@ def slew_problem(model: SatelliteSlew) -> OptimalControlProblem:
     """
     import casadi
 
-    problem = OptimalControlProblem(model.name)
+    problem = OptimalControlProblem(name)
     low, high = (float(t) for t in model.time_range)
     end: Any = low if low == high else (low, high)
     phase = problem.phase("slew", time=(0.0, end), equation="10")
@@ -85,10 +83,10 @@ def slew_problem(model: SatelliteSlew) -> OptimalControlProblem:
     weight = casadi.DM(np.array(model.rate_weight))
     problem.minimise(phase.integral(1.0 + casadi.dot(weight, rate**2)), unit="s")
     phase.guess(**_guess(model))
-    return problem
+    return problem.build()
 
 
-def _final_attitude(model: SatelliteSlew) -> tuple[Floats, Floats]:
+def _final_attitude(model: SlewData) -> tuple[Floats, Floats]:
     """Return the range of q at the end: fixed but for its largest entry, whose sign is kept."""
     low, high = model.target.copy(), model.target.copy()
     largest = int(np.abs(model.target).argmax())
@@ -120,7 +118,7 @@ def _inertial(casadi: Any, q: Any, vector: Any) -> Any:
     )
 
 
-def _guess(model: SatelliteSlew) -> dict[str, Any]:
+def _guess(model: SlewData) -> dict[str, Any]:
     """Return the samples of an eigenaxis slew; the gimbals bulge out to what its coast needs."""
     axis, angle = model.turn
     peak = SHARE * model.rate_limit / float(np.abs(axis).max())
@@ -146,7 +144,7 @@ def _guess(model: SatelliteSlew) -> dict[str, Any]:
     }
 
 
-def _coasting(model: SatelliteSlew, attitude: Floats, rates: Floats) -> Floats:
+def _coasting(model: SlewData, attitude: Floats, rates: Floats) -> Floats:
     """Return gimbal angles that hold about the momentum of the coast, far from singularities.
 
     Gimbals that stand still, or move alike, are a symmetry that a search has to leave first: from

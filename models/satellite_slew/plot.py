@@ -7,19 +7,20 @@ of Satellites Based on the Gauss Pseudospectral Method", Mathematical Problems i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
-from ..fields import show
+from ...errors import InvalidData, UnsupportedOption
 from ..optimal_control.plan import ControlPlan
-from ..plots.curves import Curve, Limit, Panel, Span, nodes_of, sampled
-from ..plots.options import check_flags, check_size, check_tolerance
-from ..plots.panels import figure_of, not_valid
-from ..plots.style import number
-from ..verification import TOLERANCE
+from ..optimal_control.plot import curves_of, guessed, nodes_of, sampled
+from ..plots.curves import Limit, Panel, Span
+from ..plots.options import check_flags, check_option, check_tolerance
+from ..plots.panels import panel_sheet
+from ..plots.style import number, title_of
+from ..verification import TOLERANCE, Verification
 from .checks import slew_phase
 from .dynamics import SlewMotion
 from .gyros import singularity_measure
@@ -88,79 +89,65 @@ def draw(
     Raises
     ------
     InvalidData
-        The plan is none of a slew, or an option has a value that is not allowed.
+        The plan is none of a slew.
+    UnsupportedOption
+        An option has a value that is not allowed, or asks for what the plan or the view has not.
 
     See Also
     --------
     animate_slew : The same axes, moving.
     """
-    if view not in ("time", "axis"):
-        raise InvalidData(f"view must be 'time' or 'axis', got {show(view)}", field="view")
+    check_option("view", view, view in ("time", "axis"), "be 'time' or 'axis'")
     check_flags(mesh=mesh)
     check_tolerance(tolerance)
-    check_size(size, (1.0, 1.0))
-    if tracking is not None and not isinstance(tracking, Tracking):
-        raise InvalidData(f"tracking must be a Tracking, got {show(tracking)}", field="tracking")
+    tracked = tracking is None or isinstance(tracking, Tracking)
+    check_option("tracking", tracking, tracked, "be a Tracking")
     if tracking is not None and (view == "axis" or plan is None):
-        raise InvalidData("tracking is drawn over time, beside a plan", field="tracking")
+        raise UnsupportedOption("tracking is drawn over time, beside a plan")
     found = None
     if plan is not None:
         slew_phase(plan)
         found = model.verify(plan, tolerance=tolerance)
-    text = title
-    if text is None:
-        objective = None if found is None else found.objective
-        text = _title(model, plan, objective) + not_valid(found)
+    text = _title(model, plan, found) if title is None else title
     wrong = found is not None and not found.ok
     if view == "axis":
         return draw_axes(model, plan, title=text, wrong=wrong, size=size)
     drawn = _guessed(model) if plan is None else plan
     panels = _panels(model, drawn, tolerance)
     if tracking is not None:
-        panels = [*panels[:3], _attitude_errors(tracking), *panels[3:], _rate_errors(tracking)]
+        attitude, kept = tracking.quaternion_errors[:, 1:], PAPER_QUATERNION_ERROR
+        rates = tracking.rate_errors
+        panels.insert(3, _errors("quaternion\nerrors", "", _ATTITUDE[1:], attitude, kept, tracking))
+        panels.append(_errors("rate errors", "rad/s", _RATES, rates, PAPER_RATE_ERROR, tracking))
     part = slew_phase(drawn)
     end = part.end if tracking is None else max(part.end, float(tracking.times[-1]))
-    spans = [Span("slew", part.start, end, np.asarray(part.states.knots))]
-    return figure_of(
-        panels, spans, columns=2, title=text, wrong=wrong, time_unit="s", size=size, dotted=mesh,
-        guess=plan is None,
+    return panel_sheet(
+        panels, [Span("slew", part.start, end, part.states.knots)], columns=2, title=text,
+        wrong=wrong, label="time (s)", size=size, mesh=mesh, guess=plan is None,
     )  # fmt: skip
 
 
 def _guessed(model: SatelliteSlew) -> ControlPlan:
-    from ..optimal_control.plot import guessed
-
     problem = model.lower()
     if problem is None:
         raise InvalidData("the guess of a slew needs CasADi, which is not installed", field="plan")
     return guessed(problem.definition)
 
 
-def _title(model: SatelliteSlew, plan: ControlPlan | None, objective: float | None) -> str:
+def _title(model: SatelliteSlew, plan: ControlPlan | None, found: Verification | None) -> str:
     axis, angle = model.turn
     around = ", ".join(number(float(x), 3) for x in axis)
     parts = [f"{number(float(np.rad2deg(angle)), 5)}° about ({around})"]
     if model.margin:
         parts.append(f"{number(100 * model.margin, 4)} % in reserve")
-    if objective is not None:
-        parts.append(f"J = {number(objective)} s")
+    if found is not None and found.objective is not None:
+        parts.append(f"J = {number(found.objective)} s")
     if plan is not None:
         parts.append(f"tf = {number(plan.end, 5)} s")
-    text = ", ".join(parts)
-    return f"{model.name}  ·  {text}" if model.name else text
+    return title_of(model.name, parts, found)
 
 
 # -- the panels ----------------------------------------------------------------------------------
-
-
-def _curves(
-    names: tuple[str, ...], times: Floats, values: Floats,
-    dots: tuple[Floats, Floats] | None = None,
-) -> list[Curve]:  # fmt: skip
-    return [
-        Curve(name, k, times, values[:, k], *(() if dots is None else (dots[0], dots[1][:, k])))
-        for k, name in enumerate(names)
-    ]
 
 
 def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[Panel]:
@@ -168,40 +155,41 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
     part = slew_phase(plan)
     times, states, controls = sampled(part)
     nodes, at_nodes = nodes_of(part.states)
-    rates = nodes_of(part.controls)
-    motion = SlewMotion.of(model)
     measure = singularity_measure(states[:, 7:], model.beta)
-    torque = motion.torque(states[:, 7:], controls)
-    begin, end = part.start, part.end
+    torque = SlewMotion.of(model).torque(states[:, 7:], controls)
+    ends = np.array([part.start, part.end])
+
+    def panel(
+        title: str, unit: str, names: Sequence[str], values: Floats,
+        dots: tuple[Floats, Floats] | None, limits: Sequence[Limit] = (),
+    ) -> Panel:  # fmt: skip
+        curves, marks = curves_of(names, times, values, dots)
+        return Panel(title, unit, curves, limits, marks, whole=True)
 
     def within(most: float, whole: float | None = None) -> list[Limit]:
-        found = [Limit(begin, end, -most, most, (), tolerance * max(1.0, most))]
+        found = [Limit(ends, -most, most, (), tolerance * max(1.0, most))]
         if whole is not None and whole > most:
-            found.append(Limit(begin, end, -whole, whole, (), np.inf, "reserve"))
+            label = "limit, nothing in reserve"
+            found.append(Limit(ends, -whole, whole, label=label, dashes=":", shaded=False))
         return found
 
     least = model.singularity_limit
+    safe = Limit(ends, least, np.inf, (), tolerance * max(1.0, least))
     return [
-        Panel("quaternion", "", _curves(_ATTITUDE, times, states[:, :4], (nodes, at_nodes[:, :4]))),
-        Panel(
-            "body rates", "rad/s", _curves(_RATES, times, states[:, 4:7], (nodes, at_nodes[:, 4:7])),
-            within(model.rate_limit), whole=True,
+        panel("quaternion", "", _ATTITUDE, states[:, :4], (nodes, at_nodes[:, :4])),
+        panel(
+            "body rates", "rad/s", _RATES, states[:, 4:7], (nodes, at_nodes[:, 4:7]),
+            within(model.rate_limit),
         ),
-        Panel(
-            "gimbal angles", "rad",
-            _curves(_GIMBALS, times, states[:, 7:], (nodes, at_nodes[:, 7:])),
+        panel("gimbal angles", "rad", _GIMBALS, states[:, 7:], (nodes, at_nodes[:, 7:])),
+        panel(
+            "gimbal rates", "rad/s", _GIMBALS, controls, nodes_of(part.controls),
+            within(model.planned_gimbal_rate, model.gimbal_rate_limit),
         ),
-        Panel(
-            "gimbal rates", "rad/s", _curves(_GIMBALS, times, controls, rates),
-            within(model.planned_gimbal_rate, model.gimbal_rate_limit), whole=True,
-        ),
-        Panel(
-            "singularity\ndet(A Aᵀ)", "", [Curve("det(A Aᵀ)", 0, times, measure)],
-            [Limit(begin, end, least, np.inf, (), tolerance * max(1.0, least))], whole=True,
-        ),
-        Panel(
-            "control torque", "N m", _curves(_TORQUES, times, torque),
-            within(model.planned_torque, model.torque_limit), whole=True,
+        panel("singularity\ndet(A Aᵀ)", "", ("det(A Aᵀ)",), measure[:, None], None, [safe]),
+        panel(
+            "control torque", "N m", _TORQUES, torque, None,
+            within(model.planned_torque, model.torque_limit),
         ),
     ]  # fmt: skip
 
@@ -215,22 +203,12 @@ def _saturated(tracking: Tracking) -> list[tuple[float, float]]:
 
 
 def _errors(
-    title: str, unit: str, names: tuple[str, ...], values: Floats, kept: float, tracking: Tracking
+    title: str, unit: str, names: Sequence[str], values: Floats, kept: float, tracking: Tracking
 ) -> Panel:
-    times = tracking.times
-    # The paper's figures forbid nothing: they are what its own controller kept to.
-    paper = Limit(float(times[0]), float(times[-1]), -kept, kept, (), np.inf, "paper")
-    return Panel(
-        title, unit, _curves(names, times, values), [paper], whole=True, shades=_saturated(tracking)
-    )
-
-
-def _attitude_errors(tracking: Tracking) -> Panel:
-    values = tracking.quaternion_errors[:, 1:]
-    return _errors(
-        "quaternion\nerrors", "", _ATTITUDE[1:], values, PAPER_QUATERNION_ERROR, tracking
-    )
-
-
-def _rate_errors(tracking: Tracking) -> Panel:
-    return _errors("rate errors", "rad/s", _RATES, tracking.rate_errors, PAPER_RATE_ERROR, tracking)
+    """Return how far the flight strays, beside what the paper's controller kept to."""
+    times, label = tracking.times, "kept by the paper's controller"
+    # The paper's figures forbid nothing.
+    paper = Limit(times[[0, -1]], -kept, kept, label=label, dashes="-.", shaded=False)
+    curves, _ = curves_of(names, times, values)
+    shades = {"saturated": _saturated(tracking)}
+    return Panel(title, unit, curves, [paper], whole=True, shades=shades)

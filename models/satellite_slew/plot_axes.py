@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
-from ..fields import show
 from ..optimal_control.plan import ControlPlan
-from ..plots.options import check_size
-from ..plots.style import BLACK, GREY, RED, axis_style
+from ..plots.options import check_option, is_number, is_whole
+from ..plots.space import dots, space_axes
+from ..plots.style import DARK, GREY, axis_style, headline, key, legend_below, sheet
 from .checks import slew_phase
 from .model import SatelliteSlew
 from .quaternions import product, rotation_about, rotation_matrix
@@ -51,10 +50,7 @@ def draw_axes(
         moved = float(np.linalg.norm(end[:, k] - begin[:, k])) > 0.05
         for place, face, word in ((begin[:, k], "white", ""), (end[:, k], colour, "'")):
             axes.plot(*np.stack([np.zeros(3), place]).T, lw=0.9, color=colour, zorder=3)
-            axes.scatter(
-                *place[:, None], s=34, facecolors=face, edgecolors=colour, linewidths=1.4, zorder=7,
-                depthshade=False,
-            )  # fmt: skip
+            dots(axes, place[None], "o", face, size=34, edge=colour, width=1.4, zorder=7)
             if not word or moved:
                 axes.text(
                     *(1.16 * place), f"{'xyz'[k]}{word}", color=colour, fontsize=10, ha="center",
@@ -101,20 +97,18 @@ def animate_slew(
     Raises
     ------
     InvalidData
-        The plan is none of a slew, or an option has a value that is not allowed.
+        The plan is none of a slew.
+    UnsupportedOption
+        An option has a value that is not allowed.
     """
     from matplotlib.animation import FuncAnimation
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    if isinstance(frames, bool) or not isinstance(frames, int) or not 2 <= frames <= 10_000:
-        raise InvalidData(
-            f"frames must be a whole number from 2 to 10000, got {show(frames)}", field="frames"
-        )
-    for name, value in (("interval", interval), ("turn", turn)):
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            raise InvalidData(f"{name} must be a finite number, got {show(value)}", field=name)
-    if not interval > 0:
-        raise InvalidData(f"interval must be > 0, got {interval:g}", field="interval")
+    few = "be a whole number from 2 to 10000"
+    check_option("frames", frames, is_whole(frames, 2, 10_000), few)
+    finite = is_number(interval) and 0 < interval < np.inf
+    check_option("interval", interval, finite, "be a finite number > 0")
+    check_option("turn", turn, is_number(turn) and np.isfinite(turn), "be a finite number")
     part = slew_phase(model.as_plan(plan))
     text = (model.name or model.describe()) if title is None else title
     figure, axes = _sphere(text, False, size)
@@ -132,7 +126,7 @@ def animate_slew(
         [], facecolors="#c9d3dc", edgecolors="#6f7f8c", linewidths=0.7, alpha=0.85, zorder=4
     )
     axes.add_collection3d(body, autolim=False)
-    clock = figure.text(0.5, 0.03, "", ha="center", fontsize=9, color="#404040")
+    clock = figure.text(0.5, 0.03, "", ha="center", fontsize=9, color=DARK)
 
     def update(frame: int) -> list[Any]:
         turned = rotation_matrix(attitudes[frame])
@@ -156,14 +150,10 @@ def animate_slew(
 
 def _sphere(title: str, wrong: bool, size: Any) -> tuple[Figure, Any]:
     """Return a figure with a bare unit sphere and the inertial axes."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    broad, tall = check_size(size, (6.4, 6.0))
-    figure = Figure(figsize=(broad, tall), dpi=150)
-    FigureCanvasAgg(figure)
+    figure = sheet(size, (6.4, 6.0))
+    tall = figure.get_size_inches()[1]
     low, high = 0.5 / tall, 1 - (0.42 + 0.17 * title.count("\n")) / tall
-    axes: Any = figure.add_axes((0.0, low, 1.0, high - low), projection="3d", computed_zorder=False)
+    axes = space_axes(figure, (0.0, low, 1.0, high - low))
     around = np.linspace(0.0, 2 * np.pi, 97)
     for angle in np.deg2rad(np.arange(-60, 61, 30)):
         ring = np.cos(angle) * np.array([np.cos(around), np.sin(around)])
@@ -179,10 +169,7 @@ def _sphere(title: str, wrong: bool, size: Any) -> tuple[Figure, Any]:
     for name in "xyz":
         getattr(axes, f"set_{name}lim")(-1.05, 1.05)
     axes.view_init(elev=_ELEVATION, azim=_AZIMUTH)
-    figure.suptitle(
-        title, fontsize=11 * min(1.0, (broad - 0.2) / (0.086 * max(map(len, title.split("\n"))))),
-        y=1 - 0.12 / tall, va="top", color=RED if wrong else BLACK,
-    )  # fmt: skip
+    headline(figure, title, wrong=wrong)
     return figure, axes
 
 
@@ -203,19 +190,12 @@ def _dotted(model: SatelliteSlew, axes: Any) -> None:
 
 
 def _legend(figure: Figure, planned: bool) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D([], [], lw=2.2, label=f"way of body axis {'xyz'[k]}", **axis_style(k))
-        for k in range(3)
-        if planned
+    keys = [
+        key(f"way of body axis {'xyz'[k]}", lw=2.2, **axis_style(k)) for k in range(3) if planned
     ]
-    handles += [
-        Line2D([], [], ls="", marker="o", mfc="white", mec=GREY, label="begin"),
-        Line2D([], [], ls="", marker="o", color=GREY, label="end (')"),
-        Line2D([], [], lw=1.1, ls=":", color=GREY, label="eigenaxis turn"),
+    keys += [
+        key("begin", marker="o", mfc="white", mec=GREY),
+        key("end (')", marker="o", color=GREY),
+        key("eigenaxis turn", lw=1.1, ls=":", color=GREY),
     ]
-    figure.legend(
-        handles=handles, loc="lower center", ncols=3, fontsize=7.5, frameon=False,
-        bbox_to_anchor=(0.5, 0.0),
-    )  # fmt: skip
+    legend_below(figure, keys, rows=-(-len(keys) // 3))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.programs.base import BlockProgram, RowProgram
+from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Feature, Limit, Request, Termination
@@ -191,7 +192,8 @@ def _near(program: BlockProgram, point: Vector, expected: Expectation) -> bool:
     """Whether `point` is the one expected, as far as its objective's slack decides it."""
     size = program.column_scale if isinstance(program, NonlinearProgram) else 1.0
     # Where the objective is known to s, a point of a curved one is known to the root of s.
-    allowed = 1e-5 if isinstance(program, RowProgram) else max(np.sqrt(expected.slack), 1e-5)
+    flat = isinstance(program, RowProgram) and not isinstance(program, ConicProgram)
+    allowed = 1e-5 if flat else max(np.sqrt(expected.slack), 1e-5)
     return bool((np.abs(point - np.asarray(expected.point)) <= allowed * size).all())
 
 
@@ -224,8 +226,11 @@ def _duals(case: Case, run: Run) -> str | None:
     if answer.duals is None:
         return "declares duals, returned none"
     duals = np.asarray(answer.duals, float)
-    if duals.shape != (program.row_count,):
-        return f"the duals have shape {duals.shape}, expected ({program.row_count},)"
+    rows = program.row_count
+    if isinstance(program, ConicProgram):
+        rows += program.cone_offset.size
+    if duals.shape != (rows,):
+        return f"the duals have shape {duals.shape}, expected ({rows},)"
     if isinstance(program, NonlinearProgram):
         return _multipliers(program, duals, answer, expected)
     optimum = expected.objective
@@ -262,7 +267,7 @@ def _multipliers(
 
 def _proven(program: BlockProgram, duals: Vector, point: Any) -> float:
     """Return the bound that row multipliers prove; of a quadratic program, with the point."""
-    if isinstance(program, QuadraticProgram):
+    if isinstance(program, QuadraticProgram | ConicProgram):
         return program.dual_bound(duals, np.asarray(point, float))
     if isinstance(program, MixedIntegerProgram):
         return program.dual_bound(duals)

@@ -8,12 +8,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...models.programs.base import RowProgram
 from ...models.programs.linear import QuadraticProgram
 from ..backend import Feature, Limit, Termination
 from .cases import Case, Expectation, Run
 from .quadratic_larger import certified
 
-__all__ = ["quadratic_limit_cases"]
+__all__ = ["limit_cases_of", "quadratic_limit_cases"]
 
 #: Columns and rows: dense, so that a fraction of a second is not enough for most solvers.
 SIZE, ROWS = 400, 200
@@ -25,6 +26,25 @@ def quadratic_limit_cases() -> tuple[Case, ...]:
     """Return the cases."""
     program, start = _dense(SIZE, ROWS)
     small, solution = _dense(*SMALL)
+    optimum = Expectation((Termination.OPTIMAL,), small.objective(solution))
+    return (
+        *limit_cases_of("quadratic", program, start),
+        Case("quadratic: dense", small, optimum),
+    )
+
+
+def limit_cases_of(kind: str, program: RowProgram, start: NDArray[np.float64]) -> tuple[Case, ...]:
+    """Return the cases of limits, stops and warm starts.
+
+    Parameters
+    ----------
+    kind : str
+        What their names begin with.
+    program : RowProgram
+        What takes more than a fraction of a second.
+    start : ndarray
+        Its optimum.
+    """
     best = program.objective(start)
     ends = (Termination.OPTIMAL, Termination.FEASIBLE, Termination.NO_SOLUTION)
 
@@ -34,26 +54,26 @@ def quadratic_limit_cases() -> tuple[Case, ...]:
 
     return (
         Case(
-            "quadratic, limit: time",
+            f"{kind}, limit: time",
             program,
             expect(Limit.TIME),
             arguments={"time_limit": 0.2},
         ),
         Case(
-            "quadratic, limit: no time at all",
+            f"{kind}, limit: no time at all",
             program,
             expect(Limit.TIME, through=False),
             arguments={"time_limit": 0.0},
         ),
         Case(
-            "quadratic, stop: before it starts",
+            f"{kind}, stop: before it starts",
             program,
             expect(Limit.INTERRUPTED, through=False),
             arguments={"time_limit": 30.0},
             stop_after=0.0,
         ),
         Case(
-            "quadratic, stop: while it runs",
+            f"{kind}, stop: while it runs",
             program,
             expect(Limit.INTERRUPTED),
             frozenset({Feature.INTERRUPT}),
@@ -61,17 +81,12 @@ def quadratic_limit_cases() -> tuple[Case, ...]:
             stop_after=0.1,
         ),
         Case(
-            "quadratic, warm start: kept",
+            f"{kind}, warm start: kept",
             program,
             expect(Limit.TIME),
             frozenset({Feature.WARM_START}),
             {"time_limit": 0.2, "warm_start": start},
             further=_no_worse,
-        ),
-        Case(
-            "quadratic: dense",
-            small,
-            Expectation((Termination.OPTIMAL,), small.objective(solution)),
         ),
     )
 

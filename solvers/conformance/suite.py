@@ -15,6 +15,8 @@ from ...errors import UnknownName, UnsupportedFormulation, UnsupportedOption
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Backend, Control, Feature, Limit, Request
 from .cases import Case, Run
+from .conic import conic_cases
+from .conic_limits import conic_limit_cases
 from .limits import limit_cases
 from .linear import linear_cases
 from .mixed_integer import integer_cases
@@ -84,6 +86,8 @@ def _row_cases() -> Mapping[str, Case]:
         *limit_cases(),
         *quadratic_cases(),
         *quadratic_limit_cases(),
+        *conic_cases(),
+        *conic_limit_cases(),
     )
     return {case.name: case for case in cases}
 

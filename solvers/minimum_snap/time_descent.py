@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.minimum_snap.time_allocation import TimeAllocation
-from .time_inner import Inner, Spline
+from .time_barrier import Barrier, Inner
+from .time_inner import Spline
 from .time_search import Descent
 
-if TYPE_CHECKING:
-    from .time_barrier import Barrier
-
-__all__ = ["Allocated", "Variables", "allocate"]
+__all__ = ["Allocated", "Factor", "Variables", "allocate"]
 
 Floats = NDArray[np.float64]
 
@@ -24,8 +22,6 @@ Floats = NDArray[np.float64]
 GAPS = tuple(float(gap) for gap in np.geomspace(1e-1, 1e-6, 9))
 #: Gradient at which the descent on a barrier ends, beside its complementarity.
 LOOSE = 1.0
-#: Segments up to which second derivatives, O(M²) and dense, are worth their time.
-NEWTON = 400
 #: Share of the way back to the last durations that had a path, tried where new ones have none.
 BACK = (0.05, 0.2, 0.5, 0.8, 1.0)
 #: Stretches, as logarithms, tried before that where a slower motion keeps all limits.
@@ -63,27 +59,31 @@ class Variables:
         mean = float(durations @ slope) / self.total
         return durations * (slope - mean)
 
-    def change(self, durations: Floats, way: Floats) -> Floats:
-        """Return the change of T along a change of x."""
-        if self.total is None:
-            return durations * way
-        return durations * (way - float(durations @ way) / self.total)
 
-    def curvature(self, durations: Floats, slope: Floats, bent: Floats) -> Floats:
-        """Return the second derivatives by x, from the first and second ones of J by T."""
-        if self.total is None:
-            inside = durations[:, None] * bent * durations
-            inside[np.diag_indices_from(inside)] += durations * (slope + self.weight)
-            return inside
-        share = durations / self.total
-        turned = durations[:, None] * bent
-        turned = turned - share[:, None] * turned.sum(axis=0)
-        turned = turned * durations
-        turned = turned - turned.sum(axis=1)[:, None] * share
-        away = durations * (slope - float(share @ slope))
-        result: Floats = turned - np.outer(share, away) - np.outer(away, share)
-        result[np.diag_indices_from(result)] += away
-        return result
+@dataclass(frozen=True)
+class Factor:
+    """One variable: the logarithm of a factor of given durations.
+
+    Parameters
+    ----------
+    weight : float
+        ρ.
+    base : ndarray, shape (M,)
+        The durations of factor 1.
+    """
+
+    weight: float
+    base: Floats
+    total: ClassVar[None] = None
+
+    def durations(self, x: Floats) -> Floats:
+        """Return T, shape (M,)."""
+        whole: Floats = self.base * np.exp(np.clip(x[0], -50.0, 50.0))
+        return whole
+
+    def slope(self, durations: Floats, slope: Floats) -> Floats:
+        """Return the derivative of J + ρ ΣT by x, shape (1,), from those of J by T."""
+        return np.array([float(durations @ (slope + self.weight))])
 
 
 @dataclass
@@ -120,9 +120,10 @@ def allocate(
     tolerance: float,
     most: int,
     between: float,
-    stopped: Callable[[], bool],
-    heard: Heard,
+    stopped: Callable[[], bool] = lambda: False,
+    heard: Heard = lambda durations, value: None,
     first: float = GAPS[0],
+    proportional: bool = False,
 ) -> Allocated:
     """Descend from `durations`, which must have a path.
 
@@ -140,10 +141,15 @@ def allocate(
         Told better durations and their objective.
     first : float
         Relative complementarity of the first barrier: a large one leads away from the bounds.
+    proportional : bool
+        Whether the durations keep their proportions.
     """
-    variables = Variables(model.time_weight, model.total_time)
     result = Allocated(durations)
-    x = np.log(durations)
+    variables: Variables | Factor
+    if proportional:
+        variables, x = Factor(model.time_weight, durations), np.zeros(1)
+    else:
+        variables, x = Variables(model.time_weight, model.total_time), np.log(durations)
 
     def function(point: Floats) -> tuple[float, Floats]:
         now = variables.durations(point)
@@ -152,18 +158,6 @@ def allocate(
         found = inner.value(now)
         value = found.value + model.time_weight * float(now.sum())
         return value, variables.slope(now, found.slope)
-
-    def bent(point: Floats) -> Floats | None:
-        now = variables.durations(point)
-        assert not isinstance(inner, Spline)
-        found = inner.curvature(now)
-        if found is None:
-            return None
-        return variables.curvature(now, inner.value(now).slope, found)
-
-    def aim(point: Floats, way: Floats) -> float:
-        assert not isinstance(inner, Spline)
-        return inner.aim(variables.change(variables.durations(point), way))
 
     descent = Descent()
     if isinstance(inner, Spline):
@@ -185,10 +179,7 @@ def allocate(
         goal = tolerance if last else max(LOOSE * gap, tolerance)
         threshold = between if last else max(between, 1e-2 * gap)
         for _ in range(20):
-            reached = descent.descend(
-                function, x, goal, most - result.iterations,
-                stopped=stopped, curvature=bent if x.size <= NEWTON else None, aim=aim,
-            )  # fmt: skip
+            reached = descent.descend(function, x, goal, most - result.iterations, stopped=stopped)
             result.iterations += reached.iterations
             result.evaluations += reached.evaluations
             if stopped():
@@ -224,14 +215,19 @@ def allocate(
     return result
 
 
-def _exchanged(inner: Barrier, variables: Variables, x: Floats, threshold: float) -> bool:
+def _exchanged(inner: Barrier, variables: Variables | Factor, x: Floats, threshold: float) -> bool:
     now = variables.durations(x)
     inner.value(now)
     return inner.exchange(now, threshold) > 0
 
 
 def _inside(
-    inner: Barrier, variables: Variables, x: Floats, safe: Floats, threshold: float, rounds: int
+    inner: Barrier,
+    variables: Variables | Factor,
+    x: Floats,
+    safe: Floats,
+    threshold: float,
+    rounds: int,
 ) -> Floats | None:
     """Return `x`, or a point near it with a path that keeps all bounds; None if none is found.
 
@@ -246,7 +242,9 @@ def _inside(
     return None
 
 
-def _ways(inner: Barrier, variables: Variables, x: Floats, safe: Floats) -> Iterator[Floats]:
+def _ways(
+    inner: Barrier, variables: Variables | Factor, x: Floats, safe: Floats
+) -> Iterator[Floats]:
     yield x
     slower = inner.model.from_rest_to_rest and variables.total is None
     if slower:

@@ -15,7 +15,7 @@ from ...models.minimum_snap.time_allocation import TimeAllocation
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 
 if TYPE_CHECKING:
-    from .time_inner import Inner
+    from .time_barrier import Inner
 
 __all__ = ["NativeTimes", "TimeGradient"]
 
@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 
 #: Seconds between two incumbents that are worked out.
 PAUSE = 0.1
+#: Relative difference of two objectives that counts as rounding.
+ROUNDING = 1e-9
 #: Standard deviation of the logarithms of the durations of a further start.
 SPREAD = 0.4
 #: Relative complementarity of the first barrier after a warm start, lest it lose its neighbourhood.
@@ -43,9 +45,6 @@ class NativeTimes(Backend):
 
         if not problem.bounded:
             return Banded().refuses(problem.unit)
-        missing = InteriorPoint().missing()
-        if missing:
-            return f"corridor and limits without {', '.join(missing)}"
         return InteriorPoint().refuses(problem.unit)
 
     def covered(self, problem: TimeAllocation) -> None:
@@ -66,10 +65,6 @@ class NativeTimes(Backend):
             tiny = TimeAllocation(points, 1.0, **more)
             if not self.refuses(tiny):
                 self.run(tiny, Request(options=self.checked_options({})))
-        if not self.refuses(tiny):
-            from .time_curvature import shifted_solve
-
-            shifted_solve(np.eye(1), 0.0, np.zeros(1))
         NativeTimes._compiled = True
 
 
@@ -113,7 +108,7 @@ def concluded(
 
 
 class TimeGradient(NativeTimes):
-    """Newton and quasi-Newton descent on log T, with the slope of J by the envelope theorem.
+    """Quasi-Newton descent on log T, with the slope of J by the envelope theorem.
 
     The first start is the better of the trapezoid's and the distance's durations, scaled for
     J + ρ ΣT and stretched until there is a path within the bounds; a seed above 0 perturbs it.
@@ -137,11 +132,15 @@ class TimeGradient(NativeTimes):
     summary = "L-BFGS on log T with exact gradients, limits by a barrier; ours"
 
     def run(self, problem: TimeAllocation, request: Request) -> Answer:
-        """Descend from a start, and say how flat the end is."""
-        from .time_descent import allocate
-        from .time_inner import inner_problem
-
+        """Descend from a start, and return the warm start where nothing better was found."""
         self.covered(problem)
+        return _no_worse(problem, request, self._descend(problem, request))
+
+    def _descend(self, problem: TimeAllocation, request: Request) -> Answer:
+        """Return where the descent ends, and how flat that is."""
+        from .time_barrier import inner_problem
+        from .time_descent import allocate
+
         begin = time.perf_counter()
         control = request.control
         inner = inner_problem(problem, control.flag)
@@ -194,11 +193,14 @@ class TimeGradient(NativeTimes):
 
 
 def _no_worse(problem: TimeAllocation, request: Request, answer: Answer) -> Answer:
-    """Return the warm start itself where nothing better was found."""
-    if request.warm_start is None or request.seed:
+    """Return `answer`, or the warm start where that is better by more than rounding.
+
+    The first barrier leads away from the bounds, so a run that ends early may end above its start.
+    """
+    if request.warm_start is None:
         return answer
     value = problem.objective(request.warm_start)
-    if answer.primal_bound is not None and answer.primal_bound <= value * (1 + 1e-9):
+    if answer.primal_bound is not None and answer.primal_bound <= value + ROUNDING * abs(value):
         return answer
     return replace(
         answer, termination=Termination.FEASIBLE, point=request.warm_start, primal_bound=value,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from abc import abstractmethod
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +12,9 @@ from ...models.minimum_snap.time_allocation import TimeAllocation
 from ..backend import Answer, Feature, Guarantee, Limit, Request, Termination
 from .time_gradient import NativeTimes, concluded
 
-if TYPE_CHECKING:
-    from .time_barrier import Barrier
-    from .time_inner import Inner
-
 __all__ = ["TimeDistance", "TimeTrapezoid"]
 
 Floats = NDArray[np.float64]
-
-#: Relative complementarities of the barriers at which the factor is sought.
-GAPS = (1e-2, 1e-4, 1e-6)
 
 
 class RuleOfThumb(NativeTimes):
@@ -40,7 +32,9 @@ class RuleOfThumb(NativeTimes):
 
     def run(self, problem: TimeAllocation, request: Request) -> Answer:
         """Scale the rule's durations, and solve for the trajectory."""
-        from .time_inner import Spline, inner_problem
+        from .time_barrier import inner_problem
+        from .time_descent import allocate
+        from .time_inner import Spline
         from .time_rules import started
 
         self.covered(problem)
@@ -58,49 +52,13 @@ class RuleOfThumb(NativeTimes):
                 "proportions leave a path within the bounds",
             )  # fmt: skip
         if not isinstance(inner, Spline) and problem.total_time is None:
-            durations = _stretched(problem, inner, durations)
+            durations = allocate(
+                problem, inner, durations, tolerance=1e-7, most=500, between=1e-8,
+                stopped=lambda: bool(inner.flag[0]), proportional=True,
+            ).durations  # fmt: skip
         return concluded(
             problem, inner, durations, request, begin, Termination.FEASIBLE, statistics
         )
-
-
-def _stretched(problem: TimeAllocation, inner: Barrier, durations: Floats) -> Floats:
-    """Return `durations` times the best factor that leaves a path within the bounds."""
-    from .time_search import Descent
-
-    descent, best = Descent(), durations
-    for gap in GAPS:
-
-        def function(x: Floats) -> tuple[float, Floats]:
-            now = durations * np.exp(x[0])
-            found = inner.value(now)
-            price = problem.time_weight * float(now.sum())
-            return found.value + price, np.array([float(now @ found.slope) + price])
-
-        size = _size(problem, inner, best)
-        inner.mu = gap * size / inner.pairs
-        start = np.array([float(np.log(best[0] / durations[0]))])
-        if not np.isfinite(function(start)[0]):
-            break
-        reached = descent.descend(
-            function, start, 0.1 * gap, 60,
-            stopped=lambda: bool(inner.flag[0]),
-        )  # fmt: skip
-        now = durations * np.exp(reached.point[0])
-        for share in (0.0, 0.1, 0.5, 1.0):
-            tried = now + share * (best - now)
-            if np.isfinite(inner.settle(tried, 1e-8).value):
-                best = tried
-                break
-        if inner.flag[0]:
-            break
-    return best
-
-
-def _size(problem: TimeAllocation, inner: Inner, durations: Floats) -> float:
-    cost = inner.value(durations).objective
-    price = problem.time_weight * float(durations.sum())
-    return price + (cost if np.isfinite(cost) else 0.0)
 
 
 class TimeTrapezoid(RuleOfThumb):

@@ -9,7 +9,7 @@ envelope theorem): the derivatives at the knots are stationary.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,7 @@ from ...models.minimum_snap.trajectory import Trajectory
 from .banded import solve_hermite
 from .hermite import Outcome, duration_gradient, jets_to_coefficients
 
-__all__ = ["Inner", "Spline", "Value", "inner_problem", "jets_of"]
-
-if TYPE_CHECKING:
-    from .time_barrier import Barrier
-
-#: What solves the problem at given times: ``value(durations)``, ``plan(durations)`` and the counts
-#: ``solves`` and ``steps`` (Newton steps). The latter needs Numba.
-Inner: TypeAlias = "Spline | Barrier"
+__all__ = ["Spline", "Value", "jets_of"]
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -49,15 +42,6 @@ class Value:
     value: float
     objective: float
     slope: Floats
-
-
-def inner_problem(model: TimeAllocation, flag: NDArray[np.int8]) -> Inner:
-    """Return what solves `model` at given durations; a nonzero `flag` halts it."""
-    if not model.bounded:
-        return Spline(model)
-    from .time_barrier import Barrier
-
-    return Barrier(model, flag)
 
 
 def jets_of(model: TimeAllocation) -> tuple[Floats, Flags, Floats]:

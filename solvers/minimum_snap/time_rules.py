@@ -8,17 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.minimum_snap.time_allocation import TimeAllocation
-from .time_inner import Inner, Spline
-from .time_search import Descent
-
-if TYPE_CHECKING:
-    from .time_barrier import Barrier
+from .time_barrier import Barrier, Inner
+from .time_descent import allocate
+from .time_inner import Spline
 
 __all__ = ["distance", "fitted", "hurried", "scaled", "started", "trapezoid"]
 
@@ -102,21 +99,9 @@ def scaled(model: TimeAllocation, inner: Inner, durations: Floats) -> Floats:
             best: Floats = durations * share ** (1.0 / power)
             return best
         return durations
-    return durations * _best_factor(model, inner, durations)
-
-
-def _best_factor(model: TimeAllocation, inner: Inner, durations: Floats) -> float:
-    def function(x: Floats) -> tuple[float, Floats]:
-        now = durations * np.exp(x[0])
-        found = inner.value(now)
-        slope = float(now @ found.slope) + model.time_weight * float(now.sum())
-        return found.value + model.time_weight * float(now.sum()), np.array([slope])
-
-    start = np.zeros(1)
-    if not np.isfinite(function(start)[0]):
-        return 1.0
-    reached = Descent().descend(function, start, 1e-8, 60)
-    return float(np.exp(np.clip(reached.point[0], -50.0, 50.0)))
+    return allocate(
+        model, inner, durations, tolerance=1e-8, most=60, between=BETWEEN, proportional=True
+    ).durations
 
 
 def _peaks(model: TimeAllocation, spline: Spline, durations: Floats) -> float:
@@ -187,8 +172,6 @@ def hurried(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats 
     From rest to rest whatever takes less time may be slowed down: so the total is left free and made
     dear, until it is short enough.
     """
-    from .time_descent import allocate
-
     total = model.total_time
     if total is None or not model.from_rest_to_rest:
         return None

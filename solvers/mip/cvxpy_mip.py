@@ -11,6 +11,7 @@ import numpy as np
 
 from ...errors import UnsupportedOption
 from ...models.programs.base import RowProgram
+from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ..backend import Answer, Feature, Limit, Option, Request
 from .base import (
@@ -30,6 +31,8 @@ MIXED_INTEGER = ("HIGHS", "SCIP")
 #: Solvers of quadratic programs, the default first. ProxQP is left out: by way of CVXPY it was seen
 #: to call a feasible linear program infeasible.
 QUADRATIC = ("CLARABEL", "OSQP", "HIGHS", "SCS", "PIQP")
+#: Solvers of conic programs, the default first.
+CONIC = ("CLARABEL", "SCS")
 
 
 class CvxpyMip(ProgramBackend):
@@ -74,16 +77,26 @@ class CvxpyMip(ProgramBackend):
 
     def run(self, problem: RowProgram, request: Request) -> Answer:
         """Solve `problem`, of either kind, as `request` asks."""
+        if isinstance(problem, ConicProgram) and not problem.cones:
+            problem = problem.quadratic
         quadratic = isinstance(problem, QuadraticProgram)
         able = QUADRATIC if quadratic else MIXED_INTEGER
+        if isinstance(problem, ConicProgram):
+            able = CONIC
         solver = request.options.get("solver") or able[0]
         if solver not in able:
-            kind = "quadratic" if quadratic else "mixed-integer"
+            kind = problem.kind.removesuffix("-program")
             raise UnsupportedOption(
                 f"backend 'cvxpy': solver={solver!r} takes no {kind} program; "
                 f"those that do: {', '.join(able)}"
             )
         request = replace(request, options={**request.options, "solver": solver})
+        if isinstance(problem, ConicProgram):
+            from ..conic.base import conic_answer
+            from ..qp import cvxpy_qp
+
+            self.require()
+            return conic_answer(problem, request, cvxpy_qp.attempt)
         if isinstance(problem, QuadraticProgram):
             from ..qp import cvxpy_qp
             from ..qp.base import answered

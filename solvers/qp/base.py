@@ -12,12 +12,14 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
+from ...models.model import Model
+from ...models.programs.base import RowProgram
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import (
     Clock,
@@ -40,8 +42,10 @@ from .quality import Quality, measured
 __all__ = [
     "COMMON",
     "POLISH",
+    "Attempt",
     "QuadraticBackend",
     "QuadraticOutcome",
+    "Run",
     "answered",
     "certified",
     "dense_memory",
@@ -93,7 +97,7 @@ Attempt = Callable[[QuadraticProgram, Request, Clock], Outcome]
 class QuadraticBackend(Backend):
     """Base of the backends that solve a convex :class:`QuadraticProgram` to proven optimality."""
 
-    accepts = QuadraticProgram
+    accepts: ClassVar[type[Model[Any]] | tuple[type[Model[Any]], ...]] = QuadraticProgram
     guarantee = Guarantee.EXACT
     features = COMMON
     single_threaded = True
@@ -132,7 +136,7 @@ def first_order_precision(request: Request) -> float:
 
 
 def certified(
-    program: QuadraticProgram,
+    program: RowProgram,
     form: ConicForm,
     x: Any,
     z: Any,
@@ -159,11 +163,13 @@ def certified(
 
 def answered(problem: QuadraticProgram, request: Request, attempt: Attempt) -> Answer:
     """Return the answer that `attempt` earns: recomputed, polished, proven."""
-    return _Run(problem, request, attempt, Clock(request.time_limit)).answer()
+    return Run(problem, request, attempt, Clock(request.time_limit)).answer()
 
 
 @dataclass(frozen=True, eq=False)
-class _Run:
+class Run:
+    """One run: attempts, and what their answers prove."""
+
     problem: QuadraticProgram
     request: Request
     attempt: Attempt
@@ -177,7 +183,7 @@ class _Run:
                 assert best is not None
                 return self.optimal(known, best)
             return self.unsolved(known, None)
-        core = Core.of(self.problem)
+        core = self.core()
         outcome = self.tried(core, self.request)
         best = self.judged(outcome)
         if best is not None and self.accepts(best):
@@ -200,6 +206,10 @@ class _Run:
                     if best is not None and self.accepts(best):
                         return self.optimal(outcome, best)
         return self.unsolved(outcome, best, findings)
+
+    def core(self) -> Core:
+        """Return what of the program the solver gets."""
+        return Core.of(self.problem)
 
     def tried(self, core: Core, request: Request) -> QuadraticOutcome:
         """Return what the solver says of the whole program, given its core."""

@@ -7,16 +7,17 @@ from typing import Any, ClassVar
 
 import scipy.sparse as sp
 
-from ...models.programs.linear import QuadraticProgram
+from ...models.programs.cones import ConeKind, order
 from ..attempts import Clock, Ended, Outcome, limited, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
-from .base import COMMON, POLISH, QuadraticBackend, certified, own_options
-from .forms import ConicForm
+from ..conic.base import ConvexBackend
+from ..conic.forms import ConeForm, Convex
+from .base import COMMON, POLISH, certified, own_options
 
 __all__ = ["Clarabel"]
 
 
-class Clarabel(QuadraticBackend):
+class Clarabel(ConvexBackend):
     """Clarabel (Goulart and Chen 2024), a homogeneous embedding, called with the program's arrays."""
 
     name = "clarabel"
@@ -33,16 +34,23 @@ class Clarabel(QuadraticBackend):
     }
     summary = "Clarabel: interior point, sparse, finds infeasibility fast"
 
-    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: Convex, request: Request, clock: Clock) -> Outcome:
         """Solve with Clarabel."""
         import clarabel  # type: ignore[import-untyped]
 
-        form = ConicForm.of(program)
+        form = ConeForm.posed(program)
         cones: list[Any] = []
         if form.zeros:
             cones.append(clarabel.ZeroConeT(form.zeros))
-        if form.right.size > form.zeros:
-            cones.append(clarabel.NonnegativeConeT(form.right.size - form.zeros))
+        if form.linear > form.zeros:
+            cones.append(clarabel.NonnegativeConeT(form.linear - form.zeros))
+        for block in form.cones:
+            made = {
+                ConeKind.SECOND_ORDER: (clarabel.SecondOrderConeT, block.dimension),
+                ConeKind.EXPONENTIAL: (clarabel.ExponentialConeT,),
+                ConeKind.SEMIDEFINITE: (clarabel.PSDTriangleConeT, order(block.dimension)),
+            }[block.kind]
+            cones += [made[0](*made[1:])] * block.count
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         # One thread whatever is asked: that is what the backend declares.

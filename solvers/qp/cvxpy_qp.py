@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
+from ...models.programs.export_conic import cvxpy_cone_duals
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Outcome, solver_tolerance
 from ..backend import Limit, Request
@@ -87,7 +88,8 @@ def attempt(program: QuadraticProgram, request: Request, clock: Clock) -> Outcom
     duals = None
     if columns.value is not None and ended in (Ended.PROVEN, Ended.STOPPED):
         point = np.array(columns.value, float)
-        duals = row_duals(problem, program)
+        cones = cvxpy_cone_duals(problem, getattr(program, "cones", ()))
+        duals = np.concatenate([row_duals(problem, program), cones])
     counts: dict[str, float | int | str] = {"solver": solver}
     iterations = getattr(problem.solver_stats, "num_iters", None)
     if iterations is not None:

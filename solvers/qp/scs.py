@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...models.programs.linear import QuadraticProgram
+from ...models.programs.cones import ConeKind, order
 from ..attempts import Clock, Ended, Outcome, limited
 from ..backend import Feature, Limit, Option, Request
-from .base import COMMON, POLISH, QuadraticBackend, certified, first_order_precision, own_options
-from .forms import ConicForm
+from ..conic.base import ConvexBackend
+from ..conic.forms import ConeForm, Convex, columnwise
+from .base import COMMON, POLISH, certified, first_order_precision, own_options
 
 __all__ = ["Scs"]
 
 #: Seconds after which SCS is asked to pause, so that a stop is heard: it has no callback.
 SLICE = 0.5
+#: What SCS calls the cones, in the order in which it wants them.
+_NAMES = {ConeKind.SECOND_ORDER: "q", ConeKind.SEMIDEFINITE: "s", ConeKind.EXPONENTIAL: "ep"}
 
 
-class Scs(QuadraticBackend):
+class Scs(ConvexBackend):
     """SCS (O'Donoghue 2021), which goes on from where a slice of time ended."""
 
     name = "scs"
@@ -40,11 +44,11 @@ class Scs(QuadraticBackend):
     }  # fmt: skip
     summary = "SCS: first-order, sparse, warm starts; many iterations for high precision"
 
-    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: Convex, request: Request, clock: Clock) -> Outcome:
         """Solve with SCS."""
         import scs  # type: ignore[import-untyped]
 
-        form = ConicForm.of(program)
+        form = ConeForm.posed(program, tuple(_NAMES), columnwise)
         own = own_options(request, "eps", "max_iters")
         eps = request.options.get("eps") or first_order_precision(request)
         if not form.right.size:
@@ -58,7 +62,11 @@ class Scs(QuadraticBackend):
             "max_iters": int(request.options.get("max_iters", 200_000)),
             **own,
         }
-        cone = {"z": form.zeros, "l": form.right.size - form.zeros}
+        cone: dict[str, Any] = {"z": form.zeros, "l": form.linear - form.zeros}
+        for kind, name in _NAMES.items():
+            cone[name] = [b.dimension for b in form.cones if b.kind is kind for _ in range(b.count)]
+        cone["s"] = [order(dimension) for dimension in cone["s"]]
+        cone["ep"] = len(cone["ep"])
         data = {
             "P": sp.csc_matrix(sp.triu(program.hessian)),
             "A": form.matrix,
@@ -69,12 +77,8 @@ class Scs(QuadraticBackend):
         start: dict[str, Any] = {"warm_start": False}
         if request.warm_start is not None:
             x = np.asarray(request.warm_start, float)
-            slack = form.right - form.matrix @ x
-            slack[: form.zeros] = 0.0
-            start = {
-                "warm_start": True, "x": x, "y": np.zeros(slack.size),
-                "s": np.maximum(slack, 0.0),
-            }  # fmt: skip
+            slack = form.slack(x)
+            start = {"warm_start": True, "x": x, "y": np.zeros(slack.size), "s": slack}
         # The time limit is a setting of the workspace, which therefore is made for a slice.
         solver = scs.SCS(data, cone, time_limit_secs=_slice(clock), **settings)
         clock.lap("build")
@@ -109,8 +113,8 @@ def _slice(clock: Clock) -> float:
     return SLICE if left is None else max(min(SLICE, left), 1e-3)
 
 
-def _with_a_row(form: ConicForm, size: int) -> ConicForm:
+def _with_a_row(form: ConeForm, size: int) -> ConeForm:
     row = sp.csc_matrix(([1.0], ([0], [0])), shape=(1, size))
     # A constant that no solution of moderate size comes near would be a bound; 0 @ x <= 1 is none.
     row.data[:] = 0.0
-    return ConicForm(row, np.ones(1), 0, form.equal, form.above, form.below)
+    return replace(form, matrix=row, right=np.ones(1), linear=1)

@@ -11,7 +11,7 @@ from ...models.model import Model
 from ...models.problems import resolve, table as table_of
 from ..crosscheck import Comparison, compare
 from ..solution import Solution
-from ..verdict import Outcome, Verdict, exact_names, judge
+from ..verdict import Outcome, Verdict, judge
 from .layout import Column, PaperTables
 from .tables import number, seconds_text, table
 
@@ -106,11 +106,10 @@ def reproduce(
             break
         layout = layouts[published["table"]]
         answers: list[Solution[Any]] = []
-        exact = exact_names([column.backend.partition(":")[0] for column in layout.columns])
         for warm in (False, True):
             names = [column.backend for column in layout.columns if column.warm is warm]
             if names and not interrupted:
-                start = judge(model.name, answers, exact).best if warm else None
+                start = judge(model.name, answers, model).best if warm else None
                 part = compare(
                     model,
                     names,
@@ -121,7 +120,7 @@ def reproduce(
                 )
                 interrupted = part.interrupted
                 answers.extend(part.solutions)
-        rows.append(Row(published["table"], published, judge(model.name, answers, exact)))
+        rows.append(Row(published["table"], published, judge(model.name, answers, model)))
     return Reproduction(problem, tuple(rows), interrupted)
 
 

@@ -6,25 +6,22 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ...models.problems import model_type
+from ...models.problems import model_type, model_types
 from ...models.verification import Verification
 from ..backend import Limit, Termination
 from ..solution import Solution
+from .fitting import FittedTable
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
-    from ..crosscheck import Comparison
-    from ..verdict import Verdict
+    from ..repeats import Spread
 
 __all__ = [
-    "comparison_text",
     "number",
     "render",
     "seconds_text",
     "solutions_table",
+    "spreads_table",
     "table",
-    "verdict_text",
     "verification_table",
 ]
 
@@ -40,19 +37,42 @@ _STYLES = {
 
 
 def table(
-    title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]], *, right: Sequence[str] = ()
-) -> Table:
-    """Return a rich table; columns named in `right` are aligned right."""
-    from rich import box
-    from rich.table import Table
+    title: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[Any]],
+    *,
+    right: Sequence[str] = (),
+    whole: Sequence[str] = (),
+    drop: Sequence[str] = (),
+) -> FittedTable:
+    """Return a table that fits the terminal it is printed on.
+
+    Parameters
+    ----------
+    title : str
+        Above the table; empty for none.
+    columns : sequence of str
+        Headers.
+    rows : iterable of sequence
+        The cells: text, or anything that has a ``str``.
+    right : sequence of str
+        Columns of numbers, aligned right and never folded.
+    whole : sequence of str
+        Further columns that are never folded; the first one, which names the row, is one of them.
+    drop : sequence of str
+        Columns that a narrow terminal leaves out, the first one first.
+    """
     from rich.text import Text
 
-    made = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in columns:
-        made.add_column(column, justify="right" if column in right else "left", overflow="fold")
-    for row in rows:
-        made.add_row(*(cell if isinstance(cell, Text) else Text(str(cell)) for cell in row))
-    return made
+    place = {name: k for k, name in enumerate(columns)}
+    return FittedTable(
+        title,
+        tuple(columns),
+        [[cell if isinstance(cell, Text) else Text(str(cell)) for cell in row] for row in rows],
+        frozenset(place[name] for name in right),
+        frozenset({0, *(place[name] for name in (*right, *whole))}),
+        tuple(place[name] for name in drop if name in place),
+    )
 
 
 def render(*parts: Any, width: int = 120) -> str:
@@ -96,13 +116,14 @@ def _ended(solution: Solution[Any]) -> Any:
     return Text(text, style=_STYLES.get(solution.termination, ""))
 
 
-def solutions_table(solutions: Sequence[Solution[Any]], title: str = "") -> Table:
+def solutions_table(solutions: Sequence[Solution[Any]], title: str = "") -> FittedTable:
     """Return a table of answers: objective, bound, gap, seconds and verification of each.
 
     Compilation, which only a first call on a machine pays for, has a column of its own where it
     took a noticeable time, and is no part of the total shown.
     """
-    unit = model_type(solutions[0].model).objective_unit if solutions else ""
+    kind = solutions[0].model if solutions else ""
+    unit = model_type(kind).objective_unit if kind in model_types() else ""
     if not isinstance(unit, str):
         unit = ""  # each problem of the kind has its own
     objective = f"objective ({unit})" if unit else "objective"
@@ -129,10 +150,16 @@ def solutions_table(solutions: Sequence[Solution[Any]], title: str = "") -> Tabl
         *(["compile"] if compiled else []),
         "verification",
     )
-    return table(title, columns, rows, right=columns[2:-1])
+    return table(
+        title,
+        columns,
+        rows,
+        right=columns[2:-1],
+        drop=("compile", "total", "gap", "bound", "solve"),
+    )
 
 
-def verification_table(verification: Verification) -> Table:
+def verification_table(verification: Verification) -> FittedTable:
     """Return a table of the checks of a plan."""
     from rich.text import Text
 
@@ -150,32 +177,26 @@ def verification_table(verification: Verification) -> Table:
                 check.where,
             )
         )
-    return table("", ("constraint", "eq.", "state", "worst", "tolerance", "where"), rows)
+    columns = ("constraint", "eq.", "state", "worst", "tolerance", "where")
+    return table("", columns, rows, whole=columns[2:5], drop=("tolerance", "eq."))
 
 
-def _verdict_parts(verdict: Verdict) -> list[Any]:
-    lines = [
-        f"{verdict.outcome}: {verdict.evidence}",
-        *(f"  note: {note}" for note in verdict.notes),
+def spreads_table(spreads: Sequence[Spread]) -> FittedTable:
+    """Return a table of repeated runs: successes, and quartiles of objective and seconds."""
+    rows = [
+        (
+            spread.backend + (f" : {spread.formulation}" if spread.formulation else ""),
+            f"{spread.successes} of {spread.runs}",
+            *(number(value) for value in spread.objective or (None,) * 3),
+            *(seconds_text(value) for value in spread.seconds),
+        )
+        for spread in spreads
     ]
-    return [solutions_table(verdict.solutions, verdict.instance), "\n".join(lines)]
-
-
-def verdict_text(verdict: Verdict) -> str:
-    """Return the verdict with its table as text."""
-    return render(*_verdict_parts(verdict), width=140)
-
-
-def comparison_text(comparison: Comparison) -> str:
-    """Return all verdicts with their tables as text, and the outcome of all at the end."""
-    return render(*comparison_parts(comparison), width=140)
-
-
-def comparison_parts(comparison: Comparison) -> list[Any]:
-    """Return what to print of a comparison."""
-    parts = [part for verdict in comparison.verdicts for part in _verdict_parts(verdict)]
-    if len(comparison.verdicts) > 1:
-        parts.append(f"\nall {len(comparison.verdicts)} instances: {comparison.outcome}")
-    if comparison.interrupted:
-        parts.append("interrupted: what is missing was not run")
-    return parts
+    quartiles = ("quarter", "median", "three quarters")
+    columns = (
+        "repeated",
+        "verified",
+        *(f"objective\n{word}" for word in quartiles),
+        *(f"seconds\n{word}" for word in quartiles),
+    )
+    return table("", columns, rows, right=columns[1:])

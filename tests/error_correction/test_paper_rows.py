@@ -33,31 +33,35 @@ def load(row):
     )
 
 
+def agreed(models, backends, **options):
+    """Compare in one call, so that each backend's worker serves all models; return the verdicts."""
+    result = ct.compare(models, backends, **options)
+    for verdict in result.verdicts:
+        assert verdict.outcome == "AGREED", verdict
+        assert all(solution.termination == "optimal" for solution in verdict.solutions), verdict
+    assert len(result.verdicts) == len(models)
+    return result.verdicts
+
+
 @real
-@pytest.mark.parametrize("row", ROWS)
-def test_exact_backends_agree_on_the_real_rows(row):
-    model = load(row)
-    _, optimum, route = ROWS[row]
+def test_exact_backends_agree_on_the_real_rows():
     backends = ["label-setting", "two-stage", "pulse", "dynamic-programming"]
-    result = ct.compare(model, backends, time_limit=100)
-    assert result.outcome == "AGREED", result
-    for solution in result.solutions:
-        assert solution.termination == "optimal", solution
-        assert solution.primal_bound == pytest.approx(optimum, abs=6e-4)
-        assert str(solution.plan) == route
+    verdicts = agreed([load(row) for row in ROWS], backends, time_limit=100)
+    for (_, optimum, route), verdict in zip(ROWS.values(), verdicts, strict=True):
+        for solution in verdict.solutions:
+            assert solution.primal_bound == pytest.approx(optimum, abs=6e-4)
+            assert str(solution.plan) == route
 
 
 @real
-@pytest.mark.parametrize("row", ROWS)
-def test_arc_flow_proves_the_real_rows_from_a_native_bound(row):
-    model = load(row)
-    start = ct.solve(model).plan
+def test_arc_flow_proves_the_real_rows_from_a_native_bound():
+    models = [load(row) for row in ROWS]
+    start = [ct.solve(model).plan for model in models]
     programs = ["highs", "scip", "ortools", "scipy", "cvxpy"]
-    result = ct.compare(model, programs, time_limit=60, warm_start=start)
-    assert result.outcome == "AGREED", result
-    for solution in result.solutions:
-        assert solution.termination == "optimal", solution
-        assert solution.primal_bound == pytest.approx(ROWS[row][1], abs=6e-4)
+    verdicts = agreed(models, programs, time_limit=60, warm_start=start)
+    for (_, optimum, _), verdict in zip(ROWS.values(), verdicts, strict=True):
+        for solution in verdict.solutions:
+            assert solution.primal_bound == pytest.approx(optimum, abs=6e-4)
 
 
 @real
@@ -70,25 +74,16 @@ def test_the_real_routes_satisfy_the_papers_program(row):
     assert found.objective == pytest.approx(ROWS[row][1], abs=6e-4)
 
 
-@pytest.mark.parametrize("row", range(1, 13))
-def test_rows_by_seed_are_solved_alike(row):
-    model = ct.load(f"error-correction/{row}")
-    result = ct.compare(
-        model,
-        ["label-setting", "two-stage", "highs:arc-flow"],
-        time_limit=100,
-        warm_start=ct.solve(model),
-    )
-    assert result.outcome == "AGREED", result
-    assert all(solution.termination == "optimal" for solution in result.solutions), result
+def test_rows_by_seed_are_solved_alike():
+    models = [ct.load(f"error-correction/{row}") for row in range(1, 13)]
+    start = [ct.solve(model) for model in models]
+    backends = ["label-setting", "two-stage", "highs:arc-flow"]
+    agreed(models, backends, time_limit=100, warm_start=start)
 
 
-@pytest.mark.parametrize("row", range(1, 7))
-def test_the_papers_program_proves_rows_1_to_6(row):
-    model = ct.load(f"error-correction/{row}")
-    result = ct.compare(model, ["label-setting", "highs:paper"], time_limit=100)
-    assert result.outcome == "AGREED", result
-    assert all(solution.termination == "optimal" for solution in result.solutions), result
+def test_the_papers_program_proves_rows_1_to_6():
+    models = [ct.load(f"error-correction/{row}") for row in range(1, 7)]
+    agreed(models, ["label-setting", "highs:paper"], time_limit=100)
 
 
 def test_a_program_that_cannot_fit_is_refused_before_it_is_built():

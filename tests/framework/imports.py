@@ -1,20 +1,24 @@
 """The import graph of the package, read from its files: every import counts, deferred and for types."""
 
 import ast
+from functools import cache
 
 TOP = ("cli", "instances", "models", "solvers")
 
 
+@cache
 def modules(checkout):
-    """Yield the dotted name, the package and the syntax tree of every module of the package."""
+    """Return the dotted name, the package and the syntax tree of every module of the package."""
     files = [*checkout.glob("*.py")]
     for room in TOP:
         files += sorted((checkout / room).rglob("*.py"))
+    found = []
     for path in files:
         parts = ["crosstrack", *path.relative_to(checkout).with_suffix("").parts]
         package = parts[:-1]
         name = package if parts[-1] == "__init__" else parts
-        yield ".".join(name), package, ast.parse(path.read_text("utf-8"), str(path))
+        found.append((".".join(name), package, ast.parse(path.read_text("utf-8"), str(path))))
+    return found
 
 
 def imported(node, package):

@@ -2,29 +2,23 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
+from commands import run
 
 import crosstrack as ct
+from crosstrack.__main__ import cli
 
 DATA = {
     "points": [[0, 0, 0], [1.0, 0, 0], [1.5, 0, 0], [9, 9, 9], [3.5, 0, 0]],
     "kinds": ["A", "horizontal", "vertical", "horizontal", "B"],
     "alpha1": 0.3, "alpha2": 0.3, "beta1": 0.3, "beta2": 0.3, "theta": 0.3, "delta": 0.1,
 }  # fmt: skip
-
-
-def run(*arguments, code=0, **options):
-    done = subprocess.run(
-        [sys.executable, "-m", "crosstrack", *map(str, arguments)],
-        capture_output=True, text=True, timeout=240, **options,
-    )  # fmt: skip
-    assert done.returncode == code, (done.returncode, done.stdout[-2000:], done.stderr[-2000:])
-    return done
 
 
 @pytest.fixture
@@ -241,7 +235,14 @@ def test_interrupted_is_130_with_the_incumbent(tmp_path):
     assert data["plan"] is not None
 
 
-def test_demo_takes_a_csv(instance, tmp_path):
+SOME = ("label-setting", "dynamic-programming", "highs")
+
+
+@pytest.mark.parametrize("names", [SOME, pytest.param(None, marks=pytest.mark.slow)])
+def test_demo_takes_a_csv(names, instance, tmp_path, monkeypatch):
+    """With some of the backends that fit, of either kind, or with all that are installed."""
+    if names is not None:
+        monkeypatch.setattr("crosstrack.solvers.registry.fitting", lambda model: names)
     csv = tmp_path / "points.csv"
     words = {"A": "A", "B": "B", "horizontal": "0", "vertical": "1"}
     rows = [
@@ -259,18 +260,47 @@ def test_demo_takes_a_csv(instance, tmp_path):
     assert "z" in run("demo", "--points", csv, code=2, cwd=tmp_path).stderr
 
 
+def test_demo_of_its_own_options():
+    done = run("demo", "--delta", 0.1, "--plot", "none/here.png", code=2)
+    assert "folder" in done.stderr
+    assert "must be given together with points" in run("demo", "--delta", 0.1, code=2).stderr
+    assert "no option 'delta'" in run("demo", "minimum-snap", "--delta", 0.1, code=2).stderr
+    assert "unknown demonstration" in run("demo", "nothing", code=2).stderr
+    text = run("demo", "--help").stdout
+    assert "--points FILE" in text
+    assert "[default: 20,10,15,20,20]" in " ".join(text.split())
+
+
 def test_help_and_version():
-    assert ct.__version__ in run("--version").stdout
-    for command in (
-        "backends",
-        "models",
-        "instances",
-        "solve",
-        "compare",
-        "check",
-        "reproduce",
-        "diagnose",
-        "demo",
-    ):
-        assert command in run("--help").stdout
-        assert "Usage" in run(command, "--help").stdout
+    """In processes of their own: what a shell sees."""
+    python = [sys.executable, "-m", "crosstrack"]
+
+    def shown(*arguments):
+        return subprocess.run(
+            [*python, *arguments], capture_output=True, text=True, check=True, timeout=60
+        ).stdout
+
+    assert ct.__version__ in shown("--version")
+    text = shown("--help")
+    for command in cli.commands:
+        assert re.search(rf"^  {command} ", text, re.M), command
+        assert run(command, "--help").stdout.startswith(f"Usage: crosstrack {command}")
+
+
+def test_help_loads_no_library(run_python, tmp_path):
+    script = (
+        "import sys, crosstrack.__main__ as m\n"
+        "try:\n    m.main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "print(sorted({'numpy', 'scipy', 'rich', 'numba'} & set(sys.modules)))"
+    )
+    assert run_python("-c", script, cwd=tmp_path).endswith("[]\n")
+
+
+def test_a_process_of_its_own_prints_only_json(instance):
+    """Both streams and the exit code as a shell sees them."""
+    done = subprocess.run(
+        [sys.executable, "-m", "crosstrack", "solve", str(instance()), "--json"],
+        capture_output=True, text=True, timeout=240, check=True,
+    )  # fmt: skip
+    assert json.loads(done.stdout)["plan"] == {"route": [0, 1, 2, 4]}
+    assert done.stderr == ""

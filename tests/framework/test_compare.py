@@ -26,15 +26,24 @@ def model():
     return ct.load("error-correction/example-1")
 
 
-def answer(backend, primal=None, dual=None, termination="optimal", worst=0.0):
+#: Guarantees by the first letter of a backend in the cases below.
+GUARANTEES = {
+    "a": Guarantee.EXACT,
+    "b": Guarantee.EXACT,
+    "h": Guarantee.HEURISTIC,
+    "r": Guarantee.RELAXATION,
+}
+
+
+def answer(backend, primal=None, dual=None, termination="optimal", worst=0.0, spread=0.0):
     """An answer as the dispatcher makes it, for the logic of verdicts alone."""
     check = Check("vertical error at B", "18", worst, "error", 1e-6, "point 4", 1e-9)
     return Solution(
         model="error-correction", instance="i", digest="d", backend=backend,
         termination=Termination(termination), primal_bound=primal, dual_bound=dual,
         plan=None if primal is None else object(), stored_plan=None if primal is None else {},
-        verification=None if primal is None else Verification(primal, (check,)),
-        options={"gap": 1e-6, "tolerance": 1e-6},
+        verification=None if primal is None else Verification(primal, (check,), spread),
+        options={"gap": 1e-6, "tolerance": 1e-6}, guarantee=GUARANTEES[backend[0]],
     )  # fmt: skip
 
 
@@ -59,10 +68,18 @@ def answer(backend, primal=None, dual=None, termination="optimal", worst=0.0):
         ([answer("a", 10, 10), answer("b", 9.6, 9.6, worst=5e-7)], "AGREED", "plan by a"),
         ([answer("a", termination="infeasible"), answer("b", 9.6, 9.6, worst=5e-7)], "AGREED", "infeasible"),
         ([answer("b", 9.6, 9.6, worst=5e-7)], "INCONCLUSIVE", "hang on a tolerance"),
+        # A relaxation proves what an exact backend does, but not that a model is unbounded.
+        ([answer("h", 10, None, "feasible"), answer("r", None, 10, "no_solution")], "AGREED", "bound by r"),
+        ([answer("h", 10, None, "feasible"), answer("r", None, 11, "no_solution")], "CONTRADICTION", "r claims"),
+        ([answer("r", termination="infeasible")], "AGREED", "infeasible, proven by r"),
+        ([answer("r", termination="unbounded")], "INCONCLUSIVE", "no verified plan"),
+        # An objective that is sampled contradicts nobody inside its spread.
+        ([answer("h", 9.9, None, "feasible", spread=0.2), answer("a", None, 10, "no_solution")], "AGREED", "bound by a"),
+        ([answer("h", 9.7, None, "feasible", spread=0.2), answer("a", None, 10, "no_solution")], "CONTRADICTION", "a claims"),
     ],
 )  # fmt: skip
 def test_verdict_is_interval_logic(answers, outcome, words):
-    verdict = judge("i", answers, frozenset({"a", "b"}))
+    verdict = judge("i", answers)
     assert verdict.outcome == outcome, verdict.evidence
     import re
 

@@ -8,6 +8,10 @@ import tomllib
 import zipfile
 
 import pytest
+from imports import TOP
+
+# One process of the tests builds the wheel.
+pytestmark = pytest.mark.xdist_group("packaging")
 
 HEAVY = (
     "casadi", "click", "cvxpy", "gurobipy", "highspy", "matplotlib", "numba", "numpy", "ortools",
@@ -24,11 +28,11 @@ def packages_of(root):
     """The packages in the tree, by dotted name."""
     own = [
         folder
-        for top in ("instances", "models", "solvers")
+        for top in TOP
         for folder in (root / top).rglob("*")
         if folder.is_dir() and folder.name != "__pycache__"
     ]
-    own += [root / top for top in ("instances", "models", "solvers")]
+    own += [root / top for top in TOP]
     holding = [folder for folder in own if any(folder.glob("*.py"))]
     return [
         "crosstrack",
@@ -126,24 +130,34 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
     assert {"entry_points.txt", "LICENSE"} <= {name.rpartition("/")[2] for name in info}
 
 
-def test_readme_and_example_run_from_the_wheel(wheel, checkout, page_code, run_python, tmp_path):
-    target = tmp_path / "installed"
-    pip = [
-        "-P",
-        "-m",
-        "pip",
-        "install",
-        "-q",
-        "--no-deps",
-        "--no-index",
-        "--target",
-        str(target),
-        str(wheel),
-    ]
-    run_python(*pip, cwd=tmp_path)
-    away = {"cwd": tmp_path, "PYTHONPATH": str(target)}
+@pytest.fixture(scope="module")
+def installed(wheel, run_python, tmp_path_factory):
+    """The folder into which the wheel was installed."""
+    place = tmp_path_factory.mktemp("installed")
+    pip = ["-P", "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target"]
+    run_python(*pip, str(place), str(wheel), cwd=place)
+    return place
+
+
+def test_the_command_line_and_workers_run_from_the_wheel(installed, run_python, tmp_path):
+    away = {"cwd": tmp_path, "PYTHONPATH": str(installed)}
     where = "import crosstrack.solvers.dispatch as m; print(m.__file__)"
-    assert run_python("-c", where, **away).startswith(str(target))
+    assert run_python("-c", where, **away).startswith(str(installed))
+    # Not compiled: the loops' plain meaning gives the same, and compiling them anew takes a minute.
+    names = "label-setting,two-stage,highs:paper"
+    arguments = ["compare", "error-correction/example-1", "--backends", names]
+    plain = {**away, "NUMBA_DISABLE_JIT": "1"}
+    assert "AGREED" in run_python("-m", "crosstrack", *arguments, **plain)
+    script = "import sys; from importlib.metadata import distribution as d; [e] = d('crosstrack')"
+    script += ".entry_points.select(group='console_scripts'); sys.exit(e.load()(['--version']))"
+    assert "version" in run_python("-c", script, **plain)
+
+
+@pytest.mark.slow
+def test_readme_and_example_run_from_the_wheel(
+    installed, checkout, page_code, run_python, tmp_path
+):
+    away = {"cwd": tmp_path, "PYTHONPATH": str(installed)}
     (tmp_path / "readme.py").write_text(page_code(checkout / "README.md"), "utf-8")
     assert "AGREED" in run_python("readme.py", **away)
     shutil.copy(checkout / "docs" / "examples" / "plot_error_correction.py", tmp_path)

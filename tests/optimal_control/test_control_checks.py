@@ -11,7 +11,8 @@ from hypothesis import given, settings, strategies as st
 
 from crosstrack.errors import InvalidData
 from crosstrack.models import ControlPlan, OptimalControlProblem, PhasePlan
-from crosstrack.models.optimal_control.checks import hamiltonian_spread, motion, verify_control
+from crosstrack.models.optimal_control.checks import motion, verify_control
+from crosstrack.models.optimal_control.hamiltonian import hamiltonian_spread
 from crosstrack.models.optimal_control.plan import Piecewise
 
 
@@ -399,7 +400,7 @@ def test_what_does_not_fit_is_refused():
         ({"rate": [1.0, 0.5], "more": [1.0]}, "parameters of the plan"),
     ):
         with pytest.raises(InvalidData, match=words) as caught:
-            verify_control(problem, ControlPlan((part,), parameters), 1e-6)
+            verify_control(problem.definition, ControlPlan((part,), parameters), 1e-6)
         assert caught.value.field == "parameters"
     with pytest.raises(InvalidData, match="state_names of phase 'phase 1'"):
         problem.verify(replace(plan, phases=(replace(part, state_names=("y", "x")),)))

@@ -24,7 +24,7 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.instances import optimal_control
 from crosstrack.models import ControlPlan, OptimalControlProblem
-from crosstrack.models.optimal_control.checks import hamiltonian_spread
+from crosstrack.models.optimal_control.hamiltonian import hamiltonian_spread
 from crosstrack.models.optimal_control.lagrange import differentiation, interpolation
 from crosstrack.models.optimal_control.transcription.mesh import Mesh
 from crosstrack.models.optimal_control.transcription.schemes import (

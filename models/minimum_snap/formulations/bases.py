@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from ..polynomials import gauss_legendre
 from .piecewise import PiecewiseFormulation, power_rows
 
-__all__ = ["LegendreFormulation", "MonomialFormulation", "UnitBasisFormulation", "legendre_basis"]
+__all__ = [
+    "LegendreFormulation",
+    "MonomialFormulation",
+    "UnitBasisFormulation",
+    "legendre_basis",
+    "unit_gram",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,7 +43,7 @@ def legendre_basis(order: int, degree: int) -> Floats:
     return basis
 
 
-def _unit_gram(basis: Floats, order: int) -> Floats:
+def unit_gram(basis: Floats, order: int) -> Floats:
     """Return ∫ φ_m^(order) φ_n^(order) ds over [0, 1] by an exact quadrature."""
     degree = basis.shape[0] - 1
     nodes, weights = gauss_legendre(degree + 1)
@@ -73,7 +79,7 @@ class UnitBasisFormulation(PiecewiseFormulation):
         total = np.zeros((model.segments, model.degree + 1, model.degree + 1))
         for order, weight in enumerate(model.order_weights, start=1):
             if weight:
-                unit = _unit_gram(self.powers, order)
+                unit = unit_gram(self.powers, order)
                 total += (weight * model.durations ** (1.0 - 2 * order))[:, None, None] * unit
         return total * self.scales[:, :, None] * self.scales[:, None, :]
 

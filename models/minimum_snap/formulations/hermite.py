@@ -104,7 +104,7 @@ class HermiteFormulation(UnitBasisFormulation):
         return scales
 
     @cached_property
-    def _reduction(self) -> _Reduction:
+    def reduction(self) -> _Reduction:
         model = self.model
         r, count, size = model.order, model.segments, model.degree + 1
         # The unknown that each local entry is: -1 where it is fixed.
@@ -156,13 +156,17 @@ class HermiteFormulation(UnitBasisFormulation):
             np.column_stack(np.unravel_index(source, number.shape)),
         )
 
+    @cached_property
+    def parabola(self) -> tuple[sp.csr_array, Floats]:
+        """Hessian and linear cost of the objective by the free derivatives, bounds left aside."""
+        matrix, local = self.reduction.matrix, self._hessian()
+        return matrix.T @ local @ matrix, matrix.T @ (local @ self.reduction.constant)
+
     def build(self) -> QuadraticProgram:
         """Return the reduced program, the constant of its objective included."""
-        reduction = self._reduction
+        reduction = self.reduction
         matrix, constant = reduction.matrix, reduction.constant
-        local = self._hessian()
-        hessian = matrix.T @ local @ matrix
-        force = local @ constant
+        hessian, cost = self.parabola
         blocks, parts, at = [], [], 0
         for name, equation, template, unit, rows in self._all_rows():
             if name in self._bound_names:
@@ -180,13 +184,13 @@ class HermiteFormulation(UnitBasisFormulation):
         rows_matrix = sp.vstack([p[0] for p in parts]) if parts else sp.csr_array((0, count))
         return QuadraticProgram(
             hessian=(hessian + hessian.T) / 2,
-            cost=matrix.T @ force,
+            cost=cost,
             matrix=sp.csr_array(rows_matrix),
             row_lower=np.concatenate([p[1] for p in parts] or [np.empty(0)]),
             row_upper=np.concatenate([p[2] for p in parts] or [np.empty(0)]),
             column_lower=np.full(count, -np.inf),
             column_upper=np.full(count, np.inf),
-            offset=float(constant @ force) / 2,
+            offset=float(constant @ self._hessian() @ constant) / 2,
             columns=(
                 Block(
                     "free derivatives", "", 0, count,
@@ -204,12 +208,12 @@ class HermiteFormulation(UnitBasisFormulation):
     def encode(self, plan: Trajectory) -> NDArray[np.float64]:
         """Return the free derivatives of `plan`."""
         local = super().encode(plan)
-        reduction = self._reduction
+        reduction = self.reduction
         scale = np.asarray(reduction.matrix[reduction.source].sum(axis=1)).ravel()
         free: NDArray[np.float64] = local[reduction.source] / scale
         return free
 
     def decode(self, point: NDArray[np.float64]) -> Trajectory:
         """Return the trajectory with these derivatives."""
-        reduction = self._reduction
+        reduction = self.reduction
         return super().decode(reduction.matrix @ np.asarray(point, float) + reduction.constant)

@@ -167,7 +167,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
             title = f"continuity of {derivative_name(order)}"
             yield title, self.continuity_equation, knot_place, "", self._continuous(order)
         place = "on segment {0}, axis {1}"
-        instants = self._held()
+        instants = self.held()
         for number, bound in enumerate(model.bounds):
             rows = self._bounded(instants, number, bound.derivative, bound.lower, bound.upper)
             yield bound.name, "", place, derivative_unit(bound.derivative), rows
@@ -246,7 +246,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     # -- corridor and limits ---------------------------------------------------------------------
 
-    def _held(self) -> Instants:
+    def held(self) -> Instants:
         """All instants: the first ones of every bounded segment, and those that were added."""
         first = first_instants(self.model, self.samples, self.continuity)
         return first.joined(self.instants)
@@ -337,7 +337,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
 
         More rows do not help against what is the solver's own inaccuracy.
         """
-        instants = self._held()
+        instants = self.held()
         take = instants.bound == number
         segment, axis, s = instants.segment[take], instants.axis[take], instants.s[take]
         if not s.size:

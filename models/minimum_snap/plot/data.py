@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from ....errors import InvalidData
 from ...fields import show
+from ...plots.options import check_list
 from ...verification import Check, Verification
 from ..bounds import Bound, Halfspaces, derivative_name
 from ..polynomials import derived
 from ..trajectory import Trajectory
 
-__all__ = ["Mark", "Scene", "given_times", "pretty_unit", "scene_of"]
+__all__ = ["Scene", "Violation", "given_times", "scene_of"]
 
 Floats = NDArray[np.float64]
 
@@ -26,10 +27,8 @@ _POINTS = 8000
 #: Points a segment: fewer do not show its shape, more are not seen.
 _FEWEST, _MOST = 4, 240
 
-_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
-
-class Mark(NamedTuple):
+class Violation(NamedTuple):
     """The place where a plan breaks one condition most.
 
     Parameters
@@ -70,17 +69,32 @@ class Scene:
         The plan.
     names : tuple of str
         Names of the axes.
+    waypoints : ndarray, shape (knots, dimensions)
+        Positions at the knots, infinite where free.
+    conditions : ndarray, shape (knots, orders, dimensions)
+        What is fixed at the knots, infinite where free.
+    timed : bool
+        Whether the knots have times: the model's, or the plan's.
+    times : ndarray, shape (knots,)
+        Times of the knots, or their numbers where nothing tells the times.
+    bounds : tuple of Bound
+        The corridor's boxes and the limits.
+    halfspaces : Halfspaces, optional
+        The polytopes.
+    verification : Verification, optional
+        The model's own check of the plan.
     """
 
     model: Any
     plan: Trajectory | None
     names: tuple[str, ...]
-
-    @property
-    def waypoints(self) -> Floats:
-        """Positions at the knots, infinite where free, shape (knots, dimensions)."""
-        found: Floats = self.model.waypoints
-        return found
+    waypoints: Floats
+    conditions: Floats
+    timed: bool
+    times: Floats
+    bounds: tuple[Bound, ...]
+    halfspaces: Halfspaces | None
+    verification: Verification | None
 
     @property
     def dimensions(self) -> int:
@@ -92,53 +106,14 @@ class Scene:
         """Number of polynomials an axis."""
         return len(self.waypoints) - 1
 
-    @cached_property
-    def timed(self) -> bool:
-        """Whether the knots have times: the model's, or the plan's."""
-        return given_times(self.model) is not None or self.plan is not None
-
-    @cached_property
-    def times(self) -> Floats:
-        """Times of the knots, or their numbers where nothing tells the times."""
-        given = given_times(self.model)
-        if given is None:
-            given = np.arange(len(self.waypoints)) if self.plan is None else self.plan.times
-        return np.asarray(given, float)
-
-    @cached_property
+    @property
     def flown(self) -> Floats:
         """Times of the plan's own knots, which are between its segments."""
         return self.times if self.plan is None else self.plan.times
 
-    @cached_property
-    def bounds(self) -> tuple[Bound, ...]:
-        """The corridor's boxes and the limits."""
-        found = getattr(self.model, "bounds", ())
-        return tuple(found() if callable(found) else found)
-
     def bounds_of(self, order: int) -> list[Bound]:
         """Return the bounds on one derivative."""
         return [bound for bound in self.bounds if bound.derivative == order]
-
-    @cached_property
-    def halfspaces(self) -> Halfspaces | None:
-        """The polytopes, None where there are none."""
-        found: Halfspaces | None = getattr(self.model, "halfspaces", None)
-        return found
-
-    @cached_property
-    def conditions(self) -> Floats:
-        """What is fixed at the knots, shape (knots, orders, dimensions), infinite where free."""
-        found = getattr(self.model, "conditions", None)
-        return self.waypoints[:, None] if found is None else np.asarray(found, float)
-
-    @cached_property
-    def verification(self) -> Verification | None:
-        """The model's own check of the plan."""
-        if self.plan is None:
-            return None
-        found: Verification = self.model.verify(self.plan)
-        return found
 
     # -- samples ---------------------------------------------------------------------------------
 
@@ -179,25 +154,24 @@ class Scene:
 
     # -- what is broken --------------------------------------------------------------------------
 
-    @cached_property
+    @property
     def violated(self) -> tuple[Check, ...]:
         """The checks that the plan does not pass."""
-        found = self.verification
-        return () if found is None else tuple(check for check in found.checks if not check.ok)
+        return () if self.verification is None else tuple(self.verification.violated)
 
     @cached_property
-    def marks(self) -> tuple[Mark, ...]:
+    def marks(self) -> tuple[Violation, ...]:
         """The worst place of each broken condition that has a place."""
-        return tuple(mark for check in self.violated for mark in self._marked(check))
+        return tuple(mark for check in self.violated for mark in self._located(check))
 
-    def _marked(self, check: Check) -> Iterator[Mark]:
+    def _located(self, check: Check) -> Iterator[Violation]:
         plan = self._planned()
         for bound in self.bounds:
             if bound.name == check.name:
                 yield self._of_bound(check, bound)
         if check.name == "polytope" and self.halfspaces is not None:
             time = self._of_halfspaces(self.halfspaces)
-            yield Mark(check, 0, -1, time, np.nan, plan(time))
+            yield Violation(check, 0, -1, time, np.nan, plan(time))
         for order in range(max(self.conditions.shape[1], plan.degree + 1)):
             word = derivative_name(order)
             begin, end = plan.at_ends(order)
@@ -219,13 +193,15 @@ class Scene:
                 off = np.where(known, np.abs(values - wanted), 0.0)
                 yield self._at_knot(check, order, off, values, 0)
 
-    def _at_knot(self, check: Check, order: int, off: Floats, values: Floats, first: int) -> Mark:
+    def _at_knot(
+        self, check: Check, order: int, off: Floats, values: Floats, first: int
+    ) -> Violation:
         row, axis = (int(k) for k in np.unravel_index(int(off.argmax()), off.shape))
         time = float(self.flown[row + first])
         value, plan = float(values[row, axis]), self._planned()
-        return Mark(check, order, axis, time, value, plan(time))
+        return Violation(check, order, axis, time, value, plan(time))
 
-    def _of_bound(self, check: Check, bound: Bound) -> Mark:
+    def _of_bound(self, check: Check, bound: Bound) -> Violation:
         plan = self._planned()
         found = plan.extremes(bound.derivative)
         best = (-np.inf, 0, 0.0, 0.0)
@@ -241,7 +217,7 @@ class Scene:
                 place = (float(times[row, axis]), float(values[row, axis]))
                 best = (float(share[row, axis]), axis, *place)
         _, axis, time, value = best
-        return Mark(check, bound.derivative, axis, time, value, plan(time))
+        return Violation(check, bound.derivative, axis, time, value, plan(time))
 
     def _of_halfspaces(self, spaces: Halfspaces) -> float:
         plan, rows = self._planned(), spaces.segments
@@ -266,25 +242,29 @@ def scene_of(model: Any, plan: Any, names: Any) -> Scene:
             f"{dimensions}-D",
             field="plan",
         )
-    return Scene(model, plan, _names(names, dimensions))
+    times, bounds = given_times(model), getattr(model, "bounds", ())
+    if times is None and plan is not None:
+        times = plan.times
+    conditions = getattr(model, "conditions", None)
+    return Scene(
+        model, plan, _names(names, dimensions), waypoints,
+        conditions=waypoints[:, None] if conditions is None else np.asarray(conditions, float),
+        timed=times is not None,
+        times=np.asarray(np.arange(count + 1) if times is None else times, float),
+        bounds=tuple(bounds() if callable(bounds) else bounds),
+        halfspaces=getattr(model, "halfspaces", None),
+        verification=None if plan is None else model.verify(plan),
+    )  # fmt: skip
 
 
 def _names(names: Any, dimensions: int) -> tuple[str, ...]:
     if names is None:
         # Beyond three, the numbers that the checks speak of.
         return tuple("xyz"[k] if k < 3 else f"axis {k}" for k in range(dimensions))
-    listed = list(names) if isinstance(names, tuple | list) else []
-    wrong = len(listed) != dimensions or len(set(map(str, listed))) < dimensions
-    if wrong or not all(isinstance(name, str) and name for name in listed):
-        raise InvalidData(
-            f"names must hold {dimensions} different word{'s' if dimensions > 1 else ''}, one an "
-            f"axis, got {show(names)}",
-            field="names",
+    allowed = f"hold {dimensions} different word{'s' if dimensions > 1 else ''}, one an axis"
+    return tuple(
+        check_list(
+            "names", names, lambda name: isinstance(name, str) and name != "", allowed,
+            least=dimensions, most=dimensions,
         )
-    return tuple(listed)
-
-
-def pretty_unit(unit: str) -> str:
-    """Return ``"m/s²"`` for ``"m/s^2"``."""
-    base, mark, power = unit.partition("^")
-    return base + power.translate(_SUPERSCRIPTS) if mark else unit
+    )  # fmt: skip

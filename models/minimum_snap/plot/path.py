@@ -7,18 +7,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...plots.labels import place_labels
-from ...plots.style import BLACK, CORRIDOR, CORRIDOR_EDGE, GREY, MOST_KNOTS, RED, bare, speed_map
+from ...plots.labels import write_names
+from ...plots.space import dots, dress_space
+from ...plots.style import BLACK, DARK, GREY, MOST_KNOTS, RED, bare, inches
 from .data import Scene
-from .regions import Region, regions
+from .regions import regions
 
 if TYPE_CHECKING:
     from matplotlib.collections import Collection
 
-__all__ = ["draw_path", "speeds"]
+__all__ = ["draw_path", "line_by_speed"]
 
 Floats = NDArray[np.float64]
 
+_CORRIDOR, _EDGE = "#dfe9f1", "#8fabc2"
 #: More regions than this are drawn as their union, without the edges between them.
 _MOST_OUTLINES = 40
 #: More bodies than this are not drawn.
@@ -31,19 +33,11 @@ _MOST_NUMBERS = 25
 _BETWEEN = 6
 #: All edges first and all faces over them: what is left is the outline of the union.
 _UNION: list[tuple[Any, Any, float]] = [
-    (CORRIDOR_EDGE, CORRIDOR_EDGE, 1.6),
-    (CORRIDOR, CORRIDOR, 0.4),
+    (_EDGE, _EDGE, 1.6),
+    (_CORRIDOR, _CORRIDOR, 0.4),
 ]
-#: Size of the numbers, and how wide a digit and how high a line of it are (point).
-_FONT, _CHARACTER, _LINE = 7.0, 4.4, 7.5
 #: A side of the space shorter than this part of the longest is widened, at the same scale.
 _FLATTEST = 0.3
-
-
-def speeds(scene: Scene, shown: tuple[int, ...]) -> Floats:
-    """Return the speed along the shown axes at every sample."""
-    found: Floats = np.linalg.norm(scene.samples(1)[:, list(shown)], axis=1)
-    return found
 
 
 def draw_path(
@@ -82,11 +76,15 @@ def draw_path(
         if space:
             floor = _window(low, high, shown)[0][2]
             axes.plot(way[:, 0], way[:, 1], floor, color=GREY, lw=0.8, alpha=0.55, zorder=1)
-        coloured = _coloured(way, speeds(scene, shown), axes)
+        speed = np.linalg.norm(scene.samples(1)[:, own], axis=1)
+        coloured = line_by_speed(way, speed, axes)
     else:
         axes.plot(*places[known].T, color=GREY, lw=0.9, ls=(0, (2, 2)), zorder=3)
     handles = _waypoints(scene, axes, places, known) + handles
-    handles += _marks(scene, own, axes)
+    if scene.marks:
+        worst = np.array([one.position[own] for one in scene.marks])
+        look: dict[str, Any] = {"size": 120, "edge": RED, "width": 1.6, "zorder": 21}
+        handles.append(dots(axes, worst, "o", "none", label="worst violation", **look))
     _frame(scene, shown, axes, low, high)
     if labels or (labels is None and len(places) <= _MOST_NUMBERS):
         _numbers(scene, own, axes, places)
@@ -146,175 +144,94 @@ def _corridor(
     notes = ["tilted half-spaces left out"] if omitted else []
     if not found:
         return [], notes
-    if space:
-        _bodies(found, axes)
-    else:
-        _polygons(found, axes)
+    _faces(found, axes, space)
     label = "corridor"
     if space and total > _MOST_BODIES:
         label += f" ({_MOST_BODIES} of {total} drawn)"
-    return [Patch(facecolor=CORRIDOR, edgecolor=CORRIDOR_EDGE, lw=0.8, label=label)], notes
+    return [Patch(facecolor=_CORRIDOR, edgecolor=_EDGE, lw=0.8, label=label)], notes
 
 
-def _polygons(found: list[Region], axes: Any) -> None:
+def _faces(found: list[list[Floats]], axes: Any, space: bool) -> None:
     from matplotlib.collections import PolyCollection
-
-    corners = [face for region in found for face in region.faces]
-    if len(found) <= _MOST_OUTLINES:
-        layers = [(CORRIDOR, "none", 0.0), ("none", CORRIDOR_EDGE, 0.7)]
-    else:
-        layers = _UNION
-    for layer, (face, edge, width) in enumerate(layers):
-        axes.add_collection(
-            PolyCollection(
-                corners,
-                facecolors=face,
-                edgecolors=edge,
-                linewidths=width,
-                zorder=0.5 + 0.1 * layer,
-                gid="corridor",
-            ),
-            autolim=False,
-        )
-
-
-def _bodies(found: list[Region], axes: Any) -> None:
     from matplotlib.colors import to_rgba
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    faces = [face for region in found for face in region.faces]
-    if len(found) <= _MOST_OUTLINES:
-        layers = [(to_rgba(CORRIDOR_EDGE, 0.05), to_rgba(CORRIDOR_EDGE, 0.7), 0.6)]
-    else:
+    layers: list[tuple[Any, Any, float]] = [(_CORRIDOR, "none", 0.0), ("none", _EDGE, 0.7)]
+    if len(found) > _MOST_OUTLINES:
         layers = _UNION
+    elif space:
+        layers = [(to_rgba(_EDGE, 0.05), to_rgba(_EDGE, 0.7), 0.6)]
+    kind: Any = Poly3DCollection if space else PolyCollection
+    faces = [face for region in found for face in region]
     for layer, (face, edge, width) in enumerate(layers):
-        body = Poly3DCollection(
-            faces,
-            facecolors=face,
-            edgecolors=edge,
-            linewidths=width,
-            zorder=1.5 + 0.1 * layer,
-            gid="corridor",
-        )
-        axes.add_collection3d(body, autolim=False)
+        drawn = kind(
+            faces, facecolors=face, edgecolors=edge, linewidths=width, gid="corridor",
+            zorder=(1.5 if space else 0.5) + 0.1 * layer,
+        )  # fmt: skip
+        (axes.add_collection3d if space else axes.add_collection)(drawn, autolim=False)
 
 
 # -- path and waypoints --------------------------------------------------------------------------
 
 
-def _coloured(way: Floats, speed: Floats, axes: Any) -> Collection:
+def line_by_speed(way: Floats, speed: Floats, axes: Any) -> Collection:
+    """Draw a line through places of a plane or of space, (samples, 2 or 3), coloured by speed."""
+    import matplotlib
     from matplotlib.collections import LineCollection
-    from matplotlib.colors import Normalize
+    from matplotlib.colors import ListedColormap, Normalize
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
+    space = way.shape[1] == 3
     pieces = np.stack([way[:-1], way[1:]], axis=1)
     # Two samples stand at each knot.
     long = (pieces[:, 0] != pieces[:, 1]).any(axis=1)
-    mean = (speed[:-1] + speed[1:])[long] / 2
-    kind: Any = Line3DCollection if way.shape[1] == 3 else LineCollection
+    whole = matplotlib.colormaps["viridis"]
+    kind: Any = Line3DCollection if space else LineCollection
     found: Collection = kind(
-        pieces[long],
-        array=mean,
-        cmap=speed_map(),
-        norm=Normalize(0.0, float(speed.max()) or 1.0),
-        linewidths=2.2,
-        capstyle="round",
-        zorder=3,
-    )
-    if way.shape[1] == 3:
-        axes.add_collection3d(found, autolim=False)
-    else:
-        axes.add_collection(found, autolim=False)
+        pieces[long], array=(speed[:-1] + speed[1:])[long] / 2,
+        # Without viridis's end, which is too pale on white paper.
+        cmap=ListedColormap([whole(k / 280) for k in range(256)], name="speed"),
+        norm=Normalize(0.0, float(speed.max()) or 1.0), linewidths=2.2, capstyle="round", zorder=3,
+    )  # fmt: skip
+    (axes.add_collection3d if space else axes.add_collection)(found, autolim=False)
     return found
 
 
 def _waypoints(scene: Scene, axes: Any, places: Floats, known: NDArray[np.bool_]) -> list[Any]:
-    space = places.shape[1] == 3
-    depth = {"depthshade": False} if space else {}
     drawn = _whole(np.isfinite(places))
-    inner = drawn.copy()
-    inner[[0, -1]] = False
-    crowd = len(places) > MOST_KNOTS
+    knot = np.arange(len(places))
+    first, last = drawn & (knot == 0), drawn & (knot == knot[-1])
+    inner = drawn & ~first & ~last & (scene.plan is None or len(places) <= _MOST_WAYPOINTS)
     # Many waypoints are dots: rings would hide the path.
-    small = {"s": max(2.0, 10.0 * MOST_KNOTS / len(places)), "linewidths": 0}
-    rings = {"s": 22, "linewidths": 1.0}
-    handles = []
-    if scene.plan is not None and len(places) > _MOST_WAYPOINTS:
-        inner[:] = False
-    for chosen, face, word in (
-        (inner & known, "white", "waypoint"),
-        (inner & ~known, "#c9c9c9", "waypoint, partly free"),
-    ):
-        if chosen.any():
-            look: dict[str, Any] = (
-                {"c": BLACK if face == "white" else GREY, **small}
-                if crowd
-                else {"facecolors": face, "edgecolors": BLACK, **rings}
-            )
-            marker = "o" if face == "white" else "D"
-            handles.append(
-                axes.scatter(
-                    *places[chosen].T, marker=marker, zorder=5, label=word, **look, **depth
-                )
-            )
+    crowd = len(places) > MOST_KNOTS
+    size, edge = (max(2.0, 10.0 * MOST_KNOTS / len(places)), "none") if crowd else (22, BLACK)
+    partly = "waypoint, partly free"
     # Where both are one place, the start is seen on the end.
-    for knot, marker, word, size, face in (
-        (0, ">", "start", 34, "white"),
-        (-1, "s", "end", 52, BLACK),
-    ):
-        if drawn[knot]:
-            handles.append(
-                axes.scatter(
-                    *places[[knot]].T, marker=marker, s=size, facecolors=face, edgecolors=BLACK,
-                    linewidths=1.0, zorder=7 if knot == 0 else 6, label=word, **depth,
-                )
-            )  # fmt: skip
-    return handles
-
-
-def _marks(scene: Scene, own: list[int], axes: Any) -> list[Any]:
-    if not scene.marks:
-        return []
-    depth = {"depthshade": False} if len(own) == 3 else {}
-    places = np.array([mark.position[own] for mark in scene.marks])
     return [
-        axes.scatter(
-            *places.T, marker="o", facecolors="none", edgecolors=RED, s=120, linewidths=1.6,
-            zorder=21, label="worst violation", **depth,
+        dots(axes, places[rows], marker, face, size=size, edge=edge, zorder=zorder, label=label)
+        for rows, marker, face, size, edge, zorder, label in (
+            (inner & known, "o", BLACK if crowd else "white", size, edge, 5, "waypoint"),
+            (inner & ~known, "D", GREY if crowd else "#c9c9c9", size, edge, 5, partly),
+            (first, ">", "white", 34, BLACK, 7, "start"),
+            (last, "s", BLACK, 52, BLACK, 6, "end"),
         )
-    ]  # fmt: skip
+        if rows.any()
+    ]
 
 
 def _numbers(scene: Scene, own: list[int], axes: Any, places: Floats) -> None:
     """Write the numbers of the knots, each where it hides least."""
-    from matplotlib.patheffects import withStroke
-
-    drawn = _whole(np.isfinite(places))
-    knots = np.flatnonzero(drawn)
+    knots = np.flatnonzero(_whole(np.isfinite(places)))
     at, texts = places[knots], [str(knot) for knot in knots]
     if scene.plan is not None:
         # Nameless places between the knots tell the way of the line that is not to be hidden.
         part = np.arange(_BETWEEN * scene.segments + 1) / _BETWEEN
         at = scene.plan(np.interp(part, np.arange(len(places)), scene.plan.times))[:, own]
+        at[_BETWEEN * knots] = places[knots]
         texts = [""] * len(at)
-        at[::_BETWEEN][drawn] = places[drawn]
         for knot in knots:
             texts[_BETWEEN * knot] = str(knot)
-    axes.apply_aspect()
-    if at.shape[1] == 3:
-        seen = np.column_stack([at, np.ones(len(at))]) @ axes.get_proj().T
-        at = seen[:, :2] / seen[:, 3:]
-    # In points of print, the unit of font sizes.
-    paper = axes.transData.transform(at) * 72 / axes.figure.dpi
-    offsets = place_labels(paper, [_CHARACTER * len(t) for t in texts], height=_LINE)
-    halo = [withStroke(linewidth=1.8, foreground="white")]
-    for text, place, offset in zip(texts, at, offsets, strict=True):
-        if text:
-            axes.annotate(
-                text, place, offset, textcoords="offset points", fontsize=_FONT, color="#404040",
-                ha="center", va="center_baseline", path_effects=halo, zorder=20,
-                annotation_clip=False,
-            )  # fmt: skip
+    write_names(axes, at, texts, size=7.0, colour=DARK)
 
 
 def _whole(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -336,13 +253,11 @@ def _window(low: Floats, high: Floats, shown: tuple[int, ...]) -> tuple[Floats, 
 
 
 def _frame(scene: Scene, shown: tuple[int, ...], axes: Any, low: Floats, high: Floats) -> None:
-    from matplotlib.ticker import MaxNLocator
-
     begin, end = _window(low, high, shown)
     if len(shown) == 2:
         # Equal scales: the side that has room to spare is widened.
-        box, sheet = axes.get_position(), axes.figure.bbox
-        paper = np.array([box.width * sheet.width, box.height * sheet.height])
+        box = axes.get_position()
+        paper = np.array([box.width, box.height]) * inches(axes.figure)
         half = paper * ((end - begin) / paper).max() / 2
         begin, end = (begin + end) / 2 - half, (begin + end) / 2 + half
     for name, axis, first, last in zip("xyz", shown, begin, end, strict=False):
@@ -355,13 +270,4 @@ def _frame(scene: Scene, shown: tuple[int, ...], axes: Any, low: Floats, high: F
     sides = end - begin
     # A tall box fills the frame to its foot, where the labels of the floor want room as well.
     axes.set_box_aspect(sides, zoom=1.0 if sides[2] <= sides[:2].max() else 0.86)
-    axes.tick_params(labelsize=7.5, pad=0)
-    axes.view_init(elev=28, azim=-62)
-    for pane in (axes.xaxis, axes.yaxis, axes.zaxis):
-        pane.pane.set_facecolor("white")
-        pane.pane.set_edgecolor("#d0d0d0")
-        pane._axinfo["grid"].update(color="#e6e6e6", linewidth=0.6)
-        pane.set_major_locator(MaxNLocator(nbins=5))
-    # The box is wider than the square that matplotlib clips to.
-    for artist in (*axes.collections, *axes.lines):
-        artist.set_clip_on(False)
+    dress_space(axes)

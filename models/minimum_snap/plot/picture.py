@@ -7,18 +7,27 @@ the worst place is ringed in red on both sides.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....errors import InvalidData
-from ...fields import show
-from ...plots.style import BLACK, RED, number
+from ...plots.options import check_flags, check_list, is_whole
+from ...plots.panels import draw_panel, draw_panels, keys_of
+from ...plots.space import space_axes
+from ...plots.style import (
+    RED,
+    headline,
+    inches,
+    legend_below,
+    number,
+    pretty_unit,
+    sheet,
+    title_of,
+)
 from ..bounds import derivative_name
-from .data import Scene, given_times, pretty_unit, scene_of
-from .panels import draw_panel, panel_handles, title_of, told
-from .path import draw_path
+from .data import Scene, given_times, scene_of
+from .panels import panel_of, span_of, told
+from .path import draw_path, line_by_speed
 
 if TYPE_CHECKING:
     from matplotlib.collections import Collection
@@ -32,8 +41,6 @@ __all__ = ["draw"]
 _LEFT = 0.53
 #: The highest derivative that can be drawn.
 _HIGHEST = 15
-#: Conditions named in the title; more are counted.
-_MOST_NAMED = 2
 
 
 def draw(
@@ -80,110 +87,57 @@ def draw(
     Raises
     ------
     InvalidData
-        The plan is no trajectory of the model's shape, or an option has a value that is not
-        allowed.
+        The plan is no trajectory of the model's shape.
+    UnsupportedOption
+        An option has a value that is not allowed.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     scene = scene_of(model, plan, names)
     shown = _shown(axes, scene.dimensions)
-    orders = _orders(derivatives, scene, shown)
-    if labels is not None and not isinstance(labels, bool):
-        raise InvalidData(f"labels must be True, False or None, got {show(labels)}", field="labels")
-    figure = Figure(figsize=_size(size, len(orders)), dpi=150)
-    FigureCanvasAgg(figure)
+    orders = _orders(derivatives, scene)
+    if labels is not None:
+        check_flags(labels=labels)
+    count = len(orders)
+    figure = sheet(size, (12.5, max(5.8, 1.25 + 1.2 * count)) if count else (6.9, 5.8))
+    text = _title(scene) if title is None else title
+    left: Any = figure
     if orders:
         halves: Any = figure.subfigures(1, 2, width_ratios=[_LEFT, 1 - _LEFT], wspace=0.0)
         left, right = halves
-    else:
-        left = figure
-    broad, tall = (float(edge) for edge in figure.get_size_inches())
-    _left(scene, shown, orders, left, (broad * (_LEFT if orders else 1), tall), labels)
+    _left(scene, shown, orders, left, labels)
     if orders:
-        _right(scene, orders, right, (broad * (1 - _LEFT), tall))
-    text = _title(scene) if title is None else title
-    figure.suptitle(
-        text, fontsize=11, y=1 - 0.13 / tall, va="top", color=RED if scene.violated else BLACK
-    )
+        draw_panels(
+            right, [panel_of(scene, order) for order in orders], [span_of(scene)], title=text,
+            wrong=False, label="time (s)", ruled=True,
+        )  # fmt: skip
+    headline(figure, text, wrong=bool(scene.violated))
     return figure
-
-
-# -- options -------------------------------------------------------------------------------------
-
-
-def _whole(value: Any) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
-
-
-def _listed(value: Any) -> list[Any] | None:
-    """Return the entries of `value`, None where it is no list of them."""
-    if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-        return None
-    return list(value)
 
 
 def _shown(axes: Any, dimensions: int) -> tuple[int, ...]:
     if axes is None:
         return tuple(range(min(dimensions, 3)))
-    listed = _listed(axes)
-    if (
-        listed is None
-        or not 1 <= len(listed) <= 3
-        or not all(_whole(axis) and 0 <= axis < dimensions for axis in listed)
-        or len(set(listed)) < len(listed)
-    ):
-        raise InvalidData(
-            f"axes must hold 1 to 3 different axes from 0 to {dimensions - 1}, got {show(axes)}",
-            field="axes",
-        )
-    return tuple(int(axis) for axis in listed)
+    last = dimensions - 1
+    allowed = f"hold 1 to 3 different axes from 0 to {last}"
+    return tuple(check_list("axes", axes, lambda one: is_whole(one, 0, last), allowed, most=3))
 
 
-def _orders(derivatives: Any, scene: Scene, shown: tuple[int, ...]) -> list[int]:
+def _orders(derivatives: Any, scene: Scene) -> list[int]:
     if derivatives is None:
         # With one axis, the position over time stands on the left already.
         first = 1 if scene.dimensions == 1 else 0
         found = list(range(first, int(getattr(scene.model, "order", 4)) + 1))
-    elif _whole(derivatives) and 0 <= derivatives <= _HIGHEST:
+    elif is_whole(derivatives, 0, _HIGHEST):
         found = list(range(int(derivatives) + 1))
     else:
-        listed = _listed(derivatives)
-        if (
-            listed is None
-            or not all(_whole(order) and 0 <= order <= _HIGHEST for order in listed)
-            or len(set(listed)) < len(listed)
-        ):
-            raise InvalidData(
-                f"derivatives must be a whole number from 0 to {_HIGHEST}, or different ones in a "
-                f"tuple, got {show(derivatives)}",
-                field="derivatives",
-            )
-        found = [int(order) for order in listed]
-    return [] if scene.plan is None else found
-
-
-def _size(size: Any, panels: int) -> tuple[float, float]:
-    if size is None:
-        return (12.5, max(5.8, 1.25 + 1.2 * panels)) if panels else (6.9, 5.8)
-    try:
-        width, height = (float(edge) for edge in size)
-    except (TypeError, ValueError):
-        width = height = 0.0
-    if not (0 < width <= 100 and 0 < height <= 100):
-        raise InvalidData(
-            f"size must be width and height in inches, each > 0 and <= 100, got {show(size)}",
-            field="size",
+        allowed = f"be a whole number from 0 to {_HIGHEST}, or different ones in a tuple"
+        found = check_list(
+            "derivatives", derivatives, lambda one: is_whole(one, 0, _HIGHEST), allowed, least=0
         )
-    return width, height
-
-
-# -- what stands around --------------------------------------------------------------------------
+    return [] if scene.plan is None else found
 
 
 def _title(scene: Scene) -> str:
     model = scene.model
-    name = getattr(model, "name", "")
     if scene.plan is None:
         parts = [model.describe()]
     else:
@@ -195,13 +149,7 @@ def _title(scene: Scene) -> str:
             letter = "J" if given_times(model) is not None else "objective"
             parts.append(f"{letter} = {number(found.objective)} {unit}".rstrip())
         parts.append(f"{number(scene.plan.duration, 5)} s")
-    text = f"{name}  ·  {', '.join(parts)}" if name else ", ".join(parts)
-    if scene.violated:
-        broken = [check.name for check in scene.violated]
-        more = len(broken) - _MOST_NAMED
-        listed = ", ".join(broken[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
-        text += f"\nNOT VALID: {listed}"
-    return text
+    return title_of(getattr(model, "name", ""), parts, scene.verification)
 
 
 def _what(model: Any) -> str:
@@ -213,38 +161,37 @@ def _what(model: Any) -> str:
 
 
 def _left(
-    scene: Scene, shown: tuple[int, ...], orders: list[int], figure: Any,
-    inches: tuple[float, float], labels: bool | None,
-) -> None:  # fmt: skip
-    broad, tall = inches
+    scene: Scene, shown: tuple[int, ...], orders: list[int], figure: Any, labels: bool | None
+) -> None:
+    broad, tall = inches(figure)
     space, planned = len(shown) == 3, scene.plan is not None
     low, high = _margins(tall, 0.98 + (0.1 if planned else -0.3) * space, 0.66)
     begin, end = _margins(broad, *((0.0, 0.65) if space else (0.65, 1.2 if planned else 0.25)))
     place = (begin, low, end - begin, high - low)
     notes: list[str] = []
+    coloured: Collection | None = None
     if len(shown) == 1:
         axes = figure.add_axes(place)
-        coloured = draw_panel(scene, 0, axes, only=shown, coloured=True)
+        panel = panel_of(scene, 0, shown)
+        draw_panel(panel, axes, [span_of(scene)], wrong=False, ruled=True)
+        for line in [line for line in axes.lines if str(line.get_gid()).startswith("curve")]:
+            speed = np.abs(scene.samples(1)[:, shown[0]])
+            coloured = line_by_speed(np.column_stack(line.get_data()), speed, axes)
+            line.remove()
         axes.set_ylabel(f"{scene.names[shown[0]]} (m)", fontsize=8.5)
         axes.set_xlabel("time (s)" if scene.timed else "knot", fontsize=8.5)
-        handles = panel_handles(scene, [axes])
+        handles = keys_of([panel], [axes])
     else:
-        # In space the order of drawing is ours: matplotlib would put far markers behind the path.
-        kind = {"projection": "3d", "computed_zorder": False} if space else {}
-        axes = figure.add_axes(place, **kind)
+        axes = space_axes(figure, place) if space else figure.add_axes(place)
         coloured, handles, notes = draw_path(scene, shown, axes, labels=labels)
     if coloured is not None:
         # The frame of space needs the width, so the bar lies below it.
         across = (0.27, 0.85 / tall, 0.4, 0.09 / tall)
         upright = (end + 0.22 / broad, low + 0.15 * (high - low), 0.13 / broad, 0.7 * (high - low))
         _speed_bar(scene, shown, figure, coloured, across if space else upright)
-    if handles:
-        figure.legend(
-            handles=handles, loc="lower center", bbox_to_anchor=(0.47, 0.08 / tall),
-            ncols=len(handles), fontsize=7.5, frameon=False, handletextpad=0.3, columnspacing=1.2,
-        )  # fmt: skip
+    legend_below(figure, handles, 0.47)
     # What no panel tells.
-    broken = [told(mark) for mark in scene.marks if mark.axis < 0 or mark.order not in orders]
+    broken = [told(one) for one in scene.marks if one.axis < 0 or one.order not in orders]
     for text, colour, line in (("; ".join(broken), RED, 0.02), ("; ".join(notes), "#505050", 0.16)):
         if text:
             figure.text(0.02, high + line / tall, text, fontsize=7.5, color=colour, va="bottom")
@@ -253,24 +200,6 @@ def _left(
 def _margins(length: float, before: float, after: float) -> tuple[float, float]:
     """Return where a frame begins and ends, with these margins (inch) where there is room."""
     return min(before / length, 0.35), max(1 - after / length, 0.55)
-
-
-def _right(scene: Scene, orders: list[int], figure: Any, inches: tuple[float, float]) -> None:
-    broad, tall = inches
-    panels = list(figure.subplots(len(orders), 1, sharex=True, squeeze=False)[:, 0])
-    low, high = _margins(tall, 0.5, 0.92)
-    begin, end = _margins(broad, 0.78, 0.15)
-    figure.subplots_adjust(left=begin, right=end, bottom=low, top=high, hspace=0.22)
-    for order, axes in zip(orders, panels, strict=True):
-        draw_panel(scene, order, axes)
-        axes.set_ylabel(title_of(order), fontsize=8)
-    panels[-1].set_xlabel("time (s)", fontsize=8.5)
-    figure.align_ylabels(panels)
-    handles = [h for h in panel_handles(scene, panels) if h.get_label() != "worst violation"]
-    figure.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.55, 1 - 0.50 / tall),
-        ncols=len(handles), fontsize=7.5, frameon=False, handletextpad=0.4, columnspacing=1.2,
-    )  # fmt: skip
 
 
 def _speed_bar(

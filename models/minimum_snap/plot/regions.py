@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from .data import Scene
 
-__all__ = ["Region", "regions"]
+__all__ = ["regions"]
 
 Floats = NDArray[np.float64]
 
@@ -17,24 +16,9 @@ Floats = NDArray[np.float64]
 _TILT = 1e-9
 
 
-class Region(NamedTuple):
-    """Where one or several segments may be.
-
-    Parameters
-    ----------
-    segment : int
-        The first of the segments.
-    faces : list of ndarray, each of shape (corners, shown axes)
-        One polygon in a plane; the faces of a body in space.
-    """
-
-    segment: int
-    faces: list[Floats]
-
-
 def regions(
     scene: Scene, shown: tuple[int, ...], low: Floats, high: Floats, most: int | None = None
-) -> tuple[list[Region], int, bool]:
+) -> tuple[list[list[Floats]], int, bool]:
     """Return the regions of the corridor, cut off at a box, as seen along the shown axes.
 
     Parameters
@@ -50,8 +34,9 @@ def regions(
 
     Returns
     -------
-    list of Region
-        Empty ones are left out.
+    list of lists of ndarray, each of shape (corners, shown axes)
+        The faces of each region: one polygon in a plane, those of a body in space. Empty regions are
+        left out.
     int
         How many different regions there are.
     bool
@@ -94,8 +79,7 @@ def regions(
         tilted = (np.abs(np.delete(normals, axes, axis=1)) > _TILT).any(axis=1)
         if tilted.any() and low.size == 3:
             faces = _body(lower[segment], upper[segment], normals, offsets)
-            corners = np.concatenate(faces)[:, axes] if faces else np.zeros((0, 2))
-            faces = [_hull(corners)] if len(corners) else []
+            faces = _hull(np.concatenate(faces)[:, axes]) if faces else []
         else:
             omitted |= bool((tilted & (np.abs(normals[:, axes]) > _TILT).any(axis=1)).any())
             part = normals[~tilted][:, axes]
@@ -103,7 +87,7 @@ def regions(
             shape = _body if len(axes) == 3 else _polygon
             faces = shape(*ends, part, offsets[~tilted])
         if faces:
-            found.append(Region(segment, faces))
+            found.append(faces)
     return found, total, omitted
 
 
@@ -159,18 +143,10 @@ def _clip(corners: Floats, normal: Floats, offset: float) -> Floats:
     return np.array(kept).reshape(-1, corners.shape[1])
 
 
-def _hull(points: Floats) -> Floats:
-    """Return the convex hull of points in a plane, in order (Andrew's monotone chain)."""
+def _hull(points: Floats) -> list[Floats]:
+    """Return the convex hull of points in a plane, nothing where they lie on a line."""
     ordered = np.unique(points.round(12), axis=0)
-    chain: list[Floats] = []
-    for way in (ordered, ordered[::-1]):
-        start = len(chain)
-        for point in way:
-            while len(chain) >= start + 2:
-                (ax, ay), (bx, by) = chain[-1] - chain[-2], point - chain[-2]
-                if ax * by - ay * bx > 0:
-                    break
-                chain.pop()
-            chain.append(point)
-        chain.pop()
-    return np.array(chain or ordered)
+    size = np.abs(ordered).max(initial=1.0)
+    if np.linalg.matrix_rank(ordered[1:] - ordered[:1], tol=1e-9 * size) < 2:
+        return []
+    return [ordered[ConvexHull(ordered).vertices]]

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import InvalidData
 from ...fields import show
-from ..definition import Guess, Phase
+from ..definition import Guess, Quantity
 from ..plan import EDGE, ControlPlan, PhasePlan
 from .terms import middle, numbers
 
-if TYPE_CHECKING:
-    from .phase import PhaseDraft
-
-__all__ = ["drawn_up", "sampled"]
+__all__ = ["draw_lines", "read_guess"]
 
 Floats = NDArray[np.float64]
 
@@ -25,8 +22,17 @@ Floats = NDArray[np.float64]
 SAMPLES = 201
 
 
-def sampled(
-    phase: PhaseDraft,
+class Guessed(Protocol):
+    """What a guess must know of a phase: its quantities, and the bounds of its two times."""
+
+    name: str
+    bounds: tuple[float, float, float, float]
+    states: dict[str, Quantity]
+    controls: dict[str, Quantity]
+
+
+def read_guess(
+    phase: Guessed,
     plan: Any,
     time: Any,
     values: Mapping[str, Any],
@@ -38,11 +44,11 @@ def sampled(
     """
     found = dict(before)
     if plan is not None:
-        found.update(_taken_over(phase, plan))
+        found.update(_take_over(phase, plan))
     begin = found.get("time")
     fractions: Floats | None = None
     if time is not None:
-        grid = _times(phase, time)
+        grid = _read_times(phase, time)
         begin = (float(grid[0]), float(grid[-1]))
         fractions = (grid - grid[0]) / (grid[-1] - grid[0])
     if begin is not None:
@@ -62,7 +68,7 @@ def sampled(
     return found
 
 
-def _times(phase: PhaseDraft, time: Any) -> Floats:
+def _read_times(phase: Guessed, time: Any) -> Floats:
     """Return the times of samples, which begin and end when the phase may."""
     wanted = "finite, increasing times"
     grid = numbers("time of a guess", time, wanted)
@@ -105,7 +111,7 @@ def _table(name: str, value: Any, size: int, fractions: Floats | None) -> tuple[
     return places, table
 
 
-def _taken_over(phase: PhaseDraft, value: Any) -> dict[str, Any]:
+def _take_over(phase: Guessed, value: Any) -> dict[str, Any]:
     plan = getattr(value, "plan", value)
     if isinstance(plan, ControlPlan):
         names = [one.name for one in plan.phases]
@@ -141,20 +147,20 @@ def _taken_over(phase: PhaseDraft, value: Any) -> dict[str, Any]:
     return found
 
 
-def drawn_up(phase: Phase, given: Mapping[str, Any]) -> Guess:
+def draw_lines(phase: Guessed, given: Mapping[str, Any]) -> Guess:
     """Return the guess of a phase: what was given, and straight lines for the rest.
 
     A state goes from its initial to its final value where they are fixed; a value that is free is
     the other end's, or the middle of its bounds, or 0 moved into them.
     """
-    start = float(np.clip(0.0, phase.start_lower, phase.start_upper))
-    end = 0.5 * (phase.end_lower + phase.end_upper)
+    start_lower, start_upper, end_lower, end_upper = phase.bounds
+    start, end = 0.0, 0.5 * (end_lower + end_upper)
     if "time" in given:
         start, end = given["time"]
-    start = float(np.clip(start, phase.start_lower, phase.start_upper))
-    end = float(np.clip(end, phase.end_lower, phase.end_upper))
+    start = float(np.clip(start, start_lower, start_upper))
+    end = float(np.clip(end, end_lower, end_upper))
     if not end > start:
-        end = start + 0.5 * (phase.end_upper - start)
+        end = start + 0.5 * (end_upper - start)
     places = {0.0, 1.0}
     for name, value in given.items():
         if name != "time":
@@ -163,13 +169,13 @@ def drawn_up(phase: Phase, given: Mapping[str, Any]) -> Guess:
     fractions = np.array(sorted(places))
     tables: dict[str, list[Floats]] = {"states": [], "controls": []}
     for what in ("states", "controls"):
-        for quantity in getattr(phase, what):
+        for quantity in getattr(phase, what).values():
             value = given.get(quantity.name)
             if value is None:
                 ends = _ends(quantity)
                 table = ends[0] + fractions[:, None] * (ends[1] - ends[0])
             elif callable(value):
-                table = _called(
+                table = _sample(
                     quantity.name, value, start + fractions * (end - start), quantity.size
                 )
             else:
@@ -188,7 +194,7 @@ def drawn_up(phase: Phase, given: Mapping[str, Any]) -> Guess:
     )
 
 
-def _called(name: str, function: Any, times: Floats, size: int) -> Floats:
+def _sample(name: str, function: Any, times: Floats, size: int) -> Floats:
     rows = []
     for t in times.tolist():
         try:
@@ -207,17 +213,13 @@ def _called(name: str, function: Any, times: Floats, size: int) -> Floats:
     return np.array(rows)
 
 
-def _ends(quantity: Any) -> tuple[Floats, Floats]:
-    found = []
-    for low, high in (
-        (quantity.initial_lower, quantity.initial_upper),
-        (quantity.final_lower, quantity.final_upper),
-    ):
-        fixed = low == high
-        found.append((fixed, low))
-    inside = middle(quantity.lower, quantity.upper)
-    begin = np.where(found[0][0], found[0][1], np.where(found[1][0], found[1][1], inside))
-    end = np.where(found[1][0], found[1][1], np.where(found[0][0], found[0][1], inside))
-    low = np.clip(begin, quantity.initial_lower, quantity.initial_upper)
-    high = np.clip(end, quantity.final_lower, quantity.final_upper)
-    return low, high
+def _ends(one: Quantity) -> tuple[Floats, Floats]:
+    """Return the values at both ends: a fixed one, else the other end's, else the middle of bounds."""
+    inside = middle(one.lower, one.upper)
+    first, last = one.initial_lower == one.initial_upper, one.final_lower == one.final_upper
+    begin = np.where(first, one.initial_lower, np.where(last, one.final_lower, inside))
+    end = np.where(last, one.final_lower, np.where(first, one.initial_lower, inside))
+    return (
+        np.clip(begin, one.initial_lower, one.initial_upper),
+        np.clip(end, one.final_lower, one.final_upper),
+    )

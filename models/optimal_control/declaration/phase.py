@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ....errors import InvalidData
 from ...fields import show
-from ..definition import Guess, Phase, Quantity, Restriction
-from .guess import drawn_up, sampled
+from ..definition import Phase, Quantity, Restriction
+from .guess import draw_lines, read_guess
 from .terms import (
     bounds,
     checked_size,
@@ -29,15 +29,15 @@ from .terms import (
     typical,
 )
 
-__all__ = ["PhaseDraft"]
+__all__ = ["PhaseBuilder"]
 
 Floats = NDArray[np.float64]
 Symbol = Any  # casadi.MX
 
 
 @dataclass(eq=False)
-class PhaseDraft:
-    """One phase of a problem being declared; made by :meth:`OptimalControlProblem.phase`.
+class PhaseBuilder:
+    """One phase of a problem being declared; made by :meth:`ControlProblemBuilder.phase`.
 
     Attributes
     ----------
@@ -331,11 +331,11 @@ class PhaseDraft:
             linearly, one value throughout, or a function of time.
         """
         self.opened()
-        self.guessed = sampled(self, plan, time, values, self.guessed)
+        self.guessed = read_guess(self, plan, time, values, self.guessed)
 
-    # -- the end product -------------------------------------------------------------------------
+    # -- the definition -------------------------------------------------------------------------
 
-    def finished(self, parameters: Sequence[Symbol]) -> Phase:
+    def define(self, parameters: Sequence[Symbol]) -> Phase:
         """Return the phase's definition, or raise for what is missing."""
         if not self.states:
             raise InvalidData(f"phase {self.name!r} has no state", field="states")
@@ -364,7 +364,7 @@ class PhaseDraft:
             [self.time, *self.symbols.values(), *parameters],
         )
         start_lower, start_upper, end_lower, end_upper = self.bounds
-        partial = Phase(
+        return Phase(
             name=self.name,
             states=tuple(self.states.values()),
             controls=tuple(self.controls.values()),
@@ -377,11 +377,9 @@ class PhaseDraft:
             integrals=len(self.integrands),
             invariants=tuple(one for one, _ in self.invariants),
             function=function,
-            guess=Guess(0.0, 1.0, np.zeros(1), np.zeros((1, x.numel())), np.zeros((1, u.numel()))),
+            guess=draw_lines(self, self.guessed),
             dynamics_equation=self.equation,
         )
-        object.__setattr__(partial, "guess", drawn_up(partial, self.guessed))
-        return partial
 
     def _refuse_strangers(
         self, what: str, columns: Sequence[Symbol], known: Sequence[Symbol]

@@ -1,19 +1,19 @@
-"""Declaring an optimal control problem: symbols in, a :class:`~.control_definition.Definition` out."""
+"""Declaring an optimal control problem: symbols in, a problem with a definition out."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Generic, Self, SupportsIndex, TypeVar
 
 import casadi
 import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import InvalidData
-from ...fields import show
+from ...fields import Text, show
+from ...model import Model
 from ..definition import Definition, Quantity, Restriction
-from .phase import PhaseDraft
+from .phase import PhaseBuilder
 from .terms import (
     bounds,
     checked_size,
@@ -30,25 +30,97 @@ from .terms import (
     vector,
 )
 
-__all__ = ["Draft", "PhaseDraft"]
+__all__ = ["ControlProblemBuilder"]
 
 Floats = NDArray[np.float64]
 Symbol = Any  # casadi.MX
+ModelT = TypeVar("ModelT", bound=Model[Any])
 
 
-@dataclass(eq=False)
-class Draft:
-    """A problem being declared."""
+class ControlProblemBuilder(Generic[ModelT]):
+    """An optimal control problem that is being declared; ``OptimalControlProblem(name)`` returns one.
 
-    phases: list[PhaseDraft] = field(default_factory=list)
-    parameters: dict[str, tuple[Quantity, Symbol]] = field(default_factory=dict)
-    boundaries: list[tuple[Restriction, Symbol]] = field(default_factory=list)
-    objective: tuple[Symbol, str] | None = None
+    Declare phases, states, controls, dynamics and what is to be minimised; then hand it to
+    :func:`crosstrack.solve` like any model. Expressions are CasADi's (``casadi.sin(x)``, ``x**2``).
+    Whatever the built problem has (``digest``, ``verify``, ``to_json`` …) is asked of :meth:`build`.
+    Declaring more afterwards is allowed, and makes it another problem with another digest.
+
+    Parameters
+    ----------
+    name : str
+        A label for people.
+    make : callable
+        Returns the problem for a name and a definition.
+    """
+
+    def __init__(self, name: str, make: Callable[..., ModelT]) -> None:
+        self.name = Text().coerce("name", name, {})
+        self.phases: list[PhaseBuilder] = []
+        self.parameters: dict[str, tuple[Quantity, Symbol]] = {}
+        self.boundaries: list[tuple[Restriction, Symbol]] = []
+        self.objective: tuple[Symbol, str] | None = None
+        self._make = make
+        self._built: ModelT | None = None
+
+    def build(self) -> ModelT:
+        """Return the problem as it is declared now.
+
+        Raises
+        ------
+        InvalidData
+            Something is missing: a state without dynamics, an objective.
+        """
+        if self._built is None:
+            self._built = self._make(self.name, definition=self._define())
+        return self._built
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        return getattr(self.build(), name)
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
+        # Symbols cannot leave the process: a copy is the built problem.
+        return self.build().__reduce_ex__(protocol)
+
+    def __repr__(self) -> str:
+        if self._built is None:
+            return f"<{type(self).__name__} {self.name!r} {self.describe()}>"
+        return repr(self._built)
+
+    def describe(self) -> str:
+        """Return the size in a few words, ``"being declared"`` before the first use."""
+        return "being declared" if self._built is None else str(self.build().describe())
+
+    def _open(self) -> Self:
+        """Return the builder to declare more in; what was built before is void."""
+        self._built = None
+        return self
+
+    # -- declaring -------------------------------------------------------------------------------
 
     def phase(
-        self, opened: Callable[[], Any], name: str, time: Any, unit: str, equation: str
-    ) -> PhaseDraft:
-        """Add a phase."""
+        self,
+        name: str = "",
+        *,
+        time: tuple[Any, Any] = (0.0, 1.0),
+        unit: str = "s",
+        equation: str = "",
+    ) -> PhaseBuilder:
+        """Add a phase, and return it to declare states, controls and dynamics in.
+
+        Parameters
+        ----------
+        name : str
+            Its name; ``"phase 1"``, ``"phase 2"`` … where none is given.
+        time : tuple
+            When it starts and when it ends: each a number, or ``(lower, upper)`` where it is free.
+        unit : str
+            Unit of time.
+        equation : str
+            The paper's number of the equation of motion.
+        """
+        self._open()
         name = name or f"phase {len(self.phases) + 1}"
         free_name("a phase", name, [one.name for one in self.phases])
         if not isinstance(time, tuple | list) or len(time) != 2:
@@ -57,24 +129,51 @@ class Draft:
                 f"got {show(time)}",
                 field="time",
             )
-        sides = [_times(what, name, one) for what, one in zip(("start", "end"), time, strict=True)]
+        sides = [
+            _read_time(what, name, one) for what, one in zip(("start", "end"), time, strict=True)
+        ]
         (first, _), (_, last) = sides
         if not first < last:
             raise InvalidData(
                 f"time of phase {name!r} must go forward, got start {first:g}, end {last:g}",
                 field="time",
             )
-        made = PhaseDraft(
+        made = PhaseBuilder(
             name, (*sides[0], *sides[1]), text("unit", unit, f"phase {name!r}"),
-            text("equation", equation, f"phase {name!r}"), opened,
+            text("equation", equation, f"phase {name!r}"), self._open,
         )  # fmt: skip
         self.phases.append(made)
         return made
 
     def parameter(
-        self, name: str, size: int, lower: Any, upper: Any, guess: Any, scale: Any, unit: str
+        self,
+        name: str,
+        size: int = 1,
+        *,
+        lower: Any = None,
+        upper: Any = None,
+        guess: Any = None,
+        scale: Any = None,
+        unit: str = "",
     ) -> Symbol:
-        """Add a parameter."""
+        """Declare a constant that is chosen with the motion, and return its symbol.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        size : int
+            Number of entries.
+        lower, upper : float or array_like, optional
+            Bounds.
+        guess : float or array_like, optional
+            Where a search starts.
+        scale : float or array_like, optional
+            Typical size.
+        unit : str
+            Unit, for people.
+        """
+        self._open()
         free_name("a parameter", name, list(self.parameters))
         size = checked_size(name, size)
         low, high = bounds(name, lower, upper, size)
@@ -97,8 +196,18 @@ class Draft:
         self.parameters[name] = (quantity, symbol)
         return symbol
 
-    def minimise(self, objective: Any, unit: str) -> None:
-        """Set the objective."""
+    def minimise(self, objective: Any, *, unit: str = "") -> None:
+        """Declare what is minimised.
+
+        Parameters
+        ----------
+        objective : casadi expression
+            In integrals (``phase.integral(…)``), values at the ends (``phase.final(x)``), times
+            (``phase.end``) and parameters.
+        unit : str
+            Its unit.
+        """
+        self._open()
         value = column("objective", objective)
         if value.numel() != 1:
             raise InvalidData(
@@ -109,14 +218,30 @@ class Draft:
     def subject_to(
         self,
         expression: Any,
-        lower: Any,
-        upper: Any,
-        equals: Any,
-        words: tuple[str, str, str],
-        scale: Any,
+        *,
+        lower: Any = None,
+        upper: Any = None,
+        equals: Any = None,
+        name: str = "",
+        equation: str = "",
+        unit: str = "",
+        scale: Any = None,
     ) -> None:
-        """Add a boundary constraint."""
-        name = words[0] or f"boundary {len(self.boundaries) + 1}"
+        """Declare a boundary constraint: on values at the ends, integrals, times and parameters.
+
+        Parameters
+        ----------
+        expression : casadi expression
+            What is bounded, or a relation such as ``phase.final(x) <= 2 * p``.
+        lower, upper, equals : float or array_like, optional
+            Its bounds, or the value it must have.
+        name, equation, unit : str
+            In the words of the paper.
+        scale : float or array_like, optional
+            Typical size of the expression.
+        """
+        self._open()
+        name = name or f"boundary {len(self.boundaries) + 1}"
         lists = [self.boundaries]
         for one in self.phases:
             lists += [one.paths, one.invariants]
@@ -125,14 +250,23 @@ class Draft:
         bounded, low, high = related(
             f"boundary constraint {name!r}", expression, lower, upper, equals
         )
-        made = restriction((name, *words[1:]), bounded.numel(), low, high, scale)
+        made = restriction((name, equation, unit), bounded.numel(), low, high, scale)
         self.boundaries.append((made, bounded))
 
-    def link(self, first: PhaseDraft, second: PhaseDraft, states: Sequence[str]) -> None:
-        """Add continuity between two phases."""
+    def link(self, first: PhaseBuilder, second: PhaseBuilder, *states: str) -> None:
+        """Let `second` begin when and where `first` ends.
+
+        Parameters
+        ----------
+        first, second : phase
+            The two phases.
+        *states : str
+            Names of the states that go on; all that both phases have, where none is named.
+        """
+        self._open()
         for one in (first, second):
             if not any(one is known for known in self.phases):
-                what = f"phase {one.name!r}" if isinstance(one, PhaseDraft) else show(one)
+                what = f"phase {one.name!r}" if isinstance(one, PhaseBuilder) else show(one)
                 raise InvalidData(f"link: {what} is no phase of this problem", field="link")
         label = f"link of {first.name!r} and {second.name!r}"
         if first is second:
@@ -145,11 +279,11 @@ class Draft:
                 field="link",
             )
         taken = [one.name for one, _ in self.boundaries]
-        made = [self._continued(label, name, first, second) for name in names]
+        made = [self._continue(label, name, first, second) for name in names]
         for known, _ in made:
             if known.name in taken:
                 raise InvalidData(f"{label}: {known.name!r} is declared already", field="link")
-        _meeting(label, "time", first.bounds[2:], second.bounds[:2])
+        _check_meeting(label, "time", first.bounds[2:], second.bounds[:2])
         words = (f"time goes on from {first.name} to {second.name}", "", first.unit)
         # Said once, however many calls link the states; times that are fixed meet already.
         if words[0] not in taken and len({*first.bounds[2:], *second.bounds[:2]}) > 1:
@@ -158,8 +292,8 @@ class Draft:
         self.boundaries += made
 
     @staticmethod
-    def _continued(
-        label: str, name: Any, first: PhaseDraft, second: PhaseDraft
+    def _continue(
+        label: str, name: Any, first: PhaseBuilder, second: PhaseBuilder
     ) -> tuple[Restriction, Symbol]:
         """Return what lets one state go on from phase to phase."""
         if name not in first.states or name not in second.states:
@@ -172,7 +306,7 @@ class Draft:
                 field="link",
             )
         for k in range(before.size):
-            _meeting(
+            _check_meeting(
                 label,
                 f"state {name!r}",
                 (before.final_lower[k], before.final_upper[k]),
@@ -183,7 +317,7 @@ class Draft:
         made = restriction(words, before.size, 0.0, 0.0, scale)
         return made, second.ends[name][0] - first.ends[name][1]
 
-    def finished(self) -> Definition:
+    def _define(self) -> Definition:
         """Return the definition, or raise for what is missing."""
         if not self.phases:
             raise InvalidData("the problem has no phase: declare one with phase(…)", field="phases")
@@ -192,7 +326,7 @@ class Draft:
                 "the problem has no objective: declare it with minimise(…)", field="objective"
             )
         parameters = [symbol for _, symbol in self.parameters.values()]
-        phases = tuple(one.finished(parameters) for one in self.phases)
+        phases = tuple(one.define(parameters) for one in self.phases)
         ends: list[Symbol] = []
         for one in self.phases:
             ends += [one.start, one.end]
@@ -242,7 +376,7 @@ class Draft:
                 raise InvalidData(f"the {what} uses {symbol.name()!r}, {hint}", field=what)
 
 
-def _times(what: str, name: str, value: Any) -> tuple[float, float]:
+def _read_time(what: str, name: str, value: Any) -> tuple[float, float]:
     """Return the bounds of one of a phase's two times, which must be finite."""
     label = f"{what} of phase {name!r}"
     pair = tuple(value) if isinstance(value, list) else value
@@ -260,7 +394,7 @@ def _times(what: str, name: str, value: Any) -> tuple[float, float]:
     return float(low[0]), float(high[0])
 
 
-def _meeting(
+def _check_meeting(
     label: str, what: str, before: tuple[float, float], after: tuple[float, float]
 ) -> None:
     """Raise where what ends in one range cannot go on in the other."""

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from ...programs.blocks import Block
 from ...programs.nonlinear import NonlinearProgram
+from ...programs.triplets import Triplets, dm
 from .derivatives import NodeFunctions, functions_of
 from .layout import Layout, PhaseLayout
-from .triplets import Triplets, dm
 
 __all__ = ["Assembly"]
 

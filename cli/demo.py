@@ -1,0 +1,104 @@
+"""The demonstration: every backend on one instance of a problem, or on a user's own data."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .options import as_json, compare_code, draw, picture_path
+
+if TYPE_CHECKING:
+    from ..models.model import Model
+    from ..solvers.solution import Solution
+
+__all__ = ["demo"]
+
+
+@cache
+def _declared() -> tuple[click.Option, ...]:
+    """Return the options that the problems' demonstrations declare, the first of equal names."""
+    from ..instances.demos import demos
+
+    found: dict[str, click.Option] = {}
+    for one in demos().values():
+        for name, option in one.options.items():
+            default = "" if option.default is None else f"  [default: {option.default}]"
+            found.setdefault(
+                name,
+                click.Option(
+                    [f"--{name.replace('_', '-')}", name],
+                    type=option.type,
+                    metavar=option.metavar,
+                    help=option.help + default,
+                ),
+            )
+    return tuple(found.values())
+
+
+class _DemoCommand(click.Command):
+    """A command whose options are those that the problems declare, beside its own."""
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        problem, *rest = super().get_params(ctx)
+        return [problem, *_declared(), *rest]
+
+
+@click.command(cls=_DemoCommand)
+@click.argument("problem", default="error-correction")
+@click.option(
+    "--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run."
+)
+@click.option(
+    "--plot",
+    metavar="FILE",
+    default="crosstrack-demo.png",
+    show_default=True,
+    help="Where the picture goes.",
+)
+@as_json
+def demo(problem: str, time_limit: float, plot: str, as_json: bool, **given: Any) -> int:
+    """Solve an instance of PROBLEM with every backend, print the verdict, draw the plan.
+
+    PROBLEM is error-correction where none is named: a route past 327 points.
+    """
+    from ..instances.demos import build_demo
+    from ..solvers.crosscheck import Comparison, compare, rejudged
+    from ..solvers.registry import find_backend, fitting
+    from ..solvers.report.terminal import emit, progress, show
+
+    picture = picture_path(plot)
+    model: Model[Any] = build_demo(
+        problem, {name: value for name, value in given.items() if value is not None}
+    )
+    if not as_json:
+        show(f"{model.name}: {model.describe()}", f"  digest {model.digest}")
+    chosen = fitting(model)
+    # Native first; their best plan then starts the programs' solvers.
+    native = [name for name in chosen if isinstance(model, find_backend(name, model).accepts)]
+    parts: list[Comparison] = []
+    with progress("solving:") as news:
+
+        def ended(solution: Solution[Any]) -> None:
+            news(f"{solution.backend} {solution.termination}")
+
+        for names in (native, [name for name in chosen if name not in native]):
+            start = rejudged(model, *parts).verdicts[0].best if parts else None
+            if names:
+                part = compare(
+                    model, names, time_limit=time_limit, warm_start=start, on_solution=ended
+                )
+                parts.append(part)
+    result = rejudged(model, *parts)
+    if as_json:
+        emit(result.to_dict())
+    else:
+        show(*result.parts())
+    best = result.verdicts[0].best
+    if best is not None:
+        if not as_json:
+            show(f"best plan, by {best.backend}: {best.plan}")
+        if picture is not None:
+            draw(model, best, picture)
+    return compare_code(result)

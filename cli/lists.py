@@ -1,0 +1,101 @@
+"""The commands that list what there is: backends, models, instances."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import click
+
+from .options import VERIFIED, as_json
+
+__all__ = ["backends", "instances", "models"]
+
+
+@click.command()
+@click.option("--probe", is_flag=True, help="Load each one in a worker to find what is broken.")
+@as_json
+def backends(probe: bool, as_json: bool) -> int:
+    """List the backends: installed or not, version, what they accept, guarantee, features."""
+    from ..solvers.isolation import probe as probed
+    from ..solvers.registry import backend_states
+    from ..solvers.report.tables import table
+    from ..solvers.report.terminal import emit, progress, show
+
+    states = backend_states()
+    if probe:
+        with progress("loading every backend"):
+            states = probed(states)
+    if as_json:
+        emit([state.to_dict() for state in states])
+        return VERIFIED
+    columns = ("backend", "state", "version", "accepts", "guarantee", "features", "summary")
+    groups: dict[str, list[tuple[str, ...]]] = {}
+    for s in states:
+        row = (s.name, s.state, s.version or "", s.accepts, s.guarantee, ", ".join(s.features))
+        owner = s.problem.replace("_", "-")
+        group = f"native algorithms of {owner}" if owner else "solvers of programs"
+        groups.setdefault(group, []).append((*row, s.cause or s.summary))
+    drop = ("features", "version", "accepts", "state")
+    show(
+        *(
+            table(group, columns, rows, whole=("state", "guarantee"), drop=drop)
+            for group, rows in groups.items()
+        )
+    )
+    return VERIFIED
+
+
+@click.command()
+@as_json
+def models(as_json: bool) -> int:
+    """List the models with their formulations."""
+    from ..models.problems import loadable_models
+    from ..solvers.report.tables import table
+    from ..solvers.report.terminal import emit, show
+
+    found: list[dict[str, Any]] = []
+    for kind, cls in loadable_models():
+        unit = cls.objective_unit
+        found.append(
+            {
+                "model": kind,
+                "class": f"{cls.__module__}.{cls.__qualname__}",
+                "formulations": {
+                    name: cls.formulation_type(name).summary for name in cls.formulations
+                },
+                "default_formulation": cls.default_formulation or None,
+                # None where each problem of the kind has its own.
+                "objective_unit": unit if isinstance(unit, str) else None,
+                "summary": (cls.__doc__ or "").strip().partition("\n")[0],
+            }
+        )
+    if as_json:
+        emit(found)
+    else:
+        rows = [(f["model"], _plain(f["summary"]), ", ".join(f["formulations"])) for f in found]
+        show(table("", ("model", "summary", "formulations"), rows, drop=("formulations",)))
+    return VERIFIED
+
+
+@click.command()
+@as_json
+def instances(as_json: bool) -> int:
+    """List the catalogue: papers, published figures, where the data comes from."""
+    from ..instances.catalogue import entries
+    from ..solvers.report.tables import table
+    from ..solvers.report.terminal import emit, show
+
+    found = entries()
+    if as_json:
+        emit([entry.to_dict() for entry in found])
+    else:
+        rows = [(e.name, e.model, e.provenance, e.title, e.note) for e in found]
+        columns = ("instance", "model", "data", "title", "note")
+        show(table("", columns, rows, whole=("model", "data"), drop=("note", "model", "data")))
+    return VERIFIED
+
+
+def _plain(text: str) -> str:
+    """Return a line of a docstring without its markup."""
+    return re.sub(r":\w+:`~?([^`]*)`|``?([^`]*)``?", lambda m: m[1] or m[2], text)

@@ -1,0 +1,123 @@
+"""What several commands share: exit codes, options, and the drawing of a picture."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from ..models.model import Model
+    from ..solvers.crosscheck import Comparison
+
+__all__ = [
+    "INFEASIBLE",
+    "INTERNAL",
+    "INTERRUPTED",
+    "MISSING",
+    "NO_ANSWER",
+    "USAGE",
+    "VERIFIED",
+    "VIOLATED",
+    "common",
+    "compare_code",
+    "draw",
+    "numbers",
+    "only",
+    "pairs",
+    "picture_path",
+]
+
+#: The exit codes; ``crosstrack.__main__`` says what each means.
+VERIFIED, INTERNAL, USAGE, INFEASIBLE, NO_ANSWER, MISSING, VIOLATED = range(7)
+INTERRUPTED = 130
+
+_PLOT_SUFFIXES = (".png", ".pdf", ".svg")
+
+#: The options that commands share one by one.
+as_json = click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
+plot = click.option("--plot", metavar="FILE", help="Write a picture of the plan (png, pdf, svg).")
+tolerance = click.option(
+    "--tolerance", type=float, help="Largest violation accepted, relative to max(1, limit)."
+)
+_COMMON = [
+    click.option("--formulation", help="Formulation for backends that take programs."),
+    click.option("--time-limit", type=float, help="Seconds for a run, building included."),
+    click.option("--gap", type=float, help="Relative gap at which an exact backend may stop."),
+    tolerance,
+    click.option("--seed", type=int, help="Seed for backends that draw."),
+    click.option("--threads", type=int, help="Threads for backends that use several."),
+    click.option(
+        "--evaluations", type=int, help="Evaluations granted, for backends that count them."
+    ),
+    click.option("--target", type=float, help="An objective that is good enough to stop at."),
+    click.option("--warm-start", metavar="PLAN.json", help="A plan to start from; verified first."),
+    as_json,
+]
+
+
+def common(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that ``solve`` and ``compare`` share."""
+    for option in reversed(_COMMON):
+        command = option(command)
+    return command
+
+
+def pairs(values: Sequence[str], option: str) -> dict[str, Any]:
+    """Return ``KEY=VALUE`` options as a mapping; a value that is JSON is read as such."""
+    found: dict[str, Any] = {}
+    for value in values:
+        key, sign, text = value.partition("=")
+        if not sign or not key:
+            raise click.BadParameter(f"{value!r} is not KEY=VALUE", param_hint=option)
+        try:
+            found[key] = json.loads(text)
+        except json.JSONDecodeError:
+            found[key] = text
+    return found
+
+
+def only(**options: Any) -> dict[str, Any]:
+    """Return the options that were given."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def numbers(text: str) -> set[int]:
+    """Return the whole numbers that ``1-6,9`` names."""
+    found: set[int] = set()
+    for part in text.split(","):
+        first, dash, last = part.partition("-")
+        try:
+            found.update(range(int(first), int(last if dash else first) + 1))
+        except ValueError:
+            raise click.BadParameter(
+                f"{part!r} is neither a number nor a range", param_hint="--rows"
+            ) from None
+    return found
+
+
+def picture_path(value: str | None) -> Path | None:
+    """Return where a picture goes; a name that no picture has raises."""
+    from ..instances.storage import writable
+
+    return None if value is None else writable(value, _PLOT_SUFFIXES)
+
+
+def draw(model: Model[Any], plan: Any, path: Path, tolerance: float | None = None) -> None:
+    """Write the picture of a plan or solution, held to `tolerance` where the picture has one."""
+    from ..models.plots import picture_options, plot
+    from ..solvers.report.terminal import say
+
+    options = only(tolerance=tolerance) if "tolerance" in picture_options(model.kind) else {}
+    plot(model, plan, **options).savefig(path, dpi=150)
+    say(f"picture: {path}")
+
+
+def compare_code(result: Comparison) -> int:
+    """Return the exit code for a comparison."""
+    if result.interrupted:
+        return INTERRUPTED
+    return {"AGREED": VERIFIED, "CONTRADICTION": VIOLATED}.get(str(result.outcome), NO_ANSWER)

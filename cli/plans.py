@@ -1,0 +1,152 @@
+"""The commands about plans: check one, export one, say why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import click
+
+from .options import (
+    INFEASIBLE,
+    NO_ANSWER,
+    VERIFIED,
+    VIOLATED,
+    as_json,
+    draw,
+    only,
+    pairs,
+    picture_path,
+    plot,
+    tolerance,
+)
+
+__all__ = ["check", "diagnose", "export"]
+
+
+@click.command()
+@click.argument("instance")
+@click.argument("plan", metavar="PLAN.json")
+@click.option("--formulation", help="Check every row of this formulation as well.")
+@tolerance
+@as_json
+@plot
+def check(
+    instance: str,
+    plan: str,
+    formulation: str | None,
+    tolerance: float | None,
+    as_json: bool,
+    plot: str | None,
+) -> int:
+    """Verify somebody else's plan for INSTANCE: exit code 0 when it holds, 6 when it does not."""
+    from ..instances.catalogue import load
+    from ..instances.storage import read_plan
+    from ..solvers.dispatch import verify
+    from ..solvers.report.tables import verification_table
+    from ..solvers.report.terminal import emit, show
+
+    picture = picture_path(plot)
+    model = load(instance)
+    found = read_plan(model, plan)
+    verification = verify(model, found, formulation=formulation, **only(tolerance=tolerance))
+    if as_json:
+        emit({"model": model.kind, "instance": model.name, "verification": verification.to_dict()})
+    else:
+        objective = (
+            "" if verification.objective is None else f", objective {verification.objective:.10g}"
+        )
+        show(f"{model.name}: {'verified' if verification.ok else 'NOT verified'}{objective}")
+        show(verification_table(verification))
+    if picture is not None:
+        draw(model, found, picture, tolerance)
+    return VERIFIED if verification.ok else VIOLATED
+
+
+@click.command()
+@click.argument("instance")
+@click.argument("plan", metavar="PLAN.json")
+@click.option("--format", "form", help="A format of the problem (default: its first).")
+@click.option("--output", metavar="FILE", required=True, help="The file to write.")
+@click.option("--rate", type=float, help="Samples a unit of time, for samples (default: 100).")
+@click.option(
+    "--precision",
+    type=click.Choice(["float32", "float64"]),
+    help="Digits of the numbers in poly7: the firmware's (default: float32), or all.",
+)
+@click.option(
+    "--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the format's own."
+)
+@click.option("--tolerance", type=float, help="Largest violation accepted (default 1e-6).")
+@as_json
+def export(
+    instance: str,
+    plan: str,
+    form: str | None,
+    output: str,
+    rate: float | None,
+    precision: str | None,
+    options: Sequence[str],
+    tolerance: float | None,
+    as_json: bool,
+) -> int:
+    """Write PLAN.json for INSTANCE as a file that other software reads.
+
+    Each problem has formats of its own; an unknown name lists them. The plan is verified first:
+    one that does not hold is not written (exit code 6).
+    """
+    from ..instances.catalogue import load
+    from ..instances.exports import choose_format, export_plan
+    from ..instances.storage import read_plan, writable
+    from ..solvers.dispatch import verify
+    from ..solvers.report.tables import verification_table
+    from ..solvers.report.terminal import emit, show
+
+    asked = only(rate=rate, precision=precision) | pairs(options, "--option")
+    model = load(instance)
+    name, chosen = choose_format(model, form, asked)
+    writable(output, (chosen.suffix,))
+    found = read_plan(model, plan)
+    verification = verify(model, found, **only(tolerance=tolerance))
+    if not verification.ok:
+        show(f"{model.name}: NOT verified, nothing written")
+        show(verification_table(verification))
+        return VIOLATED
+    report = export_plan(model, found, output, name, **asked)
+    says_more = hasattr(report, "to_dict")
+    if as_json:
+        emit({"format": name, "path": output, **(report.to_dict() if says_more else {})})
+    else:
+        show(str(report) if says_more else f"{output}: {found}")
+    return VERIFIED
+
+
+@click.command()
+@click.argument("instance")
+@click.option("--backend", help="Filter the blocks of a program with this backend instead.")
+@click.option("--formulation", help="The program whose rows are filtered (default: paper).")
+@click.option(
+    "--time-limit",
+    type=float,
+    default=60.0,
+    show_default=True,
+    help="Seconds for each program solved.",
+)
+@as_json
+def diagnose(
+    instance: str, backend: str | None, formulation: str | None, time_limit: float, as_json: bool
+) -> int:
+    """Say why INSTANCE has no plan, in the paper's words (exit code 3), or that it has one (0)."""
+    from ..instances.catalogue import load
+    from ..solvers import diagnosis
+    from ..solvers.report.terminal import emit, progress, show
+
+    model = load(instance)
+    with progress(f"{instance}: looking for the reason"):
+        found = diagnosis.diagnose(model, backend, formulation=formulation, time_limit=time_limit)
+    if as_json:
+        emit(found.to_dict())
+    else:
+        show(str(found))
+    answer: dict[Any, int] = {True: VERIFIED, False: INFEASIBLE, None: NO_ANSWER}
+    return answer[found.feasible]

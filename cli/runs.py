@@ -1,0 +1,221 @@
+"""The commands that run backends on instances: solve, compare, reproduce."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .options import (
+    INFEASIBLE,
+    INTERNAL,
+    INTERRUPTED,
+    NO_ANSWER,
+    VERIFIED,
+    VIOLATED,
+    as_json,
+    common,
+    compare_code,
+    draw,
+    numbers,
+    only,
+    pairs,
+    picture_path,
+    plot,
+)
+
+if TYPE_CHECKING:
+    from ..solvers.solution import Solution
+
+__all__ = ["compare", "reproduce", "solve"]
+
+
+@click.command()
+@click.argument("instance")
+@click.option(
+    "--backend", default="auto", show_default=True, help="A name from 'crosstrack backends'."
+)
+@common
+@click.option(
+    "--starts", type=int, default=1, show_default=True, help="Starts from different seeds."
+)
+@click.option(
+    "--option",
+    "options",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="An option of the backend's own.",
+)
+@click.option(
+    "--formulation-option",
+    "formulation_options",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="An option of the formulation.",
+)
+@click.option(
+    "--isolate/--no-isolate", default=None, help="Run in a worker process, or in this one."
+)
+@plot
+@click.option("--output", metavar="FILE", help="Write the solution as JSON.")
+def solve(
+    instance: str, backend: str, options: Sequence[str], formulation_options: Sequence[str], as_json: bool,
+    plot: str | None, output: str | None, warm_start: str | None, starts: int, isolate: bool | None, **asked: Any,
+) -> int:  # fmt: skip
+    """Solve INSTANCE and verify the answer."""
+    from ..instances.catalogue import load
+    from ..instances.storage import read_plan, writable, write_text
+    from ..solvers import dispatch
+    from ..solvers.report.tables import solutions_table, verification_table
+    from ..solvers.report.terminal import emit, progress, say, show
+
+    picture, record = picture_path(plot), None if output is None else writable(output)
+    model = load(instance)
+    start = None if warm_start is None else read_plan(model, warm_start)
+    with progress(f"{instance}: {backend}") as news:
+        solution = dispatch.solve(
+            model,
+            backend,
+            warm_start=start,
+            starts=starts,
+            isolate=isolate,
+            on_incumbent=lambda i: news(f"incumbent {i.objective:.10g} after {i.seconds:.1f} s"),
+            backend_options=pairs(options, "--option"),
+            formulation_options=pairs(formulation_options, "--formulation-option"),
+            **only(**asked),
+        )
+    if as_json:
+        emit(solution.to_dict())
+    else:
+        show(solutions_table([solution], solution.instance))
+        if solution.plan is not None:
+            show(f"plan: {solution.plan}")
+        if solution.verification is not None:
+            show(verification_table(solution.verification))
+        if solution.message:
+            show(f"message: {solution.message}")
+        if solution.termination in ("infeasible", "locally_infeasible"):
+            show(f"crosstrack diagnose {instance} says why")
+    if record is not None:
+        write_text(record, solution.to_json(indent=2) + "\n")
+    if picture is not None:
+        if solution.plan is None:
+            say("no plan, no picture")
+        else:
+            draw(model, solution, picture)
+    return _solve_code(solution)
+
+
+def _solve_code(solution: Solution[Any]) -> int:
+    """Return the exit code for a solution."""
+    if solution.limit == "interrupted":
+        return INTERRUPTED
+    if solution.plan is not None:
+        return VERIFIED
+    codes = {
+        "infeasible": INFEASIBLE,
+        "unbounded": INFEASIBLE,
+        "rejected": VIOLATED,
+        "failed": INTERNAL,
+    }
+    return codes.get(str(solution.termination), NO_ANSWER)
+
+
+@click.command()
+@click.argument("instances", nargs=-1, required=True, metavar="INSTANCE...")
+@click.option(
+    "--backends",
+    "names",
+    help="Names separated by commas, each with :formulation where wanted; all that are installed and accept the first instance.",
+)
+@common
+@click.option(
+    "--grace",
+    type=float,
+    default=10.0,
+    show_default=True,
+    help="Seconds past the time limit before a worker is killed.",
+)
+@click.option("--workers", type=int, default=1, show_default=True, help="Jobs at the same time.")
+@click.option(
+    "--repeats", type=int, default=1, show_default=True, help="Runs of each backend that draws."
+)
+@click.option(
+    "--jsonl", metavar="FILE", help="Append every answer to FILE at once, one JSON line each."
+)
+@click.option("--resume", is_flag=True, help="Go on with FILE, running only what it lacks.")
+def compare(
+    instances: Sequence[str], names: str | None, as_json: bool, jsonl: str | None, resume: bool,
+    warm_start: str | None, grace: float, workers: int, repeats: int, **asked: Any,
+) -> int:  # fmt: skip
+    """Solve every INSTANCE with several backends, one process each, and judge the answers."""
+    from ..instances.catalogue import load
+    from ..instances.storage import read_plan
+    from ..solvers import crosscheck
+    from ..solvers.registry import fitting
+    from ..solvers.report.terminal import emit, progress, show
+
+    if resume and jsonl is None:
+        raise click.UsageError("--resume needs --jsonl FILE")
+    models = [load(instance) for instance in instances]
+    chosen = (
+        [name.strip() for name in names.split(",") if name.strip()]
+        if names
+        else list(fitting(models[0]))
+    )
+    start = None if warm_start is None else [read_plan(model, warm_start) for model in models]
+    total, count = len(models) * len(chosen), 0
+    with progress(f"0 of {total}") as news:
+
+        def ended(solution: Solution[Any]) -> None:
+            nonlocal count
+            count += 1
+            news(
+                f"{count} done, last: {solution.instance} {solution.backend} {solution.termination}"
+            )
+
+        result = crosscheck.compare(
+            models, chosen, record=jsonl, resume=resume, warm_start=start, grace=grace,
+            workers=workers, repeats=repeats, on_solution=ended, **only(**asked),
+        )  # fmt: skip
+    if as_json:
+        emit(result.to_dict())
+    else:
+        show(*result.parts())
+    return compare_code(result)
+
+
+@click.command()
+@click.argument("problem")
+@click.option("--rows", help="Instances to run, such as 1-6,9 (default: all).")
+@click.option(
+    "--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run."
+)
+@as_json
+def reproduce(problem: str, rows: str | None, time_limit: float, as_json: bool) -> int:
+    """Print the paper's tables beside ours for PROBLEM, such as error-correction."""
+    from ..instances.catalogue import entries
+    from ..solvers.report import reproduction
+    from ..solvers.report.terminal import emit, progress, show
+
+    found = [e for e in entries() if e.name.startswith(f"{problem}/") and "table" in e.published]
+    if rows is not None:
+        wanted = numbers(rows)
+        found = [e for e in found if e.published["row"] in wanted]
+        if not found:
+            raise click.BadParameter(
+                f"no row of {problem!r} is among {rows!r}", param_hint="--rows"
+            )
+    with progress(f"{problem}: ") as news:
+        result = reproduction.reproduce(
+            problem,
+            [(e.build(), e.published) for e in found],
+            time_limit=time_limit,
+            on_solution=lambda s: news(f"{s.instance} {s.backend} {s.termination}"),
+        )
+    if as_json:
+        emit(result.to_dict())
+    else:
+        show(*reproduction.reproduction_parts(result))
+    return compare_code(result.comparison)

@@ -1,0 +1,198 @@
+"""A nonlinear program from many terms of a few kinds, with its exact sparse derivatives.
+
+A term reads the logarithm of one duration and the local entries of its segment: the derivatives at
+both ends and, beyond degree 2r-1, the coefficients within. With ``y_i = T^i d_i`` the segment is one
+of 1 s, so its cost is ``Σ_j w_j T^(1-2j) y'G_j y`` and a bounded derivative ``T^-j u'y``.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import casadi
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...programs.triplets import Triplets, dm
+from .bases import unit_gram
+
+__all__ = ["Functions", "Kind", "Terms", "assemble", "bounded", "cost"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Entries of a Gram matrix below this share of the largest one are rounding.
+NOISE = 1e-14
+
+
+class Kind:
+    """A term ``(z, c) -> number`` of z = (log T, local entries) and constants c, differentiated twice.
+
+    Attributes
+    ----------
+    value, first, second : casadi.Function
+        Of (z, c): the number, its gradient, and the nonzeros of its Hessian's upper triangle.
+    pattern : ndarray of int, shape (2, nonzeros)
+        Rows and columns of those nonzeros.
+    """
+
+    def __init__(self, z: Any, c: Any, value: Any) -> None:
+        gradient = casadi.densify(casadi.gradient(value, z))
+        hessian: Any = casadi.triu(casadi.hessian(value, z)[0])
+        self.value = casadi.Function("value", [z, c], [value])
+        self.first = casadi.Function("first", [z, c], [gradient])
+        self.second = casadi.Function("second", [z, c], [casadi.vec(hessian.nz[:])])
+        self.pattern: Ints = np.array(hessian.sparsity().get_triplet(), np.int64).reshape(2, -1)
+
+
+class Terms(NamedTuple):
+    """Many terms of one kind.
+
+    Parameters
+    ----------
+    kind : Kind
+        Which.
+    segment : ndarray of int, shape (N,)
+        Whose duration each reads.
+    entries : ndarray of int, shape (N, n)
+        Which local entries each reads.
+    constants : ndarray, shape (N, c)
+        Its constants.
+    row : ndarray of int, shape (N,), optional
+        The row that each is; None for parts of the objective.
+    """
+
+    kind: Kind
+    segment: Ints
+    entries: Ints
+    constants: Floats
+    row: Ints | None
+
+
+class Functions(NamedTuple):
+    """What a :class:`~crosstrack.models.NonlinearProgram` is made of, in its own conventions."""
+
+    function: casadi.Function
+    derivatives: casadi.Function
+    hessian: casadi.Function
+
+
+def cost(weights: Floats, powers: Floats, order: int) -> Kind:
+    """Return the cost of one axis on one segment.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (order,)
+        Of the orders 1 … r.
+    powers : ndarray, shape (n, n)
+        Powers of the basis functions on [0, 1], a column each.
+    order : int
+        r.
+    """
+    z = casadi.SX.sym("z", 1 + len(powers))
+    y = _unit(z[0], z[1:], order)
+    total = casadi.SX(0)
+    for j in np.flatnonzero(weights) + 1:
+        gram = weights[j - 1] * unit_gram(powers, int(j))
+        gram[np.abs(gram) < NOISE * np.abs(gram).max()] = 0.0
+        total += casadi.exp((1 - 2 * j) * z[0]) * casadi.bilin(casadi.DM(gram), y, y)
+    return Kind(z, casadi.SX.sym("c", 0), total)
+
+
+def bounded(size: int, order: int, derivative: int, axes: int) -> Kind:
+    """Return a derivative in time as ``T^-derivative c'y``, the entries of several axes stacked."""
+    z, c = casadi.SX.sym("z", 1 + axes * size), casadi.SX.sym("c", axes * size)
+    y = [_unit(z[0], own, order) for own in casadi.vertsplit(z[1:], size)]
+    return Kind(z, c, casadi.exp(-derivative * z[0]) * casadi.dot(c, casadi.vertcat(*y)))
+
+
+def _unit(log: Any, entries: Any, order: int) -> Any:
+    """Return the entries of a segment of 1 s with the same path."""
+    count = entries.numel()
+    power = [*range(order), *range(order), *([0] * (count - 2 * order))]
+    return casadi.vertcat(*(entries[i] * casadi.exp(p * log) for i, p in enumerate(power)))
+
+
+def assemble(
+    groups: list[Terms], matrix: sp.csr_array, constant: Floats, time_weight: float, rows: int,
+    *, total: bool,
+) -> Functions:  # fmt: skip
+    """Return the program of the columns ``x = (log T, d)``.
+
+    Parameters
+    ----------
+    groups : list of Terms
+        All terms, those of rows in the order of the rows.
+    matrix, constant : sparse array and ndarray, shapes (L, free), (L,)
+        Local entries are ``matrix @ d + constant``; a row of `matrix` has one entry at most.
+    time_weight : float
+        Price of a second, added to the objective.
+    rows : int
+        Number of rows.
+    total : bool
+        Whether the last row is the sum of all durations.
+    """
+    count, free = 1 + max(int(g.segment.max()) for g in groups), matrix.shape[1]
+    size, every = count + free, np.arange(count)
+    column = np.full(matrix.shape[0], -1)
+    entry, own = matrix.nonzero()
+    column[entry] = count + own
+    x = casadi.MX.sym("x", size)
+    weight, duals = casadi.MX.sym("lam_f"), casadi.MX.sym("lam_g", rows)
+    durations = casadi.exp(x[:count])
+    objective = time_weight * casadi.sum1(durations)
+    gradient, jacobian, hessian = Triplets(), Triplets(), Triplets()
+    # Durations stand first among what both kinds of derivatives are sums of.
+    values, firsts, seconds = [], [durations], [durations * weight * time_weight]
+    first = second = count
+    gradient.add(every, 0, time_weight, every)
+    hessian.add(every, every, 1.0, every)
+    for kind, segment, entries, constants, row in groups:
+        number, flat = segment.size, entries.ravel()
+        local = casadi.mtimes(casadi.MX(dm(matrix[flat])), x[count:]) + casadi.DM(constant[flat])
+        z = casadi.vertcat(x[segment.tolist()].T, casadi.reshape(local, entries.shape[1], number))
+        c = casadi.DM(constants.T)
+        value = kind.value.map(number)(z, c)
+        firsts.append(casadi.vec(kind.first.map(number)(z, c)))
+        if row is None:
+            objective += casadi.sum2(value)
+            share = casadi.repmat(weight, 1, number)
+        else:
+            values.append(value.T)
+            share = duals[row.tolist()].T
+        bent = kind.second.map(number)(z, c)
+        seconds.append(casadi.vec(bent * casadi.repmat(share, bent.size1(), 1)))
+        places = np.column_stack([segment, column[entries]])
+        source = first + np.arange(places.size).reshape(places.shape)
+        moves = places >= 0
+        if row is None:
+            gradient.add(places[moves], 0, 1.0, source[moves])
+        else:
+            at = np.broadcast_to(row[:, None], places.shape)
+            jacobian.add(at[moves], places[moves], 1.0, source[moves])
+        pair = np.sort(places[:, kind.pattern], axis=1)
+        source = second + np.arange(pair[:, 0].size).reshape(pair[:, 0].shape)
+        moves = pair[:, 0] >= 0
+        hessian.add(pair[:, 0][moves], pair[:, 1][moves], 1.0, source[moves])
+        first, second = first + places.size, second + source.size
+    if total:
+        values.append(casadi.sum1(durations))
+        seconds.append(durations * duals[rows - 1])
+        jacobian.add(rows - 1, every, 1.0, every)
+        hessian.add(every, every, 1.0, second + every)
+        second += count
+    given, curved = casadi.vertcat(*firsts), casadi.vertcat(*seconds)
+    slopes = [
+        casadi.densify(gradient.matrix((size, 1), given, first)),
+        jacobian.matrix((rows, size), given, first),
+    ]
+    bends = [hessian.matrix((size, size), curved, second)]
+    results = [objective, casadi.vertcat(*values)]
+    return Functions(
+        casadi.Function("times", [x], results, ["x"], ["f", "g"]),
+        casadi.Function("first_order", [x], slopes, ["x"], ["grad_f", "jac_g"]),
+        casadi.Function(
+            "second_order", [x, weight, duals], bends, ["x", "lam_f", "lam_g"], ["hess"]
+        ),
+    )

@@ -1,0 +1,225 @@
+"""Convex cones: their kinds, blocks of rows that lie in them, and how far a vector is from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import show
+from .blocks import Block, Blocks
+
+__all__ = ["ConeBlock", "ConeKind", "Cones", "inside_dual", "missing", "symmetric", "triangle"]
+
+Vector = NDArray[np.float64]
+
+
+class ConeKind(StrEnum):
+    """The cones that rows may lie in, each in one convention.
+
+    ``SECOND_ORDER``: ``(t, y)`` with ``t >= |y|`` in the Euclidean norm, of any dimension.
+    ``EXPONENTIAL``: ``(x, y, z)`` with ``y exp(x / y) <= z`` and ``y > 0``, and the limit
+    ``x <= 0, y = 0, z >= 0``.
+    ``SEMIDEFINITE``: the lower triangle of a positive semidefinite matrix, row by row (which is its
+    upper triangle column by column), entries off the diagonal times ``sqrt(2)``: the inner product
+    of two vectors is then that of the matrices.
+    """
+
+    SECOND_ORDER = "second-order"
+    EXPONENTIAL = "exponential"
+    SEMIDEFINITE = "semidefinite"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ConeBlock(Block):
+    """A named run of rows that holds one cone after another, all of one kind and dimension.
+
+    Parameters
+    ----------
+    kind : ConeKind
+        Which cone.
+    dimension : int
+        Rows of one cone; 0 stands for a block of one cone. `size` counts the rows of the block,
+        `index` has one row a cone.
+    """
+
+    kind: ConeKind
+    dimension: int = 0
+
+    def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "kind", ConeKind(self.kind))
+        except ValueError:
+            allowed = ", ".join(ConeKind)
+            raise InvalidData(f"a cone is {allowed}, not {show(self.kind)}", field="kind") from None
+        object.__setattr__(self, "dimension", self.dimension or self.size)
+        wrong = self.size < 1 or self.dimension < 1 or self.size % self.dimension
+        if self.kind == ConeKind.EXPONENTIAL:
+            wrong = wrong or self.dimension != 3
+        if self.kind == ConeKind.SEMIDEFINITE:
+            wrong = wrong or order(self.dimension) * (order(self.dimension) + 1) != (
+                2 * self.dimension
+            )
+        if wrong:
+            raise InvalidData(
+                f"cones {self.name!r}: {self.size} rows hold no {self.kind} cones of "
+                f"{self.dimension} rows",
+                field="cones",
+            )
+
+    @property
+    def count(self) -> int:
+        """Number of cones."""
+        return self.size // self.dimension
+
+    def of(self, rows: Vector) -> Vector:
+        """Return the part of a vector over all cone rows that is this block's, one row a cone."""
+        return rows[self.slice].reshape(self.count, self.dimension)
+
+    def place(self, entry: int) -> str:
+        """Return where the cone `entry` (counted within the block) lies."""
+        return "" if self.index is None and self.count == 1 else super().place(entry)
+
+
+@dataclass(frozen=True)
+class Cones(Blocks):
+    """Blocks of cones that cover the cone rows in order; their kinds and sizes are content."""
+
+    content: bool = True
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Any:
+        blocks = super().coerce(name, value, sizes)
+        for block in blocks:
+            if not isinstance(block, ConeBlock):
+                raise InvalidData(f"{name}: {block.name!r} is no ConeBlock", field=name)
+        return blocks
+
+    @classmethod
+    def _read(cls, name: str, data: Any) -> Block:
+        if not isinstance(data, Mapping) or not {"kind", "dimension"} <= set(data):
+            raise InvalidData(
+                f"{name}: a block of cones has a kind and a dimension, got {show(data)}", field=name
+            )
+        plain = {key: entry for key, entry in data.items() if key not in ("kind", "dimension")}
+        block = vars(Blocks._read(name, plain))
+        return ConeBlock(**block, kind=data["kind"], dimension=data["dimension"])
+
+    def encode(self, value: tuple[Any, ...]) -> Any:
+        return [
+            {**written, "kind": block.kind.value, "dimension": block.dimension}
+            for written, block in zip(super().encode(value), value, strict=True)
+        ]
+
+    def feed(self, value: tuple[Any, ...]) -> Iterable[bytes]:
+        for block in value:
+            for _ in range(block.count):
+                yield f"{block.kind}:{block.dimension};".encode()
+
+
+def order(dimension: int) -> int:
+    """Return the order of the symmetric matrix whose triangle has `dimension` entries."""
+    return int((np.sqrt(8 * dimension + 1) - 1) / 2 + 0.5)
+
+
+def symmetric(rows: Vector) -> Vector:
+    """Return the symmetric matrices, shape (k, n, n), of triangles of shape (k, n (n + 1) / 2)."""
+    n = order(rows.shape[1])
+    low, high = np.tril_indices(n)
+    values = np.where(low == high, rows, rows / np.sqrt(2.0))
+    found = np.zeros((rows.shape[0], n, n))
+    found[:, low, high] = values
+    found[:, high, low] = values
+    return found
+
+
+def triangle(matrices: Vector) -> Vector:
+    """Return the triangles, shape (k, n (n + 1) / 2), of symmetric matrices of shape (k, n, n)."""
+    low, high = np.tril_indices(matrices.shape[1])
+    found: Vector = matrices[:, low, high] * np.where(low == high, 1.0, np.sqrt(2.0))
+    return found
+
+
+def missing(kind: ConeKind, rows: Vector) -> Vector:
+    """Return by how much each of `rows`, one cone a row, is outside of its cone; 0 within.
+
+    Second-order: ``|y| - t``. Semidefinite: the least eigenvalue, negated. Exponential: the
+    largest change of an entry on the way to a point of the cone that is as near as a change of one
+    entry, or to its limit ``y = 0``, can find (a change of `z` alone says little where ``x / y``
+    is large).
+    """
+    if kind == ConeKind.SECOND_ORDER:
+        amount = np.linalg.norm(rows[:, 1:], axis=1) - rows[:, 0]
+    elif kind == ConeKind.SEMIDEFINITE:
+        amount = -np.linalg.eigvalsh(symmetric(rows))[:, 0]
+    else:
+        amount = np.abs(_exponential(rows) - rows).max(axis=1)
+    off: Vector = np.maximum(amount, 0.0)
+    return off
+
+
+def inside(kind: ConeKind, rows: Vector) -> Vector:
+    """Return a point of the cone near each of `rows`: the nearest, but for the exponential cone."""
+    return _INSIDE[kind](rows)
+
+
+def inside_dual(kind: ConeKind, rows: Vector) -> Vector:
+    """Return a point of the dual cone near each of `rows`.
+
+    Second-order and semidefinite cones are their own duals. ``(u, v, w)`` is in the dual of the
+    exponential cone where ``-u exp(v / u) <= e w`` and ``u < 0``, or in the limit (documentation of
+    SCS): where ``(u - v, -u, w)`` is in the cone itself.
+    """
+    if kind != ConeKind.EXPONENTIAL:
+        return inside(kind, rows)
+    u, v, w = rows.T
+    x, y, z = _exponential(np.column_stack([u - v, -u, w])).T
+    return np.column_stack([-y, -y - x, z])
+
+
+def _second_order(rows: Vector) -> Vector:
+    t, length = rows[:, 0], np.linalg.norm(rows[:, 1:], axis=1)
+    # Outside of both the cone and its polar, the projection is half way (Parikh and Boyd 2014, 6.3).
+    share = np.where(
+        length <= t, 1.0, np.clip((t + length) / 2 / np.maximum(length, 1e-300), 0.0, 1.0)
+    )
+    tail = rows[:, 1:] * share[:, None]
+    head = np.maximum(np.where(length <= t, t, 0.0), np.linalg.norm(tail, axis=1))
+    return np.column_stack([head, tail])
+
+
+def _semidefinite(rows: Vector) -> Vector:
+    values, vectors = np.linalg.eigh(symmetric(rows))
+    kept = vectors * np.maximum(values, 0.0)[:, None, :]
+    projected = triangle(kept @ vectors.transpose(0, 2, 1))
+    found: Vector = np.where((values[:, 0] >= 0)[:, None], rows, projected)
+    return found
+
+
+def _exponential(rows: Vector) -> Vector:
+    """Return the nearest of three points: z raised, x lowered, or the limit ``y = 0``."""
+    x, y, z = rows.T
+    positive = np.where(y > 0, y, 1.0)
+    with np.errstate(over="ignore"):
+        raised = np.maximum(z, positive * np.exp(x / positive))
+    lowered = np.minimum(x, positive * np.log(np.where(z > 0, z, 1.0) / positive))
+    found = np.column_stack([np.minimum(x, 0.0), np.zeros_like(y), np.maximum(z, 0.0)])
+    for able, candidate in (
+        ((y > 0) & (z > 0), np.column_stack([lowered, y, z])),
+        ((y > 0) & np.isfinite(raised), np.column_stack([x, y, raised])),
+    ):
+        away = np.where(able, np.abs(candidate - rows).max(axis=1), np.inf)
+        nearer = away < np.abs(found - rows).max(axis=1)
+        found = np.where(nearer[:, None], candidate, found)
+    return found
+
+
+_INSIDE: Mapping[ConeKind, Callable[[Vector], Vector]] = {
+    ConeKind.SECOND_ORDER: _second_order,
+    ConeKind.EXPONENTIAL: _exponential,
+    ConeKind.SEMIDEFINITE: _semidefinite,
+}

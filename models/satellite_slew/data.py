@@ -1,0 +1,183 @@
+"""What a slew is given: the satellite, its gyros, the two attitudes and the limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..declaration import Declared
+from ..fields import Array, Optional, Real, declared, frozen, show
+from .gyros import momentum_direction, singularity_measure
+from .quaternions import axis_and_angle, conjugate, product, rotation_matrix
+
+__all__ = ["Attitude", "SlewData"]
+
+Floats = NDArray[np.float64]
+
+#: How far a quaternion's length may be off 1 on the way in; it is made 1.
+LENGTH = 1e-6
+#: Largest mismatch of momenta that rounded gimbal angles explain, in units of one wheel's.
+MOMENTUM = 1e-8
+
+
+class _Inertia(Array):
+    """A symmetric matrix, or its diagonal alone."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Floats:
+        given = self._numbers(name, value)
+        if given.shape not in ((3,), (3, 3)):
+            raise InvalidData(
+                f"{name} must be a symmetric matrix of shape (3, 3) or its diagonal, shape (3,), "
+                f"got shape {given.shape}",
+                field=name,
+            )
+        return super().coerce(name, np.diag(given) if given.ndim == 1 else given, sizes)
+
+
+class _PerGyro(Array):
+    """Four numbers, or one for all."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Floats:
+        given = self._numbers(name, value)
+        return super().coerce(
+            name, np.broadcast_to(given, (4,)) if given.ndim == 0 else given, sizes
+        )
+
+
+class Attitude(Array):
+    """A unit quaternion, scalar first; a length that rounding explains is made 1."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Floats:
+        q = super().coerce(name, value, sizes)
+        length = float(np.linalg.norm(q))
+        if abs(length - 1.0) > LENGTH:
+            raise InvalidData(
+                f"{name} must be a unit quaternion, scalar first, got {show(q.tolist())} of length "
+                f"{length:.9g}",
+                field=name,
+            )
+        # Left alone where it is 1 but for rounding, lest reading what was written change a digit.
+        return q if abs(length - 1.0) <= 1e-15 else frozen(q / length)
+
+
+def _matrix(rows: Any, **options: Any) -> Any:
+    return declared(_Inertia((3, 3)), default=rows, **options)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SlewData(Declared):
+    """The data of a slew, which :class:`~crosstrack.models.SatelliteSlew` describes."""
+
+    inertia: Floats = _matrix((228.0, 188.0, 176.0))
+    pyramid_angle: float = declared(Real(0.0, 90.0, strict=True, unit="degrees"), default=54.73)
+    momentum: float = declared(Real(0.0, strict=True, unit="N m s"), default=17.53)
+    rate_weight: Floats = declared(_PerGyro((4,), lower=0.0), default=0.1)
+    rate_limit: float = declared(Real(0.0, strict=True, unit="rad/s"), default=0.125)
+    gimbal_rate_limit: float = declared(Real(0.0, strict=True, unit="rad/s"), default=1.0)
+    torque_limit: float = declared(Real(0.0, strict=True, unit="N m"), default=25.0)
+    singularity_limit: float = declared(Real(0.0), default=0.2)
+    initial_attitude: Floats = declared(Attitude((4,)), default=(1.0, 0.0, 0.0, 0.0))
+    final_attitude: Floats = declared(
+        Attitude((4,)), default=(float(np.cos(np.pi / 8)), float(np.sin(np.pi / 8)), 0.0, 0.0)
+    )
+    initial_gimbals: Floats = declared(Array((4,)), default=(0.0, 0.0, 0.0, 0.0))
+    final_gimbals: Floats | None = declared(Optional(Array((4,))), default=(0.0, 0.0, 0.0, 0.0))
+    time_range: Floats = declared(Array((2,), lower=0.0), default=(1.0, 60.0))
+    margin: float = declared(Real(0.0), default=0.0)
+
+    def check(self) -> None:
+        """Refuse what no satellite is, and ends at which it cannot rest."""
+        self._check_inertia()
+        if not self.margin < 1.0:
+            raise InvalidData(f"margin must be < 1, got {self.margin:g}", field="margin")
+        low, high = self.time_range
+        if not (high > 0.0 and low <= high):
+            raise InvalidData(
+                f"time_range must be (least, largest) final time, the largest > 0, got "
+                f"({low:g}, {high:g})",
+                field="time_range",
+            )
+        for name in ("initial_gimbals", "final_gimbals"):
+            gimbals = getattr(self, name)
+            if gimbals is None:
+                continue
+            measure = float(singularity_measure(gimbals, self.beta))
+            if measure < self.singularity_limit:
+                raise InvalidData(
+                    f"{name} must have det(A_t A_t') >= {self.singularity_limit:g}, got {measure:.6g}",
+                    field=name,
+                )
+        if self.final_gimbals is not None:
+            there = momentum_direction(self.final_gimbals, self.beta)
+            apart = float(np.abs(there - self.final_momentum / self.momentum).max())
+            if apart > MOMENTUM:
+                needed = ", ".join(f"{x:.6g}" for x in self.final_momentum)
+                have = ", ".join(f"{x:.6g}" for x in self.momentum * there)
+                raise InvalidData(
+                    "final_gimbals must hold the momentum that the gyros have at the begin, seen in "
+                    f"the final body axes: h = ({needed}) N m s, got ({have}); with these the "
+                    "satellite would not be at rest",
+                    field="final_gimbals",
+                )
+
+    def _check_inertia(self) -> None:
+        matrix = self.inertia
+        if np.abs(matrix - matrix.T).max() > 1e-12 * np.abs(matrix).max():
+            raise InvalidData(
+                f"inertia must be symmetric, got {show(matrix.tolist())}", field="inertia"
+            )
+        moments = np.linalg.eigvalsh(matrix)
+        shown = ", ".join(f"{x:.6g}" for x in moments)
+        if not moments[0] > 0.0:
+            raise InvalidData(
+                f"inertia must be positive definite, got principal moments {shown} kg m²",
+                field="inertia",
+            )
+        if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-12):
+            raise InvalidData(
+                "inertia: no principal moment of a body exceeds the sum of the other two, got "
+                f"{shown} kg m²",
+                field="inertia",
+            )
+
+    @property
+    def beta(self) -> float:
+        """The skew angle of the pyramid in rad."""
+        return float(np.deg2rad(self.pyramid_angle))
+
+    @property
+    def planned_torque(self) -> float:
+        """The limit of torque that a plan must keep, the margin taken off, N m."""
+        return self.torque_limit * (1.0 - self.margin)
+
+    @property
+    def planned_gimbal_rate(self) -> float:
+        """The limit of gimbal rates that a plan must keep, the margin taken off, rad/s."""
+        return self.gimbal_rate_limit * (1.0 - self.margin)
+
+    @cached_property
+    def target(self) -> Floats:
+        """The final attitude with the sign that is nearer to the initial one, shape (4,)."""
+        q = self.final_attitude
+        return frozen(-q if q @ self.initial_attitude < 0.0 else q.copy())
+
+    @cached_property
+    def turn(self) -> tuple[Floats, float]:
+        """Axis, shape (3,), and angle (rad) of the rotation from the initial to the final attitude."""
+        return axis_and_angle(product(conjugate(self.initial_attitude), self.final_attitude))
+
+    @cached_property
+    def total_momentum(self) -> Floats:
+        """The momentum of satellite and gyros in inertial axes, N m s, shape (3,): constant."""
+        held = self.momentum * momentum_direction(self.initial_gimbals, self.beta)
+        return frozen(rotation_matrix(self.initial_attitude) @ held)
+
+    @cached_property
+    def final_momentum(self) -> Floats:
+        """What the gyros must hold at the end for the satellite to rest, body axes, N m s, (3,)."""
+        return frozen(rotation_matrix(self.final_attitude).T @ self.total_momentum)

@@ -1,0 +1,200 @@
+"""Where every :class:`Solution` is made: a claim is verified, and only what stands is kept."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InvalidData
+from ..models.verification import Verification
+from ..version import __version__
+from .enums import Guarantee, Limit, Termination
+from .job import GAP, Job
+from .refinement import CLAIMS_NONE, CLAIMS_PLAN
+from .registry import find_backend
+from .solution import Incumbent, Solution, relative_gap
+
+__all__ = ["Claim", "assemble", "claim_from_data", "claim_to_data"]
+
+#: Difference between objective and bound, in the objective's unit, that rounding explains.
+NOTHING = 1e-9
+
+
+@dataclass(frozen=True)
+class Claim:
+    """How a run ended, before anybody has verified it.
+
+    Parameters
+    ----------
+    termination : Termination
+        What the backend claims, or how the run broke off.
+    limit : Limit, optional
+        The limit that ended it.
+    plan : object, optional
+        The decoded plan.
+    primal_bound, dual_bound : float, optional
+        Claimed objective of the plan, and the lower bound that was proven.
+    proves : bool
+        Whether bounds and claims of infeasibility count.
+    formulation : str, optional
+        Name of the formulation that was solved.
+    seconds, statistics : mapping
+        As in :class:`~crosstrack.solvers.solution.Solution`.
+    incumbents : tuple of Incumbent
+        Better plans over time.
+    duals : ndarray, optional
+        Row multipliers.
+    messages : tuple of str
+        What a person should know.
+    undecodable : bool
+        Whether there was a point that stands for no plan.
+    """
+
+    termination: Termination
+    limit: Limit | None = None
+    plan: Any = None
+    primal_bound: float | None = None
+    dual_bound: float | None = None
+    proves: bool = False
+    formulation: str | None = None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+    incumbents: tuple[Incumbent[Any], ...] = ()
+    duals: NDArray[Any] | None = None
+    messages: tuple[str, ...] = ()
+    undecodable: bool = False
+
+
+def assemble(job: Job, claim: Claim) -> Solution[Any]:
+    """Return the solution of `job`: the claim with its plan verified, or why nothing is left of it."""
+    backend = find_backend(job.backend, job.model)
+    model = job.model
+    termination, plan, dual = claim.termination, claim.plan, claim.dual_bound
+    messages = list(claim.messages)
+    verification: Verification | None = None
+    rejected: Any = None
+    seconds = dict(claim.seconds)
+    if termination in CLAIMS_NONE:
+        plan = None
+        if not claim.proves:
+            messages.append(
+                f"claims {termination}, which a {backend.guarantee} backend cannot prove"
+            )
+            termination = Termination.NO_SOLUTION
+    elif plan is None and termination in CLAIMS_PLAN:
+        messages.append(f"claims {termination} without a point")
+        termination = Termination.FAILED
+    if plan is not None:
+        begin = time.perf_counter()
+        try:
+            verification = model.verify(plan, tolerance=job.verification_tolerance)
+            if not verification.ok:
+                messages.append(f"plan {verification.summary()}")
+                rejected = model.plan_to_data(plan)
+        except InvalidData as error:
+            # It is no plan of the model: nothing of it is returned.
+            messages.append(f"the point is no plan: {error}")
+        seconds["verify"] = seconds.get("verify", 0.0) + time.perf_counter() - begin
+    bad = claim.undecodable or (plan is not None and (verification is None or not verification.ok))
+    if bad:
+        plan = None
+        if backend.guarantee is Guarantee.RELAXATION:
+            # Its point need not be a plan; its bound holds all the same.
+            termination, verification, rejected = Termination.NO_SOLUTION, None, None
+        else:
+            termination, dual = Termination.REJECTED, None
+    primal = verification.objective if plan is not None and verification is not None else None
+    if plan is not None and termination in (Termination.NO_SOLUTION, Termination.FAILED):
+        termination = Termination.FEASIBLE  # the run ended badly, yet its last incumbent verifies
+    dual = dual if claim.proves else None
+    if termination is Termination.OPTIMAL and claim.proves:
+        dual = claim.primal_bound if dual is None else dual
+        dual = primal if dual is None else dual
+        gap = relative_gap(primal, dual)
+        asked = GAP if job.gap is None else job.gap
+        # A relative gap says nothing of an optimum of 0.
+        apart = primal is None or dual is None or primal - dual > NOTHING
+        if gap is None or (gap > asked * 1.01 + 1e-6 and apart):
+            messages.append(f"claims optimal, but the verified plan leaves a gap of {gap}")
+            termination = Termination.FEASIBLE
+    elif termination is Termination.OPTIMAL:
+        messages.append("claims optimal, which nothing proves")
+        termination = Termination.FEASIBLE
+    return Solution(
+        model=model.kind,
+        instance=model.name,
+        digest=model.digest,
+        backend=backend.name,
+        formulation=claim.formulation,
+        problem=backend.problem,
+        guarantee=backend.guarantee,
+        termination=termination,
+        limit=claim.limit,
+        primal_bound=primal,
+        dual_bound=dual,
+        plan=plan,
+        stored_plan=None if plan is None else partial(model.plan_to_data, plan),
+        verification=verification,
+        seconds=seconds,
+        incumbents=claim.incumbents,
+        backend_version=backend.version(),
+        version=__version__,
+        options=job.options(),
+        formulation_options=dict(job.formulation_options),
+        seed=job.seed,
+        statistics=dict(claim.statistics),
+        message="; ".join(text for text in messages if text),
+        rejected_plan=rejected,
+        duals=None if plan is None else claim.duals,
+    )
+
+
+def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:
+    """Return a claim as JSON data, for a worker that must not verify it itself."""
+    return {
+        "termination": str(claim.termination),
+        "limit": None if claim.limit is None else str(claim.limit),
+        "plan": None if claim.plan is None else job.model.plan_to_data(claim.plan),
+        "primal_bound": claim.primal_bound,
+        "dual_bound": claim.dual_bound,
+        "proves": claim.proves,
+        "formulation": claim.formulation,
+        "seconds": dict(claim.seconds),
+        "statistics": dict(claim.statistics),
+        "incumbents": [[one.seconds, one.objective] for one in claim.incumbents],
+        "duals": None if claim.duals is None else claim.duals.tolist(),
+        "messages": list(claim.messages),
+        "undecodable": claim.undecodable,
+    }
+
+
+def claim_from_data(job: Job, data: Mapping[str, Any]) -> Claim:
+    """Return the claim that :func:`claim_to_data` wrote; a plan that cannot be read is none."""
+    plan, undecodable, messages = None, data["undecodable"], list(data["messages"])
+    if data["plan"] is not None:
+        try:
+            plan = job.model.plan_from_data(data["plan"])
+        except InvalidData as error:
+            undecodable = True
+            messages.append(f"the point is no plan: {error}")
+    return Claim(
+        termination=Termination(data["termination"]),
+        limit=None if data["limit"] is None else Limit(data["limit"]),
+        plan=plan,
+        primal_bound=data["primal_bound"],
+        dual_bound=data["dual_bound"],
+        proves=data["proves"],
+        formulation=data["formulation"],
+        seconds=data["seconds"],
+        statistics=data["statistics"],
+        incumbents=tuple(Incumbent(*one) for one in data["incumbents"]),
+        duals=None if data["duals"] is None else np.array(data["duals"], float),
+        messages=tuple(messages),
+        undecodable=undecodable,
+    )

@@ -1,0 +1,97 @@
+"""ECOS: an interior-point method for second-order and exponential cones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...models.programs.cones import ConeBlock, ConeKind
+from ...models.programs.conic import ConicProgram
+from ..attempts import Clock, Ended, Outcome, solver_tolerance
+from ..backend import Limit, Option, Request
+from ..qp.base import COMMON, certified, own_options
+from .base import ConvexBackend
+from .forms import ConeForm
+
+__all__ = ["Ecos"]
+
+
+class Ecos(ConvexBackend):
+    """ECOS (Domahidi, Chu and Boyd 2013), without semidefinite cones and quadratic objectives."""
+
+    name = "ecos"
+    accepts = ConicProgram
+    features = COMMON
+    requires = ("ecos",)
+    distribution = "ecos"
+    extra = "ecos"
+    options: ClassVar[Mapping[str, Option]] = {
+        "max_iters": Option(200, "Interior-point iterations at most.", int, lower=1)
+    }
+    summary = "ECOS: interior point for second-order and exponential cones, small programs"
+
+    def refuses(self, problem: ConicProgram) -> str:
+        """Return which part of `problem` ECOS does not take."""
+        if problem.hessian.nnz:
+            return "ECOS takes no quadratic objective; state it as a second-order cone"
+        if any(block.kind is ConeKind.SEMIDEFINITE for block in problem.cones):
+            return "ECOS takes no semidefinite cones"
+        return ""
+
+    def attempt(self, program: Any, request: Request, clock: Clock) -> Outcome:
+        """Solve with ECOS."""
+        import ecos  # type: ignore[import-untyped]
+
+        form = ConeForm.posed(program, (ConeKind.SECOND_ORDER, ConeKind.EXPONENTIAL), _order)
+        quadratic = [b for b in form.cones if b.kind is ConeKind.SECOND_ORDER]
+        count = form.zeros
+        equal: dict[str, Any] = {}
+        if count:
+            equal = {"A": sp.csc_matrix(form.matrix[:count]), "b": form.right[:count]}
+        dims = {
+            "l": form.linear - count,
+            "q": [block.dimension for block in quadratic for _ in range(block.count)],
+            "e": sum(b.count for b in form.cones if b.kind is ConeKind.EXPONENTIAL),
+        }
+        tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-8)
+        clock.lap("build")
+        found = ecos.solve(
+            program.cost.copy(),
+            sp.csc_matrix(form.matrix[count:]),
+            form.right[count:],
+            dims,
+            **equal,
+            verbose=False,
+            feastol=tolerance,
+            abstol=tolerance,
+            reltol=tolerance,
+            **own_options(request),
+        )
+        clock.lap("solve")
+        status = int(found["info"]["exitFlag"])
+        # ECOS 2.0, include/ecos.h: a status plus 10 is one that it reached with less precision.
+        ended, limit = {
+            0: (Ended.PROVEN, None),
+            1: (Ended.INFEASIBLE, None),
+            2: (Ended.UNBOUNDED, None),
+            10: (Ended.PROVEN, None),
+            11: (Ended.INFEASIBLE, None),
+            12: (Ended.UNBOUNDED, None),
+            -1: (Ended.STOPPED, Limit.ITERATIONS),
+        }.get(status, (Ended.FAILED, None))
+        return certified(
+            program, form, found["x"], np.concatenate([found["y"], found["z"]]), ended, limit,
+            int(found["info"]["iter"]),
+            f"ECOS: {found['info']['infostring']}" if ended is Ended.FAILED else "",
+        )  # fmt: skip
+
+
+def _order(block: ConeBlock) -> NDArray[np.intp]:
+    """Return the rows of a cone in the order of ECOS, which wants ``exp(x / z) <= y / z``."""
+    if block.kind is ConeKind.EXPONENTIAL:
+        return np.array([0, 2, 1])
+    return np.arange(block.dimension)

@@ -1,0 +1,125 @@
+"""The line between a running backend and its caller: stop requests in, incumbents out."""
+
+from __future__ import annotations
+
+import math
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .enums import Limit
+from .stopping import Criterion, Progress
+
+__all__ = ["Control"]
+
+
+class Control:
+    """The line between a running backend and the caller: stop requests in, incumbents out.
+
+    A kernel without the interpreter's lock polls :attr:`flag` (one ``int8``, nonzero means stop);
+    Python callbacks read :attr:`stopped`. The dispatcher sets it at the deadline, where a criterion
+    is reached or on Ctrl-C.
+
+    Parameters
+    ----------
+    criterion : Criterion, optional
+        Stops the run beside the deadline.
+    forward : callable, optional
+        ``(objective, point)``: told of every incumbent, as the run that this one is a stage of is.
+    """
+
+    def __init__(
+        self,
+        criterion: Criterion | None = None,
+        forward: Callable[[float, Any], None] | None = None,
+    ) -> None:
+        self.flag: NDArray[np.int8] = np.zeros(1, np.int8)
+        self.reason: Limit | None = None
+        self.events: queue.SimpleQueue[tuple[float, float, Any] | None] = queue.SimpleQueue()
+        self.started = time.perf_counter()
+        self.evaluations = 0
+        self.stages = 0
+        self.criterion = criterion
+        self._forward = forward
+        self._best, self._improved = math.inf, self.started
+        self._timer: threading.Timer | None = None
+        self._stages: list[Control] = []
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the run has been asked to stop."""
+        return bool(self.flag[0])
+
+    @property
+    def progress(self) -> Progress:
+        """How far the run is."""
+        now = time.perf_counter()
+        return Progress(now - self.started, self.evaluations, self._best, now - self._improved)
+
+    def stop(self, reason: Limit) -> None:
+        """Ask the run and its stages to stop; the first reason given is kept."""
+        if self.reason is None:
+            self.reason = reason
+        self.flag[0] = 1
+        for stage in self._stages:
+            stage.stop(reason)
+
+    def check(self) -> None:
+        """Stop the run where its criterion is reached."""
+        if self.criterion is not None and not self.stopped:
+            reason = self.criterion.reached(self.progress)
+            if reason is not None:
+                self.stop(reason)
+
+    def arm(self, seconds: float | None) -> None:
+        """Restart the clock and stop the run after `seconds` (never, when None)."""
+        self.started = self._improved = time.perf_counter()
+        if seconds is not None:
+            self._timer = threading.Timer(max(seconds, 0.0), self.stop, (Limit.TIME,))
+            self._timer.daemon = True
+            self._timer.start()
+
+    def disarm(self) -> None:
+        """Forget the deadline."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def incumbent(self, objective: float, point: Any) -> None:
+        """Report a better feasible point (a column vector, or a native algorithm's plan)."""
+        now = time.perf_counter()
+        if objective < self._best:
+            self._best, self._improved = float(objective), now
+        self.events.put((now - self.started, float(objective), point))
+        if self._forward is not None:
+            self._forward(float(objective), point)
+        self.check()
+
+    def evaluated(self, count: int = 1) -> bool:
+        """Count evaluations of the objective; return whether the run may go on."""
+        self.evaluations += count
+        self.check()
+        return not self.stopped
+
+    @contextmanager
+    def stage(
+        self, seconds: float | None, forward: Callable[[float, Any], None] | None = None
+    ) -> Iterator[Control]:
+        """Yield the control of a part of the run, which stops with it or after `seconds`."""
+        part = Control(forward=forward)
+        self._stages.append(part)
+        self.stages += 1
+        part.arm(seconds)
+        if self.reason is not None:
+            part.stop(self.reason)
+        try:
+            yield part
+        finally:
+            part.disarm()
+            self._stages.remove(part)
+            self.evaluations += part.evaluations

@@ -1,0 +1,179 @@
+"""Programs that grow: two strategies for models that ask for more than rows can say.
+
+A formulation whose programs are relaxations is tightened: rows are added where its solution breaks
+the model, and every bound of every program holds for the model. One whose programs are
+approximations is refined: each solution says where the next mesh must be finer, and nothing is
+proven.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..models.programs.base import Program
+from .backend import Answer, Request
+from .enums import PROVING, Feature, Limit, Termination
+from .running import Run
+
+__all__ = ["CLAIMS_NONE", "CLAIMS_PLAN", "proven_bound", "proves", "refine"]
+
+CLAIMS_PLAN = (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL, Termination.FEASIBLE)
+CLAIMS_NONE = (Termination.INFEASIBLE, Termination.UNBOUNDED)
+
+
+def proves(run: Run) -> bool:
+    """Return whether bounds and infeasibility of the program hold for the model, if they are right."""
+    formulation = run.target.formulation
+    relaxes = formulation is None or formulation.relaxes
+    return run.target.backend.guarantee in PROVING and relaxes
+
+
+def proven_bound(problem: Any, answer: Answer) -> float | None:
+    """Return the lower bound that an answer proves: of its multipliers, else as it is claimed."""
+    if answer.duals is not None and answer.point is not None and isinstance(problem, Program):
+        bound = problem.dual_bound(answer.duals, answer.point)
+        if np.isfinite(bound):
+            return bound
+    return answer.dual_bound
+
+
+@dataclass
+class _Totals:
+    """Seconds and counts of all programs solved so far."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    counts: dict[str, Any] = field(default_factory=dict)
+    rounds: int = -1
+
+    def add(self, answer: Answer) -> None:
+        self.rounds += 1
+        for part, seconds in answer.seconds.items():
+            self.seconds[part] = self.seconds.get(part, 0.0) + seconds
+        for name, count in answer.statistics.items():
+            # Counts add up; what is measured, a residual say, is the last one's.
+            former = self.counts.get(name, 0)
+            whole = isinstance(count, int) and isinstance(former, int)
+            self.counts[name] = count + former if whole else count
+
+    def on(self, answer: Answer) -> Answer:
+        """Return `answer` with the seconds and counts of all rounds."""
+        counts = {**self.counts, **({"refinements": self.rounds} if self.rounds else {})}
+        return replace(answer, seconds=self.seconds, statistics=counts)
+
+
+def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
+    """Run the backend, and again on refined programs until the formulation is content.
+
+    Returns
+    -------
+    Answer, object
+        The last answer, its seconds and counts summed over all programs, and the program answered.
+    """
+    totals = _Totals()
+    deadline = None if request.time_limit is None else time.perf_counter() + request.time_limit
+
+    def attend(program: Any, asked: Request) -> Answer:
+        answer = run.attend(program, asked)
+        totals.add(answer)
+        return answer
+
+    def left() -> float | None:
+        return None if deadline is None else deadline - time.perf_counter()
+
+    answer = attend(problem, request)
+    formulation = run.target.formulation
+    if formulation is not None and answer.point is not None:
+        strategy = _tighten if formulation.relaxes else _approximate
+        answer, problem = strategy(run, problem, request, answer, attend, left)
+    return totals.on(answer), problem
+
+
+Attend = Callable[[Any, Request], Answer]
+Left = Callable[[], float | None]
+
+
+def _refined(run: Run, answer: Answer) -> Any:
+    """Return the refined formulation with its program built, None where nothing is missing."""
+    formulation = run.target.formulation
+    assert formulation is not None
+    with run.clock("refine"):
+        finer = formulation.refined(answer.point, run.job.verification_tolerance)
+        if finer is not None:
+            finer.program  # noqa: B018 - built here, so that its seconds count as refinement
+        return finer
+
+
+def _reached(request: Request, seconds: float | None) -> Limit | None:
+    """Return the limit that forbids another program, None while there may be one."""
+    if request.control.stopped:
+        return request.control.reason
+    return Limit.TIME if seconds is not None and seconds <= 0 else None
+
+
+_BETWEEN = "stopped between two refinements of the program"
+
+
+def _tighten(
+    run: Run, problem: Any, request: Request, answer: Answer, attend: Attend, left: Left
+) -> tuple[Answer, Any]:
+    """Add to a relaxation what its solution breaks, until a solution is a plan of the model."""
+    bound = -np.inf
+    while answer.point is not None:
+        finer = _refined(run, answer)
+        if finer is None:
+            return answer, problem
+        if proves(run):
+            found = proven_bound(problem, answer)
+            bound = max(bound, -np.inf if found is None else found)
+        solved = answer.termination is Termination.OPTIMAL
+        seconds = left()
+        limit = (answer.limit or _reached(request, seconds)) if solved else answer.limit
+        if limit is not None or not solved:
+            # The point of a relaxation is no plan of the model.
+            message = _BETWEEN if solved else answer.message
+            answer = Answer(Termination.NO_SOLUTION, limit, message=message)
+            break
+        run.target, problem = replace(run.target, formulation=finer), finer.program
+        warm = None if request.warm_start is None else answer.point
+        answer = attend(problem, replace(request, time_limit=seconds, warm_start=warm))
+    if answer.termination not in CLAIMS_NONE and np.isfinite(bound):
+        known = -np.inf if answer.dual_bound is None else answer.dual_bound
+        answer = replace(answer, dual_bound=max(bound, known))
+    return answer, problem
+
+
+def _approximate(
+    run: Run, problem: Any, request: Request, answer: Answer, attend: Attend, left: Left
+) -> tuple[Answer, Any]:
+    """Solve finer and finer approximations, each from the last, until one is fine enough."""
+    while answer.point is not None and answer.termination in CLAIMS_PLAN:
+        finer = _refined(run, answer)
+        if finer is None:
+            break
+        # A point that is not quite optimal yet is as good a start as any.
+        limit: Limit | None = None if answer.limit is Limit.ITERATIONS else answer.limit
+        seconds = left()
+        limit = _reached(request, seconds) or limit
+        if limit is not None:
+            answer = replace(answer, limit=limit, message=_BETWEEN)
+            break
+        before = run.target, problem, answer
+        program = finer.program
+        warm = None
+        if Feature.WARM_START in run.target.backend.features:
+            warm = program.guess
+        run.target, problem = replace(run.target, formulation=finer), program
+        answer = attend(problem, replace(request, time_limit=seconds, warm_start=warm))
+        if answer.point is None or answer.termination not in CLAIMS_PLAN:
+            # What the coarser program gave is still the best there is; verification judges it.
+            ended = f"on the refined program {answer.termination}: {answer.message}".rstrip(": ")
+            limit = answer.limit
+            run.target, problem, answer = before
+            answer = replace(answer, limit=limit, message=ended)
+            break
+    return answer, problem

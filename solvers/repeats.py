@@ -1,0 +1,75 @@
+"""What repeated runs of one backend amount to: quartiles over seeds, and how many succeeded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from .solution import Solution
+
+__all__ = ["Spread", "spreads"]
+
+Quartiles = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Several runs of one backend on one model, from different seeds.
+
+    Parameters
+    ----------
+    backend : str
+        Name of the backend.
+    formulation : str, optional
+        Name of the formulation it solved.
+    runs : int
+        How many runs there were.
+    successes : int
+        How many of them ended with a verified plan.
+    objective : tuple of float, optional
+        First quartile, median and third quartile of the verified objectives; None without any.
+    seconds : tuple of float
+        The same of the seconds of all runs, whether they succeeded or not.
+    """
+
+    backend: str
+    formulation: str | None
+    runs: int
+    successes: int
+    objective: Quartiles | None
+    seconds: Quartiles
+
+    @property
+    def success_rate(self) -> float:
+        """Share of the runs that ended with a verified plan."""
+        return self.successes / self.runs
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the spread as JSON data."""
+        return {**asdict(self), "success_rate": self.success_rate}
+
+
+def _quartiles(values: Sequence[float]) -> Quartiles:
+    """Return quartiles by linear interpolation, NumPy's default (Hyndman and Fan 1996, type 7)."""
+    low, middle, high = np.quantile(np.asarray(values, float), (0.25, 0.5, 0.75)).tolist()
+    return low, middle, high
+
+
+def spreads(solutions: Sequence[Solution[Any]]) -> tuple[Spread, ...]:
+    """Return the spread of every backend that ran more than once, in order of appearance."""
+    groups: dict[tuple[str, str | None], list[Solution[Any]]] = {}
+    for solution in solutions:
+        groups.setdefault((solution.backend, solution.formulation), []).append(solution)
+    found = []
+    for (backend, formulation), runs in groups.items():
+        if len(runs) > 1:
+            values = [run.primal_bound for run in runs if run.primal_bound is not None]
+            seconds = [run.seconds.get("solve", run.seconds.get("total", 0.0)) for run in runs]
+            objective = _quartiles(values) if values else None
+            found.append(
+                Spread(backend, formulation, len(runs), len(values), objective, _quartiles(seconds))
+            )
+    return tuple(found)

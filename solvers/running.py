@@ -1,0 +1,138 @@
+"""One run of a backend: its clock, its incumbents, its thread."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..errors import CrosstrackError, InvalidData
+from .backend import Answer, Request
+from .enums import Limit, Termination
+from .job import Job, Target
+from .solution import Incumbent
+
+__all__ = ["GRACE", "Listener", "Run"]
+
+log = logging.getLogger("crosstrack")
+
+#: Seconds that a run may take beyond its time limit before it is given up.
+GRACE = 10.0
+#: Seconds between two looks at the criteria that stop a run.
+POLL = 0.25
+
+Listener = Callable[[Incumbent[Any]], None]
+
+
+@dataclass
+class Run:
+    """What happens during one job.
+
+    Parameters
+    ----------
+    job : Job
+        What is asked.
+    target : Target
+        What the backend is given; the formulation changes as it is refined.
+    listener : callable, optional
+        Called with every incumbent, in the caller's thread.
+    """
+
+    job: Job
+    target: Target
+    listener: Listener | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    incumbents: list[Incumbent[Any]] = field(default_factory=list)
+    last_point: Any = None
+
+    @contextmanager
+    def clock(self, part: str) -> Iterator[None]:
+        """Count the seconds of what happens inside as `part`."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - begin
+
+    def decode(self, point: Any) -> Any:
+        """Return the plan of a backend's point."""
+        formulation = self.target.formulation
+        return point if formulation is None else formulation.decode(point)
+
+    def hear(self, seconds: float, objective: float, point: Any) -> None:
+        """Keep an incumbent, and tell the listener."""
+        self.last_point = point
+        plan = None
+        if self.listener is not None:
+            try:
+                plan = self.decode(point)
+            except InvalidData as error:
+                name = self.target.backend.name
+                log.debug("incumbent %g of %s does not decode: %s", objective, name, error)
+        incumbent = Incumbent(seconds, objective, plan)
+        self.incumbents.append(incumbent)
+        if self.listener is not None:
+            self.listener(incumbent)
+
+    def attend(self, problem: Any, request: Request) -> Answer:
+        """Run the backend in a thread, so that this one can hear incumbents, the clock and Ctrl-C."""
+        control, backend = request.control, self.target.backend
+        box: list[Answer | BaseException] = []
+
+        def work() -> None:
+            try:
+                box.append(backend.run(problem, request))
+            except (
+                BaseException
+            ) as error:  # handed to the waiting thread, which raises or records it
+                box.append(error)
+            finally:
+                control.events.put(None)
+
+        with self.clock("run"):
+            control.arm(request.time_limit)
+            thread = threading.Thread(target=work, name=f"crosstrack-{backend.name}", daemon=True)
+            thread.start()
+            given_up = False
+            stop_seen: float | None = None
+            try:
+                while True:
+                    try:
+                        event = control.events.get(timeout=POLL)
+                    except queue.Empty:
+                        control.check()
+                        if control.stopped:
+                            stop_seen = stop_seen or time.perf_counter()
+                            given_up = time.perf_counter() - stop_seen > GRACE
+                        if given_up:
+                            break
+                        continue
+                    if event is None:
+                        break
+                    self.hear(*event)
+            except BaseException:
+                # A listener that raises, or a second Ctrl-C, must not leave the backend running.
+                control.stop(Limit.INTERRUPTED)
+                raise
+            finally:
+                control.disarm()
+        if given_up:
+            log.warning("backend %s does not stop; its thread is left behind", backend.name)
+            return Answer(
+                Termination.NO_SOLUTION, control.reason, message="did not stop when asked; given up"
+            )
+        thread.join()
+        outcome = box[0]
+        if isinstance(outcome, Answer):
+            return outcome
+        if isinstance(outcome, CrosstrackError) or not isinstance(outcome, Exception):
+            raise outcome
+        log.error("backend %s failed", backend.name, exc_info=outcome)
+        text = f"{type(outcome).__name__}: {outcome}"
+        limit = Limit.MEMORY if isinstance(outcome, MemoryError) else None
+        return Answer(Termination.FAILED, limit, message=text)

@@ -1,0 +1,61 @@
+"""Instances, a picture, a paper's table, a file format and a demonstration."""
+
+from __future__ import annotations
+
+from crosstrack.instances import CatalogueEntry, ExportFormat
+from crosstrack.instances.demos import Demo, DemoOption
+from crosstrack.instances.storage import write_text
+from crosstrack.solvers.report.layout import Column, PaperTable, PaperTables
+
+from .model import Covering
+
+
+def small():
+    return Covering([4.0, 3.0, 5.0, 7.0], [5, 4, 7, 9], 12)
+
+
+def heavy():
+    return Covering([4.0, 3.0], [5, 4], 12)
+
+
+def catalogue_entries():
+    def entry(name, build, **published):
+        return CatalogueEntry(
+            f"covering/{name}", "covering", name, "A. Nobody, 2020", "ours", build, published
+        )
+
+    return (
+        entry("small", small, table=1, row=1, optimum=9.0, seconds={"theirs": 1.5}),
+        entry("heavy", heavy),
+    )
+
+
+def draw(model, plan=None, *, title="items"):
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    axes = figure.add_subplot(title=title)
+    axes.bar(range(len(model.costs)), model.weights)
+    if plan is not None:
+        axes.bar(plan.items, model.weights[list(plan.items)])
+    return figure
+
+
+def write_list(plan, path, *, first=0):
+    return write_text(path, "".join(f"{first + item}\n" for item in plan.items))
+
+
+LIST = ExportFormat("one item a line", ".txt", write_list)
+TABLES = PaperTables(
+    {
+        1: PaperTable(
+            "Their table", (Column("dynamic-programming", "theirs"), Column("highs:paper"))
+        )
+    },
+    note="Nobody's figures.",
+)
+DEMO = Demo(
+    "covering/small",
+    {"demand": DemoOption("The weight to reach.", default=12, type=int)},
+    lambda demand: Covering([4.0, 3.0, 5.0, 7.0], [5, 4, 7, 9], demand, name="mine"),
+)

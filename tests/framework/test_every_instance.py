@@ -1,0 +1,95 @@
+"""What holds for every instance of the catalogue, whatever its problem: files, plans, programs, pictures."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+import crosstrack as ct
+from crosstrack.errors import UnsupportedFormulation
+from crosstrack.instances import entries
+from crosstrack.models import Model
+from crosstrack.solvers import Solution
+
+#: Entries, or the problem of entries, that take more than a second or so.
+SLOW = {
+    *("error-correction/10", "error-correction/11"),
+    "minimum-snap/corridor-1000",
+    *("optimal-control/dubins", "optimal-control/free-flying-robot", "optimal-control/hang-glider"),
+    *("optimal-control/harmonic-oscillator", "optimal-control/hypersensitive"),
+    *("optimal-control/quadrotor", "optimal-control/rayleigh"),
+    "satellite-slew",
+}
+#: Tolerances by problem, where the usual one is not meant to be reached.
+TOLERANCES = {"satellite-slew": 1e-3}
+#: Tolerance of rows, relative to their terms: a program is solved to it, then encoded anew.
+ROWS = 1e-5
+
+
+def cases():
+    """Every entry of the catalogue, marked slow where solving it is."""
+    for entry in entries():
+        slow = {entry.name, entry.name.partition("/")[0]} & SLOW
+        yield pytest.param(entry, id=entry.name, marks=[pytest.mark.slow] if slow else [])
+
+
+@pytest.mark.parametrize("entry", entries(), ids=lambda entry: entry.name)
+def test_its_data_travels(entry):
+    model = entry.build()
+    assert model.kind == entry.model
+    assert model.name == entry.name
+    assert json.loads(json.dumps(entry.to_dict(), allow_nan=False)) == entry.to_dict()
+    again = Model.from_json(model.to_json())
+    assert (type(again), again.name, again.digest) == (type(model), model.name, model.digest)
+    assert again.to_dict() == model.to_dict()
+    sent = pickle.loads(pickle.dumps(model))
+    assert (sent.digest, sent.name, sent.to_dict()) == (model.digest, model.name, model.to_dict())
+    assert model.renamed("another").digest == model.digest
+    assert model.describe()
+
+
+@pytest.mark.parametrize("entry", list(cases()))
+def test_its_plan_travels_and_fits_every_program(entry, tmp_path):
+    model = entry.build()
+    tolerance = TOLERANCES.get(entry.name.partition("/")[0], 1e-6)
+    solution = ct.solve(model, time_limit=60, tolerance=tolerance)
+    data = solution.to_dict()
+    assert json.loads(json.dumps(data, allow_nan=False)) == data
+    if solution.plan is None:
+        assert solution.termination in ("infeasible", "locally_infeasible"), solution
+        assert ct.plot(model).axes
+        return
+    assert Solution.from_dict(data, model).to_dict() == data
+    stored = json.loads(json.dumps(model.plan_to_data(solution.plan), allow_nan=False))
+    plan = model.plan_from_data(stored)
+    assert model.plan_to_data(plan) == stored
+    assert model.plan_to_data(pickle.loads(pickle.dumps(plan))) == stored
+    for given in (solution, solution.plan, stored):
+        assert model.plan_to_data(model.as_plan(given)) == stored
+    found = model.verify(plan, tolerance=tolerance)
+    assert found.ok, found
+    assert found.objective == pytest.approx(solution.primal_bound, rel=1e-9)
+    fits_every_program(model, plan, solution)
+    ct.plot(model, solution).savefig(tmp_path / "picture.png", dpi=40)
+    assert (tmp_path / "picture.png").stat().st_size > 1000
+
+
+def fits_every_program(model, plan, solution):
+    """Assert that a plan has a point in every program, and keeps its rows where they bind it."""
+    for name in model.formulations:
+        try:
+            written = model.formulate(name).fitted(plan)
+        except UnsupportedFormulation:
+            continue
+        point = written.encode(plan)
+        assert np.isfinite(point).all()
+        rows = written.program.verify(point, tolerance=ROWS)
+        assert rows.objective is not None
+        # An approximation's rows bind the plans that were made by it.
+        if written.relaxes or name == solution.formulation:
+            assert rows.ok, (name, rows)
+        # A paper's own program may lose the digits that its plans need.
+        if name in (model.default_formulation, solution.formulation):
+            again = model.verify(written.decode(point), tolerance=ROWS)
+            assert again.ok, (name, again)

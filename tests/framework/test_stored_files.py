@@ -1,0 +1,74 @@
+"""Files that earlier versions wrote are read, and mean the same."""
+
+import gzip
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import crosstrack as ct
+from crosstrack.instances import read_bezier, read_plan, read_poly7
+from crosstrack.solvers import Solution
+
+STORED = Path(__file__).parent / "data" / "version-0.1"
+NAMES = sorted({path.name.partition(".model.json")[0] for path in STORED.glob("*.model.json*")})
+
+
+def stored_model(name, folder):
+    packed = STORED / f"{name}.model.json.gz"
+    if not packed.exists():
+        return ct.load(STORED / f"{name}.model.json")
+    path = folder / f"{name}.model.json"
+    path.write_bytes(gzip.decompress(packed.read_bytes()))
+    return ct.load(path)
+
+
+def test_every_kind_of_model_is_stored():
+    assert {json.loads(path.read_text())["model"] for path in STORED.glob("*.solution.json")} == {
+        *("error-correction", "minimum-snap", "time-allocation", "optimal-control"),
+        *("satellite-slew", "mixed-integer-program", "quadratic-program", "nonlinear-program"),
+    }
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_model_its_plan_and_its_solution(name, tmp_path):
+    model = stored_model(name, tmp_path)
+    data = json.loads((STORED / f"{name}.solution.json").read_text("utf-8"))
+    assert model.digest == data["digest"]
+    solution = Solution.from_dict(data, model)
+    assert {key: value for key, value in solution.to_dict().items() if key in data} == data
+    alone = STORED / f"{name}.plan.json"
+    plan = read_plan(model, alone if alone.exists() else STORED / f"{name}.solution.json")
+    for one in (plan, solution.plan):
+        found = model.verify(one, tolerance=data["options"]["tolerance"])
+        assert found.ok, found
+        assert found.objective == pytest.approx(data["primal_bound"], rel=1e-12, abs=1e-12)
+
+
+def test_files_for_other_software():
+    model = ct.load(STORED / "trajectory.model.json")
+    plan = read_plan(model, STORED / "trajectory.plan.json")
+    times = np.linspace(plan.times[0], plan.duration * (1 - 1e-7), 50)
+    assert np.array_equal(read_bezier(STORED / "trajectory.bezier.json").times, plan.times)
+    assert read_bezier(STORED / "trajectory.bezier.json")(times) == pytest.approx(plan(times))
+    flown = read_poly7(STORED / "trajectory.poly7.csv")
+    dimension = plan(times).shape[-1]
+    # Four-byte floats hold seven digits.
+    assert flown(times)[..., :dimension] == pytest.approx(plan(times), abs=1e-5)
+
+
+def test_a_campaign_goes_on_with_nothing_run_anew(tmp_path):
+    record = tmp_path / "campaign.jsonl"
+    shutil.copy(STORED / "campaign.jsonl", record)
+    models = [ct.load("error-correction/example-1"), ct.load("error-correction/3")]
+    names = ["label-setting", "two-stage", "dynamic-programming"]
+    anew = []
+    result = ct.compare(
+        models, names, time_limit=30, record=record, resume=True, on_solution=anew.append
+    )
+    assert anew == []
+    assert result.outcome == "AGREED"
+    assert len(result.solutions) == 6
+    assert record.read_bytes() == (STORED / "campaign.jsonl").read_bytes()

@@ -1,0 +1,65 @@
+"""Tables fit their terminal: columns fold or go by rank, and a number is never cut."""
+
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import crosstrack as ct
+from crosstrack.solvers.report.tables import render, solutions_table, table
+
+NUMBERS = ("124250.503", "0.000123", "1e+09")
+
+
+def sample():
+    rows = [
+        ("label-setting", "optimal", number, "3.1 ms", "ok, and a long sentence about what holds")
+        for number in NUMBERS
+    ]
+    columns = ("backend", "ended", "objective", "solve", "verification")
+    return table("runs", columns, rows, right=columns[2:4], drop=("solve", "ended"))
+
+
+@pytest.mark.parametrize("width", [20, 30, 40, 60, 80, 120, 160])
+def test_no_line_is_wider_than_the_terminal_and_no_number_is_cut(width):
+    text = render(sample(), width=width)
+    assert max(map(len, text.splitlines())) <= width
+    for number in (*NUMBERS, "label-setting"):
+        assert number in text
+
+
+def test_columns_go_in_their_order():
+    assert "3.1 ms" in render(sample(), width=80)
+    narrow = render(sample(), width=48)
+    assert "3.1 ms" not in narrow
+    assert "objective" in narrow
+    blocks = render(sample(), width=24)
+    assert "objective: 124250.503" in blocks, "the last resort is a block a row"
+    assert "solve: 3.1 ms" in blocks, "which leaves nothing out"
+
+
+def test_answers_fit_eighty_columns():
+    solution = ct.solve(ct.load("error-correction/example-1"), "label-setting")
+    for width in (40, 80, 120):
+        text = render(solutions_table([solution], "example"), width=width)
+        assert max(map(len, text.splitlines())) <= width
+        assert f"{solution.primal_bound:.3f}" in text
+        assert "label-setting" in text
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    cells=st.lists(
+        st.tuples(
+            st.text("abc ", min_size=1, max_size=30).filter(str.strip),
+            st.floats(-1e12, 1e12).map(lambda x: f"{x:.6g}"),
+            st.text("xyz ", max_size=60),
+        ),
+        min_size=1,
+        max_size=4,
+    ),
+    width=st.integers(24, 130),
+)
+def test_any_table_keeps_its_numbers(cells, width):
+    made = table("", ("name", "value", "words"), cells, right=("value",), drop=("words",))
+    text = render(made, width=width)
+    for _, number, _ in cells:
+        assert number in text
