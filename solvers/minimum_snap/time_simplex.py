@@ -178,7 +178,6 @@ def _inner(problem: TimeAllocation, asked: str, request: Request) -> tuple[Inner
     names = ("daqp", "clarabel", "piqp") if asked == "choose" else (asked,)
     ready = [name for name in names if not find_backend(name).missing()]
     backend = find_backend(ready[0] if ready else names[0])
-    backend.require()
     return lambda durations: _programmed(problem, durations, backend, request), backend.name
 
 
@@ -230,11 +229,8 @@ def _programmed(
 ) -> Trajectory | None:
     """Solve the Legendre program, with more instants until the bounds hold at all of them."""
     written = problem.at(problem.times(durations)).formulate("legendre")
-    asked = Request(
-        tolerance=request.tolerance, options=backend.checked_options({}), control=request.control
-    )
-    while not request.control.stopped:
-        answer = backend.run(written.program, asked)
+    while True:
+        answer = request.within(backend, written.program)
         if answer.termination is not Termination.OPTIMAL:
             return None
         finer = written.refined(answer.point, request.tolerance)
@@ -242,4 +238,3 @@ def _programmed(
             plan: Trajectory = written.decode(answer.point)
             return plan
         written = finer
-    return None
