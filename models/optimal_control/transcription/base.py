@@ -161,14 +161,14 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def build(self) -> NonlinearProgram:
         """Return the program on the present mesh, started where the last one ended."""
-        from .dependence import settled
+        from .dependence import treat_dependent
 
         assembly = Assembly(self.layout)
         start = self._start if self._history is None else self._history.plan
         guess = self._guess() if start is None else self.encode(start)
         program = assembly.program(guess, self.model.name)
         first = assembly.row_starts[-1]
-        return settled(self.model.definition, self.layout, program, first, self.dependent)
+        return treat_dependent(self.model.definition, self.layout, program, first, self.dependent)
 
     def _guess(self) -> Floats:
         columns = np.zeros(self.layout.size)
