@@ -221,7 +221,8 @@ def _draw_motion(
             right = np.zeros((place.size, nx, free.size + push.shape[2]))
             right[:, free, np.arange(free.size)] = -scheme.left[:, :1]
             right[:, :, free.size :] = 0.5 * span * push[:, :nx]
-            moved = np.linalg.solve(square, right.reshape(square.shape[0], -1)).reshape(right.shape)
+            moved = np.asarray(np.linalg.solve(square, right.reshape(len(square), -1)), np.float64)
+            moved = moved.reshape(right.shape)
             if not _resolved(scheme.points[1:], moved):
                 continue
             values, by_t, by_z = tables[:3]
@@ -274,7 +275,7 @@ def _solve(
     z = np.tile(first, (nodes, 1))
     for _ in range(STEPS):
         tables = evaluate(z, span)
-        square = np.kron(scheme.left[:, 1:], np.eye(nx))
+        square: Floats = np.asarray(np.kron(scheme.left[:, 1:], np.eye(nx)), np.float64)
         blocks = square.reshape(nodes, nx, nodes, nx)
         blocks[np.arange(nodes), :, np.arange(nodes)] -= 0.5 * span * tables[2][:, :nx]
         if not np.isfinite(square).all() or np.abs(z).max() > DIVERGED * max(
@@ -282,7 +283,10 @@ def _solve(
         ):
             return None
         left = scheme.left @ np.vstack([first, z]) - 0.5 * span * tables[0][:, :nx]
-        step = np.linalg.solve(square, left.ravel()).reshape(z.shape)
+        try:
+            step = np.asarray(np.linalg.solve(square, left.ravel()), float).reshape(z.shape)
+        except np.linalg.LinAlgError:  # a span on which the motion is not unique
+            return None
         z = z - step
         if not np.abs(step).max() > CONVERGED * max(1.0, float(np.abs(z).max())):
             return z, square, tables
@@ -367,8 +371,8 @@ def _preference(phase: Phase, finals: list[int], motion: _Motion, total: int) ->
     whose = np.array([name.partition("[")[0] for name in names])
     moves = np.linalg.norm(motion.effects[2 + len(names) : 2 + 2 * len(names)], axis=1)
     largest = np.array([moves[whose == one].max() for one in whose])
-    share = np.divide(moves, largest, out=np.ones(len(names)), where=moves > 0.0)
-    factors = 1.0 + 1e-6 * np.arange(total)
+    share = np.where(moves > 0.0, moves / np.where(largest > 0.0, largest, 1.0), 1.0)
+    factors: Floats = 1.0 + 1e-6 * np.arange(total, dtype=float)
     factors[: len(finals)] *= share[finals] ** 0.01
     return factors
 
