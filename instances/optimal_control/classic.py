@@ -50,7 +50,7 @@ def brachistochrone(
     )
     phase.guess(time=[0, 2], v=[0, 10], slope=[0, math.pi / 2])
     ocp.minimise(phase.end, unit="s")
-    return ocp.build()
+    return ocp
 
 
 def bryson_denham(
@@ -76,7 +76,7 @@ def bryson_denham(
     u = phase.control("u")
     phase.dynamics({x: v, v: u})
     ocp.minimise(phase.integral(u**2 / 2))
-    return ocp.build()
+    return ocp
 
 
 def double_integrator_energy(
@@ -98,7 +98,7 @@ def double_integrator_energy(
     u = phase.control("u", scale=6)
     phase.dynamics({x: v, v: u})
     ocp.minimise(phase.integral(u**2))
-    return ocp.build()
+    return ocp
 
 
 def linear_regulator(
@@ -122,7 +122,7 @@ def linear_regulator(
     u = phase.control("u")
     phase.dynamics({x: x + u})
     ocp.minimise(phase.integral(x**2 + u**2))
-    return ocp.build()
+    return ocp
 
 
 def hypersensitive(
@@ -148,7 +148,7 @@ def hypersensitive(
     u = phase.control("u", lower=-10, upper=10, scale=1)
     phase.dynamics({x: -(x**3) + u})
     ocp.minimise(phase.integral((x**2 + u**2) / 2))
-    return ocp.build()
+    return ocp
 
 
 def zermelo(name: str = "optimal-control/zermelo") -> OptimalControlProblem:
@@ -173,7 +173,7 @@ def zermelo(name: str = "optimal-control/zermelo") -> OptimalControlProblem:
     phase.dynamics({x: casadi.cos(heading) - y, y: casadi.sin(heading)})
     phase.guess(time=[0, 5], heading=[2, 4])
     ocp.minimise(phase.end)
-    return ocp.build()
+    return ocp
 
 
 def dido(name: str = "optimal-control/dido", *, length: float = 2.0) -> OptimalControlProblem:
@@ -199,7 +199,7 @@ def dido(name: str = "optimal-control/dido", *, length: float = 2.0) -> OptimalC
     phase.dynamics({x: casadi.cos(heading), y: casadi.sin(heading)})
     phase.guess(x=[0, length / 2], y=[0, length / 4, 0], heading=[math.pi / 4, -math.pi / 4])
     ocp.minimise(-phase.integral(y * casadi.cos(heading)), unit="m²")
-    return ocp.build()
+    return ocp
 
 
 def hanging_chain(name: str = "optimal-control/hanging-chain") -> OptimalControlProblem:
@@ -225,4 +225,4 @@ def hanging_chain(name: str = "optimal-control/hanging-chain") -> OptimalControl
     # A chain that sags, such as a parabola through both ends.
     phase.guess(height=lambda t: 1 - 4 * t + 6 * t**2, slope=lambda t: -4 + 12 * t)
     ocp.minimise(phase.integral(height * arc), unit="m²")
-    return ocp.build()
+    return ocp

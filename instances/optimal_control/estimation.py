@@ -26,4 +26,4 @@ def decay_fit(name: str = "optimal-control/decay-fit") -> OptimalControlProblem:
     measured = 1 / (1 + phase.time)
     phase.guess(x=lambda t: 1 / (1 + t))
     ocp.minimise(phase.integral((x - measured) ** 2), unit="s")
-    return ocp.build()
+    return ocp

@@ -51,7 +51,7 @@ def hang_glider(name: str = "optimal-control/hang-glider") -> OptimalControlProb
     )
     phase.guess(time=[0, 100], x=[0, 1250], lift_coefficient=0.7)
     ocp.minimise(-phase.final(x), unit="m")
-    return ocp.build()
+    return ocp
 
 
 def shuttle_reentry(name: str = "optimal-control/shuttle-reentry") -> OptimalControlProblem:
@@ -111,4 +111,4 @@ def shuttle_reentry(name: str = "optimal-control/shuttle-reentry") -> OptimalCon
         attack=17 * degree, bank=[-75 * degree, 0],
     )  # fmt: skip
     ocp.minimise(-phase.final(latitude), unit="rad")
-    return ocp.build()
+    return ocp

@@ -68,10 +68,17 @@ def _entry(
         title=title,
         paper=paper,
         provenance=provenance,
-        builder=partial(problem, full, **options),
+        builder=partial(_build, problem, full, **options),
         published=published,
         note=" ".join(filter(None, words)),
     )
+
+
+def _build(
+    problem: Callable[..., OptimalControlProblem], name: str, **options: Any
+) -> OptimalControlProblem:
+    """Return the problem that is declared: the functions return builders, to declare more in."""
+    return problem(name, **options).build()
 
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:

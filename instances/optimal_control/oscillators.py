@@ -33,7 +33,7 @@ def van_der_pol(
     phase.dynamics({x1: (1 - x2**2) * x1 - x2 + u, x2: x1})
     phase.guess(x2=[1, 0])
     ocp.minimise(phase.integral(x1**2 + x2**2 + u**2))
-    return ocp.build()
+    return ocp
 
 
 def rayleigh(
@@ -64,7 +64,7 @@ def rayleigh(
     phase.dynamics({x1: x2, x2: -x1 + x2 * (1.4 - 0.14 * x2**2) + 4 * u})
     phase.guess(x1=[-5, 0], x2=[-5, 0], u=0)
     ocp.minimise(phase.integral(x1**2 + u**2))
-    return ocp.build()
+    return ocp
 
 
 def harmonic_oscillator(name: str = "optimal-control/harmonic-oscillator") -> OptimalControlProblem:
@@ -88,7 +88,7 @@ def harmonic_oscillator(name: str = "optimal-control/harmonic-oscillator") -> Op
     # The swing as it would go by itself.
     phase.guess(time=[0, 5], x=lambda t: 3 * math.cos(t), v=lambda t: -3 * math.sin(t), force=0)
     ocp.minimise(phase.end)
-    return ocp.build()
+    return ocp
 
 
 def aly_chan(name: str = "optimal-control/aly-chan") -> OptimalControlProblem:
@@ -111,4 +111,4 @@ def aly_chan(name: str = "optimal-control/aly-chan") -> OptimalControlProblem:
     phase.dynamics({x: v, v: u})
     phase.guess(x=[0, 1], v=[1, 0], u=0)
     ocp.minimise(phase.integral((v**2 - x**2) / 2))
-    return ocp.build()
+    return ocp

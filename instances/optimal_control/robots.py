@@ -52,7 +52,7 @@ def container_crane(name: str = "optimal-control/container-crane") -> OptimalCon
     )
     phase.guess(pull=0, lift=0)
     ocp.minimise(phase.integral((swing**2 + turn**2 + 0.01 * (pull**2 + lift**2)) / 2))
-    return ocp.build()
+    return ocp
 
 
 def robot_arm(name: str = "optimal-control/robot-arm") -> OptimalControlProblem:
@@ -93,7 +93,7 @@ def robot_arm(name: str = "optimal-control/robot-arm") -> OptimalControlProblem:
     # The straight way that COPS starts from, at a guessed duration.
     phase.guess(time=[0, 10], theta=lambda t: 2 * math.pi / 3 * (t / 10) ** 2)
     ocp.minimise(phase.end)
-    return ocp.build()
+    return ocp
 
 
 def dubins(name: str = "optimal-control/dubins") -> OptimalControlProblem:
@@ -121,7 +121,7 @@ def dubins(name: str = "optimal-control/dubins") -> OptimalControlProblem:
     phase.dynamics({x: casadi.cos(heading), y: casadi.sin(heading), heading: turn})
     phase.guess(time=[0, 7], turn=0)
     ocp.minimise(phase.end)
-    return ocp.build()
+    return ocp
 
 
 #: Discs in the way of :func:`around_discs`: centre and radius.
@@ -156,7 +156,7 @@ def around_discs(name: str = "optimal-control/around-discs") -> OptimalControlPr
         heading=[-0.2, 0.2, 0.2, -0.2],
     )  # fmt: skip
     ocp.minimise(phase.end)
-    return ocp.build()
+    return ocp
 
 
 def cart_pole(name: str = "optimal-control/cart-pole") -> OptimalControlProblem:
@@ -201,7 +201,7 @@ def cart_pole(name: str = "optimal-control/cart-pole") -> OptimalControlProblem:
     # One swing to the other side before: that costs less than to swing up at once.
     phase.guess(position=[0, 0, 0.6, 0.9, 0.8, 1], angle=[0, 0, -1, 0.5, 2.5, math.pi], force=0)
     ocp.minimise(phase.integral(force**2), unit="N² s")
-    return ocp.build()
+    return ocp
 
 
 def quadrotor(name: str = "optimal-control/quadrotor") -> OptimalControlProblem:
@@ -240,7 +240,7 @@ def quadrotor(name: str = "optimal-control/quadrotor") -> OptimalControlProblem:
         time=[0, 0.5, 1, 1.5], vx=[0, 5, 5, 0], pitch=[0, 1, -1, 0], thrust=15, pitch_rate=0
     )
     ocp.minimise(phase.end, unit="s")
-    return ocp.build()
+    return ocp
 
 
 def free_flying_robot(name: str = "optimal-control/free-flying-robot") -> OptimalControlProblem:
@@ -281,4 +281,4 @@ def free_flying_robot(name: str = "optimal-control/free-flying-robot") -> Optima
     phase.path(jets[0] + jets[1], upper=1, name="one side")
     phase.path(jets[2] + jets[3], upper=1, name="other side")
     ocp.minimise(phase.integral(casadi.sum1(jets)))
-    return ocp.build()
+    return ocp

@@ -41,7 +41,7 @@ def linear_tangent_steering(
     phase.dynamics({x: vx, y: vy, vx: 100 * casadi.cos(angle), vy: 100 * casadi.sin(angle)})
     phase.guess(time=[0, 0.3, 0.6], x=[0, 3, 12], vy=[0, 20, 0], angle=[1, 0, -1])
     ocp.minimise(phase.end)
-    return ocp.build()
+    return ocp
 
 
 #: Two stages: thrust (t km/s²), propellant flow (t/s), mass at ignition and at burn-out (t). The
@@ -101,7 +101,7 @@ def two_stage_ascent(name: str = "optimal-control/two-stage-ascent") -> OptimalC
     )  # fmt: skip
     ocp.link(boost, sustain, "x", "y", "vx", "vy")
     ocp.minimise(-sustain.final(m), unit="t")
-    return ocp.build()
+    return ocp
 
 
 def orbit_raising(name: str = "optimal-control/orbit-raising") -> OptimalControlProblem:
@@ -142,7 +142,7 @@ def orbit_raising(name: str = "optimal-control/orbit-raising") -> OptimalControl
         angle=lambda t: 0.5 + 5.2 * t / 3.32,
     )
     ocp.minimise(-phase.final(r))
-    return ocp.build()
+    return ocp
 
 
 #: Goddard's rocket in units of its first height, mass and weight: largest thrust, drag, the inverse
@@ -174,7 +174,7 @@ def goddard(name: str = "optimal-control/goddard") -> OptimalControlProblem:
     phase.dynamics({h: v, v: (thrust - drag) / m - 1 / h**2, m: -thrust / EXHAUST})
     phase.guess(time=[0, 0.1, 0.2], h=[1, 1.006, 1.01], v=[0, 0.1, 0], thrust=[THRUST, 1, 0])
     ocp.minimise(-phase.final(h))
-    return ocp.build()
+    return ocp
 
 
 def goddard_phases(name: str = "optimal-control/goddard-phases") -> OptimalControlProblem:
@@ -228,4 +228,4 @@ def goddard_phases(name: str = "optimal-control/goddard-phases") -> OptimalContr
     ocp.link(boost, arc)
     ocp.link(arc, coast)
     ocp.minimise(-coast.final(h))
-    return ocp.build()
+    return ocp

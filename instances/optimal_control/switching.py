@@ -25,7 +25,7 @@ def double_integrator(name: str = "optimal-control/double-integrator") -> Optima
     phase.dynamics({x: v, v: u})
     phase.guess(time=[0, 3])
     ocp.minimise(phase.end)
-    return ocp.build()
+    return ocp
 
 
 def double_integrator_fuel(
@@ -51,7 +51,7 @@ def double_integrator_fuel(
     backward = phase.control("backward", lower=0, upper=1)
     phase.dynamics({x: v, v: forward - backward})
     ocp.minimise(phase.integral(forward + backward))
-    return ocp.build()
+    return ocp
 
 
 def moon_lander(name: str = "optimal-control/moon-lander") -> OptimalControlProblem:
@@ -75,7 +75,7 @@ def moon_lander(name: str = "optimal-control/moon-lander") -> OptimalControlProb
     phase.dynamics({height: rate, rate: thrust - 1.5})
     phase.guess(time=[0, 5], thrust=1.5)
     ocp.minimise(phase.integral(thrust))
-    return ocp.build()
+    return ocp
 
 
 def catalyst_mixing(name: str = "optimal-control/catalyst-mixing") -> OptimalControlProblem:
@@ -101,4 +101,4 @@ def catalyst_mixing(name: str = "optimal-control/catalyst-mixing") -> OptimalCon
     phase.guess(first=[1, 0.9], second=[0, 0.1], mixture=[1, 0])
     # The end product is what is neither of the other two.
     ocp.minimise(phase.final(first) + phase.final(second) - 1)
-    return ocp.build()
+    return ocp

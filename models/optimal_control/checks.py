@@ -16,7 +16,7 @@ from ...errors import InvalidData
 from ..fields import show
 from ..verification import ROUNDING, Check, Verification
 from .definition import Definition, Phase, Restriction
-from .integration import Reintegration, integrated
+from .integration import Reintegration, integrate_anew
 from .plan import ControlPlan
 from .sampling import Course, Instants, courses, endpoint
 
@@ -78,9 +78,9 @@ def motion(problem: Any, plan: ControlPlan, phase: int | str = 0) -> Reintegrati
     found = courses(getattr(problem, "definition", problem), plan)
     names = [one.phase.name for one in found]
     if isinstance(phase, str) and phase in names:
-        return integrated(found[names.index(phase)])
+        return integrate_anew(found[names.index(phase)])
     if isinstance(phase, int) and -len(found) <= phase < len(found):
-        return integrated(found[phase])
+        return integrate_anew(found[phase])
     raise InvalidData(
         f"phase must be a number below {len(found)} or one of "
         f"{', '.join(map(repr, names))}, got {show(phase)}",
@@ -107,7 +107,7 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
     """
     phases = courses(definition, plan)
     with np.errstate(all="ignore"):
-        motions = [integrated(one) for one in phases]
+        motions = [integrate_anew(one) for one in phases]
         objective, boundary = _at_ends(definition, endpoint(phases), phases[0].parameters)
         kinds: list[tuple[str, Iterable[_Found]]] = [
             ("motion", map(_motion, phases, motions, _labels(phases))),

@@ -21,7 +21,7 @@ from .growth import stretches
 from .lagrange import barycentric_weights
 from .sampling import Course, Instants
 
-__all__ = ["Reintegration", "integrated"]
+__all__ = ["Reintegration", "integrate_anew"]
 
 Floats = NDArray[np.float64]
 
@@ -171,7 +171,7 @@ def _advance(
     return left, 0.0, f"the integration is given up at t = {solver.t:.6g} after {STEPS} steps"
 
 
-def integrated(course: Course) -> Reintegration:
+def integrate_anew(course: Course) -> Reintegration:
     """Return the motion of one phase of a plan, integrated anew.
 
     The integrals are those of the integrands along that motion.

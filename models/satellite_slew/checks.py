@@ -63,7 +63,7 @@ def verify_slew(model: SlewData, plan: ControlPlan, tolerance: float) -> Verific
     """Return the objective and all checks of a plan for `model`; see :meth:`SatelliteSlew.verify`."""
     phase = slew_phase(plan)
     motion = SlewMotion.of(model)
-    samples = _sampled(model, motion, phase)
+    samples = _sample(model, motion, phase)
     checks = [
         *_ends(model, phase, tolerance),
         *_motion(samples, tolerance),
@@ -119,7 +119,7 @@ def _ends(model: SlewData, phase: PhasePlan, tolerance: float) -> list[Check]:
 # -- along the way -----------------------------------------------------------------------------------
 
 
-def _sampled(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
+def _sample(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
     """Return samples on every interval, between the nodes and on them, integrated from the start.
 
     The cost is integrated with the motion, as a twelfth state.
@@ -136,7 +136,7 @@ def _sampled(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
         states.append(phase.states.on(k, points))
         controls.append(phase.controls.on(k, points))
         if x is not None:
-            path = _integrated(_law(model, motion, phase, k), x, points, end - begin)
+            path = _integrate(_law(model, motion, phase, k), x, points, end - begin)
             x = None if path is None else path[-1]
             anew.append(np.empty((0, 12)) if path is None else path)
     return _Samples(
@@ -160,7 +160,7 @@ def _law(
     return law
 
 
-def _integrated(
+def _integrate(
     law: Callable[[float, Floats], list[float]], x: Floats, points: Floats, length: float
 ) -> Floats | None:
     """Return the states at `points` of an interval from `x` at its begin; None where that fails."""

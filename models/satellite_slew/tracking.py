@@ -172,7 +172,7 @@ def track(
     controller = _Controller(
         model, phase, natural_frequency, damping, _outer(disturbance), known_disturbance, homing
     )
-    return _flown(controller, SlewMotion.of(model, inertia_error=inertia_error), sample_time, after)
+    return _fly(controller, SlewMotion.of(model, inertia_error=inertia_error), sample_time, after)
 
 
 def _outer(disturbance: Any) -> Callable[[float], Floats]:
@@ -236,12 +236,12 @@ class _Controller:
         inverse = jacobian.T @ np.linalg.inv(jacobian @ jacobian.T + DAMPING * np.eye(3))
         feedforward = feedforward + back - inverse @ (jacobian @ back)
         missing = -cut / model.momentum - jacobian @ feedforward
-        held = _allotted(jacobian, missing, feedforward, model.gimbal_rate_limit)
+        held = _allot(jacobian, missing, feedforward, model.gimbal_rate_limit)
         given = -model.momentum * (jacobian @ held)
         return torque, held, float(np.abs(given - torque).max()) > LOST
 
 
-def _allotted(jacobian: Floats, missing: Floats, rates: Floats, most: float) -> Floats:
+def _allot(jacobian: Floats, missing: Floats, rates: Floats, most: float) -> Floats:
     """Return gimbal rates within `most` that give what is `missing` beyond the torque of `rates`.
 
     The least correction; a gimbal that it would drive beyond its limit stays there, and the others
@@ -266,7 +266,7 @@ def _allotted(jacobian: Floats, missing: Floats, rates: Floats, most: float) -> 
     return held
 
 
-def _moved(
+def _move(
     truth: SlewMotion,
     outer: Callable[[float], Floats],
     t: float,
@@ -287,9 +287,7 @@ def _moved(
     return x
 
 
-def _flown(
-    controller: _Controller, truth: SlewMotion, sample_time: float, after: float
-) -> Tracking:
+def _fly(controller: _Controller, truth: SlewMotion, sample_time: float, after: float) -> Tracking:
     """Simulate: the controller's rates are held, the motion of the true satellite integrated."""
     phase, model = controller.phase, controller.model
     end = phase.end + after
@@ -300,7 +298,7 @@ def _flown(
     commanded, applied, held, saturated = [], [], [], []
     for begin, until in pairwise(times.tolist()):
         torque, rates, cut = controller.command(begin, until - begin, x)
-        before, x = x, _moved(truth, controller.outer, begin, until, x, rates)
+        before, x = x, _move(truth, controller.outer, begin, until, x, rates)
         turned = momentum_direction(np.stack([before[7:], x[7:]]), model.beta)
         states.append(x)
         commanded.append(torque)

@@ -53,13 +53,13 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
     method = f"least widening of limits, {INTERVALS} Radau intervals of {DEGREE} nodes, with ipopt"
     began = time.perf_counter()
 
-    def widened(
+    def widen(
         program: NonlinearProgram, rows: list[Block], columns: list[Block], most: int
     ) -> tuple[Answer, list[_Widening]]:
         left = None if time_limit is None else time_limit - (time.perf_counter() - began)
-        return _widened(program, rows, columns, left, most)
+        return _widen(program, rows, columns, left, most)
 
-    answer, needed = widened(program, rows, columns, MOST)
+    answer, needed = widen(program, rows, columns, MOST)
     ended = answer.termination
     if ended is not Termination.LOCALLY_OPTIMAL:
         return Diagnosis(model.name, None, method, f"not settled: ipopt ended with {ended}")
@@ -83,7 +83,7 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
             break
         on_rows = number < len(rows)
         own = ([block], []) if on_rows else ([], [block])
-        answer, found = widened(program, *own, ALONE)
+        answer, found = widen(program, *own, ALONE)
         if answer.termination is Termination.LOCALLY_OPTIMAL:
             alone += found
     if alone:
@@ -105,7 +105,7 @@ class _Widening:
     finding: Finding
 
 
-def _widened(
+def _widen(
     program: NonlinearProgram,
     rows: list[Block],
     columns: list[Block],

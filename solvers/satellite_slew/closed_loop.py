@@ -168,8 +168,8 @@ class ClosedLoop:
             following = next((t for t in stops if t > now + 1e-9), latest)
             left = following - now
             long = left / np.ceil(left / step - 1e-9) if following in stops else min(step, left)
-            nodes, rates, load = self._sampled(motion, now, long, x)
-            states = _followed(motion, x, nodes, rates, long)
+            nodes, rates, load = self._sample(motion, now, long, x)
+            states = _follow(motion, x, nodes, rates, long)
             x = states[-1]
             if not np.isfinite(x).all():
                 break
@@ -181,7 +181,7 @@ class ClosedLoop:
             settled = turned and self.distance(x) <= self.tolerance
         return flown.flight(settled)
 
-    def _sampled(
+    def _sample(
         self, motion: SlewMotion, now: float, long: float, x: Floats
     ) -> tuple[Floats, Floats, tuple[float, float]]:
         """Return nodes, gimbal rates there, and the largest rate and torque asked for, of a step."""
@@ -210,7 +210,7 @@ class ClosedLoop:
         return PARABOLA, wanted, (largest, torque)
 
 
-def _followed(motion: SlewMotion, x: Floats, nodes: Floats, rates: Floats, long: float) -> Floats:
+def _follow(motion: SlewMotion, x: Floats, nodes: Floats, rates: Floats, long: float) -> Floats:
     """Return the states at `STATES_AT` of a step that the gimbal rates lead to, shape (5, 11)."""
     half_steps = np.linspace(-1.0, 1.0, 2 * STATES_AT.size - 1)
     table = interpolation(nodes, half_steps) @ rates

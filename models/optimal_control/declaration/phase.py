@@ -18,12 +18,12 @@ from .terms import (
     bounds,
     checked_size,
     column,
-    compiled,
+    compile_function,
     entries,
-    expressed,
     free_name,
     range_of,
-    related,
+    read_expression,
+    read_relation,
     restriction,
     text,
     typical,
@@ -236,7 +236,9 @@ class PhaseBuilder:
         self.opened()
         name = name or f"path {len(self.paths) + 1}"
         free_name("a path constraint", name, self._constraints())
-        bounded, low, high = related(f"path constraint {name!r}", expression, lower, upper, equals)
+        bounded, low, high = read_relation(
+            f"path constraint {name!r}", expression, lower, upper, equals
+        )
         words = (name, equation, unit)
         self.paths.append((restriction(words, bounded.numel(), low, high, scale), bounded))
 
@@ -303,7 +305,7 @@ class PhaseBuilder:
         return self._at(expression, 1, self.end)
 
     def _at(self, expression: Any, side: int, time: Symbol) -> Symbol:
-        found = expressed("a value at the ends", expression)
+        found = read_expression("a value at the ends", expression)
         for name in self.controls:
             if casadi.depends_on(found, self.symbols[name]):
                 raise InvalidData(
@@ -357,7 +359,7 @@ class PhaseBuilder:
         known = [self.time, *self.symbols.values(), *parameters]
         for what, columns in results.items():
             self._refuse_strangers(what, columns, known)
-        function = compiled(
+        function = compile_function(
             "phase",
             {"t": self.time, "x": x, "u": u, "p": p},
             {what: casadi.vertcat(*columns, casadi.MX(0, 1)) for what, columns in results.items()},

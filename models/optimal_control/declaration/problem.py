@@ -18,12 +18,12 @@ from .terms import (
     bounds,
     checked_size,
     column,
-    compiled,
+    compile_function,
     entries,
     free_name,
     middle,
     range_of,
-    related,
+    read_relation,
     restriction,
     text,
     typical,
@@ -247,7 +247,7 @@ class ControlProblemBuilder(Generic[ModelT]):
             lists += [one.paths, one.invariants]
         taken = [made.name for listed in lists for made, _ in listed]
         free_name("a boundary constraint", name, taken)
-        bounded, low, high = related(
+        bounded, low, high = read_relation(
             f"boundary constraint {name!r}", expression, lower, upper, equals
         )
         made = restriction((name, equation, unit), bounded.numel(), low, high, scale)
@@ -338,7 +338,7 @@ class ControlProblemBuilder(Generic[ModelT]):
             "boundary": [one for _, one in self.boundaries],
         }
         self._refuse_strangers(columns, [*ends, *parameters])
-        endpoint = compiled(
+        endpoint = compile_function(
             "endpoint",
             {"e": casadi.vertcat(*ends), "p": casadi.vertcat(*parameters, casadi.MX(0, 1))},
             {what: casadi.vertcat(*parts, casadi.MX(0, 1)) for what, parts in columns.items()},

@@ -20,13 +20,13 @@ __all__ = [
     "between",
     "checked_size",
     "column",
-    "compiled",
+    "compile_function",
     "entries",
     "free_name",
     "middle",
     "numbers",
     "range_of",
-    "related",
+    "read_relation",
     "restriction",
     "text",
     "typical",
@@ -198,7 +198,7 @@ def typical(name: str, given: Any, size: int, *sizes: Floats) -> Floats:
 # -- expressions -------------------------------------------------------------------------------------
 
 
-def expressed(what: str, expression: Any) -> Symbol:
+def read_expression(what: str, expression: Any) -> Symbol:
     """Return `expression` as CasADi's MX; lists and arrays of expressions become columns."""
     try:
         if isinstance(expression, str | bytes | bool | np.bool_) or expression is None:
@@ -211,7 +211,7 @@ def expressed(what: str, expression: Any) -> Symbol:
         else:
             found = expression
         if isinstance(found, list | tuple):
-            found = casadi.vertcat(*(expressed(what, one) for one in found), casadi.MX(0, 1))
+            found = casadi.vertcat(*(read_expression(what, one) for one in found), casadi.MX(0, 1))
         found = casadi.MX(found)
     except (NotImplementedError, TypeError, RuntimeError):
         raise InvalidData(
@@ -226,15 +226,17 @@ def expressed(what: str, expression: Any) -> Symbol:
 
 def column(what: str, expression: Any) -> Symbol:
     """Return `expression` as a column of CasADi's MX, one entry at least."""
-    found = casadi.vec(casadi.densify(expressed(what, expression)))
+    found = casadi.vec(casadi.densify(read_expression(what, expression)))
     if not found.numel():
         raise InvalidData(f"{what} must have 1 entry at least, got 0", field=what)
     return found
 
 
-def related(what: str, expression: Any, lower: Any, upper: Any, equals: Any) -> tuple[Any, ...]:
+def read_relation(
+    what: str, expression: Any, lower: Any, upper: Any, equals: Any
+) -> tuple[Any, ...]:
     """Return (column, lower, upper) of an expression and its bounds, or of a relation."""
-    bare = expressed(what, expression)
+    bare = read_expression(what, expression)
     given = not (lower is None and upper is None and equals is None)
     if bare.n_dep() == 2 and bare.op() in _RELATIONS:
         if given:
@@ -300,7 +302,7 @@ def restriction(
 # -- functions ---------------------------------------------------------------------------------------
 
 
-def compiled(
+def compile_function(
     name: str,
     arguments: Mapping[str, Symbol],
     results: Mapping[str, Symbol],
@@ -328,7 +330,7 @@ def compiled(
         # A function from elsewhere may have no scalar form; it works as it is.
         found = found.expand()
     if not _elementary(name, found, ", ".join(results)):
-        _differentiated(found)
+        _differentiate(found)
     return found
 
 
@@ -343,7 +345,7 @@ def _elementary(name: str, function: casadi.Function, what: str) -> bool:
     return casadi.OP_CALL not in kinds
 
 
-def _differentiated(function: casadi.Function) -> None:
+def _differentiate(function: casadi.Function) -> None:
     """Differentiate `function` twice, and forget what comes out.
 
     A table keeps its derivatives from when they are first asked for, and writes them with itself:

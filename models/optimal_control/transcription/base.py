@@ -20,10 +20,10 @@ from ..plan import ControlPlan, PhasePlan, Piecewise
 from .assembly import Assembly
 from .derivatives import functions_of
 from .layout import Layout, PhaseLayout
-from .mesh import Mesh, even, given
+from .mesh import Mesh, even, read_mesh
 from .refinement import Rules, next_meshes
 from .schemes import Scheme
-from .starts import drawn
+from .starts import draw_start
 
 __all__ = ["History", "Transcription"]
 
@@ -138,13 +138,13 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             isinstance(one, Mesh) or np.ndim(one) == 1 for one in self.mesh
         )
         if not nested:
-            return tuple(given(self.mesh, degree) for _ in phases)
+            return tuple(read_mesh(self.mesh, degree) for _ in phases)
         if len(self.mesh) != len(phases):
             raise UnsupportedOption(
                 f"formulation {self.name!r}: option 'mesh' has {len(self.mesh)} lists for "
                 f"{len(phases)} phases"
             )
-        return tuple(given(one, degree) for one in self.mesh)
+        return tuple(read_mesh(one, degree) for one in self.mesh)
 
     @property
     def meshes(self) -> tuple[Mesh, ...]:
@@ -161,14 +161,14 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def build(self) -> NonlinearProgram:
         """Return the program on the present mesh, started where the last one ended."""
-        from .dependence import settled
+        from .dependence import treat_dependent
 
         assembly = Assembly(self.layout)
         start = self._start if self._history is None else self._history.plan
         guess = self._guess() if start is None else self.encode(start)
         program = assembly.program(guess, self.model.name)
         first = assembly.row_starts[-1]
-        return settled(self.model.definition, self.layout, program, first, self.dependent)
+        return treat_dependent(self.model.definition, self.layout, program, first, self.dependent)
 
     def _guess(self) -> Floats:
         columns = np.zeros(self.layout.size)
@@ -255,9 +255,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def decode(self, point: Floats) -> ControlPlan:
         """Return the plan whose polynomials the columns stand for."""
-        return self._decoded(np.asarray(point, float))
+        return self._decode(np.asarray(point, float))
 
-    def _decoded(self, columns: Floats, duals: Floats | None = None) -> ControlPlan:
+    def _decode(self, columns: Floats, duals: Floats | None = None) -> ControlPlan:
         definition = self.model.definition
         functions = functions_of(definition)
         p = columns[self.layout.parameter_columns]
@@ -322,7 +322,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def explained(self, plan: ControlPlan, point: Floats, duals: Floats) -> ControlPlan:
         """Return the plan with costates, from the program's row multipliers."""
-        return self._decoded(np.asarray(point, float), np.asarray(duals, float))
+        return self._decode(np.asarray(point, float), np.asarray(duals, float))
 
     # -- refinement and other starts -------------------------------------------------------------
 
@@ -363,7 +363,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def started(self, seed: int) -> Self:
         """Return the formulation with a start drawn by `seed`: waves about the guess."""
-        return self._with(_start=drawn(self.model.definition, self.decode(self._guess()), seed))
+        return self._with(
+            _start=draw_start(self.model.definition, self.decode(self._guess()), seed)
+        )
 
     def _with(self, **changes: Any) -> Self:
         options = {

@@ -4,46 +4,37 @@ Where the dynamics conserve something, such as the length of a quaternion or a m
 the end depend on one another: a state that starts as given can only be moved within the surface on
 which what is conserved stays the same. Conditions on the end beyond the dimension of that surface
 follow from the others, or contradict them; either way the program's equations are dependent, and
-solvers fail. The dimension is measured: the motion is linearised along a drawn control, and the rank
-of what the control, the free initial values and the free times can do to the conditions is counted.
+solvers fail. The dimension is measured: the equations of motion are collocated along a drawn control,
+and a pivoted QR counts the rank of what the control, the free initial values, the parameters and the
+free times can do to the conditions in the linearised equations.
 """
 
 from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import casadi
 import numpy as np
 import scipy.linalg
-from numpy.polynomial import legendre
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
 from ....errors import InvalidData
 from ...programs.nonlinear import NonlinearProgram
 from ..definition import Definition, Phase
-from .report import evaluated
+from .reach import NONE, Motion, carry_to_target, draw_motion, in_own_terms
 
 if TYPE_CHECKING:
     from .layout import Layout
 
-__all__ = ["Dependence", "dependences", "settled"]
+__all__ = ["Dependence", "dependences", "treat_dependent"]
 
 log = logging.getLogger("crosstrack")
 
 Floats = NDArray[np.float64]
-
-#: Steps of the linearised motion, of order 8.
-STEPS = 24
-#: Growth of a disturbance at which the linearised motion is cut off: beyond, everything looks alike.
-GROWTH = 50.0
-#: Share of the largest effect below which an effect counts as none.
-NONE = 1e-8
-#: Largest relative drift of what counts as conserved.
-CONSERVED = 1e-7
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -78,7 +69,7 @@ def dependences(definition: Definition) -> tuple[Dependence, ...]:
     """Return what is found of every phase, phases without any left out; computed once."""
     found = _known.get(definition)
     if found is None:
-        each = (_examined(definition, k) for k in range(len(definition.phases)))
+        each = (_examine(definition, k) for k in range(len(definition.phases)))
         found = tuple(one for one in each if one is not None)
         _known[definition] = found
     return found
@@ -92,49 +83,49 @@ def _conditions(definition: Definition, number: int) -> tuple[list[int], list[in
     low, high = definition.stacked("boundaries", "lower"), definition.stacked("boundaries", "upper")
     equal = np.flatnonzero(low == high)
     # Only those of this phase alone: what links two phases hangs on both motions.
-    begin = sum(one.end_size for one in definition.phases[:number])
-    own = set(range(begin, begin + phase.end_size))
-    sparsity = definition.endpoint.jac_sparsity(1, 0)
-    rows, columns = (np.array(part) for part in sparsity.get_triplet())
-    kept = [int(k) for k in equal if set(columns[rows == k].tolist()) <= own and (rows == k).any()]
+    own = _own_entries(definition, number)
+    rows, columns = (
+        np.array(part) for part in definition.endpoint.jac_sparsity(1, 0).get_triplet()
+    )
+    inside = (own.start <= columns) & (columns < own.stop)
+    kept = [int(k) for k in equal if (rows == k).any() and inside[rows == k].all()]
     return finals, kept
 
 
-def _examined(definition: Definition, number: int) -> Dependence | None:
+def _own_entries(definition: Definition, number: int) -> slice:
+    """Return the place of a phase in the endpoint vector."""
+    begin = sum(one.end_size for one in definition.phases[:number])
+    return slice(begin, begin + definition.phases[number].end_size)
+
+
+def _examine(definition: Definition, number: int) -> Dependence | None:
     phase = definition.phases[number]
     finals, boundaries = _conditions(definition, number)
     low, high = phase.stacked("paths", "lower"), phase.stacked("paths", "upper")
-    paths = np.flatnonzero(low == high).tolist()
+    kept = set(np.flatnonzero(low == high).tolist())
     total = len(finals) + len(boundaries)
-    if not total and not paths:
+    if not total and not kept:
         return None
-    best: tuple[int, NDArray[np.int64]] | None = None
-    kept = set(paths)
-    for seed in (1, 2):
-        with np.errstate(all="ignore"):  # what overflows is looked at, and given up
-            motion = _linearised(definition, phase, seed)
+    rank, order = -1, np.empty(0, np.int64)
+    for seed in (1, 2):  # the second motion is to confirm what the first one finds
+        motion = draw_motion(definition, phase, seed)
         if motion is None:
             log.debug("dependence of phase %r cannot be measured", phase.name)
             return None
-        kept &= set(_kept_paths(phase, motion, paths))
-        if total:
-            effects = _effects(definition, number, finals, boundaries, motion)
-            rank, order = _rank(effects)
-            if best is None or rank > best[0]:
-                best = rank, order
-        if not kept and (best is None or best[0] == total):
-            return None  # the second motion is only to confirm
-    rank, order = best if best is not None else (0, np.empty(0, np.int64))
+        kept &= set(motion.kept)
+        found = _rank(_effects(definition, number, finals, boundaries, motion))
+        if found[0] > rank:
+            rank, order = found
+        if not kept and rank == total:
+            return None
     if rank < total:
         # Which ones to leave out is decided at the end itself: what is extremal there, such as the
         # largest entry of a quaternion, follows from the others and not they from it.
-        with np.errstate(all="ignore"):
-            there = _at_target(definition, phase)
+        there = carry_to_target(definition, phase)
         if there is not None:
-            order = _rank(_effects(definition, number, finals, boundaries, there))[1]
+            rows = _effects(definition, number, finals, boundaries, there)
+            order = _rank(rows * _preference(phase, finals, there, total)[:, None])[1]
     implied = sorted(int(k) for k in order[rank:])
-    if not implied and not kept:
-        return None
     return Dependence(
         number,
         tuple(finals[k] for k in implied if k < len(finals)),
@@ -144,219 +135,55 @@ def _examined(definition: Definition, number: int) -> Dependence | None:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Motion:
-    """A drawn motion with its linearisation: effects are columns, free values at the start first."""
-
-    times: Floats
-    states: Floats
-    controls: Floats
-    parameters: Floats
-    end: Floats
-    integral: Floats
-    effects: Floats
-    integral_effects: Floats
-    start_free: NDArray[np.int64]
-
-
-def _at_target(definition: Definition, phase: Phase) -> _Motion | None:
-    """Return what can be done at the wanted end: effects of a motion from there, carried back."""
-    low, high = phase.stacked("states", "final_lower"), phase.stacked("states", "final_upper")
-    target = np.where(low == high, low, phase.guess.states[-1])
-    onward = _linearised(definition, phase, 1, target)
-    if onward is None:
-        return None
-    nx = target.size
-    try:
-        back = np.linalg.solve(onward.effects[:, :nx], onward.effects[:, nx:])
-    except np.linalg.LinAlgError:
-        return None
-    # Columns of the states' own first values are no effects here.
-    own = np.hstack([np.zeros((nx, nx)), back])
-    other = np.hstack([np.zeros((onward.integral.size, nx)), onward.integral_effects[:, nx:]])
-    return replace(
-        onward, end=target, effects=own, integral_effects=other, start_free=np.empty(0, np.int64)
-    )
-
-
-def _linearised(
-    definition: Definition, phase: Phase, seed: int, begin: Floats | None = None
-) -> _Motion | None:
-    """Integrate the phase under a drawn control, with the effects of all that is free.
-
-    From `begin`, where it is given, all states count as free at the start, in units of their own.
-    """
-    draw = np.random.default_rng(seed)
-    nx, nu, nq = len(phase.state_names), len(phase.control_names), phase.integrals
-    guess, p = phase.guess, definition.stacked("parameters", "initial_lower")
-    low, high = phase.stacked("states", "initial_lower"), phase.stacked("states", "initial_upper")
-    free = np.flatnonzero(low < high)
-    x = np.clip(guess.states[0], low, high)
-    scale = phase.stacked("states", "scale")
-    x[free] = np.clip(x + 0.1 * scale * draw.normal(size=nx), low, high)[free]
-    if begin is not None:
-        x, free = begin.copy(), np.arange(nx)
-    basis = max(4, int(np.ceil(2 * nx / max(nu, 1)))) if nu else 0
-    size = phase.stacked("controls", "scale")
-    middle = guess.controls.mean(axis=0) if nu else np.zeros(0)
-    shape = draw.normal(size=(4, nu)) / np.arange(1, 5)[:, None]
-    span = guess.end - guess.start
-    tangent = _tangent(phase)
-
-    def control(s: float) -> Floats:
-        waves = np.cos(np.pi * (np.arange(4) * s + 0.3))
-        drawn: Floats = middle + 0.5 * size * np.tanh(waves @ shape)
-        return drawn
-
-    steps_of = np.eye(max(basis, 1))
-
-    def rates(t: float, x: Floats, effects: Floats) -> tuple[Floats, Floats]:
-        s = (t - guess.start) / span
-        parts = tangent(t, x, control(s), p)
-        rate, by_x, by_u, by_p = (np.array(part, float) for part in parts)
-        change = by_x @ effects[:nx]
-        first = free.size
-        if nu:
-            strength = legendre.legval(2.0 * s - 1.0, steps_of)
-            drive = (by_u * size)[:, :, None] * strength
-            change[:, first : first + nu * basis] += drive.reshape(nx + nq, nu * basis)
-        if p.size:
-            change[:, first + nu * basis :] += by_p
-        return rate[:, 0], change
-
-    effects = np.zeros((nx + nq, free.size + nu * basis + p.size))
-    effects[free, np.arange(free.size)] = scale[free] if begin is None else 1.0
-    state = np.concatenate([x, np.zeros(nq)])
-    step = span / STEPS
-    times, states, controls = [guess.start], [x.copy()], [control(0.0)]
-    for k in range(STEPS):
-        t = guess.start + k * step
-        state, effects = _stepped(rates, t, step, state, effects, nx)
-        if not (np.isfinite(state).all() and np.isfinite(effects).all()):
-            return None
-        times.append(t + step)
-        states.append(state[:nx].copy())
-        controls.append(control((k + 1) / STEPS))
-        grown = (np.abs(effects[:nx]) / scale[:, None]).max(initial=0.0)
-        if grown > GROWTH and k >= 5:
-            break
-    table = np.array(states)
-    rate: Floats = rates(times[-1], table[-1], effects)[0]
-    # A free end moves along the motion.
-    effects = np.column_stack([effects, rate * span])
-    return _Motion(
-        np.array(times), table, np.array(controls).reshape(len(times), nu), p, table[-1],
-        state[nx:], effects[:nx], effects[nx:], free,
-    )  # fmt: skip
-
-
-def _tangent(phase: Phase) -> casadi.Function:
-    t, x = casadi.MX.sym("t"), casadi.MX.sym("x", len(phase.state_names))
-    u = casadi.MX.sym("u", len(phase.control_names))
-    p = casadi.MX.sym("p", phase.function.size1_in(3))
-    rate, _, integrand, _ = phase.function(t, x, u, p)
-    both = casadi.vertcat(rate, integrand)
-    parts = [both, *(casadi.densify(casadi.jacobian(both, z)) for z in (x, u, p))]
-    return casadi.Function("tangent", [t, x, u, p], parts)
-
-
-def _stepped(
-    rates: Any, t: float, step: float, state: Floats, effects: Floats, nx: int
-) -> tuple[Floats, Floats]:
-    """Return state and effects one step of Dormand and Prince's order 8 later."""
-    stages: list[tuple[Floats, Floats]] = []
-    for k in range(DOP853.n_stages):
-        x, v = state.copy(), effects.copy()
-        for j, weight in enumerate(DOP853.A[k, :k]):
-            if weight:
-                x += step * weight * stages[j][0]
-                v += step * weight * stages[j][1]
-        stages.append(rates(t + DOP853.C[k] * step, x[:nx], v))
-    for k, weight in enumerate(DOP853.B):
-        state = state + step * weight * stages[k][0]
-        effects = effects + step * weight * stages[k][1]
-    return state, effects
-
-
 def _effects(
-    definition: Definition, number: int, finals: list[int], boundaries: list[int], motion: _Motion
+    definition: Definition, number: int, finals: list[int], boundaries: list[int], motion: Motion
 ) -> Floats:
-    """Return what each free value does to each condition, each condition in its own terms."""
-    phase = definition.phases[number]
-    nx = len(phase.state_names)
-    moves = motion.effects.shape[1]
-    fixed_end = phase.end_lower == phase.end_upper
-    # How t0, tf, x0, xf and the integrals of this phase move.
-    ends = np.zeros((phase.end_size, moves))
-    ends[1, -1] = 0.0 if fixed_end else phase.guess.end - phase.guess.start
-    scale = phase.stacked("states", "scale")
-    start = motion.start_free
-    ends[2 + start, np.arange(start.size)] = scale[start]
-    ends[2 + nx : 2 + 2 * nx] = motion.effects
-    ends[2 + 2 * nx :] = motion.integral_effects
-    if fixed_end:
-        ends[:, -1] = 0.0
-    rows = [_in_own_terms(ends[2 + nx + k], np.abs(ends[2 + nx + k])) for k in finals]
+    """Return what each change does to each condition, each condition in its own terms."""
+    nx = len(definition.phases[number].state_names)
+    slopes = np.zeros((len(finals) + len(boundaries), motion.ends.size))
+    slopes[np.arange(len(finals)), [2 + nx + k for k in finals]] = 1.0
     if boundaries:
-        e = np.concatenate(
-            [
-                np.concatenate(
-                    [
-                        [one.guess.start, one.guess.end],
-                        one.guess.states[0],
-                        one.guess.states[-1],
-                        np.zeros(one.integrals),
-                    ]
-                )
-                for one in definition.phases
-            ]
-        )
-        begin = sum(one.end_size for one in definition.phases[:number])
-        own = slice(begin, begin + phase.end_size)
-        e[own] = np.concatenate(
-            [[motion.times[0], motion.times[-1]], motion.states[0], motion.end, motion.integral]
-        )
-        symbols = [
+        e = np.concatenate([_guessed_ends(one) for one in definition.phases])
+        own = _own_entries(definition, number)
+        e[own] = motion.ends
+        arguments = [
             casadi.MX.sym(name, definition.endpoint.size1_in(k)) for k, name in enumerate("ep")
         ]
-        boundary = definition.endpoint(*symbols)[1]
-        jacobian = casadi.Function("boundary", symbols, [casadi.jacobian(boundary, symbols[0])])
-        table = np.array(jacobian(e, motion.parameters), float)[:, own]
-        rows += [
-            _in_own_terms(table[k] @ ends, np.abs(table[k]) @ np.abs(ends)) for k in boundaries
-        ]
-    return np.array(rows, float)
+        table = casadi.jacobian(definition.endpoint(*arguments)[1], arguments[0])
+        slope = casadi.Function("slope", arguments, [casadi.densify(table)])
+        slopes[len(finals) :] = np.array(slope(e, motion.parameters), float)[boundaries, own]
+    return in_own_terms(slopes @ motion.effects, np.abs(slopes) @ np.abs(motion.effects))
 
 
-def _in_own_terms(effect: Floats, terms: Floats) -> Floats:
-    """Return an effect in terms of its own size, so that units count for nothing; 0 if it cancels."""
-    size, most = float(np.linalg.norm(effect)), float(np.linalg.norm(terms))
-    return effect / size if size > NONE * most else np.zeros_like(effect)
+def _guessed_ends(phase: Phase) -> Floats:
+    guess = phase.guess
+    ends = [[guess.start, guess.end], guess.states[0], guess.states[-1], np.zeros(phase.integrals)]
+    return np.concatenate(ends)
 
 
-def _rank(effects: Floats) -> tuple[int, NDArray[np.int64]]:
+def _preference(phase: Phase, finals: list[int], motion: Motion, total: int) -> Floats:
+    """Return factors near 1 that decide between conditions that follow from one another alike.
+
+    Among the entries of a vector the one that moves more is imposed, of several states the one that
+    was declared later; without them rounding would decide.
+    """
+    names = phase.state_names
+    whose = np.array([name.partition("[")[0] for name in names])
+    moves = np.linalg.norm(motion.effects[2 + len(names) : 2 + 2 * len(names)], axis=1)
+    largest = np.array([moves[whose == one].max() for one in whose])
+    share = np.where(moves > 0.0, moves / np.where(largest > 0.0, largest, 1.0), 1.0)
+    factors: Floats = 1.0 + 1e-6 * np.arange(total, dtype=float)
+    factors[: len(finals)] *= share[finals] ** 0.01
+    return factors
+
+
+def _rank(effects: Floats) -> tuple[int, Indices]:
     """Return the rank of the rows, and their order: independent ones first."""
+    count = effects.shape[0]
     if not effects.size or not np.isfinite(effects).all():
-        return effects.shape[0], np.arange(effects.shape[0])
+        return count, np.arange(count)
     _, triangle, order = scipy.linalg.qr(effects.T, mode="economic", pivoting=True)
-    sizes = np.abs(np.diag(triangle))
-    full = np.zeros(effects.shape[0])
-    full[: sizes.size] = sizes
-    return int((full > NONE).sum()), np.asarray(order, np.int64)
-
-
-def _kept_paths(phase: Phase, motion: _Motion, paths: list[int]) -> list[int]:
-    """Return the path equations whose expression does not change along the drawn motion."""
-    if not paths:
-        return []
-    values = evaluated(phase, motion.times, motion.states, motion.controls, motion.parameters)[1]
-    drift = np.abs(values - values[:, :1]).max(axis=1)
-    moved = np.abs(np.diff(motion.states, axis=0)).max() > 1e-6
-    return [
-        k
-        for k in paths
-        if moved and drift[k] <= CONSERVED * max(1.0, float(np.abs(values[k]).max()))
-    ]
+    return int((np.abs(np.diag(triangle)) > NONE).sum()), np.asarray(order, np.int64)
 
 
 def _words(definition: Definition, one: Dependence) -> list[str]:
@@ -369,7 +196,7 @@ def _words(definition: Definition, one: Dependence) -> list[str]:
     return list(dict.fromkeys(words))
 
 
-def settled(
+def treat_dependent(
     definition: Definition,
     layout: Layout,
     program: NonlinearProgram,

@@ -52,7 +52,7 @@ class _Twice:
     second_at: tuple[NDArray[np.int64], NDArray[np.int64]]
 
 
-def _differentiated(name: str, free: Any, entries: Any, arguments: list[Any], kind: Any) -> _Twice:
+def _differentiate(name: str, free: Any, entries: Any, arguments: list[Any], kind: Any) -> _Twice:
     jacobian = casadi.jacobian(entries, free)
     multipliers = kind.sym("multipliers", entries.numel())
     curved = casadi.triu(casadi.hessian(casadi.dot(multipliers, entries), free)[0])
@@ -98,10 +98,10 @@ class NodeFunctions:
             parts = casadi.vertsplit(free, cuts)
             value = casadi.Function("entries", [x, u, times, p, place], [entries])
             entries = value(*parts, place)
-            whole = _differentiated("node", free, entries, [free, place], kind)
+            whole = _differentiate("node", free, entries, [free, place], kind)
             self.twice = _unstacked(whole, cuts)
         else:
-            self.twice = _differentiated("node", free, entries, [x, u, times, p, place], kind)
+            self.twice = _differentiate("node", free, entries, [x, u, times, p, place], kind)
         self.entries = int(entries.numel())
 
 
@@ -133,7 +133,7 @@ class EndpointFunctions:
         free = kind.sym("free", ends + parameters)
         objective, boundary = function(free[:ends], free[ends:])
         entries = casadi.densify(casadi.vertcat(objective, boundary))
-        self.twice = _differentiated("endpoint", free, entries, [free], kind)
+        self.twice = _differentiate("endpoint", free, entries, [free], kind)
         self.entries = int(entries.numel())
 
 

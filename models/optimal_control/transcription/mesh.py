@@ -82,7 +82,7 @@ def even(intervals: int, degree: int) -> Mesh:
     return Mesh(np.linspace(0.0, 1.0, intervals + 1), np.full(intervals, degree))
 
 
-def given(mesh: Any, degree: int) -> Mesh:
+def read_mesh(mesh: Any, degree: int) -> Mesh:
     """Return the mesh that a user gives as fractions, with `degree` nodes each."""
     if isinstance(mesh, Mesh):
         return mesh

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..lagrange import interpolation
 from ..plan import ControlPlan, PhasePlan
 from .mesh import Mesh
-from .report import SHARE, Report, examined
+from .report import SHARE, Report, examine
 from .schemes import gauss_points
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def next_meshes(
     """
     parameters = np.concatenate([*plan.parameters.values(), np.empty(0)])
     reports = [
-        examined(phase, part, parameters)
+        examine(phase, part, parameters)
         for phase, part in zip(model.definition.phases, plan.phases, strict=True)
     ]
     limit = SHARE * tolerance
@@ -109,7 +109,7 @@ def next_meshes(
         limit = max(0.1 * worst, 1e-3 * limit) if not verified else max(1e-2 * limit, 1e-2 * worst)
     finer = []
     for mesh, report, part in zip(meshes, reports, plan.phases, strict=True):
-        finer.append(_refined(mesh, report, part, rules, limit, merge=worst > SHARE * tolerance))
+        finer.append(_refine(mesh, report, part, rules, limit, merge=worst > SHARE * tolerance))
     if all(new.same(old) for new, old in zip(finer, meshes, strict=True)):
         return _denser(meshes, rules)
     return tuple(finer)
@@ -131,7 +131,7 @@ def _denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
     return tuple(finer)
 
 
-def _refined(
+def _refine(
     mesh: Mesh, report: Report, part: PhasePlan, rules: Rules, limit: float, merge: bool
 ) -> Mesh:
     cuts: list[float] = [0.0]
@@ -151,7 +151,7 @@ def _refined(
             inner: list[float] = []
             own, quiet = [max(degree, CALM)], True
         else:
-            inner, own = _decided(degree, report, k, rules, limit)
+            inner, own = _decide(degree, report, k, rules, limit)
         places = begin + 0.5 * (np.array([*inner, 1.0]) + 1.0) * (end - begin)
         places[-1] = end
         if (np.diff(np.append(begin, places)) < SHORTEST).any():
@@ -165,11 +165,11 @@ def _refined(
         touched += [bool(changed) or not ample or bool(report.windows[k])] * len(own)
     made = Mesh(np.array(cuts), np.array(degrees), np.array(calm))
     if merge and rules.split and not all(touched):
-        return _merged(made, touched, part, limit)
+        return _merge(made, touched, part, limit)
     return made
 
 
-def _decided(
+def _decide(
     degree: int, report: Report, k: int, rules: Rules, limit: float
 ) -> tuple[list[float], list[int]]:
     """Return where interval k is cut, in [-1, 1], and the degrees of its parts."""
@@ -216,7 +216,7 @@ def _around(cut: float) -> list[float]:
     return [float(np.clip(cut, -0.995, 0.995))]
 
 
-def _merged(mesh: Mesh, touched: list[bool], part: PhasePlan, limit: float) -> Mesh:
+def _merge(mesh: Mesh, touched: list[bool], part: PhasePlan, limit: float) -> Mesh:
     """Join neighbours that were left alone and that one polynomial of their degree fits."""
     kept, own, calm = [0.0], [], []
     states, span = part.states, part.duration

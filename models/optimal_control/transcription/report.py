@@ -20,7 +20,7 @@ from ..lagrange import interpolation
 from ..plan import PhasePlan
 from .schemes import gauss_points, integration
 
-__all__ = ["ALLOWED", "SHARE", "Report", "evaluated", "examined"]
+__all__ = ["ALLOWED", "SHARE", "Report", "evaluate_nodes", "examine"]
 
 Floats = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ class Report:
         return found
 
 
-def examined(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
+def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
     """Return the report on one phase of a plan."""
     count = part.states.intervals
     size = np.maximum(1.0, np.max([np.abs(v).max(axis=0) for v in part.states.values], axis=0))
@@ -92,7 +92,7 @@ def examined(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
         half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
         t = part.states.knots[k] + half * (fine + 1.0)
         x, u = part.states.on(k, fine), part.controls.on(k, fine)
-        rate, _, integrand = evaluated(phase, t, x, u, parameters)
+        rate, _, integrand = evaluate_nodes(phase, t, x, u, parameters)
         begin = part.states.on(k, [-1.0])
         moved = begin + half * (onto @ rate.T)
         there = part.states.on(k, np.append(fine, 1.0))
@@ -116,7 +116,7 @@ def examined(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
     return Report(errors, violations, decays, tuple(cuts), tuple(windows), chatters, places)
 
 
-def evaluated(
+def evaluate_nodes(
     phase: Phase, t: Floats, x: Floats, u: Floats, p: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Return rates, path expressions and integrands at many instants, one column each.
@@ -149,7 +149,7 @@ def _quadrature(phase: Phase, part: PhasePlan, p: Floats) -> list[tuple[Floats, 
         at, weights = gauss_points(part.controls.nodes[k].size)
         half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
         t = part.states.knots[k] + half * (at + 1.0)
-        values = evaluated(phase, t, part.states.on(k, at), part.controls.on(k, at), p)[2]
+        values = evaluate_nodes(phase, t, part.states.on(k, at), part.controls.on(k, at), p)[2]
         found.append((half * (values @ weights), half * (np.abs(values) @ weights)))
     return found
 
@@ -163,7 +163,7 @@ def _violated(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[float, 
     x = part.states.on(k, tau)
     tables = [(x.T, phase.stacked("states", "lower"), phase.stacked("states", "upper"))]
     if phase.paths:
-        path = evaluated(phase, t, x, part.controls.on(k, tau), p)[1]
+        path = evaluate_nodes(phase, t, x, part.controls.on(k, tau), p)[1]
         tables.append((path, phase.stacked("paths", "lower"), phase.stacked("paths", "upper")))
     worst, where = 0.0, 0.0
     for values, low, high in tables:
@@ -212,7 +212,7 @@ def _windows(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[tuple[fl
     x, u = part.states.on(k, tau), part.controls.on(k, tau)
     tables = [("states", x.T), ("controls", u.T)]
     if phase.paths:
-        tables.append(("paths", evaluated(phase, t, x, u, p)[1]))
+        tables.append(("paths", evaluate_nodes(phase, t, x, u, p)[1]))
     changes = np.zeros(max(tau.size - 1, 0), bool)
     for what, values in tables:
         scale = BINDING * phase.stacked(what, "scale")[:, None]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..definition import Definition, Phase
 from ..plan import ControlPlan, PhasePlan, Piecewise
 
-__all__ = ["drawn"]
+__all__ = ["draw_start"]
 
 Floats = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ STRAY = 0.4
 WAVES = 4
 
 
-def drawn(definition: Definition, guess: ControlPlan, seed: int) -> ControlPlan:
+def draw_start(definition: Definition, guess: ControlPlan, seed: int) -> ControlPlan:
     """Return `guess` with smooth waves added to it, drawn by `seed`; both ends of states stay.
 
     Waves of a control need not vanish at its ends. Free end times are stretched at random.

@@ -1,0 +1,113 @@
+"""Refinement of meshes, and options."""
+
+import math
+
+import pytest
+from transcribed import LINEAR, catalogue, layers, regulator, solved
+
+import crosstrack as ct
+from crosstrack.errors import UnsupportedOption
+
+
+@pytest.mark.parametrize(
+    ("name", "formulation", "value"),
+    [
+        ("linear-regulator", "gauss", None),  # smooth
+        ("linear-regulator", "paper", None),
+        ("double-integrator", "gauss", 2.0),  # bang-bang
+        ("double-integrator", "radau", 2.0),
+        ("aly-chan", "gauss", 0.0),  # a singular arc
+        ("aly-chan", "radau", 0.0),
+        ("bryson-denham", "radau", 4.0),  # a wall
+        pytest.param("catalyst-mixing", "gauss", -0.0480556858, marks=pytest.mark.slow),
+        pytest.param("goddard", "gauss", -1.0128369, marks=pytest.mark.slow),
+        pytest.param("goddard", "radau", -1.0128369, marks=pytest.mark.slow),
+        pytest.param("hypersensitive", "gauss", 1.330806905, marks=pytest.mark.slow),
+        pytest.param("hypersensitive", "radau", 1.330806905, marks=pytest.mark.slow),
+        pytest.param("bryson-denham", "hermite-simpson", 4.0, marks=pytest.mark.slow),
+    ],
+)
+def test_refinement_ends_with_a_verified_plan(name, formulation, value):
+    model = catalogue(name)
+    found = ct.solve(model, formulation=formulation)
+    assert found.termination == "locally_optimal" and found.verification.ok, str(found)
+    if value is None:
+        value = math.tanh(2 * math.sqrt(2)) / (math.sqrt(2) - math.tanh(2 * math.sqrt(2)))
+    assert found.primal_bound == pytest.approx(value, abs=2e-6 if name != "goddard" else 1e-5)
+    assert found.statistics["meshes"] >= 2
+    assert model.verify(found.plan, tolerance=1e-6).ok
+    # Less is asked, and found.
+    rough = ct.solve(model, formulation=formulation, tolerance=1e-3)
+    assert rough.termination == "locally_optimal"
+
+
+def test_the_paper_refines_one_interval_in_degree():
+    found = ct.solve(
+        catalogue("linear-regulator"), formulation="paper", formulation_options={"degree": 3}
+    )
+    assert found.termination == "locally_optimal" and found.statistics["intervals"] == 1
+    assert found.statistics["meshes"] > 2 and found.statistics["nodes"] > 6
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"rounds": 1, "intervals": 1, "degree": 3},
+        {"rounds": 2, "intervals": 1, "degree": 3},
+        {"most_nodes": 12, "intervals": 2, "degree": 5},
+        {"refine": False, "intervals": 2, "degree": 4},
+        {"refine": False, "mesh": [0, 0.1, 1], "degree": 4},
+    ],
+)
+def test_what_a_mesh_cannot_resolve_is_rejected_not_returned(options):
+    model = layers()
+    found = ct.solve(model, formulation_options=options)
+    assert found.termination == "rejected" and found.plan is None and found.primal_bound is None
+    assert found.rejected_plan is not None and "violated: motion" in found.message
+    assert not found.verification.ok
+    worst = [check for check in found.verification.checks if not check.ok]
+    assert any(check.name == "motion" and check.worst > 1e-3 for check in worst)
+    again = model.verify(model.plan_from_data(found.rejected_plan))
+    assert again.ok == found.verification.ok
+
+
+def test_a_fixed_mesh_stays():
+    ocp = regulator(*LINEAR)[0]
+    found = ct.solve(ocp, formulation_options={"refine": False, "mesh": [0, 0.3, 1], "degree": 9})
+    assert found.plan.phases[0].states.knots == pytest.approx([0, 0.6, 2])
+    assert found.statistics["meshes"] == 1 and found.statistics["nodes"] == 18
+    # Two phases, one mesh each.
+    ocp = regulator(*LINEAR, cuts=(0.5,))[0]
+    options = {"refine": False, "mesh": [[0, 1], [0, 0.25, 1]], "degree": 9}
+    found = ct.solve(ocp, formulation_options=options)
+    assert [part.states.intervals for part in found.plan] == [1, 2]
+    assert found.primal_bound == pytest.approx(solved(ocp, "gauss", degree=9)[0], rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"intervals": 0}, ["'intervals'", "1 to 10000", "got 0"]),
+        ({"intervals": 2.0}, ["'intervals'", "whole number", "2.0"]),
+        ({"intervals": True}, ["'intervals'", "True"]),
+        ({"degree": 0}, ["'degree'", "1 to 400", "got 0"]),
+        ({"degree": "5"}, ["'degree'", "'5'"]),
+        ({"rounds": 0}, ["'rounds'", "got 0"]),
+        ({"most_nodes": -1}, ["'most_nodes'", "got -1"]),
+        ({"refine": 1}, ["'refine'", "true or false", "1"]),
+        ({"dependent": "x"}, ["'dependent'", "'drop'", "'x'"]),
+        ({"mesh": [0, 0.5]}, ["increase from 0 to 1", "0.5"]),
+        ({"mesh": [0, 0.7, 0.5, 1]}, ["increase from 0 to 1"]),
+        ({"mesh": [0, float("nan"), 1]}, ["increase from 0 to 1", "nan"]),
+        ({"mesh": [0, "a", 1]}, ["fractions from 0 to 1", "'a'"]),
+        ({"mesh": []}, ["increase from 0 to 1"]),
+        ({"mesh": 3}, ["fractions from 0 to 1", "3"]),
+        ({"mesh": "even"}, ["fractions from 0 to 1", "'even'"]),
+        ({"mesh": [[0, 1], [0, 1]]}, ["2 lists for 1 phases"]),
+        ({"nodes": 3}, ["no option 'nodes'", "degree"]),
+    ],
+)
+def test_bad_options_are_named(options, words):
+    with pytest.raises(UnsupportedOption) as caught:
+        ct.solve(regulator(*LINEAR)[0], formulation_options=options)
+    assert all(word in str(caught.value) for word in words), caught.value

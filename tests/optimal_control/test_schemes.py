@@ -1,0 +1,115 @@
+"""Collocation schemes: exactness, nodes and weights."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from crosstrack.models.optimal_control.lagrange import differentiation, interpolation
+from crosstrack.models.optimal_control.transcription.schemes import (
+    gauss,
+    gauss_points,
+    hermite_simpson,
+    integration,
+    radau,
+    radau_points,
+    trapezoid,
+)
+
+#: Scheme, degree to which its rows are exact for X (the last row by itself), that of the quadrature,
+#: and that of the plan's polynomial.
+SCHEMES = [
+    *((gauss(n), n, 2 * n, 2 * n - 1, n) for n in (1, 2, 3, 5, 8, 13)),
+    *((radau(n), n, n, 2 * n - 2, n) for n in (1, 2, 3, 5, 8, 13)),
+    (hermite_simpson(), 3, 4, 3, 3),
+    (trapezoid(), 2, 2, 1, 2),
+]
+
+
+NAMES = [f"{one[0].name}-{one[0].collocated.size}" for one in SCHEMES]
+
+
+def defects(scheme, degree):
+    """What the rows leave of X = T_degree, whose rate is its derivative; the interval is [-1, 1]."""
+    basis = np.polynomial.chebyshev.Chebyshev.basis(degree)
+    return scheme.left @ basis(scheme.points) - scheme.right @ basis.deriv()(scheme.control_points)
+
+
+@pytest.mark.parametrize(("scheme", "rows", "last", "quadrature", "plan"), SCHEMES, ids=NAMES)
+def test_rows_are_exact_to_their_degree_and_not_beyond(scheme, rows, last, quadrature, plan):
+    for degree in range(last + 1):
+        found = defects(scheme, degree)
+        assert abs(found[-1]) < 1e-11
+        if degree <= rows:
+            assert np.abs(found).max() < 1e-10
+    assert np.abs(defects(scheme, rows + 1)).max() > 1e-6
+    assert abs(defects(scheme, last + 1)[-1]) > 1e-9
+
+
+@pytest.mark.parametrize(("scheme", "rows", "last", "quadrature", "plan"), SCHEMES, ids=NAMES)
+def test_weights_are_exact_to_their_degree_and_not_beyond(scheme, rows, last, quadrature, plan):
+    assert (scheme.weights > 0).all() and scheme.weights.sum() == pytest.approx(2, abs=1e-13)
+
+    def error(degree):
+        basis = np.polynomial.chebyshev.Chebyshev.basis(degree)
+        whole = basis.integ()
+        return scheme.weights @ basis(scheme.control_points) - (whole(1) - whole(-1))
+
+    assert max(abs(error(degree)) for degree in range(quadrature + 1)) < 1e-12
+    assert abs(error(quadrature + 1)) > 1e-9
+
+
+@pytest.mark.parametrize(("scheme", "rows", "last", "quadrature", "plan"), SCHEMES, ids=NAMES)
+def test_the_plan_follows_polynomials_of_its_degree(scheme, rows, last, quadrature, plan):
+    for degree in range(plan + 1):
+        basis = np.polynomial.chebyshev.Chebyshev.basis(degree)
+        values = scheme.from_states @ basis(scheme.points)
+        values = values + scheme.from_rates @ basis.deriv()(scheme.control_points)
+        assert values == pytest.approx(basis(scheme.plan_points), abs=1e-12)
+    assert scheme.points[0] == -1 and scheme.points[-1] == 1 and (np.diff(scheme.points) > 0).all()
+    assert (scheme.plan_points[0], scheme.plan_points[-1]) == (-1, 1)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7, 20, 64, 150])
+def test_nodes_and_weights_against_thirty_digits(count):
+    with mpmath.workdps(30):
+
+        def legendre(n, x):
+            before, value = mpmath.mpf(1), mpmath.mpf(x)
+            if n == 0:
+                return before
+            for k in range(2, n + 1):
+                before, value = value, ((2 * k - 1) * x * value - (k - 1) * before) / k
+            return value
+
+        def slope(n, x):
+            return n * (x * legendre(n, x) - legendre(n - 1, x)) / (x * x - 1)
+
+        nodes, weights = gauss_points(count)
+        for k in range(0, count, max(1, count // 7)):
+            x = mpmath.mpf(float(nodes[k]))
+            x -= legendre(count, x) / slope(count, x)
+            assert abs(float(x - nodes[k])) < 1e-15
+            exact = 2 / ((1 - x * x) * slope(count, x) ** 2)
+            assert abs(float(exact / weights[k]) - 1) < 1e-10
+        nodes, weights = radau_points(count)
+        assert nodes[-1] == 1 and weights[-1] == pytest.approx(2 / count**2, rel=1e-11)
+        for k in range(0, count - 1, max(1, count // 7)):
+            x = mpmath.mpf(float(nodes[k]))
+            for _ in range(2):
+                value = legendre(count, x) - legendre(count - 1, x)
+                x -= value / (slope(count, x) - slope(count - 1, x))
+            assert abs(float(x - nodes[k])) < 1e-15
+            exact = (1 + x) / (count * legendre(count - 1, x)) ** 2
+            assert abs(float(exact / weights[k]) - 1) < 1e-10
+
+
+@pytest.mark.parametrize("count", [5, 40, 200])
+def test_interpolation_differentiation_and_integration_of_many_nodes(count):
+    nodes = np.concatenate([[-1.0], radau_points(count)[0]])
+    fine = np.linspace(-1, 1, 333)
+    rough = 1e-2 if count == 5 else 1e-12
+    assert np.abs(interpolation(nodes, fine) @ np.sin(nodes) - np.sin(fine)).max() < rough
+    slope = np.abs(differentiation(nodes) @ np.sin(nodes) - np.cos(nodes)).max()
+    assert slope < (0.1 if count == 5 else 1e-15 * count**3)
+    own, onto = integration(count)
+    assert np.abs(onto @ np.cos(own) - np.sin(np.append(own, 1)) - np.sin(1)).max() < rough

@@ -1,0 +1,71 @@
+"""The best slew by nonlinear programming, and the catalogue."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import crosstrack as ct
+from crosstrack.instances import entries
+from crosstrack.models import Model, SatelliteSlew
+from crosstrack.models.satellite_slew.tracking import track
+
+ENTRIES = [e for e in entries() if e.name.startswith("satellite-slew/")]
+
+
+def test_a_coarse_optimum_is_verified_by_the_slews_own_check():
+    coarse = {"intervals": 5, "degree": 4}
+    best = ct.solve(SatelliteSlew(), "ipopt", tolerance=2e-2, formulation_options=coarse)
+    assert best.termination == "locally_optimal"
+    assert "body rates integrated anew" in {check.name for check in best.verification.checks}
+    assert best.primal_bound == pytest.approx(8.652909, rel=2e-2)
+
+
+@pytest.mark.slow
+def test_the_optimum_is_better_than_every_law_and_verified():
+    model = SatelliteSlew.about("pitch", 45.0)
+    best = ct.solve(model, "ipopt", tolerance=1e-3)
+    assert best.termination == "locally_optimal"
+    assert best.verification.ok
+    assert best.primal_bound == pytest.approx(8.0770, rel=1e-3)
+    steered = ct.solve(model, "slew-pseudo-inverse")
+    assert steered.primal_bound > best.primal_bound
+
+
+@pytest.mark.slow
+def test_the_papers_slew():
+    model = ct.load("satellite-slew/paper")
+    best = ct.solve(model, tolerance=1e-5)
+    assert best.backend == "ipopt"
+    assert best.verification.ok
+    wanted = ct.instances.entry("satellite-slew/paper").published["objective"]
+    assert best.primal_bound == pytest.approx(wanted, rel=1e-5)
+    assert best.plan.end == pytest.approx(7.8258, abs=1e-3)
+    # A tenth in reserve costs 2.2 % of time, and pays: disturbances from anywhere are tracked
+    # within the paper's figures, which at the limits they are not.
+    model = ct.load("satellite-slew/margin-10")
+    reserved = ct.solve(model, tolerance=1e-5)
+    assert reserved.plan.end / best.plan.end == pytest.approx(1.022, abs=1e-3)
+    for torque in itertools.product((-0.1, 0.1), repeat=3):
+        found = track(model, reserved, disturbance=torque)
+        assert found.max_quaternion_error < 4e-4
+        assert found.max_rate_error < 1e-3
+    assert track(SatelliteSlew(), best, disturbance=(-0.1, 0, 0)).max_rate_error > 1e-3
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+def test_instances_build_and_travel(entry):
+    model = entry.build()
+    assert isinstance(model, SatelliteSlew)
+    assert model.name == entry.name
+    assert Model.from_json(model.to_json()).digest == model.digest
+    assert model.lower().name == entry.name
+    assert entry.note and entry.title
+
+
+def test_the_infeasible_instance_is_infeasible():
+    model = ct.load("satellite-slew/infeasible")
+    # Without total momentum, I ẇ = T_c bounds how fast the rate grows, up and down again.
+    push = np.linalg.norm(model.torque_limit / np.diag(model.inertia))
+    assert not model.total_momentum.any()
+    assert 2 * np.sqrt(model.turn[1] / push) > model.time_range[1]
