@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...models.programs.linear import QuadraticProgram
-from ..backend import Feature, Limit, Termination
-from .cases import Case, Expectation, Run
+from ..backend import Termination
+from .cases import Case, Expectation, optimum
+from .limits import timed_cases
 from .quadratic_larger import certified
 
 __all__ = ["quadratic_limit_cases"]
@@ -26,52 +28,14 @@ def quadratic_limit_cases() -> tuple[Case, ...]:
     program, start = _dense(SIZE, ROWS)
     small, solution = _dense(*SMALL)
     best = program.objective(start)
-    ends = (Termination.OPTIMAL, Termination.FEASIBLE, Termination.NO_SOLUTION)
-
-    def expect(limit: Limit, through: bool = True) -> Expectation:
-        allowed = ends if through else ends[1:]
-        return Expectation(allowed, best_known=best, floor=best, limit=limit, through=through)
-
+    cut = Expectation((Termination.FEASIBLE, Termination.NO_SOLUTION), best_known=best, floor=best)
+    begun = replace(cut, termination=(Termination.OPTIMAL, *cut.termination), through=True)
     return (
-        Case(
-            "quadratic, limit: time",
-            program,
-            expect(Limit.TIME),
-            arguments={"time_limit": 0.2},
-        ),
-        Case(
-            "quadratic, limit: no time at all",
-            program,
-            expect(Limit.TIME, through=False),
-            arguments={"time_limit": 0.0},
-        ),
-        Case(
-            "quadratic, stop: before it starts",
-            program,
-            expect(Limit.INTERRUPTED, through=False),
-            arguments={"time_limit": 30.0},
-            stop_after=0.0,
-        ),
-        Case(
-            "quadratic, stop: while it runs",
-            program,
-            expect(Limit.INTERRUPTED),
-            frozenset({Feature.INTERRUPT}),
-            {"time_limit": 30.0},
-            stop_after=0.1,
-        ),
-        Case(
-            "quadratic, warm start: kept",
-            program,
-            expect(Limit.TIME),
-            frozenset({Feature.WARM_START}),
-            {"time_limit": 0.2, "warm_start": start},
-            further=_no_worse,
-        ),
+        *timed_cases("quadratic, ", program, begun, cut, start, seconds=0.2, stop_after=0.1),
         Case(
             "quadratic: dense",
             small,
-            Expectation((Termination.OPTIMAL,), small.objective(solution)),
+            optimum(small.objective(solution)),
         ),
     )
 
@@ -89,10 +53,3 @@ def _dense(size: int, rows: int) -> tuple[QuadraticProgram, NDArray[np.float64]]
     reduced = np.where(k % 3 == 0, np.sin(4.0 + k * 41 % 1019), 0.0)
     program = certified(hessian, sp.csr_array(matrix), point, duals, reduced, room=0.5)
     return program, point
-
-
-def _no_worse(case: Case, run: Run) -> str | None:
-    value, best = run.answer.primal_bound, case.expectation.best_known
-    if best is not None and (value is None or value > best + 1e-6 * abs(best)):
-        return f"started from the optimum {best!r}, ended with {value!r}"
-    return None
