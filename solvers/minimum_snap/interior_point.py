@@ -34,9 +34,8 @@ class InteriorPoint(Backend):
     name = "interior-point"
     accepts = MinimumDerivative
     guarantee = Guarantee.EXACT
-    features = frozenset(
-        {Feature.GAP, Feature.SEED, Feature.THREADS, Feature.DUAL_BOUND, Feature.INTERRUPT}
-    )
+    features = frozenset({Feature.GAP, Feature.THREADS, Feature.DUAL_BOUND, Feature.INTERRUPT})
+    deterministic = True
     requires = ("numba",)
     options: ClassVar[Mapping[str, Option]] = {
         "samples": Option(
