@@ -23,12 +23,14 @@ from .backend import Answer, Control, Limit, Request, Termination
 __all__ = [
     "Clock",
     "Ended",
-    "Outcome",
+    "Ending",
     "above_cutoff",
     "allowed",
     "holds",
     "limited",
     "obvious",
+    "over",
+    "own_options",
     "solver_tolerance",
     "stopped",
     "watched",
@@ -55,7 +57,7 @@ class Ended(StrEnum):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Ending:
     """What a solver reports of one run.
 
     Parameters
@@ -63,11 +65,13 @@ class Outcome:
     ended : Ended
         Its status; ``PROVEN`` is an optimum within the gap.
     point : ndarray, optional
-        Its best feasible column vector.
+        Its best column vector; of an ``UNBOUNDED`` end, a direction along which the objective should
+        fall forever, where it gives one.
     bound : float, optional
         Its lower bound on the objective; None or infinite where it has none.
     duals : ndarray, optional
-        Row multipliers, signed as the program's ``dual_bound`` wants them.
+        Row multipliers, signed as the program's ``dual_bound`` wants them; of an ``INFEASIBLE`` end,
+        those that should prove it.
     limit : Limit, optional
         What stopped it, for ``STOPPED``.
     statistics : mapping
@@ -86,6 +90,39 @@ class Outcome:
     statistics: Mapping[str, float | int | str] = field(default_factory=dict)
     message: str = ""
     absolute: bool = False
+
+    @classmethod
+    def read(
+        cls,
+        solver: str,
+        status: Any,
+        meanings: Mapping[Any, Meaning],
+        words: Any = None,
+        **parts: Any,
+    ) -> Ending:
+        """Return the end that `status` means, with `parts`; ``FAILED`` with its words where it means none.
+
+        Parameters
+        ----------
+        solver : str
+            The solver's name, for the message of a failure.
+        status : object
+            What the solver returned.
+        meanings : mapping
+            What each of its statuses means; an :class:`Ended` alone, or with the limit named.
+        words : object, optional
+            The status for people, where it is a number.
+        **parts
+            Other fields of the ending.
+        """
+        meaning = meanings.get(status, Ended.FAILED)
+        ended, limit = meaning if isinstance(meaning, tuple) else (meaning, None)
+        message = f"{solver}: {status if words is None else words}"
+        return cls(ended, limit=limit, message=message if ended is Ended.FAILED else "", **parts)
+
+
+#: How a status ends a run, and the limit that it names, if any.
+Meaning = Ended | tuple[Ended, Limit | None]
 
 
 class Clock:
@@ -151,16 +188,29 @@ def watched(control: Control, stop: Callable[[], Any]) -> Iterator[None]:
         thread.join()
 
 
-def stopped(request: Request, clock: Clock) -> Outcome | None:
-    """Return the outcome of a run that may not go on, None while it may."""
+def over(request: Request, clock: Clock) -> Limit | None:
+    """Return the limit that says stop, None while the run may go on."""
     if request.control.stopped:
-        return Outcome(Ended.STOPPED, limit=limited(request.control))
-    if clock.left() == 0.0:
-        return Outcome(Ended.STOPPED, limit=Limit.TIME)
-    return None
+        return limited(request.control)
+    return Limit.TIME if clock.left() == 0.0 else None
 
 
-def obvious(program: RowProgram, request: Request) -> Outcome | None:
+def stopped(request: Request, clock: Clock) -> Ending | None:
+    """Return the end of a run that may not go on, None while it may."""
+    limit = over(request, clock)
+    return None if limit is None else Ending(Ended.STOPPED, limit=limit)
+
+
+def own_options(request: Request, *without: str) -> dict[str, Any]:
+    """Return the backend's own options that go to its solver: those that have a value.
+
+    ``polish`` is left out, which no solver knows: it is what :mod:`.qp.polishing` does afterwards.
+    """
+    skip = {"polish", *without}
+    return {n: v for n, v in request.options.items() if n not in skip and v is not None}
+
+
+def obvious(program: RowProgram, request: Request) -> Ending | None:
     """Answer what some solvers refuse as malformed: crossed bounds, no columns, empty rows."""
     for lower, upper, name in (
         (program.column_lower, program.column_upper, program.column_name),
@@ -169,7 +219,7 @@ def obvious(program: RowProgram, request: Request) -> Outcome | None:
         crossed = np.flatnonzero(lower > upper)
         if crossed.size:
             at = int(crossed[0])
-            return Outcome(
+            return Ending(
                 Ended.INFEASIBLE,
                 message=f"{name(at)}: the lower bound {lower[at]:g} exceeds the upper {upper[at]:g}",
                 absolute=True,
@@ -180,9 +230,9 @@ def obvious(program: RowProgram, request: Request) -> Outcome | None:
     if wrong.any():
         row = program.row_name(int(np.flatnonzero(wrong)[0]))
         message = f"{row}: no column enters, and 0 does not satisfy it"
-        return Outcome(Ended.INFEASIBLE, message=message, absolute=True)
+        return Ending(Ended.INFEASIBLE, message=message, absolute=True)
     if not program.size:
-        return Outcome(Ended.PROVEN, np.zeros(0), program.offset, np.zeros(program.row_count))
+        return Ending(Ended.PROVEN, np.zeros(0), program.offset, np.zeros(program.row_count))
     return None
 
 

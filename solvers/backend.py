@@ -215,6 +215,9 @@ class Backend(ABC):
         The modules whose presence in ``sys.modules`` means that the native library is loaded.
     options : mapping of str to Option
         Its own options.
+    comparison_options : mapping of str to object
+        Values of its own options that :func:`crosstrack.compare` sets where the user gives none, so
+        that a verdict on the solver judges the solver and nothing that crosstrack adds to it.
     summary : str
         One line for lists.
     problem : str
@@ -236,6 +239,7 @@ class Backend(ABC):
     conflict_group: ClassVar[str] = ""
     natives: ClassVar[tuple[str, ...]] = ()
     options: ClassVar[Mapping[str, Option]] = {}
+    comparison_options: ClassVar[Mapping[str, Any]] = {}
     summary: ClassVar[str] = ""
 
     @abstractmethod

@@ -147,7 +147,8 @@ def compare(
         One for all models, or one a model (None where there is none); given to the backends that
         take one.
     backend_options : mapping of str to mapping, optional
-        Own options by the backend's name.
+        Own options by the backend's name; what is not given is as ``comparison_options`` of the
+        backend say, ``polish=False`` for solvers of quadratic programs.
     workers : int
         How many jobs run at the same time.
     pool : concurrent.futures.Executor, optional
@@ -299,7 +300,7 @@ def _task(
         backend=backend,
         formulation=None if native else formulation,
         warm_start=warm_start if usable else None,
-        backend_options=dict(own.get(backend.name, {})),
+        backend_options={**backend.comparison_options, **own.get(backend.name, {})},
         **asked,
     )
     backend.checked_options(job.backend_options)

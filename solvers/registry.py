@@ -50,6 +50,7 @@ _SOLVERS: Mapping[str, str] = {
     "quadprog": ".solvers.qp.quadprog:Quadprog",
     "osqp": ".solvers.qp.osqp:Osqp",
     "scs": ".solvers.qp.scs:Scs",
+    "qpsolvers": ".solvers.qp.qpsolvers:Qpsolvers",
     "ecos": ".solvers.conic.ecos:Ecos",
     "casadi": ".solvers.qp.casadi:CasadiConic",
     "ipopt": ".solvers.nlp.ipopt:Ipopt",

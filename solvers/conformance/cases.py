@@ -15,7 +15,14 @@ from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Feature, Limit, Request, Termination
 
-__all__ = ["Case", "Expectation", "Run"]
+__all__ = [
+    "Case",
+    "Expectation",
+    "Run",
+    "optimum",
+    "same_seed_same_answer",
+    "seeds_differ",
+]
 
 #: Relative slack of every comparison with a known value: solvers work to 1e-6 at best.
 SLACK = 1e-6
@@ -51,6 +58,12 @@ class Expectation:
         The limit that must be named.
     through : bool
         Whether a fast solver may be through before the limit: it then names none.
+    any_limit : bool
+        Whether a limit on iterations may be named whatever else is expected.
+    objectives : tuple of float
+        The objectives of all local optima, where there are several.
+    slack : float
+        Relative slack of comparisons with the known objective.
     """
 
     termination: tuple[Termination, ...]
@@ -82,8 +95,8 @@ class Run:
         Seconds, objective and point of each incumbent reported.
     seconds, cpu : float
         Wall-clock and processor time of the run.
-    again : Answer, optional
-        The answer to the same request asked again.
+    others : tuple of Answer
+        The answers to the case's other requests, one each.
     """
 
     answer: Answer
@@ -92,7 +105,7 @@ class Run:
     incumbents: tuple[tuple[float, float, Any], ...] = ()
     seconds: float = 0.0
     cpu: float = 0.0
-    again: Answer | None = None
+    others: tuple[Answer, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +126,12 @@ class Case:
         Arguments of the :class:`Request`.
     stop_after : float, optional
         Seconds after which the control asks the run to stop; 0 stops it before it starts.
-    twice : bool
-        Whether to ask twice.
+    others : tuple of mapping
+        What further requests change, each asked after the first; nothing, to ask the same again.
     further : callable, optional
         ``further(case, run)`` judges what only this case looks at.
+    duals : bool
+        Whether the multipliers of a backend that declares ``DUALS`` are judged as well.
     """
 
     name: str
@@ -125,8 +140,9 @@ class Case:
     needs: frozenset[Feature] = frozenset()
     arguments: Mapping[str, Any] = field(default_factory=dict)
     stop_after: float | None = None
-    twice: bool = False
+    others: tuple[Mapping[str, Any], ...] = ()
     further: Callable[[Case, Run], str | None] | None = None
+    duals: bool = False
 
     def judge(self, run: Run) -> str | None:
         """Return why `run` fails the case, None when it passes."""
@@ -221,7 +237,8 @@ def _bounds(case: Case, run: Run) -> str | None:
 
 def _duals(case: Case, run: Run) -> str | None:
     answer, program, expected = run.answer, case.program, case.expectation
-    if Feature.DUALS not in case.needs or answer.termination not in _OPTIMAL:
+    declared = Feature.DUALS in run.features
+    if not (case.duals and declared and answer.termination in _OPTIMAL):
         return None
     if answer.duals is None:
         return "declares duals, returned none"
@@ -280,3 +297,36 @@ def _time(case: Case, run: Run) -> str | None:
         return f"took {run.seconds:.2f} s, was to stop after {min(limits):g} s"
     negative = {part: s for part, s in run.answer.seconds.items() if not s >= 0}
     return f"counts negative seconds: {negative}" if negative else None
+
+
+def optimum(
+    objective: float,
+    point: tuple[float, ...] | None = None,
+    duals: tuple[float, ...] | None = None,
+) -> Expectation:
+    """Return what is expected where the optimum is known and must be proven."""
+    return Expectation((Termination.OPTIMAL,), objective, point=point, duals=duals)
+
+
+def same_seed_same_answer(case: Case, run: Run) -> str | None:
+    """Return how the answers to one request, asked again, differ."""
+    first, second = run.answer, run.others[0]
+    if first.point is None or second.point is None:
+        return "has no two points to compare"
+    if not np.array_equal(first.point, second.point):
+        return "two runs with one seed found different points"
+    if dict(first.statistics) != dict(second.statistics):
+        return f"two runs with one seed differ: {first.statistics} and {second.statistics}"
+    return None
+
+
+def seeds_differ(case: Case, run: Run) -> str | None:
+    """Return that a seed changes nothing, neither the point nor a count, where it is declared."""
+    first = run.answer
+    if all(
+        np.array_equal(first.point, other.point)
+        and dict(first.statistics) == dict(other.statistics)
+        for other in run.others
+    ):
+        return "declares a seed, and no other seed changes anything"
+    return None

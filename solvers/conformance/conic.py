@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from ...models.programs.cones import ConeBlock, ConeKind
 from ...models.programs.conic import ConicProgram
 from ..backend import Feature, Termination
-from .cases import Case, Expectation
+from .cases import Case, Expectation, optimum
 from .quadratic import quadratic
 
 __all__ = ["conic", "conic_cases"]
@@ -64,14 +64,6 @@ def conic_cases() -> tuple[Case, ...]:
     return (*primal, *dual, *_infeasible(), *_unbounded(), *_weak(), *_asked_for())
 
 
-def _optimal(
-    objective: float,
-    point: tuple[float, ...] | None = None,
-    duals: tuple[float, ...] | None = None,
-) -> Expectation:
-    return Expectation((Termination.OPTIMAL,), objective, point=point, duals=duals)
-
-
 #: ``|x| <= 1`` in the plane.
 DISC: Cone = (BALL, [[0, 0], [1, 0], [0, 1]], [1, 0, 0])
 #: ``x y >= 1`` with both positive: ``x + y >= |(x - y, 2)|``.
@@ -84,12 +76,12 @@ def _balls() -> list[Case]:
         Case(
             "conic: linear objective over a disc",
             conic([1, 1], [DISC]),
-            _optimal(-ROOT, (-1 / ROOT, -1 / ROOT), (ROOT, 1, 1)),
+            optimum(-ROOT, (-1 / ROOT, -1 / ROOT), (ROOT, 1, 1)),
         ),
         Case(
             "conic: quadratic objective over a disc",
             conic([-3, -4], [(BALL, DISC[1], [2, 0, 0])], hessian=[1, 1]),
-            _optimal(-8, (1.2, 1.6), (3, -1.8, -2.4)),
+            optimum(-8, (1.2, 1.6), (3, -1.8, -2.4)),
         ),
         Case(
             "conic: smallest enclosing ball",
@@ -101,7 +93,7 @@ def _balls() -> list[Case]:
                     for x, y in around
                 ],
             ),
-            _optimal(2, (2, 0, 2)),
+            optimum(2, (2, 0, 2)),
         ),
         Case(
             "conic: shortest path by way of a disc",
@@ -114,7 +106,7 @@ def _balls() -> list[Case]:
                     (BALL, [[0, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0]], [1, -5, -3]),
                 ],
             ),
-            _optimal(2 * 29**0.5, (5, 2, 29**0.5, 29**0.5)),
+            optimum(2 * 29**0.5, (5, 2, 29**0.5, 29**0.5)),
         ),
         Case(
             "conic: portfolio within a distance of another",
@@ -127,7 +119,7 @@ def _balls() -> list[Case]:
                 row_upper=1,
                 lower=0,
             ),
-            _optimal(-0.34, (0.6, 0.4)),
+            optimum(-0.34, (0.6, 0.4)),
         ),
         Case(
             "conic: geometric mean",
@@ -138,7 +130,7 @@ def _balls() -> list[Case]:
                 matrix=[[1, 2, 0]],
                 row_upper=4,
             ),
-            _optimal(-ROOT, (2, 1, ROOT)),
+            optimum(-ROOT, (2, 1, ROOT)),
         ),
     ]
 
@@ -148,7 +140,7 @@ def _other_cones() -> list[Case]:
         Case(
             "conic: entropy",
             _entropy(3),
-            _optimal(-np.log(3), (*[np.log(3) / 3] * 3, *[1 / 3] * 3)),
+            optimum(-np.log(3), (*[np.log(3) / 3] * 3, *[1 / 3] * 3)),
         ),
         Case(
             "conic: logarithm of a sum of exponentials",
@@ -162,18 +154,18 @@ def _other_cones() -> list[Case]:
                 matrix=[[0, 1, 1, 1]],
                 row_upper=1,
             ),
-            _optimal(float(np.logaddexp.reduce([1, 2, 3]))),
+            optimum(float(np.logaddexp.reduce([1, 2, 3]))),
         ),
-        Case("conic: cut of a triangle", _correlation([0.5] * 3), _optimal(-0.75, (-0.5,) * 3)),
+        Case("conic: cut of a triangle", _correlation([0.5] * 3), optimum(-0.75, (-0.5,) * 3)),
         Case(
             "conic: nearest correlation matrix",
             _correlation([1, 1, 1], hessian=[1, 1, 1], offset=1.5),
-            _optimal(0.375, (-0.5,) * 3),
+            optimum(0.375, (-0.5,) * 3),
         ),
         Case(
             "conic: least eigenvalue",
             conic([-1], [(PSD, [[-1], [0], [-1]], [2, ROOT, 2])]),
-            _optimal(-1, (1,)),
+            optimum(-1, (1,)),
         ),
         Case(
             "conic: all cones, a fixed column and rows without entries",
@@ -190,7 +182,7 @@ def _other_cones() -> list[Case]:
                 lower=[-INF, -INF, -INF, 2],
                 upper=[INF, INF, INF, 2],
             ),
-            _optimal(np.exp(2) + 2, (np.exp(2), -2, 2, 2)),
+            optimum(np.exp(2) + 2, (np.exp(2), -2, 2, 2)),
         ),
     ]
 
@@ -214,34 +206,34 @@ def _correlation(cost: Sequence[float], **others: Any) -> ConicProgram:
 def _delicate() -> list[Case]:
     straight = [(0.0, 0.0), (3.0, 1.0), (6.0, -1.0), (9.0, 0.0)]
     return [
-        Case("conic: optimum at the apex", conic([0, 1], [(BALL, [[0, 1], [1, 0]], [0, 0])]), _optimal(0)),
+        Case("conic: optimum at the apex", conic([0, 1], [(BALL, [[0, 1], [1, 0]], [0, 0])]), optimum(0)),
         Case(
             "conic: the same cone twice, and one of one row",
             conic([1, 1], [DISC, DISC, (BALL, [[-1, 0]], [0.5])]),
-            _optimal(-ROOT, (-1 / ROOT, -1 / ROOT)),
+            optimum(-ROOT, (-1 / ROOT, -1 / ROOT)),
         ),
-        Case("conic: straight path through discs", _path(straight, 1.5), _optimal(9)),
+        Case("conic: straight path through discs", _path(straight, 1.5), optimum(9)),
         Case(
             "conic: small disc",
             conic([1, 1], [(BALL, DISC[1], [1e-6, 0, 0])]),
-            _optimal(-1e-6 * ROOT),
+            optimum(-1e-6 * ROOT),
         ),
         Case(
             "conic: large disc",
             conic([1, 1], [(BALL, DISC[1], [1e6, 0, 0])]),
-            _optimal(-1e6 * ROOT),
+            optimum(-1e6 * ROOT),
         ),
         Case(
             "conic: badly scaled columns",
             conic([-1e-6, -1e6], [(BALL, [[0, 0], [1e-6, 0], [0, 1e6]], [1, 0, 0])]),
-            _optimal(-ROOT),
+            optimum(-ROOT),
         ),
         Case(
             "conic: every column fixed",
             conic([1, 1], [DISC], lower=[0.6, 0.0], upper=[0.6, 0.0]),
-            _optimal(0.6, (0.6, 0)),
+            optimum(0.6, (0.6, 0)),
         ),
-        Case("conic: no columns", conic([], [(BALL, [], [5, 3, 4])], offset=3), _optimal(3, ())),
+        Case("conic: no columns", conic([], [(BALL, [], [5, 3, 4])], offset=3), optimum(3, ())),
     ]  # fmt: skip
 
 
@@ -273,7 +265,7 @@ def _path(centers: Sequence[tuple[float, float]], radius: float) -> ConicProgram
 
 def _without_cones() -> list[Case]:
     program = conic([-6, 0], [], hessian=[1, 1], matrix=[[1, 1], [1, -1]], row_upper=[4, 2])
-    return [Case("conic: no cones", program, _optimal(-13, (3, 1), (-1, -2)))]
+    return [Case("conic: no cones", program, optimum(-13, (3, 1), (-1, -2)))]
 
 
 def _infeasible() -> list[Case]:
@@ -354,19 +346,19 @@ def _asked_for() -> list[Case]:
     at = (-1 / ROOT, -1 / ROOT)
     warm = frozenset({Feature.WARM_START})
     return [
-        Case("conic: a small gap", disc, _optimal(-ROOT), frozenset({Feature.GAP}), {"gap": 1e-8}),
-        Case("conic: tight tolerance", disc, _optimal(-ROOT), arguments={"tolerance": 1e-8}),
+        Case("conic: a small gap", disc, optimum(-ROOT), frozenset({Feature.GAP}), {"gap": 1e-8}),
+        Case("conic: tight tolerance", disc, optimum(-ROOT), arguments={"tolerance": 1e-8}),
         Case(
             "conic: warm start at the optimum",
             disc,
-            _optimal(-ROOT, at),
+            optimum(-ROOT, at),
             warm,
             {"warm_start": np.array(at)},
         ),
         Case(
             "conic: warm start outside",
             disc,
-            _optimal(-ROOT, at),
+            optimum(-ROOT, at),
             warm,
             {"warm_start": np.array([5.0, -4.0])},
         ),

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ...models.programs.base import BlockProgram
 from ...models.programs.linear import MixedIntegerProgram
 from ..backend import Feature, Limit, Termination
 from .cases import GRACE, Case, Expectation, Run
 from .linear import program
 
-__all__ = ["limit_cases", "numbers"]
+__all__ = ["hard_knapsack", "limit_cases", "numbers", "timed_cases"]
 
 #: The best plan of a long search, its objective, and the bound that search proved.
 _BEST = (
@@ -21,46 +24,90 @@ _BEST = (
 _BEST_KNOWN, _FLOOR = -38851.0, -38985.0
 
 
+def timed_cases(
+    kind: str,
+    program: BlockProgram,
+    begun: Expectation,
+    cut: Expectation,
+    start: NDArray[np.float64],
+    *,
+    seconds: float,
+    stop_after: float,
+) -> tuple[Case, ...]:
+    """Return what every kind of program is tried on: limits of time, stops, and a warm start kept.
+
+    Parameters
+    ----------
+    kind : str
+        What the names of the cases begin with.
+    program : BlockProgram
+        What takes longer than `seconds`.
+    begun, cut : Expectation
+        What is known of a run that a limit ends, and of one that it ends before it starts; the
+        limit is filled in.
+    start : ndarray
+        The best point known, from which the last run starts.
+    seconds : float
+        The limit of time.
+    stop_after : float
+        Seconds until a stop.
+    """
+    timed, none = replace(begun, limit=Limit.TIME), replace(cut, limit=Limit.TIME)
+    return (
+        Case(f"{kind}limit: time", program, timed, arguments={"time_limit": seconds}),
+        Case(f"{kind}limit: no time at all", program, none, arguments={"time_limit": 0.0}),
+        Case(
+            f"{kind}stop: while it runs",
+            program,
+            replace(begun, limit=Limit.INTERRUPTED),
+            frozenset({Feature.INTERRUPT}),
+            {"time_limit": 30.0},
+            stop_after=stop_after,
+        ),
+        Case(
+            f"{kind}stop: before it starts",
+            program,
+            replace(cut, limit=Limit.INTERRUPTED),
+            arguments={"time_limit": 30.0},
+            stop_after=0.0,
+        ),
+        Case(
+            f"{kind}warm start: kept",
+            program,
+            timed,
+            frozenset({Feature.WARM_START}),
+            {"time_limit": seconds, "warm_start": start},
+            further=no_worse,
+        ),
+    )
+
+
+def no_worse(case: Case, run: Run) -> str | None:
+    """Return how a run that started from the best point known ended with a worse one."""
+    best, value = case.expectation.best_known, run.answer.primal_bound
+    if best is not None and (value is None or value > best + 1e-6 * abs(best) + 1e-9):
+        return f"started from a point of {best!r}, ended with {value!r}"
+    return None
+
+
 def limit_cases() -> tuple[Case, ...]:
     """Return the cases."""
-    hard = _hard()
+    hard = hard_knapsack()
     start = np.zeros(hard.size)
     start[list(_BEST)] = 1.0
-    # A solver that found nothing in time has kept the rules: not the start, but the limit, is tried.
-    stopped = (Termination.FEASIBLE, Termination.NO_SOLUTION)
 
     def expect(limit: Limit | None, *termination: Termination) -> Expectation:
         return Expectation(termination, best_known=_BEST_KNOWN, floor=_FLOOR, limit=limit)
 
+    # A solver that found nothing in time has kept the rules: not the start, but the limit, is tried.
+    stopped = expect(None, Termination.FEASIBLE, Termination.NO_SOLUTION)
+    found = expect(Limit.TIME, Termination.FEASIBLE)
+    first, *others = timed_cases("", hard, stopped, stopped, start, seconds=0.5, stop_after=0.4)
+    *others, kept = others
     return (
-        Case(
-            "limit: time",
-            hard,
-            expect(Limit.TIME, Termination.FEASIBLE),
-            arguments={"time_limit": 0.5},
-            further=_knows_a_bound,
-        ),
-        Case(
-            "limit: no time at all",
-            hard,
-            expect(Limit.TIME, *stopped),
-            arguments={"time_limit": 0.0},
-        ),
-        Case(
-            "stop: while it runs",
-            hard,
-            expect(Limit.INTERRUPTED, *stopped),
-            frozenset({Feature.INTERRUPT}),
-            {"time_limit": 30.0},
-            stop_after=0.4,
-        ),
-        Case(
-            "stop: before it starts",
-            hard,
-            expect(Limit.INTERRUPTED, *stopped),
-            arguments={"time_limit": 30.0},
-            stop_after=0.0,
-        ),
+        replace(first, expectation=found, further=_knows_a_bound),
+        *others,
+        replace(kept, expectation=found),
         Case(
             "gap: a wide one ends the run",
             hard,
@@ -70,31 +117,23 @@ def limit_cases() -> tuple[Case, ...]:
         ),
         Case(
             "gap: measured with the offset",
-            _hard(offset=1e6),
+            replace(hard, offset=1e6),
             Expectation((Termination.OPTIMAL,), best_known=_BEST_KNOWN + 1e6, floor=_FLOOR + 1e6),
             frozenset({Feature.GAP, Feature.DUAL_BOUND}),
             {"gap": 0.005, "time_limit": 30.0},
         ),
         Case(
-            "warm start: kept",
-            hard,
-            expect(Limit.TIME, Termination.FEASIBLE),
-            frozenset({Feature.WARM_START}),
-            {"time_limit": 0.5, "warm_start": start},
-            further=_no_worse,
-        ),
-        Case(
             "warm start: with its own cutoff",
             hard,
-            expect(Limit.TIME, Termination.FEASIBLE),
+            found,
             frozenset({Feature.WARM_START, Feature.CUTOFF}),
             {"time_limit": 0.5, "warm_start": start, "cutoff": _BEST_KNOWN},
-            further=_no_worse,
+            further=no_worse,
         ),
         Case(
             "incumbents: each better and feasible",
             hard,
-            expect(Limit.TIME, Termination.FEASIBLE),
+            found,
             frozenset({Feature.INCUMBENTS}),
             {"time_limit": 0.5},
             further=_monotone,
@@ -102,7 +141,7 @@ def limit_cases() -> tuple[Case, ...]:
         Case(
             "threads: one is one",
             hard,
-            expect(Limit.TIME, Termination.FEASIBLE),
+            found,
             frozenset({Feature.THREADS}),
             {"time_limit": 0.6, "threads": 1},
             further=_one_core,
@@ -110,9 +149,8 @@ def limit_cases() -> tuple[Case, ...]:
     )
 
 
-def _hard(offset: float = 0.0) -> MixedIntegerProgram:
-    """Return a knapsack in twelve dimensions, from a generator that no library can change."""
-    size, rows = 90, 12
+def hard_knapsack(size: int = 90, rows: int = 12) -> MixedIntegerProgram:
+    """Return a knapsack in `rows` dimensions, from a generator that no library can change."""
     draw = numbers(1)
     weights = np.array([[10 + next(draw) % 991 for _ in range(size)] for _ in range(rows)], float)
     cost = -np.round(weights.mean(axis=0)) - np.array([next(draw) % 500 for _ in range(size)])
@@ -122,7 +160,6 @@ def _hard(offset: float = 0.0) -> MixedIntegerProgram:
         row_upper=np.floor(weights.sum(axis=1) / 2),
         upper=1,
         integral=True,
-        offset=offset,
     )
 
 
@@ -136,13 +173,6 @@ def numbers(seed: int) -> Iterator[int]:
 def _knows_a_bound(case: Case, run: Run) -> str | None:
     if Feature.DUAL_BOUND in run.features and run.answer.dual_bound is None:
         return "stopped without a dual bound"
-    return None
-
-
-def _no_worse(case: Case, run: Run) -> str | None:
-    value = run.answer.primal_bound
-    if value is None or value > _BEST_KNOWN + 1e-6 * abs(_BEST_KNOWN):
-        return f"started from a plan of {_BEST_KNOWN!r}, ended with {value!r}"
     return None
 
 

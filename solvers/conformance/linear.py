@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,8 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ...models.programs.linear import MixedIntegerProgram
-from ..backend import Feature, Termination
-from .cases import Case, Expectation
+from ..backend import Termination
+from .cases import Case, Expectation, optimum
 
 __all__ = ["linear_cases", "program"]
 
@@ -49,21 +50,8 @@ def program(
 
 
 def linear_cases() -> tuple[Case, ...]:
-    """Return the cases; each that has an optimum comes a second time, for its duals."""
-    primal = _solvable()
-    dual = [
-        Case(f"{case.name}, duals", case.program, case.expectation, frozenset({Feature.DUALS}))
-        for case in primal
-    ]
-    return (*primal, *dual, *_unsolvable())
-
-
-def _optimal(
-    objective: float,
-    point: tuple[float, ...] | None = None,
-    duals: tuple[float, ...] | None = None,
-) -> Expectation:
-    return Expectation((Termination.OPTIMAL,), objective, point=point, duals=duals)
+    """Return the cases; the duals of each that has an optimum are judged as well."""
+    return (*(replace(case, duals=True) for case in _solvable()), *_unsolvable())
 
 
 def _solvable() -> list[Case]:
@@ -71,82 +59,82 @@ def _solvable() -> list[Case]:
         Case(
             "linear: unique primal and dual",
             program([-3, -5], [[1, 0], [0, 2], [3, 2]], row_upper=[4, 12, 18]),
-            _optimal(-36, (2, 6), (0, -1.5, -1)),
+            optimum(-36, (2, 6), (0, -1.5, -1)),
         ),
         Case(
             "linear: lower rows bind",
             program([2, 3], [[1, 1], [1, 3]], row_lower=[4, 6]),
-            _optimal(9, (3, 1), (1.5, 0.5)),
+            optimum(9, (3, 1), (1.5, 0.5)),
         ),
         Case(
             "linear: degenerate vertex",
             program([-1, -1], [[1, 0], [0, 1], [1, 1], [2, 1]], row_upper=[1, 1, 2, 3]),
-            _optimal(-2, (1, 1)),
+            optimum(-2, (1, 1)),
         ),
         Case(
             "linear: many optimal points",
             program([-1, -1], [[1, 1]], row_upper=[5], upper=[4, 4]),
-            _optimal(-5, None, (-1,)),
+            optimum(-5, None, (-1,)),
         ),
         Case(
             "linear: free columns and ranges",
             program([1, 2], [[1, 1], [1, -1]], [-1, 0], [3, 4], lower=-INF),
-            _optimal(-3.5, (1.5, -2.5), (1.5, -0.5)),
+            optimum(-3.5, (1.5, -2.5), (1.5, -0.5)),
         ),
         Case(
             "linear: equality system, free columns",
             program([1, 1], [[2, 1], [1, -1]], [5, 1], [5, 1], lower=-INF),
-            _optimal(3, (2, 1), (2 / 3, -1 / 3)),
+            optimum(3, (2, 1), (2 / 3, -1 / 3)),
         ),
         Case(
             "linear: redundant equalities",
             program([1, 2], [[1, 1], [2, 2]], [3, 6], [3, 6]),
-            _optimal(3, (3, 0)),
+            optimum(3, (3, 0)),
         ),
         Case(
             "linear: fixed column",
             program([1, 1], [[1, 1]], row_lower=[5], lower=[3, 0], upper=[3, INF]),
-            _optimal(5, (3, 2), (1,)),
+            optimum(5, (3, 2), (1,)),
         ),
         Case(
             "linear: empty and free rows",
             program([1, 1], [[0, 0], [1, 1], [1, 2], [0, 0]], [-1, -INF, 4, 0], [1, INF, INF, 0]),
-            _optimal(2, (0, 2)),
+            optimum(2, (0, 2)),
         ),
         Case(
             "linear: column outside all rows",
             program([1, -1, 0], [[1, 0, 0]], row_lower=[2], upper=[INF, 7, INF]),
-            _optimal(-5),
+            optimum(-5),
         ),
         Case(
             "linear: no rows, offset",
             program([1, -1], np.zeros((0, 2)), lower=[-1, 0], upper=[2, 4], offset=10),
-            _optimal(5, (-1, 4), ()),
+            optimum(5, (-1, 4), ()),
         ),
         Case(
             "linear: upper bounds below zero",
             program([-1, 2], [[1, 1]], row_lower=[-12], lower=-INF, upper=[-3, -2]),
-            _optimal(-15, (-3, -9), (2,)),
+            optimum(-15, (-3, -9), (2,)),
         ),
         Case(
             "linear: empty objective",
             program([0, 0], [[1, 1]], [1], [2], offset=7),
-            _optimal(7),
+            optimum(7),
         ),
         Case(
             "linear: large offset",
             program([1, 1], [[1, 2]], row_lower=[4], offset=-1e6),
-            _optimal(-999998, (0, 2), (0.5,)),
+            optimum(-999998, (0, 2), (0.5,)),
         ),
         Case(
             "linear: badly scaled",
             program([1, 1e4], [[1e-3, 1e3], [1.0, 0.0]], [1, -INF], [INF, 500]),
-            _optimal(10, (0, 1e-3)),
+            optimum(10, (0, 1e-3)),
         ),
         Case(
             "linear: no columns",
             program([], np.zeros((1, 0)), -1, 1, offset=3),
-            _optimal(3, ()),
+            optimum(3, ()),
         ),
     ]
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from ...models.programs.linear import MixedIntegerProgram
 from ..backend import Feature, Termination
-from .cases import Case, Expectation, Run
+from .cases import Case, Expectation, Run, optimum, same_seed_same_answer, seeds_differ
+from .limits import hard_knapsack
 from .linear import program
 
 __all__ = ["integer_cases"]
@@ -19,39 +20,35 @@ def integer_cases() -> tuple[Case, ...]:
     return (*_solvable(), *_unsolvable(), *_cutoffs())
 
 
-def _optimal(objective: float, point: tuple[float, ...] | None = None) -> Expectation:
-    return Expectation((Termination.OPTIMAL,), objective, point=point)
-
-
 def _solvable() -> list[Case]:
     assignment = np.array([[9, 2, 7, 8], [6, 4, 3, 7], [5, 8, 1, 8], [7, 6, 9, 4]], float)
     each = np.vstack([np.kron(np.eye(4), np.ones(4)), np.kron(np.ones(4), np.eye(4))])
     return [
-        Case("integer: knapsack", _knapsack(), _optimal(-15, (0, 1, 1, 1, 1))),
+        Case("integer: knapsack", _knapsack(), optimum(-15, (0, 1, 1, 1, 1))),
         Case(
             "integer: assignment",
             program(assignment.ravel().tolist(), each, 1, 1, upper=1, integral=True),
-            _optimal(13),
+            optimum(13),
         ),
         Case(
             "integer: general columns",
             program([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6], upper=9, integral=True),
-            _optimal(-20, (4, 0)),
+            optimum(-20, (4, 0)),
         ),
         Case(
             "integer: general columns, infinite bounds",
             program([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6], integral=True),
-            _optimal(-20, (4, 0)),
+            optimum(-20, (4, 0)),
         ),
         Case(
             "integer: negative columns",
             program([3, 2], [[2, 3]], row_lower=[-7.5], lower=-10, upper=10, integral=True),
-            _optimal(-20, (-10, 5)),
+            optimum(-20, (-10, 5)),
         ),
         Case(
             "integer: fractional bounds",
             program([1, -1], [[1, 1]], row_upper=[9], lower=0.5, upper=3.5, integral=True),
-            _optimal(-2, (1, 3)),
+            optimum(-2, (1, 3)),
         ),
         Case(
             "integer: two-sided rows and an offset",
@@ -64,7 +61,7 @@ def _solvable() -> list[Case]:
                 integral=True,
                 offset=-100,
             ),
-            _optimal(-92, (1, 0, 0, 2)),
+            optimum(-92, (1, 0, 0, 2)),
         ),
         Case(
             "integer: decimal coefficients",
@@ -75,27 +72,27 @@ def _solvable() -> list[Case]:
                 upper=3,
                 integral=True,
             ),
-            _optimal(-1.7, (1, 2, 0)),
+            optimum(-1.7, (1, 2, 0)),
         ),
         Case(
             "integer: equality with one solution",
             program([1, 1], [[7, 11]], [100], [100], upper=20, integral=True),
-            _optimal(12, (8, 4)),
+            optimum(12, (8, 4)),
         ),
         Case(
             "integer: empty objective",
             program([0, 0], [[3, 5]], [11], [11], upper=9, integral=True, offset=2),
-            _optimal(2, (2, 1)),
+            optimum(2, (2, 1)),
         ),
         Case(
             "integer: no rows",
             program([1, -1], np.zeros((0, 2)), lower=-2, upper=3, integral=True),
-            _optimal(-5, (-2, 3)),
+            optimum(-5, (-2, 3)),
         ),
         Case(
             "integer: empty rows",
             program([1, -2], [[0, 0], [1, 1]], [-1, -INF], [1, 3], upper=2, integral=True),
-            _optimal(-4, (0, 2)),
+            optimum(-4, (0, 2)),
         ),
         Case(
             "mixed: facility location",
@@ -114,7 +111,7 @@ def _solvable() -> list[Case]:
                 upper=[1, 1, *[INF] * 6],
                 integral=[True, True, *[False] * 6],
             ),
-            _optimal(10),
+            optimum(10),
         ),
         Case(
             "mixed: continuous part decides",
@@ -125,9 +122,9 @@ def _solvable() -> list[Case]:
                 integral=[True, False],
                 upper=[9, INF],
             ),
-            _optimal(-2.5),
+            optimum(-2.5),
         ),
-        Case("mixed: a switch below the tolerance", _switch(), _optimal(1)),
+        Case("mixed: a switch below the tolerance", _switch(), optimum(1)),
         Case(
             "mixed: tight tolerance",
             program(
@@ -138,7 +135,7 @@ def _solvable() -> list[Case]:
                 integral=[False, False, True],
                 offset=0.5,
             ),
-            _optimal(0.5 + 1 / 3 + 1 / 7, (1 / 3, 1 / 7, 0)),
+            optimum(0.5 + 1 / 3 + 1 / 7, (1 / 3, 1 / 7, 0)),
             arguments={"tolerance": 1e-8},
         ),
         Case(
@@ -147,8 +144,17 @@ def _solvable() -> list[Case]:
             Expectation((Termination.OPTIMAL,)),
             needs=frozenset({Feature.SEED}),
             arguments={"seed": 7},
-            twice=True,
-            further=_same,
+            others=({},),
+            further=same_seed_same_answer,
+        ),
+        Case(
+            "integer: another seed, another search",
+            hard_knapsack(30, 8),
+            optimum(-12414),
+            needs=frozenset({Feature.SEED}),
+            arguments={"seed": 7},
+            others=({"seed": 1}, {"seed": 2}),
+            further=seeds_differ,
         ),
     ]
 
@@ -180,17 +186,6 @@ def _staircase() -> MixedIntegerProgram:
     return program(
         cost.tolist(), weights, row_upper=weights.sum(axis=1) // 2, upper=1, integral=True
     )
-
-
-def _same(case: Case, run: Run) -> str | None:
-    first, second = run.answer, run.again
-    if second is None or first.point is None or second.point is None:
-        return "has no two points to compare"
-    if not np.array_equal(first.point, second.point):
-        return "two runs with one seed found different points"
-    if dict(first.statistics) != dict(second.statistics):
-        return f"two runs with one seed differ: {first.statistics} and {second.statistics}"
-    return None
 
 
 def _unsolvable() -> list[Case]:

@@ -7,13 +7,14 @@ Programming Codes*, Springer, 1981. Importing this module does not load CasADi; 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Feature, Termination
-from .cases import Case, Expectation
+from .cases import Case, Expectation, same_seed_same_answer, seeds_differ
 from .nonlinear_hard import hard_cases, unsolvable_cases
 from .nonlinear_limits import chain_case, nonlinear_limit_cases
 from .nonlinear_posing import ENDS, known, nonlinear
@@ -24,20 +25,13 @@ INF = np.inf
 
 
 def nonlinear_cases() -> tuple[Case, ...]:
-    """Return the cases; each whose multipliers are known comes a second time, for them."""
+    """Return the cases; the multipliers of each whose multipliers are known are judged as well."""
     primal = [*_classic(), *_plain(), *_scaled(), *hard_cases(), chain_case()]
-    dual = [
-        Case(
-            f"{case.name}, duals",
-            case.program,
-            case.expectation,
-            frozenset({Feature.DUALS}),
-            case.arguments,
-        )
+    judged = [
+        replace(case, duals=Termination.FEASIBLE not in case.expectation.termination)
         for case in primal
-        if Termination.FEASIBLE not in case.expectation.termination
     ]
-    return (*primal, *dual, *unsolvable_cases(), *_asked_for(), *nonlinear_limit_cases())
+    return (*judged, *unsolvable_cases(), *_asked_for(), *nonlinear_limit_cases())
 
 
 def rosenbrock(x: Any) -> Any:
@@ -169,15 +163,6 @@ def _plain() -> list[Case]:
     def circle(x: Any) -> tuple[Any, list[Any]]:
         return (x[0] - 1) ** 2 + (x[1] - 2) ** 2, [x[0] + x[1], x[0] ** 2 + x[1] ** 2]
 
-    def camel(x: Any) -> tuple[Any, list[Any]]:
-        f = (4 - 2.1 * x[0] ** 2 + x[0] ** 4 / 3) * x[0] ** 2 + x[0] * x[1]
-        return f + (4 * x[1] ** 2 - 4) * x[1] ** 2, []
-
-    hills = Expectation(
-        ENDS,
-        -1.0316284534898774,
-        objectives=(-1.0316284534898774, -0.21546382438371792, 2.104250310311258),
-    )
     return [
         Case(
             "nonlinear: bounds bind",
@@ -209,20 +194,7 @@ def _plain() -> list[Case]:
             ),
             known(5.0, (1, 0), (-2, 0)),
         ),
-        Case(
-            "nonlinear: many hills, six local optima",
-            nonlinear(camel, [1.2, 0.9], lower=[-3, -2], upper=[3, 2]),
-            hills,
-        ),
-        Case(
-            "nonlinear: many hills, from a seed",
-            nonlinear(camel, [1.2, 0.9], lower=[-3, -2], upper=[3, 2]),
-            hills,
-            frozenset({Feature.SEED}),
-            {"seed": 7},
-            twice=True,
-            further=_same_twice,
-        ),
+        _hills(),
         Case(
             "nonlinear: rows without bounds",
             _hs71(
@@ -267,6 +239,19 @@ def _plain() -> list[Case]:
     ]
 
 
+def _hills() -> Case:
+    def camel(x: Any) -> tuple[Any, list[Any]]:
+        f = (4 - 2.1 * x[0] ** 2 + x[0] ** 4 / 3) * x[0] ** 2 + x[0] * x[1]
+        return f + (4 * x[1] ** 2 - 4) * x[1] ** 2, []
+
+    optima = (-1.0316284534898774, -0.21546382438371792, 2.104250310311258)
+    return Case(
+        "nonlinear: many hills, six local optima",
+        nonlinear(camel, [1.2, 0.9], lower=[-3, -2], upper=[3, 2]),
+        Expectation(ENDS, optima[0], objectives=optima),
+    )
+
+
 def _scaled() -> list[Case]:
     """Return HS071 in units that make its columns, rows and objective large and small."""
     units = np.array([1e-4, 1e3, 1.0, 1e5])
@@ -299,8 +284,27 @@ def _scaled() -> list[Case]:
 
 
 def _asked_for() -> list[Case]:
-    warm = frozenset({Feature.WARM_START})
+    warm, seed = frozenset({Feature.WARM_START}), frozenset({Feature.SEED})
+    hills = _hills()
     return [
+        Case(
+            "nonlinear: many hills, from a seed",
+            hills.program,
+            hills.expectation,
+            seed,
+            {"seed": 7},
+            others=({},),
+            further=same_seed_same_answer,
+        ),
+        Case(
+            "nonlinear: another seed, another search",
+            hills.program,
+            hills.expectation,
+            seed,
+            {"seed": 7},
+            others=({"seed": 1}, {"seed": 2}),
+            further=seeds_differ,
+        ),
         Case("nonlinear: tight tolerance", _hs71(), known(*HS71), arguments={"tolerance": 1e-9}),
         Case(
             "nonlinear: warm start at the optimum",
@@ -317,10 +321,3 @@ def _asked_for() -> list[Case]:
             {"warm_start": np.array([1.0, 5.0, 5.0, 1.0])},
         ),
     ]
-
-
-def _same_twice(case: Case, run: Any) -> str | None:
-    first, second = run.answer.point, None if run.again is None else run.again.point
-    if first is None or second is None or not np.array_equal(first, second):
-        return "the same seed led to another point"
-    return None

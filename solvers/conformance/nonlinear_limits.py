@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..backend import Feature, Limit, Termination
-from .cases import Case, Expectation, Run
+from ..backend import Limit, Termination
+from .cases import Case, Expectation
+from .limits import timed_cases
 from .nonlinear_posing import ENDS, nonlinear
 
 __all__ = ["chain_case", "nonlinear_limit_cases"]
@@ -21,46 +23,17 @@ STEPS = 160
 def nonlinear_limit_cases() -> tuple[Case, ...]:
     """Return the cases."""
     valley = nonlinear(_valley, np.tile([-1.2, 1.0], SIZE // 2), lower=-10, upper=10)
-    ends = (*ENDS, Termination.FEASIBLE, Termination.NO_SOLUTION)
-
-    def expect(limit: Limit, through: bool = True) -> Expectation:
-        # Every seed leads to a local optimum; the best there is has the objective 0.
-        allowed = ends if through else ends[2:]
-        return Expectation(allowed, floor=0.0, limit=limit, through=through, any_limit=through)
-
+    # Every seed leads to a local optimum; the best there is has the objective 0.
+    cut = Expectation((Termination.FEASIBLE, Termination.NO_SOLUTION), best_known=0.0, floor=0.0)
+    begun = replace(cut, termination=(*ENDS, *cut.termination), through=True, any_limit=True)
     best = np.ones(SIZE)
-    return (
-        Case("nonlinear, limit: time", valley, expect(Limit.TIME), arguments={"time_limit": 0.1}),
-        Case(
-            "nonlinear, limit: no time at all",
-            valley,
-            expect(Limit.TIME, through=False),
-            arguments={"time_limit": 0.0},
-        ),
-        Case(
-            "nonlinear, stop: before it starts",
-            valley,
-            expect(Limit.INTERRUPTED, through=False),
-            arguments={"time_limit": 30.0},
-            stop_after=0.0,
-        ),
-        Case(
-            "nonlinear, stop: while it runs",
-            valley,
-            expect(Limit.INTERRUPTED),
-            frozenset({Feature.INTERRUPT}),
-            {"time_limit": 30.0},
-            stop_after=0.05,
-        ),
-        Case(
-            "nonlinear, warm start: kept",
-            valley,
-            expect(Limit.TIME, through=False),
-            frozenset({Feature.WARM_START}),
-            {"time_limit": 0.0, "warm_start": best},
-            further=_no_worse,
-        ),
+    *cases, kept = timed_cases(
+        "nonlinear, ", valley, begun, cut, best, seconds=0.1, stop_after=0.05
     )
+    # Without time the start is all there is.
+    arguments = {"time_limit": 0.0, "warm_start": best}
+    none = replace(cut, limit=Limit.TIME)
+    return (*cases, replace(kept, expectation=none, arguments=arguments))
 
 
 def _valley(x: Any) -> tuple[Any, list[Any]]:
@@ -68,11 +41,6 @@ def _valley(x: Any) -> tuple[Any, list[Any]]:
     import casadi
 
     return 100 * casadi.sumsqr(x[1:] - x[:-1] ** 2) + casadi.sumsqr(1 - x[:-1]), []
-
-
-def _no_worse(case: Case, run: Run) -> str | None:
-    value = run.answer.primal_bound
-    return None if value is not None and value <= 1e-9 else f"lost the warm start, has {value!r}"
 
 
 def chain_case() -> Case:

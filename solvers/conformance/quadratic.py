@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...models.programs.linear import QuadraticProgram
 from ..backend import Feature, Termination
-from .cases import Case, Expectation
+from .cases import Case, Expectation, optimum
 from .quadratic_larger import horizon, portfolio
 
 __all__ = ["quadratic", "quadratic_cases"]
@@ -55,27 +56,9 @@ def quadratic(
 
 
 def quadratic_cases() -> tuple[Case, ...]:
-    """Return the cases; each that has an optimum comes a second time, for its duals."""
+    """Return the cases; the duals of each that has an optimum are judged as well."""
     primal = [*_small(), *_delicate(), *_larger()]
-    dual = [
-        Case(
-            f"{case.name}, duals",
-            case.program,
-            case.expectation,
-            frozenset({Feature.DUALS}),
-            case.arguments,
-        )
-        for case in primal
-    ]
-    return (*primal, *dual, *_unsolvable(), *_asked_for())
-
-
-def _optimal(
-    objective: float,
-    point: tuple[float, ...] | None = None,
-    duals: tuple[float, ...] | None = None,
-) -> Expectation:
-    return Expectation((Termination.OPTIMAL,), objective, point=point, duals=duals)
+    return (*(replace(case, duals=True) for case in primal), *_unsolvable(), *_asked_for())
 
 
 def _small() -> list[Case]:
@@ -83,64 +66,64 @@ def _small() -> list[Case]:
         Case(
             "quadratic: strictly convex, no constraint",
             quadratic([[2, 1], [1, 2]], [-4, -5]),
-            _optimal(-7, (1, 2), ()),
+            optimum(-7, (1, 2), ()),
         ),
         Case(
             "quadratic: equal rows only",
             quadratic([1, 1, 1], [0, 0, 0], [[1, 2, 3]], 14, 14),
-            _optimal(7, (1, 2, 3), (1,)),
+            optimum(7, (1, 2, 3), (1,)),
         ),
         Case(
             "quadratic: box",
             quadratic([2, 2, 2], [-2, -8, 4], lower=0, upper=[5, 3, 5]),
-            _optimal(-16, (1, 3, 0), ()),
+            optimum(-16, (1, 3, 0), ()),
         ),
         Case(
             "quadratic: rows from below",
             quadratic([2, 2], [0, 0], [[1, 1], [1, 0]], [2, 0.5]),
-            _optimal(2, (1, 1), (2, 0)),
+            optimum(2, (1, 1), (2, 0)),
         ),
         Case(
             "quadratic: two-sided rows",
             quadratic([1, 1], [-6, 0], [[1, 1], [1, -1]], [-1, -2], [4, 2]),
-            _optimal(-13, (3, 1), (-1, -2)),
+            optimum(-13, (3, 1), (-1, -2)),
         ),
         Case(
             "quadratic: semidefinite Hessian",
             # (x + y)^2 / 2 - x: flat along (1, -1), where the cost runs into the bound.
             quadratic([[1, 1], [1, 1]], [-1, 0], upper=[2, INF]),
-            _optimal(-2, (2, -2), ()),
+            optimum(-2, (2, -2), ()),
         ),
         Case(
             "quadratic: free columns, one without curvature",
             quadratic([1, 1, 0], [0, 0, 1], [[1, 0, 1], [0, 1, 1]], [2, 4]),
-            _optimal(3.5, (0, 1, 3), (0, 1)),
+            optimum(3.5, (0, 1, 3), (0, 1)),
         ),
         Case(
             "quadratic: linear program",
             quadratic([0, 0], [-3, -5], [[1, 0], [0, 2], [3, 2]], row_upper=[4, 12, 18], lower=0),
-            _optimal(-36, (2, 6), (0, -1.5, -1)),
+            optimum(-36, (2, 6), (0, -1.5, -1)),
         ),
         Case(
             "quadratic: no rows, one column linear",
             quadratic([2, 0], [-2, 1], lower=[-INF, -3], upper=[INF, 4]),
-            _optimal(-4, (1, -3), ()),
+            optimum(-4, (1, -3), ()),
         ),
-        Case("quadratic: offset", quadratic([2], [-6], lower=0, offset=1e3), _optimal(991, (3,))),
+        Case("quadratic: offset", quadratic([2], [-6], lower=0, offset=1e3), optimum(991, (3,))),
         Case(
             "quadratic: large negative offset",
             quadratic([2], [-2], offset=-1e6),
-            _optimal(-1000001, (1,)),
+            optimum(-1000001, (1,)),
         ),
         Case(
             "quadratic: optimum zero",
             quadratic([2, 2], [-2, 0], offset=1),
-            _optimal(0, (1, 0)),
+            optimum(0, (1, 0)),
         ),
         Case(
             "quadratic: no columns",
             quadratic(np.zeros((0, 0)), [], np.zeros((1, 0)), -1, 1, offset=3),
-            _optimal(3, ()),
+            optimum(3, ()),
         ),
     ]
 
@@ -150,54 +133,54 @@ def _delicate() -> list[Case]:
         Case(
             "quadratic: duplicated rows",
             quadratic([2, 2], [0, 0], [[1, 1], [1, 1], [2, 2]], [2, 2, 4]),
-            _optimal(2, (1, 1)),
+            optimum(2, (1, 1)),
         ),
         Case(
             "quadratic: dependent equalities",
             quadratic(
                 [1, 1], [0, 0], [[1, 1], [2, 2], [1, -1], [1, 1]], [2, 4, 0, 2], [2, 4, 0, 2]
             ),
-            _optimal(1, (1, 1)),
+            optimum(1, (1, 1)),
         ),
         Case(
             "quadratic: degenerate vertex",
             quadratic([2, 2], [-4, -4], [[1, 0], [0, 1], [1, 1]], row_upper=[1, 1, 2]),
-            _optimal(-6, (1, 1)),
+            optimum(-6, (1, 1)),
         ),
         Case(
             "quadratic: a row that binds without force",
             quadratic([2], [-2], [[1]], row_upper=1),
-            _optimal(-1),
+            optimum(-1),
         ),
         Case(
             "quadratic: many optimal points",
             quadratic([[1, 1], [1, 1]], [-2, -2], lower=0, upper=5),
-            _optimal(-2),
+            optimum(-2),
         ),
         Case(
             "quadratic: badly scaled",
             quadratic([1e-4, 1e4], [-7e-3, -2010], [[1e-3, 1e3]], row_upper=1.05),
-            _optimal(-2.23, (50, 1e-3), (-2,)),
+            optimum(-2.23, (50, 1e-3), (-2,)),
         ),
         Case(
             "quadratic: badly scaled, other way",
             quadratic([1e4, 1e-4], [0, 0], [[1e4, 0], [0, 1e-4]], [1e4, 1e-4]),
-            _optimal(5000.00005),
+            optimum(5000.00005),
         ),
         Case(
             "quadratic: fixed column",
             quadratic([2, 2], [0, -2], [[1, 1]], 5, lower=[3, -INF], upper=[3, INF]),
-            _optimal(9, (3, 2), (2,)),
+            optimum(9, (3, 2), (2,)),
         ),
         Case(
             "quadratic: every column fixed",
             quadratic([1, 1], [0, 0], [[1, 1]], row_upper=4, lower=[1, 2], upper=[1, 2]),
-            _optimal(2.5, (1, 2), (0,)),
+            optimum(2.5, (1, 2), (0,)),
         ),
         Case(
             "quadratic: empty and free rows",
             quadratic([2, 2], [0, 0], [[0, 0], [1, 1], [1, -1]], [-1, 2, -INF], [1, INF, INF]),
-            _optimal(2, (1, 1), (0, 2, 0)),
+            optimum(2, (1, 1), (0, 2, 0)),
         ),
     ]
 
@@ -212,7 +195,7 @@ def _larger() -> list[Case]:
             Case(
                 f"quadratic: {name}, {program.size} columns",
                 program,
-                _optimal(program.objective(point), tuple(point), tuple(duals)),
+                optimum(program.objective(point), tuple(point), tuple(duals)),
             )
         )
     return found
@@ -292,29 +275,29 @@ def _asked_for() -> list[Case]:
         Case(
             "quadratic: a small gap",
             rows,
-            _optimal(1.05, at),
+            optimum(1.05, at),
             frozenset({Feature.GAP}),
             {"gap": 1e-10},
         ),
-        Case("quadratic: tight tolerance", rows, _optimal(1.05, at), arguments={"tolerance": 1e-9}),
+        Case("quadratic: tight tolerance", rows, optimum(1.05, at), arguments={"tolerance": 1e-9}),
         Case(
             "quadratic: warm start at the optimum",
             rows,
-            _optimal(1.05, at),
+            optimum(1.05, at),
             frozenset({Feature.WARM_START}),
             {"warm_start": np.array(at)},
         ),
         Case(
             "quadratic: warm start elsewhere",
             rows,
-            _optimal(1.05, at),
+            optimum(1.05, at),
             frozenset({Feature.WARM_START}),
             {"warm_start": np.array([5.0, -4.0])},
         ),
         Case(
             "quadratic, cutoff: at the optimum",
             rows,
-            _optimal(1.05, at),
+            optimum(1.05, at),
             cutoff,
             {"cutoff": 1.05},
         ),

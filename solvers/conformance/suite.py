@@ -7,7 +7,7 @@ import importlib.util
 import threading
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -175,13 +175,16 @@ def _run(backend: Backend, case: Case, options: Mapping[str, Any]) -> Run:
         event = request.control.events.get()
         if event is not None:
             incumbents.append(event)
-    again = backend.run(case.program, _request(backend, case, options)) if case.twice else None
-    return Run(answer, request, backend.features, tuple(incumbents), seconds, cpu, again)
+    others = [
+        backend.run(case.program, replace(request, control=Control(), **other))
+        for other in case.others
+    ]
+    return Run(answer, request, backend.features, tuple(incumbents), seconds, cpu, tuple(others))
 
 
 def _request(backend: Backend, case: Case, options: Mapping[str, Any]) -> Request:
     arguments = {"time_limit": 30.0, **case.arguments}
-    if case.twice and Feature.THREADS in backend.features:
+    if case.others and Feature.THREADS in backend.features:
         # Only on one thread does a seed decide everything.
         arguments["threads"] = 1
     return Request(options=backend.checked_options(options), control=Control(), **arguments)

@@ -8,21 +8,20 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import UnsupportedFormulation
 from ...models.model import Model
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
 from ...models.verification import ROUNDING
-from ..attempts import Clock, Ended, Outcome
+from ..attempts import Ended, Ending
 from ..backend import Answer, Request, Termination
-from ..qp.base import QuadraticBackend, QuadraticOutcome, Run
+from ..qp.base import QuadraticBackend, Run, answered
 from ..qp.forms import Core
 from ..qp.proofs import Findings
 from ..qp.quality import Quality, measured
 from .forms import conic_core
 from .proofs import examined
 
-__all__ = ["ConvexBackend", "conic_answer"]
+__all__ = ["ConicRun", "ConvexBackend"]
 
 Vector = NDArray[np.float64]
 
@@ -48,22 +47,15 @@ class ConvexBackend(QuadraticBackend):
         """Solve `problem`, of either kind, as `request` asks."""
         if isinstance(problem, ConicProgram):
             if problem.cones:
-                self.require()
-                reason = self.refuses(problem)
-                if reason:
-                    raise UnsupportedFormulation(reason)
-                return conic_answer(problem, request, self.attempt)
+                return answered(self, problem, request, self.attempt, ConicRun)
             problem = problem.quadratic
         return super().run(problem, request)
 
 
-def conic_answer(problem: ConicProgram, request: Request, attempt: Any) -> Answer:
-    """Return the answer that `attempt` earns: recomputed and proven."""
-    return _ConicRun(problem, request, attempt, Clock(request.time_limit)).answer()
-
-
 @dataclass(frozen=True, eq=False)
-class _ConicRun(Run):
+class ConicRun(Run):
+    """One run on a program with cones."""
+
     problem: Any
     attempt: Any
 
@@ -71,21 +63,21 @@ class _ConicRun(Run):
         if self.problem.size:
             return super().answer()
         # Constants alone: the rows and cones hold, or multipliers prove that they do not.
-        outcome = self.tried(self.core(), self.request)
-        best = self.judged(outcome)
+        ending = self.tried(self.core(), self.request)
+        best = self.judged(ending)
         if best is not None and self.accepts(best):
-            return self.optimal(outcome, best)
-        return self.unsolved(outcome, best)
+            return self.optimal(ending, best)
+        return self.unsolved(ending, best)
 
     def core(self) -> Core:
         return conic_core(self.problem)
 
-    def judged(self, outcome: Outcome) -> Quality | None:
+    def judged(self, ending: Ending) -> Quality | None:
         """Return the quality of the point; None without one, or where it runs off to infinity.
 
         A point with terms of unusual size must hold once more, and much better.
         """
-        found = self.quality(outcome)
+        found = self.quality(ending)
         if found is None or self.over():
             return found
         usual = LARGE if found.violation <= ROUNDING else LARGE_AND_OFF
@@ -98,19 +90,19 @@ class _ConicRun(Run):
         share, off = _measured(self.problem, again.point)
         return again if share <= TOO_LARGE and off <= tighter.tolerance else None
 
-    def quality(self, outcome: Outcome) -> Quality | None:
-        if outcome.point is None or outcome.ended in (Ended.INFEASIBLE, Ended.UNBOUNDED):
+    def quality(self, ending: Ending) -> Quality | None:
+        if ending.point is None or ending.ended in (Ended.INFEASIBLE, Ended.UNBOUNDED):
             return None
-        duals = outcome.duals
+        duals = ending.duals
         if duals is None or not np.isfinite(duals).all():
             duals = np.zeros(self.problem.row_count + self.problem.cone_offset.size)
-        return measured(self.problem, outcome.point, duals)
+        return measured(self.problem, ending.point, duals)
 
     def unsolved(
-        self, outcome: Outcome, best: Quality | None, findings: Findings | None = None
+        self, ending: Ending, best: Quality | None, findings: Findings | None = None
     ) -> Answer:
-        answer = super().unsolved(outcome, best, findings)
-        if answer.termination is Termination.FAILED and outcome.ended is Ended.PROVEN:
+        answer = super().unsolved(ending, best, findings)
+        if answer.termination is Termination.FAILED and ending.ended is Ended.PROVEN:
             if best is None:
                 words = (
                     "the solver's point runs off to infinity as the tolerance shrinks: the program "
@@ -119,16 +111,15 @@ class _ConicRun(Run):
                 return replace(answer, message="; ".join(filter(None, [answer.message, words])))
         return answer
 
-    def findings(self, outcome: Outcome, feasible: Quality | None) -> Findings:
-        ray = direction = None
-        if isinstance(outcome, QuadraticOutcome):
-            ray, direction = outcome.ray, outcome.direction
+    def findings(self, ending: Ending, feasible: Quality | None) -> Findings:
+        ray = ending.duals if ending.ended is Ended.INFEASIBLE else None
+        direction = ending.point if ending.ended is Ended.UNBOUNDED else None
         if ray is None and (self.problem.column_lower == self.problem.column_upper).all():
             # All is constant: what separates the constants from the cones is a proof.
             rows = self.problem.cone_rows(self.problem.column_lower)
             ray = np.concatenate([np.zeros(self.problem.row_count), -rows])
 
-        def solve(program: ConicProgram) -> Outcome:
+        def solve(program: ConicProgram) -> Ending:
             asked = replace(self.request, warm_start=None, time_limit=self.clock.left())
             return replace(self, problem=program, request=asked).tried(conic_core(program), asked)
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ...models.programs.cones import ConeBlock, ConeKind
 from ...models.programs.conic import ConicProgram
-from ..attempts import Clock, Ended, Outcome, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
 from ..backend import Limit, Option, Request
-from ..qp.base import COMMON, certified, own_options
+from ..qp.base import COMMON
 from .base import ConvexBackend
 from .forms import ConeForm
 
@@ -42,7 +42,7 @@ class Ecos(ConvexBackend):
             return "ECOS takes no semidefinite cones"
         return ""
 
-    def attempt(self, program: Any, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: Any, request: Request, clock: Clock) -> Ending:
         """Solve with ECOS."""
         import ecos  # type: ignore[import-untyped]
 
@@ -74,20 +74,24 @@ class Ecos(ConvexBackend):
         clock.lap("solve")
         status = int(found["info"]["exitFlag"])
         # ECOS 2.0, include/ecos.h: a status plus 10 is one that it reached with less precision.
-        ended, limit = {
-            0: (Ended.PROVEN, None),
-            1: (Ended.INFEASIBLE, None),
-            2: (Ended.UNBOUNDED, None),
-            10: (Ended.PROVEN, None),
-            11: (Ended.INFEASIBLE, None),
-            12: (Ended.UNBOUNDED, None),
+        meanings: dict[int, Meaning] = {
+            0: Ended.PROVEN,
+            1: Ended.INFEASIBLE,
+            2: Ended.UNBOUNDED,
+            10: Ended.PROVEN,
+            11: Ended.INFEASIBLE,
+            12: Ended.UNBOUNDED,
             -1: (Ended.STOPPED, Limit.ITERATIONS),
-        }.get(status, (Ended.FAILED, None))
-        return certified(
-            program, form, found["x"], np.concatenate([found["y"], found["z"]]), ended, limit,
-            int(found["info"]["iter"]),
-            f"ECOS: {found['info']['infostring']}" if ended is Ended.FAILED else "",
-        )  # fmt: skip
+        }
+        return Ending.read(
+            "ECOS",
+            status,
+            meanings,
+            found["info"]["infostring"],
+            point=np.array(found["x"], float),
+            duals=form.duals(np.concatenate([found["y"], found["z"]]), program.row_count),
+            statistics={"iterations": int(found["info"]["iter"])},
+        )
 
 
 def _order(block: ConeBlock) -> NDArray[np.intp]:

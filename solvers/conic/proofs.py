@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from ...models.programs.cones import ConeBlock, ConeKind, inside, order, triangle
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Outcome
+from ..attempts import Ending
 from ..qp.proofs import Findings
 
 __all__ = ["examined", "excludes", "recedes"]
 
 Vector = NDArray[np.float64]
-Solve = Callable[[ConicProgram], Outcome]
+Solve = Callable[[ConicProgram], Ending]
 
 #: Share of the terms of a sum that may be left where they should cancel.
 CANCELLED = 1e-12

@@ -65,7 +65,8 @@ class Labelling(Backend):
     name = "labelling"
     accepts = ErrorCorrectionRouting
     guarantee = Guarantee.HEURISTIC
-    features = frozenset({Feature.SEED, Feature.INTERRUPT})
+    features = frozenset({Feature.INTERRUPT})
+    deterministic = True
     single_threaded = True
     options = {
         "weight": Option(

@@ -37,9 +37,8 @@ class RoutingBackend(Backend):
 
     accepts = ErrorCorrectionRouting
     guarantee = Guarantee.EXACT
-    features = frozenset(
-        {Feature.GAP, Feature.SEED, Feature.CUTOFF, Feature.DUAL_BOUND, Feature.INTERRUPT}
-    )
+    features = frozenset({Feature.GAP, Feature.CUTOFF, Feature.DUAL_BOUND, Feature.INTERRUPT})
+    deterministic = True
     single_threaded = True
     _compiled: ClassVar[set[str]] = set()
 

@@ -32,7 +32,8 @@ class Banded(Backend):
     name = "banded"
     accepts = MinimumDerivative
     guarantee = Guarantee.EXACT
-    features = frozenset({Feature.GAP, Feature.SEED, Feature.DUAL_BOUND})
+    features = frozenset({Feature.GAP, Feature.DUAL_BOUND})
+    deterministic = True
     single_threaded = True
     summary = "direct O(segments) solver for waypoints without corridor and limits; ours"
     _compiled: ClassVar[bool] = False

@@ -34,9 +34,8 @@ class InteriorPoint(Backend):
     name = "interior-point"
     accepts = MinimumDerivative
     guarantee = Guarantee.EXACT
-    features = frozenset(
-        {Feature.GAP, Feature.SEED, Feature.THREADS, Feature.DUAL_BOUND, Feature.INTERRUPT}
-    )
+    features = frozenset({Feature.GAP, Feature.THREADS, Feature.DUAL_BOUND, Feature.INTERRUPT})
+    deterministic = True
     options: ClassVar[Mapping[str, Option]] = {
         "samples": Option(
             8, "Instants of each segment held from the start.", int, lower=2, upper=64

@@ -17,36 +17,25 @@ from numpy.typing import NDArray
 
 from ...models.programs.base import RowProgram
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import (
-    Clock,
-    Ended,
-    Outcome,
-    above_cutoff,
-    allowed,
-    holds,
-    limited,
-    obvious,
-    solver_tolerance,
-    stopped,
-    watched,
-)
-from ..backend import Answer, Backend, Control, Guarantee, Limit, Request, Termination
+from ..attempts import Clock, Ended, Ending, above_cutoff, allowed, holds, limited, obvious, stopped
+from ..backend import Answer, Backend, Control, Feature, Guarantee, Limit, Request, Termination
 
-__all__ = [
-    "Clock",
-    "Ended",
-    "Incumbents",
-    "Outcome",
-    "ProgramBackend",
-    "allowed",
-    "limited",
-    "solver_tolerance",
-    "watched",
-    "with_cutoff_row",
-    "with_offset_column",
-]
+__all__ = ["CALLED_BACK", "Incumbents", "ProgramBackend", "with_cutoff_row", "with_offset_column"]
 
 Vector = NDArray[np.float64]
+
+#: What the solvers understand that take starts and call back while they search.
+CALLED_BACK = frozenset(
+    {
+        Feature.GAP,
+        Feature.SEED,
+        Feature.WARM_START,
+        Feature.CUTOFF,
+        Feature.INCUMBENTS,
+        Feature.DUAL_BOUND,
+        Feature.INTERRUPT,
+    }
+)
 
 
 class Incumbents:
@@ -109,7 +98,7 @@ class ProgramBackend(Backend):
     guarantee = Guarantee.EXACT
 
     @abstractmethod
-    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
         """Hand `program` to the solver once and report how it ended.
 
         Laps of `clock` are called ``"build"`` (until the solver starts) and ``"solve"``.
@@ -118,19 +107,20 @@ class ProgramBackend(Backend):
     def run(self, problem: MixedIntegerProgram, request: Request) -> Answer:
         """Solve `problem` as `request` asks."""
         self.require()
+        request = replace(request, options=self.checked_options(request.options))
         clock = Clock(request.time_limit)
-        outcome = obvious(problem, request) or stopped(request, clock)
-        if outcome is None:
-            outcome = self.attempt(problem, request, clock)
-            if outcome.ended is Ended.UNCLEAR or (
-                outcome.ended is Ended.UNBOUNDED and not problem.continuous
+        ending = obvious(problem, request) or stopped(request, clock)
+        if ending is None:
+            ending = self.attempt(problem, request, clock)
+            if ending.ended is Ended.UNCLEAR or (
+                ending.ended is Ended.UNBOUNDED and not problem.continuous
             ):
-                outcome = self._resolve(problem, request, clock, outcome)
-        return _conclude(problem, request, clock, outcome)
+                ending = self._resolve(problem, request, clock, ending)
+        return _conclude(problem, request, clock, ending)
 
     def _resolve(
-        self, program: MixedIntegerProgram, request: Request, clock: Clock, first: Outcome
-    ) -> Outcome:
+        self, program: MixedIntegerProgram, request: Request, clock: Clock, first: Ending
+    ) -> Ending:
         """Tell an unbounded program from an infeasible one by asking for any feasible point.
 
         Presolve stops at "infeasible or unbounded", and an unbounded relaxation says nothing of
@@ -164,13 +154,13 @@ def _tidied(program: MixedIntegerProgram, point: Vector, tolerance: float) -> Ve
 
 
 def _conclude(
-    program: MixedIntegerProgram, request: Request, clock: Clock, outcome: Outcome
+    program: MixedIntegerProgram, request: Request, clock: Clock, ending: Ending
 ) -> Answer:
-    """Say what `outcome` proves."""
+    """Say what `ending` proves."""
     point, objective = None, None
-    if outcome.point is not None and outcome.ended is not Ended.UNBOUNDED:
-        point = _tidied(program, np.array(outcome.point, float), request.tolerance)
-        if outcome.ended is Ended.STOPPED and not holds(program, point, request.tolerance):
+    if ending.point is not None and ending.ended is not Ended.UNBOUNDED:
+        point = _tidied(program, np.array(ending.point, float), request.tolerance)
+        if ending.ended is Ended.STOPPED and not holds(program, point, request.tolerance):
             # A stopped solver may hand back whatever it held, a simplex vertex on its way say.
             point = None
         else:
@@ -179,13 +169,13 @@ def _conclude(
         termination=Termination.FAILED,
         point=point,
         primal_bound=objective,
-        dual_bound=_settled(program, request, outcome, objective),
-        duals=outcome.duals if program.continuous else None,
+        dual_bound=_proven_bound(program, request, ending, objective),
+        duals=ending.duals if program.continuous else None,
         seconds=clock.seconds,
-        statistics=outcome.statistics,
-        message=outcome.message,
+        statistics=ending.statistics,
+        message=ending.message,
     )
-    match outcome.ended:
+    match ending.ended:
         case Ended.PROVEN:
             if request.cutoff is not None and (
                 objective is None or objective > allowed(request.cutoff)
@@ -193,23 +183,23 @@ def _conclude(
                 return above_cutoff(answer, request.cutoff)
             return replace(answer, termination=Termination.OPTIMAL)
         case Ended.INFEASIBLE:
-            if request.cutoff is not None and not outcome.absolute:
+            if request.cutoff is not None and not ending.absolute:
                 return above_cutoff(answer, request.cutoff)
             return replace(answer, termination=Termination.INFEASIBLE, dual_bound=None)
         case Ended.UNBOUNDED:
             return replace(answer, termination=Termination.UNBOUNDED, dual_bound=None)
         case Ended.STOPPED | Ended.UNCLEAR:
             kind = Termination.NO_SOLUTION if point is None else Termination.FEASIBLE
-            return replace(answer, termination=kind, limit=outcome.limit)
+            return replace(answer, termination=kind, limit=ending.limit)
         case Ended.FAILED:
             return replace(answer, duals=None)
 
 
-def _settled(
-    program: MixedIntegerProgram, request: Request, outcome: Outcome, objective: float | None
+def _proven_bound(
+    program: MixedIntegerProgram, request: Request, ending: Ending, objective: float | None
 ) -> float | None:
     """Return the bound that is proven, None where nothing is."""
-    bound = outcome.bound
+    bound = ending.bound
     if bound is None or not np.isfinite(bound) or abs(bound) >= 1e20:
         return None
     if request.cutoff is not None and not program.continuous:

@@ -12,8 +12,9 @@ import numpy as np
 
 from ...errors import UnsupportedFormulation
 from ...models.programs.linear import MixedIntegerProgram
+from ..attempts import Clock, Ended, Ending, allowed, limited, watched
 from ..backend import Feature, Limit, Option, Request
-from .base import Clock, Ended, Incumbents, Outcome, ProgramBackend, allowed, limited, watched
+from .base import CALLED_BACK, Incumbents, ProgramBackend
 
 __all__ = ["CpSat"]
 
@@ -32,18 +33,7 @@ class CpSat(ProgramBackend):
     """
 
     name = "cp-sat"
-    features = frozenset(
-        {
-            Feature.GAP,
-            Feature.SEED,
-            Feature.THREADS,
-            Feature.WARM_START,
-            Feature.CUTOFF,
-            Feature.INCUMBENTS,
-            Feature.DUAL_BOUND,
-            Feature.INTERRUPT,
-        }
-    )
+    features = CALLED_BACK | {Feature.THREADS}
     requires = ("ortools",)
     distribution = "ortools"
     extra = "ortools"
@@ -63,7 +53,7 @@ class CpSat(ProgramBackend):
         name = problem.column_name(int(fractional[0]))
         return f"backend 'cp-sat' takes whole columns only: {name} is continuous"
 
-    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve with CP-SAT."""
         reason = self.refuses(program)
         if reason:
@@ -73,7 +63,7 @@ class CpSat(ProgramBackend):
         if empty.size:
             name = program.column_name(int(empty[0]))
             message = f"{name}: no whole number lies within the bounds"
-            return Outcome(Ended.INFEASIBLE, message=message, absolute=True)
+            return Ending(Ended.INFEASIBLE, message=message, absolute=True)
         from ortools.sat.python import cp_model
 
         model, columns = _model(cp_model, whole, request)
@@ -92,7 +82,7 @@ class CpSat(ProgramBackend):
         with watched(request.control, solver.stop_search):
             status = solver.solve(model, Listener())
         clock.lap("solve")
-        return _outcome(cp_model, solver, status, columns, whole, model, request)
+        return _ending(cp_model, solver, status, columns, whole, model, request)
 
 
 @dataclass(frozen=True)
@@ -216,14 +206,14 @@ def _configure(solver: Any, request: Request) -> None:
     parameters.relative_gap_limit = request.gap
     parameters.absolute_gap_limit = 0.0
     parameters.catch_sigint_signal = False
-    parameters.linearization_level = request.options.get("linearization_level", 1)
+    parameters.linearization_level = request.options["linearization_level"]
     if request.seed is not None:
         parameters.random_seed = request.seed % (2**31)
     if request.threads is not None:
         parameters.num_workers = request.threads
 
 
-def _outcome(
+def _ending(
     cp_model: Any,
     solver: Any,
     status: Any,
@@ -231,7 +221,7 @@ def _outcome(
     whole: _Whole,
     model: Any,
     request: Request,
-) -> Outcome:
+) -> Ending:
     ended = {
         cp_model.OPTIMAL: Ended.PROVEN,
         cp_model.FEASIBLE: Ended.STOPPED,
@@ -247,7 +237,7 @@ def _outcome(
     bound = whole.offset / whole.scale
     if any(whole.cost):
         bound = solver.best_objective_bound / whole.scale
-    return Outcome(
+    return Ending(
         ended,
         point,
         bound if ended in (Ended.PROVEN, Ended.STOPPED) else None,

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ...errors import BackendBroken
 from ...models.programs.linear import MixedIntegerProgram
+from ..attempts import Clock, Ended, Ending, Meaning, allowed, limited, solver_tolerance, watched
 from ..backend import Feature, Limit, Option, Request
-from .base import (
-    Clock,
-    Ended,
-    Incumbents,
-    Outcome,
-    ProgramBackend,
-    allowed,
-    limited,
-    solver_tolerance,
-    watched,
-)
+from .base import CALLED_BACK, Incumbents, ProgramBackend
 
 __all__ = ["Gurobi"]
 
@@ -32,19 +24,7 @@ class Gurobi(ProgramBackend):
     """Gurobi; the licence that its package brings takes 2000 rows and 2000 columns at most."""
 
     name = "gurobi"
-    features = frozenset(
-        {
-            Feature.GAP,
-            Feature.SEED,
-            Feature.THREADS,
-            Feature.WARM_START,
-            Feature.CUTOFF,
-            Feature.INCUMBENTS,
-            Feature.DUAL_BOUND,
-            Feature.DUALS,
-            Feature.INTERRUPT,
-        }
-    )
+    features = CALLED_BACK | {Feature.THREADS, Feature.DUALS}
     requires = ("gurobipy",)
     distribution = "gurobipy"
     extra = "gurobi"
@@ -53,7 +33,7 @@ class Gurobi(ProgramBackend):
     }
     summary = "Gurobi: commercial; without a licence only small programs"
 
-    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve with Gurobi."""
         import gurobipy
 
@@ -85,7 +65,7 @@ def _parameters(program: MixedIntegerProgram, request: Request) -> dict[str, Any
         "FeasibilityTol": tolerance,
         "OptimalityTol": tolerance,
         "IntFeasTol": tolerance,
-        "MIPFocus": request.options.get("mip_focus", 0),
+        "MIPFocus": request.options["mip_focus"],
     }
     if request.seed is not None:
         parameters["Seed"] = request.seed % 2_000_000_000
@@ -98,7 +78,7 @@ def _parameters(program: MixedIntegerProgram, request: Request) -> dict[str, Any
 
 def _solve(
     gurobipy: Any, model: Any, program: MixedIntegerProgram, request: Request, clock: Clock
-) -> Outcome:
+) -> Ending:
     grb = gurobipy.GRB
     columns = model.addMVar(
         program.size,
@@ -124,7 +104,7 @@ def _solve(
     with watched(request.control, model.terminate):
         model.optimize(heard)
     clock.lap("solve")
-    return _outcome(grb, model, program, request, columns, rows)
+    return _ending(grb, model, program, request, columns, rows)
 
 
 def _add_rows(model: Any, program: MixedIntegerProgram, columns: Any) -> list[tuple[Any, Any]]:
@@ -147,41 +127,41 @@ def _add_rows(model: Any, program: MixedIntegerProgram, columns: Any) -> list[tu
     return added
 
 
-def _outcome(
+def _ending(
     grb: Any,
     model: Any,
     program: MixedIntegerProgram,
     request: Request,
     columns: Any,
     rows: list[tuple[Any, Any]],
-) -> Outcome:
-    status = model.Status
-    ended, limit = {
-        grb.OPTIMAL: (Ended.PROVEN, None),
-        grb.INFEASIBLE: (Ended.INFEASIBLE, None),
-        grb.CUTOFF: (Ended.INFEASIBLE, None),
-        grb.UNBOUNDED: (Ended.UNBOUNDED, None),
-        grb.INF_OR_UNBD: (Ended.UNCLEAR, None),
+) -> Ending:
+    exhausted = Ended.STOPPED, Limit.ITERATIONS
+    meanings: dict[int, Meaning] = {
+        grb.OPTIMAL: Ended.PROVEN,
+        grb.INFEASIBLE: Ended.INFEASIBLE,
+        grb.CUTOFF: Ended.INFEASIBLE,
+        grb.UNBOUNDED: Ended.UNBOUNDED,
+        grb.INF_OR_UNBD: Ended.UNCLEAR,
         grb.TIME_LIMIT: (Ended.STOPPED, Limit.TIME),
         grb.MEM_LIMIT: (Ended.STOPPED, Limit.MEMORY),
-        grb.ITERATION_LIMIT: (Ended.STOPPED, Limit.ITERATIONS),
-        grb.NODE_LIMIT: (Ended.STOPPED, Limit.ITERATIONS),
-        grb.SOLUTION_LIMIT: (Ended.STOPPED, Limit.ITERATIONS),
-        grb.WORK_LIMIT: (Ended.STOPPED, Limit.ITERATIONS),
+        grb.ITERATION_LIMIT: exhausted,
+        grb.NODE_LIMIT: exhausted,
+        grb.SOLUTION_LIMIT: exhausted,
+        grb.WORK_LIMIT: exhausted,
         # All nodes are done, yet the optimum is not within the tolerances.
-        grb.SUBOPTIMAL: (Ended.STOPPED, None),
+        grb.SUBOPTIMAL: Ended.STOPPED,
         grb.INTERRUPTED: (Ended.STOPPED, limited(request.control)),
-    }.get(status, (Ended.FAILED, None))
+    }
+    found = Ending.read("Gurobi", model.Status, meanings, f"status {model.Status}")
     point, duals, bound = None, None, None
-    if model.SolCount and ended is not Ended.UNBOUNDED:
+    if model.SolCount and found.ended is not Ended.UNBOUNDED:
         point = np.array(columns.X, float)
     if not program.continuous:
         bound = float(model.ObjBound)
-    elif ended is Ended.PROVEN:
+    elif found.ended is Ended.PROVEN:
         bound = float(model.ObjVal)
         duals = np.zeros(program.row_count)
         for which, constraints in rows:
             duals[which] += np.asarray(constraints.Pi)
-    statistics = {"nodes": int(model.NodeCount), "simplex iterations": int(model.IterCount)}
-    message = f"Gurobi: status {status}" if ended is Ended.FAILED else ""
-    return Outcome(ended, point, bound, duals, limit, statistics, message)
+    counts = {"nodes": int(model.NodeCount), "simplex iterations": int(model.IterCount)}
+    return replace(found, point=point, bound=bound, duals=duals, statistics=counts)

@@ -8,18 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...models.programs.linear import MixedIntegerProgram
+from ..attempts import Clock, Ended, Ending, Meaning, limited, solver_tolerance, watched
 from ..backend import Feature, Limit, Request
-from .base import (
-    Clock,
-    Ended,
-    Incumbents,
-    Outcome,
-    ProgramBackend,
-    limited,
-    solver_tolerance,
-    watched,
-    with_cutoff_row,
-)
+from .base import CALLED_BACK, Incumbents, ProgramBackend, with_cutoff_row
 
 __all__ = ["MathOpt"]
 
@@ -33,18 +24,7 @@ class MathOpt(ProgramBackend):
     """
 
     name = "ortools"
-    features = frozenset(
-        {
-            Feature.GAP,
-            Feature.SEED,
-            Feature.WARM_START,
-            Feature.CUTOFF,
-            Feature.INCUMBENTS,
-            Feature.DUAL_BOUND,
-            Feature.DUALS,
-            Feature.INTERRUPT,
-        }
-    )
+    features = CALLED_BACK | {Feature.DUALS}
     single_threaded = True
     requires = ("ortools",)
     distribution = "ortools"
@@ -54,7 +34,7 @@ class MathOpt(ProgramBackend):
     natives = ("ortools.math_opt.core.python.solver", "ortools.sat.python.cp_model_helper")
     summary = "OR-Tools MathOpt: SCIP for mixed-integer, GLOP for linear programs"
 
-    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve with MathOpt."""
         from ortools.math_opt.python import mathopt
         from ortools.util.python.solve_interrupter import SolveInterrupter
@@ -86,7 +66,7 @@ class MathOpt(ProgramBackend):
             return _refused(error)
         finally:
             clock.lap("solve")
-        return _outcome(mathopt, result, program, request)
+        return _ending(mathopt, result, program, request)
 
 
 def _model(mathopt: Any, program: MixedIntegerProgram) -> Any:
@@ -155,7 +135,7 @@ def _listening(mathopt: Any, program: MixedIntegerProgram, request: Request) -> 
     return {"cb": heard, "callback_reg": mathopt.CallbackRegistration(events=events)}
 
 
-def _refused(error: Exception) -> Outcome:
+def _refused(error: Exception) -> Ending:
     """Read an error of MathOpt's.
 
     Version 9.15 fails with an ``AttributeError`` as it turns its solver's error into an exception,
@@ -169,11 +149,11 @@ def _refused(error: Exception) -> Outcome:
         cause = error.__context__  # type: ignore[assignment]
     message = str(cause)
     if "-inf; invalid PrimalSolutionProto.objective_value" in message:
-        return Outcome(Ended.UNCLEAR)
-    return Outcome(Ended.FAILED, message=f"MathOpt: {message}")
+        return Ending(Ended.UNCLEAR)
+    return Ending(Ended.FAILED, message=f"MathOpt: {message}")
 
 
-def _outcome(mathopt: Any, result: Any, program: MixedIntegerProgram, request: Request) -> Outcome:
+def _ending(mathopt: Any, result: Any, program: MixedIntegerProgram, request: Request) -> Ending:
     reason, limits = mathopt.TerminationReason, mathopt.Limit
     termination = result.termination
     stopped = {
@@ -181,14 +161,14 @@ def _outcome(mathopt: Any, result: Any, program: MixedIntegerProgram, request: R
         limits.MEMORY: Limit.MEMORY,
         limits.INTERRUPTED: limited(request.control),
     }.get(termination.limit, Limit.ITERATIONS)
-    ended = {
+    meanings: dict[Any, Meaning] = {
         reason.OPTIMAL: Ended.PROVEN,
         reason.INFEASIBLE: Ended.INFEASIBLE,
         reason.UNBOUNDED: Ended.UNBOUNDED,
         reason.INFEASIBLE_OR_UNBOUNDED: Ended.UNCLEAR,
-        reason.FEASIBLE: Ended.STOPPED,
-        reason.NO_SOLUTION_FOUND: Ended.STOPPED,
-    }.get(termination.reason, Ended.FAILED)
+        reason.FEASIBLE: (Ended.STOPPED, stopped),
+        reason.NO_SOLUTION_FOUND: (Ended.STOPPED, stopped),
+    }
     point, duals = None, None
     best = result.solutions[0] if result.solutions else None
     if best is not None and best.primal_solution is not None:
@@ -199,15 +179,16 @@ def _outcome(mathopt: Any, result: Any, program: MixedIntegerProgram, request: R
         duals = np.zeros(program.row_count)
         for row, value in best.dual_solution.dual_values.items():
             duals[row.id] = value
-    return Outcome(
-        ended,
-        point,
-        float(termination.objective_bounds.dual_bound),
-        duals,
-        stopped if ended is Ended.STOPPED else None,
-        {
+    return Ending.read(
+        "MathOpt",
+        termination.reason,
+        meanings,
+        f"{termination.reason.name} {termination.detail}",
+        point=point,
+        bound=float(termination.objective_bounds.dual_bound),
+        duals=duals,
+        statistics={
             "nodes": int(result.solve_stats.node_count),
             "simplex iterations": int(result.solve_stats.simplex_iterations),
         },
-        f"MathOpt: {termination.reason.name} {termination.detail}" if ended is Ended.FAILED else "",
     )

@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ...models.programs.linear import MixedIntegerProgram
+from ..attempts import Clock, Ended, Ending, Meaning, allowed, limited, solver_tolerance, watched
 from ..backend import Feature, Limit, Option, Request
-from .base import (
-    Clock,
-    Ended,
-    Incumbents,
-    Outcome,
-    ProgramBackend,
-    allowed,
-    limited,
-    solver_tolerance,
-    watched,
-)
+from .base import CALLED_BACK, Incumbents, ProgramBackend
 
 __all__ = ["Scip"]
 
@@ -28,18 +20,7 @@ class Scip(ProgramBackend):
     """SCIP: branch, cut and price, on one thread."""
 
     name = "scip"
-    features = frozenset(
-        {
-            Feature.GAP,
-            Feature.SEED,
-            Feature.WARM_START,
-            Feature.CUTOFF,
-            Feature.INCUMBENTS,
-            Feature.DUAL_BOUND,
-            Feature.DUALS,
-            Feature.INTERRUPT,
-        }
-    )
+    features = CALLED_BACK | {Feature.DUALS}
     single_threaded = True
     requires = ("pyscipopt",)
     distribution = "PySCIPOpt"
@@ -55,7 +36,7 @@ class Scip(ProgramBackend):
     }
     summary = "SCIP: branch and cut with constraint propagation"
 
-    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve with SCIP."""
         import pyscipopt
 
@@ -76,14 +57,14 @@ class Scip(ProgramBackend):
         with watched(request.control, model.interruptSolve):
             model.optimizeNogil()
         clock.lap("solve")
-        outcome = _outcome(model, program, request, columns, rows)
+        ending = _ending(model, program, request, columns, rows)
         model.freeProb()
-        return outcome
+        return ending
 
 
 def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request: Request) -> None:
     model.hideOutput()
-    emphasis = request.options.get("emphasis", "default")
+    emphasis = request.options["emphasis"]
     if emphasis != "default":
         model.setEmphasis(getattr(pyscipopt.SCIP_PARAMEMPHASIS, emphasis.upper()), quiet=True)
     # SCIP forbids a feasibility tolerance below its epsilon, 1e-9.
@@ -102,7 +83,7 @@ def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request
         model.setParam("randomization/randomseedshift", request.seed % (2**31))
     if request.cutoff is not None and not program.continuous:
         model.setObjlimit(allowed(request.cutoff))
-    memory = request.options.get("memory_limit")
+    memory = request.options["memory_limit"]
     if memory is not None:
         model.setParam("limits/memory", memory)
     if program.continuous:
@@ -182,38 +163,40 @@ def _values(model: Any, solution: Any, columns: list[Any]) -> np.ndarray[Any, np
     return np.array([model.getSolVal(solution, column) for column in columns], float)
 
 
-def _outcome(
+def _ending(
     model: Any, program: MixedIntegerProgram, request: Request, columns: list[Any], rows: list[Any]
-) -> Outcome:
-    status = model.getStatus()
-    ended, limit = {
-        "optimal": (Ended.PROVEN, None),
-        "gaplimit": (Ended.PROVEN, None),
-        "infeasible": (Ended.INFEASIBLE, None),
-        "unbounded": (Ended.UNBOUNDED, None),
-        "inforunbd": (Ended.UNCLEAR, None),
+) -> Ending:
+    interrupted = Ended.STOPPED, limited(request.control)
+    exhausted = Ended.STOPPED, Limit.ITERATIONS
+    meanings: dict[str, Meaning] = {
+        "optimal": Ended.PROVEN,
+        "gaplimit": Ended.PROVEN,
+        "infeasible": Ended.INFEASIBLE,
+        "unbounded": Ended.UNBOUNDED,
+        "inforunbd": Ended.UNCLEAR,
         "timelimit": (Ended.STOPPED, Limit.TIME),
         "memlimit": (Ended.STOPPED, Limit.MEMORY),
-        "userinterrupt": (Ended.STOPPED, limited(request.control)),
-        "terminate": (Ended.STOPPED, limited(request.control)),
-        "nodelimit": (Ended.STOPPED, Limit.ITERATIONS),
-        "totalnodelimit": (Ended.STOPPED, Limit.ITERATIONS),
-        "stallnodelimit": (Ended.STOPPED, Limit.ITERATIONS),
-        "restartlimit": (Ended.STOPPED, Limit.ITERATIONS),
-        "sollimit": (Ended.STOPPED, Limit.ITERATIONS),
-        "bestsollimit": (Ended.STOPPED, Limit.ITERATIONS),
-    }.get(status, (Ended.FAILED, None))
+        "userinterrupt": interrupted,
+        "terminate": interrupted,
+        "nodelimit": exhausted,
+        "totalnodelimit": exhausted,
+        "stallnodelimit": exhausted,
+        "restartlimit": exhausted,
+        "sollimit": exhausted,
+        "bestsollimit": exhausted,
+    }
+    found = Ending.read("SCIP", model.getStatus(), meanings)
     point, duals = None, None
-    if model.getNSols() and ended is not Ended.UNBOUNDED:
+    if model.getNSols() and found.ended is not Ended.UNBOUNDED:
         point = _values(model, model.getBestSol(), columns)
-    if program.continuous and ended is Ended.PROVEN:
+    if program.continuous and found.ended is Ended.PROVEN:
         duals = np.array([0.0 if row is None else model.getDualsolLinear(row) for row in rows])
-    return Outcome(
-        ended,
-        point,
-        None if ended is Ended.UNBOUNDED else float(model.getDualbound()),
-        duals,
-        limit,
-        {"nodes": int(model.getNTotalNodes()), "LP iterations": int(model.getNLPIterations())},
-        f"SCIP: {status}" if ended is Ended.FAILED else "",
-    )
+    return replace(
+        found,
+        point=point,
+        bound=None if found.ended is Ended.UNBOUNDED else float(model.getDualbound()),
+        duals=duals,
+        statistics={
+            "nodes": int(model.getNTotalNodes()), "LP iterations": int(model.getNLPIterations())
+        },
+    )  # fmt: skip

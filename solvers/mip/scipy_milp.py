@@ -9,8 +9,9 @@ import numpy as np
 
 from ...errors import UnsupportedOption
 from ...models.programs.linear import MixedIntegerProgram
+from ..attempts import Clock, Ended, Ending
 from ..backend import Feature, Limit, Option, Request
-from .base import Clock, Ended, Outcome, ProgramBackend, with_cutoff_row, with_offset_column
+from .base import ProgramBackend, with_cutoff_row, with_offset_column
 
 __all__ = ["ScipyMilp"]
 
@@ -33,7 +34,7 @@ class ScipyMilp(ProgramBackend):
     }
     summary = "scipy.optimize.milp: the HiGHS inside SciPy"
 
-    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve with SciPy's HiGHS."""
         from scipy import optimize
 
@@ -58,10 +59,10 @@ class ScipyMilp(ProgramBackend):
             options=options,
         )
         clock.lap("solve")
-        return _outcome(program, result)
+        return _ending(program, result)
 
 
-def _outcome(program: MixedIntegerProgram, result: Any) -> Outcome:
+def _ending(program: MixedIntegerProgram, result: Any) -> Ending:
     ended = {
         0: Ended.PROVEN,
         1: Ended.STOPPED,
@@ -73,7 +74,7 @@ def _outcome(program: MixedIntegerProgram, result: Any) -> Outcome:
     bound = result.get("mip_dual_bound")
     if program.continuous:
         bound = result.fun if ended is Ended.PROVEN else None
-    return Outcome(
+    return Ending(
         ended,
         None if result.x is None else np.array(result.x[: program.size], float),
         None if bound is None else float(bound),

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...models.model import Model
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Outcome, limited, stopped
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..attempts import Clock, Ended, Ending, limited, stopped
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 from .quality import Quality, measured, worst_blocks
 
-__all__ = ["COMMON", "NonlinearBackend", "NonlinearOutcome", "own_options"]
+__all__ = ["COMMON", "NonlinearBackend", "most_iterations"]
 
 Vector = NDArray[np.float64]
 
@@ -35,20 +35,9 @@ CLEARLY_STATIONARY = 1e-6
 COMMON = frozenset({Feature.SEED, Feature.WARM_START, Feature.DUALS})
 
 
-@dataclass(frozen=True)
-class NonlinearOutcome(Outcome):
-    """What a solver of nonlinear programs reports of one run.
-
-    ``point`` is where it ended, feasible or not; ``INFEASIBLE`` says that no way leads from there to a
-    feasible point, ``UNBOUNDED`` that its iterates run away.
-
-    Parameters
-    ----------
-    iterations : int, optional
-        How many it made, where it tells.
-    """
-
-    iterations: int | None = None
+def most_iterations(default: int) -> Option:
+    """Return the option ``max_iter``, which all of these solvers have."""
+    return Option(default, "Iterations at most.", int, lower=1)
 
 
 class NonlinearBackend(Backend):
@@ -74,8 +63,11 @@ class NonlinearBackend(Backend):
     @abstractmethod
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
-    ) -> NonlinearOutcome:
-        """Let the solver search from `start` once and report how it ended.
+    ) -> Ending:
+        """Let the solver search from `start` once and report where and how it ended.
+
+        ``INFEASIBLE`` says that no way leads from there to a feasible point, ``UNBOUNDED`` that its
+        iterates run away.
 
         Laps of `clock` are called ``"build"`` (until the solver starts) and ``"solve"``.
         """
@@ -86,12 +78,8 @@ class NonlinearBackend(Backend):
         reason = self.refuses(problem)
         if reason:
             raise UnsupportedFormulation(reason)
+        request = replace(request, options=self.checked_options(request.options))
         return _Run(self, problem, request, Clock(request.time_limit)).answer()
-
-
-def own_options(request: Request, *without: str) -> dict[str, Any]:
-    """Return the backend's own options that go to its solver: those that have a value."""
-    return {n: v for n, v in request.options.items() if n not in without and v is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,13 +92,13 @@ class _Run:
     def answer(self) -> Answer:
         known = stopped(self.request, self.clock)
         if known is not None:
-            return self.judged(NonlinearOutcome(known.ended, limit=known.limit))
+            return self.judged(known)
         start = self.start()
         if not (self.problem.column_lower < self.problem.column_upper).any():
             # No column is free, or there is none: nothing to search, and solvers refuse that.
             there = self.problem.verify(start, tolerance=self.request.tolerance).ok
             ended = Ended.PROVEN if there else Ended.INFEASIBLE
-            return self.judged(NonlinearOutcome(ended, start, iterations=0))
+            return self.judged(Ending(ended, start, statistics={"iterations": 0}))
         request = self.request
         if request.time_limit is not None:
             request = replace(request, time_limit=self.clock.left())
@@ -124,47 +112,45 @@ class _Run:
         start: Vector = np.clip(given, self.problem.column_lower, self.problem.column_upper)
         return start
 
-    def judged(self, outcome: NonlinearOutcome) -> Answer:
-        """Return the answer that `outcome` earns."""
+    def judged(self, ending: Ending) -> Answer:
+        """Return the answer that `ending` earns."""
         found = measured(
-            self.problem, outcome.point, outcome.duals, self.request.tolerance, STATIONARY
+            self.problem, ending.point, ending.duals, self.request.tolerance, STATIONARY
         )
         self.clock.lap("judge")
-        if outcome.ended is Ended.UNBOUNDED:
-            return self.without(outcome, found, Termination.NO_SOLUTION, "its iterates run away")
+        if ending.ended is Ended.UNBOUNDED:
+            return self.without(ending, found, Termination.NO_SOLUTION, "its iterates run away")
         if found is None or not found.feasible:
-            return self.kept(outcome, found) or self.infeasible(outcome, found)
-        own = outcome.limit is Limit.ITERATIONS and not self.request.control.stopped
-        if outcome.ended is Ended.STOPPED and not (
-            own and found.stationarity <= CLEARLY_STATIONARY
-        ):
-            return self.having(outcome, found, Termination.FEASIBLE)
-        if outcome.ended is Ended.PROVEN and found.stationarity <= STATIONARY:
-            return self.having(replace(outcome, message=""), found, Termination.LOCALLY_OPTIMAL)
+            return self.kept(ending, found) or self.infeasible(ending, found)
+        own = ending.limit is Limit.ITERATIONS and not self.request.control.stopped
+        if ending.ended is Ended.STOPPED and not (own and found.stationarity <= CLEARLY_STATIONARY):
+            return self.having(ending, found, Termination.FEASIBLE)
+        if ending.ended is Ended.PROVEN and found.stationarity <= STATIONARY:
+            return self.having(replace(ending, message=""), found, Termination.LOCALLY_OPTIMAL)
         if found.stationarity <= CLEARLY_STATIONARY:
             words = "yet its point is a local optimum"
-            return self.having(outcome, found, Termination.LOCALLY_OPTIMAL, words)
+            return self.having(ending, found, Termination.LOCALLY_OPTIMAL, words)
         words = f"its point is feasible, with a stationarity of {found.stationarity:.2g}"
-        return self.having(outcome, found, Termination.FEASIBLE, words)
+        return self.having(ending, found, Termination.FEASIBLE, words)
 
-    def infeasible(self, outcome: NonlinearOutcome, found: Quality | None) -> Answer:
+    def infeasible(self, ending: Ending, found: Quality | None) -> Answer:
         """Return the answer where the solver ended outside, or nowhere."""
         words = ""
         if found is not None:
             worst = worst_blocks(self.problem, found.point)
             words = f"violated most: {worst}" if worst else "violated: a column's bound"
-        if outcome.ended is Ended.INFEASIBLE and not self.request.control.stopped:
+        if ending.ended is Ended.INFEASIBLE and not self.request.control.stopped:
             where = "no feasible point near where the search ended"
             return self.without(
-                outcome, found, Termination.LOCALLY_INFEASIBLE, f"{where}; {words}".rstrip("; ")
+                ending, found, Termination.LOCALLY_INFEASIBLE, f"{where}; {words}".rstrip("; ")
             )
-        if self.limit(outcome) is not None:
-            return self.without(outcome, found, Termination.NO_SOLUTION, words)
-        if outcome.ended is Ended.PROVEN:
+        if self.limit(ending) is not None:
+            return self.without(ending, found, Termination.NO_SOLUTION, words)
+        if ending.ended is Ended.PROVEN:
             words = f"the solver calls its point an optimum; {words}".rstrip("; ")
-        return self.without(outcome, found, Termination.FAILED, words)
+        return self.without(ending, found, Termination.FAILED, words)
 
-    def kept(self, outcome: NonlinearOutcome, found: Quality | None) -> Answer | None:
+    def kept(self, ending: Ending, found: Quality | None) -> Answer | None:
         """Return the warm start where it is feasible and the search lost it, else None."""
         if self.request.warm_start is None:
             return None
@@ -172,42 +158,38 @@ class _Run:
         if first is None or not first.feasible:
             return None
         words = "the warm start is all there is"
-        return self.having(outcome, first, Termination.FEASIBLE, words)
+        return self.having(ending, first, Termination.FEASIBLE, words)
 
-    def limit(self, outcome: NonlinearOutcome) -> Limit | None:
+    def limit(self, ending: Ending) -> Limit | None:
         """Return the limit that ended the run: a stop asked for goes before the solver's word."""
-        if outcome.ended is Ended.STOPPED or self.request.control.stopped:
-            return limited(self.request.control, outcome.limit or Limit.INTERRUPTED)
+        if ending.ended is Ended.STOPPED or self.request.control.stopped:
+            return limited(self.request.control, ending.limit or Limit.INTERRUPTED)
         return None
 
-    def having(
-        self, outcome: NonlinearOutcome, found: Quality, kind: Termination, words: str = ""
-    ) -> Answer:
+    def having(self, ending: Ending, found: Quality, kind: Termination, words: str = "") -> Answer:
         """Return an answer with a point."""
         optimal = kind is Termination.LOCALLY_OPTIMAL
         return replace(
-            self.without(outcome, found, kind, words),
-            limit=None if optimal else self.limit(outcome),
+            self.without(ending, found, kind, words),
+            limit=None if optimal else self.limit(ending),
             point=found.point,
             primal_bound=found.objective,
             duals=found.duals,
         )
 
     def without(
-        self, outcome: NonlinearOutcome, found: Quality | None, kind: Termination, words: str
+        self, ending: Ending, found: Quality | None, kind: Termination, words: str
     ) -> Answer:
         """Return an answer without a point."""
-        counts: dict[str, float | int | str] = dict(outcome.statistics)
-        if outcome.iterations is not None:
-            counts["iterations"] = outcome.iterations
+        counts: dict[str, float | int | str] = dict(ending.statistics)
         if found is not None:
             counts["infeasibility"] = found.infeasibility
             if np.isfinite(found.stationarity):
                 counts["stationarity"] = found.stationarity
         return Answer(
             kind,
-            self.limit(outcome) if kind is Termination.NO_SOLUTION else None,
+            self.limit(ending) if kind is Termination.NO_SOLUTION else None,
             seconds=self.clock.seconds,
             statistics=counts,
-            message="; ".join(text for text in (outcome.message, words) if text),
+            message="; ".join(text for text in (ending.message, words) if text),
         )

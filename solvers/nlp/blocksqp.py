@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ...models.programs.nonlinear import NonlinearProgram
+from ..attempts import solver_tolerance
 from ..backend import Option, Request
+from .base import COMMON, most_iterations
 from .casadi_nlp import CasadiNlp
 
 __all__ = ["BlockSqp"]
@@ -21,10 +23,10 @@ class BlockSqp(CasadiNlp):
 
     name = "blocksqp"
     plugin = "blocksqp"
-    watchable = False
+    features = COMMON
     talks = "native"
     options: ClassVar[Mapping[str, Option]] = {
-        "max_iter": Option(500, "Iterations at most.", int, lower=1),
+        "max_iter": most_iterations(500),
     }
     summary = "blockSQP: dense quasi-Newton SQP, by CasADi"
 
@@ -37,9 +39,9 @@ class BlockSqp(CasadiNlp):
             "print_header": False,
             "print_iteration": False,
             "print_maxit_reached": False,
-            "max_iter": request.options.get("max_iter", 500),
-            "opttol": max(min(1e-7, request.tolerance * 1e-1), 1e-10),
-            "nlinfeastol": max(min(1e-9, request.tolerance * 1e-3), 1e-12),
+            "max_iter": request.options["max_iter"],
+            "opttol": solver_tolerance(request.tolerance, 1e-10, 1e-7),
+            "nlinfeastol": solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-9),
             "hess_update": 2,
             "hess_lim_mem": 0,
         }

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Option, Request
+from .base import COMMON, most_iterations
 from .casadi_nlp import DERIVATIVES, CasadiNlp
 
 __all__ = ["Bonmin"]
@@ -21,10 +22,10 @@ class Bonmin(CasadiNlp):
     name = "bonmin"
     plugin = "bonmin"
     given = DERIVATIVES
-    watchable = False
+    features = COMMON
     talks = "python"
     options: ClassVar[Mapping[str, Option]] = {
-        "max_iter": Option(3000, "Iterations of each search at most.", int, lower=1),
+        "max_iter": most_iterations(3000),
     }
     summary = "Bonmin: branch and bound over Ipopt, by CasADi"
 
@@ -32,15 +33,12 @@ class Bonmin(CasadiNlp):
         self, program: NonlinearProgram, request: Request, left: float | None
     ) -> dict[str, Any]:
         """Return the plugin's options."""
+        quiet = ("print_level", "bb_log_level", "nlp_log_level", "lp_log_level", "nlp_log_at_root")
         options: dict[str, Any] = {
-            "print_level": 0,
+            **dict.fromkeys(quiet, 0),
             "sb": "yes",
-            "bb_log_level": 0,
-            "nlp_log_level": 0,
-            "lp_log_level": 0,
-            "nlp_log_at_root": 0,
             "tol": 1e-8,
-            "max_iter": request.options.get("max_iter", 3000),
+            "max_iter": request.options["max_iter"],
         }
         if left is not None:
             options["time_limit"] = max(left, 1e-3)

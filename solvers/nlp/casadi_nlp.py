@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ...errors import BackendBroken
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, limited
-from ..backend import Limit, Request
+from ..attempts import Clock, Ended, Ending, over
+from ..backend import Feature, Limit, Request
 from ..casadi_plugins import last_line, load_plugin, muted, status_of, vector
-from .base import NonlinearBackend, NonlinearOutcome
+from .base import COMMON, NonlinearBackend
 from .quality import estimated_duals
 from .scaled import Scaled
 
@@ -29,7 +29,8 @@ DERIVATIVES: Mapping[str, str] = {"grad_f": "gradient", "jac_g": "jacobian", "he
 class CasadiNlp(NonlinearBackend):
     """Base of the backends over a plugin of ``casadi.nlpsol``.
 
-    A plugin that does not load raises :class:`BackendBroken` with CasADi's own words.
+    A plugin that does not load raises :class:`BackendBroken` with CasADi's own words. One that calls
+    back at each iteration and stops when told to has the feature ``INTERRUPT``.
 
     Attributes
     ----------
@@ -38,8 +39,6 @@ class CasadiNlp(NonlinearBackend):
     given : mapping of str to str
         Which of the program's own derivatives it can be given: CasADi's option, and the name in
         :class:`~.scaled.Scaled`. The others it has differentiated automatically.
-    watchable : bool
-        Whether it calls back at each iteration and stops when told to.
     brings_highs : bool
         Whether CasADi's own HiGHS comes with it.
     talks : str
@@ -49,9 +48,9 @@ class CasadiNlp(NonlinearBackend):
 
     requires = ("casadi",)
     distribution = "casadi"
+    features = COMMON | {Feature.INTERRUPT}
     plugin: ClassVar[str]
     given: ClassVar[Mapping[str, str]] = {}
-    watchable: ClassVar[bool] = True
     brings_highs: ClassVar[bool] = False
     talks: ClassVar[str] = ""
 
@@ -71,7 +70,7 @@ class CasadiNlp(NonlinearBackend):
 
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
-    ) -> NonlinearOutcome:
+    ) -> Ending:
         """Pose the program to the plugin, with a watcher where it takes one."""
         import casadi
 
@@ -84,9 +83,9 @@ class CasadiNlp(NonlinearBackend):
             **{name: getattr(scaled, self.given[name]) for name in self.given},
         }
         watcher = None
-        if self.watchable:
+        if Feature.INTERRUPT in self.features:
             # CasADi keeps no reference of its own: the watcher must outlive the call.
-            watcher = _watcher(program, lambda: _over(request, clock))
+            watcher = _watcher(program, lambda: over(request, clock))
             options["iteration_callback"] = watcher
         options.update(self.settings(program, request, clock.left()))
         call: Any = casadi
@@ -110,7 +109,7 @@ class CasadiNlp(NonlinearBackend):
             stats = solver.stats()
         except RuntimeError:
             stats = {}  # one that failed early has none
-        return self.outcome(stats, found, scaled, request, clock)
+        return self.ending(stats, found, scaled, request, clock)
 
     def silence(self, request: Request) -> AbstractContextManager[None]:
         """Return what keeps the plugin from writing to the standard output while it runs."""
@@ -123,41 +122,39 @@ class CasadiNlp(NonlinearBackend):
             return {}
         return scaled.multipliers(start, duals)
 
-    def outcome(
+    def ending(
         self, stats: Mapping[str, Any], found: Any, scaled: Scaled, request: Request, clock: Clock
-    ) -> NonlinearOutcome:
+    ) -> Ending:
         """Return what the plugin's results say in the program's own units."""
         point, duals = scaled.point(vector(found["x"])), scaled.duals(vector(found["lam_g"]))
         ended, limit = self.ended(stats)
-        late = _over(request, clock)
+        late = over(request, clock)
         if ended is not Ended.PROVEN and late is not None:
             ended, limit = Ended.STOPPED, late
         message = "" if ended is Ended.PROVEN else f"{self.name}: {status_of(stats)}"
         count = stats.get("iter_count")
-        return NonlinearOutcome(
+        return Ending(
             ended,
             point if np.isfinite(point).all() else None,
-            None,
-            duals if np.isfinite(duals).all() else None,
-            limit,
+            duals=duals if np.isfinite(duals).all() else None,
+            limit=limit,
+            statistics={} if count is None or int(count) < 0 else {"iterations": int(count)},
             message=message,
-            iterations=None if count is None or int(count) < 0 else int(count),
         )
 
     def stumbled(
         self, error: RuntimeError, scaled: Scaled, request: Request, clock: Clock, watcher: Any
-    ) -> NonlinearOutcome:
-        """Return the outcome of a run that CasADi ended with an exception: some end a stop so."""
-        late = _over(request, clock)
+    ) -> Ending:
+        """Return the ending of a run that CasADi ended with an exception: some end a stop so."""
+        late = over(request, clock)
         point = duals = None
         if watcher is not None and watcher.last is not None:
             point, duals = scaled.point(watcher.last[0]), scaled.duals(watcher.last[1])
-        return NonlinearOutcome(
+        return Ending(
             Ended.FAILED if late is None else Ended.STOPPED,
             point,
-            None,
-            duals,
-            late,
+            duals=duals,
+            limit=late,
             message=f"{self.name}: {last_line(error)}",
         )
 
@@ -178,13 +175,6 @@ def ended_by_words(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
     if "iter" in words or stats.get("unified_return_status") == "SOLVER_RET_LIMITED":
         return Ended.STOPPED, Limit.ITERATIONS
     return Ended.FAILED, None
-
-
-def _over(request: Request, clock: Clock) -> Limit | None:
-    """Return the limit that says stop, None while there is none."""
-    if request.control.stopped:
-        return limited(request.control)
-    return Limit.TIME if clock.left() == 0.0 else None
 
 
 def _watcher(program: NonlinearProgram, over: Callable[[], Limit | None]) -> Any:

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ...models.programs.nonlinear import NonlinearProgram
+from ..attempts import solver_tolerance
 from ..backend import Option, Request
+from .base import COMMON, most_iterations
 from .casadi_nlp import CasadiNlp
 
 __all__ = ["Fatrop"]
@@ -20,9 +22,9 @@ class Fatrop(CasadiNlp):
 
     name = "fatrop"
     plugin = "fatrop"
-    watchable = False
+    features = COMMON
     options: ClassVar[Mapping[str, Option]] = {
-        "max_iter": Option(1000, "Iterations at most.", int, lower=1),
+        "max_iter": most_iterations(1000),
     }
     summary = "Fatrop: interior point for optimal control, by CasADi"
 
@@ -34,9 +36,9 @@ class Fatrop(CasadiNlp):
             "structure_detection": "none",
             "fatrop": {
                 "print_level": 0,
-                "tol": max(min(1e-8, request.tolerance * 1e-2), 1e-11),
+                "tol": solver_tolerance(request.tolerance * 1e-1, 1e-11, 1e-8),
                 # It measures without scaling, and was seen to leave an optimum to which 1e-6 lacked.
                 "tol_acceptable": 1e-5,
-                "max_iter": request.options.get("max_iter", 1000),
+                "max_iter": request.options["max_iter"],
             },
         }

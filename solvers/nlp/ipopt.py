@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ...errors import BackendBroken
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended
+from ..attempts import Clock, Ended, Ending, over, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from ..casadi_plugins import status_of
-from .base import COMMON, NonlinearOutcome
+from .base import COMMON, most_iterations
 from .blas import use_threads
 from .casadi_nlp import DERIVATIVES, CasadiNlp, ended_by_words
 from .scaled import Scaled
@@ -33,7 +33,7 @@ class Ipopt(CasadiNlp):
     features = COMMON | {Feature.INTERRUPT, Feature.THREADS}
     single_threaded = True
     options: ClassVar[Mapping[str, Option]] = {
-        "max_iter": Option(3000, "Iterations at most.", int, lower=1),
+        "max_iter": most_iterations(3000),
         "hessian": Option(
             "exact",
             "The exact Hessian, or an approximation from gradients.",
@@ -54,18 +54,18 @@ class Ipopt(CasadiNlp):
         """Return Ipopt's options."""
         own = request.options
         # In Ipopt's own scaling; what is asked of equations (1e-8, say) must hold after it.
-        tight = max(min(1e-9, request.tolerance * 1e-3), 1e-12)
+        tight = solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-9)
         options: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",
-            "tol": max(min(1e-8, request.tolerance * 1e-2), 1e-12),
+            "tol": solver_tolerance(request.tolerance * 1e-1, 1e-12, 1e-8),
             "constr_viol_tol": tight,
             "compl_inf_tol": 1e-8,
             "dual_inf_tol": 1e-5,
-            "max_iter": own.get("max_iter", 3000),
-            "mu_strategy": own.get("mu_strategy", "adaptive"),
-            "hessian_approximation": own.get("hessian", "exact"),
-            "linear_solver": own.get("linear_solver", "mumps"),
+            "max_iter": own["max_iter"],
+            "mu_strategy": own["mu_strategy"],
+            "hessian_approximation": own["hessian"],
+            "linear_solver": own["linear_solver"],
             # Bounds are not widened: a state at its bound is not beyond it.
             "bound_relax_factor": 0.0,
         }
@@ -75,7 +75,7 @@ class Ipopt(CasadiNlp):
             options.update(
                 mu_init=NEAR, bound_mult_init_method="mu-based", **dict.fromkeys(_PUSHES, NEAR)
             )
-        if own.get("mu_init") is not None:
+        if own["mu_init"] is not None:
             options["mu_init"] = own["mu_init"]
         if left is not None:
             options["max_wall_time"] = max(left, 1e-3)
@@ -83,7 +83,7 @@ class Ipopt(CasadiNlp):
 
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
-    ) -> NonlinearOutcome:
+    ) -> Ending:
         """Solve the program; once more with MUMPS as it is by default where that fails.
 
         Rows that depend on one another were seen to make it diverge with the faster ordering.
@@ -91,16 +91,16 @@ class Ipopt(CasadiNlp):
         program = _slackened(program)
         found = super().attempt(program, request, clock, start)
         lost = found.ended in (Ended.FAILED, Ended.UNBOUNDED, Ended.INFEASIBLE)
-        if not lost or not self._mumps(request) or clock.left() == 0.0 or request.control.stopped:
+        if not lost or not self._mumps(request) or over(request, clock) is not None:
             return found
         careful = replace(request, options={**request.options, _CAREFUL: True})
         again = super().attempt(program, careful, clock, start)
-        spent = (found.iterations or 0) + (again.iterations or 0)
-        return replace(again, iterations=spent)
+        spent = sum(int(one.statistics.get("iterations", 0)) for one in (found, again))
+        return replace(again, statistics={"iterations": spent})
 
     @staticmethod
     def _mumps(request: Request) -> bool:
-        return bool(request.options.get("linear_solver", "mumps") == "mumps")
+        return bool(request.options["linear_solver"] == "mumps")
 
     def load(self, request: Request) -> None:
         """Load the plugin, and let its linear algebra have the threads asked for, else one."""

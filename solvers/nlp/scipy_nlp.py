@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,10 +12,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, limited
+from ..attempts import Clock, Ended, Ending, limited, over
 from ..backend import Feature, Limit, Request
 from ..casadi_plugins import last_line, vector
-from .base import COMMON, NonlinearBackend, NonlinearOutcome
+from .base import COMMON, NonlinearBackend
 from .scaled import Scaled
 
 __all__ = ["Posed", "ScipyNlp"]
@@ -94,33 +93,29 @@ class ScipyNlp(NonlinearBackend):
     @abstractmethod
     def search(
         self, posed: Posed, bounds: Mapping[str, Vector], request: Request, start: Vector
-    ) -> NonlinearOutcome:
-        """Let SciPy search in scaled columns; the point and duals of the outcome are scaled too."""
+    ) -> Ending:
+        """Let SciPy search in scaled columns; the point and duals of the ending are scaled too."""
 
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
-    ) -> NonlinearOutcome:
+    ) -> Ending:
         """Pose the program to SciPy; a stop comes back with the point of the last iteration."""
-        posed = Posed(program, partial(_over, request, clock))
+        posed = Posed(program, lambda: over(request, clock) is not None)
         scaled = posed.scaled
         z = scaled.start(start)
         posed.last = z
         clock.lap("build")
         try:
             with np.errstate(all="ignore"):
-                outcome = self.search(posed, scaled.bounds, request, z)
+                ending = self.search(posed, scaled.bounds, request, z)
         except _Stopped:
             limit = limited(request.control, Limit.TIME)
-            outcome = NonlinearOutcome(Ended.STOPPED, posed.last, None, None, limit)
-            outcome = replace(outcome, iterations=posed.count)
+            counts = {"iterations": posed.count}
+            ending = Ending(Ended.STOPPED, posed.last, limit=limit, statistics=counts)
         except (RuntimeError, ValueError, np.linalg.LinAlgError) as error:
             message = f"{self.name}: {last_line(error)}"
-            outcome = NonlinearOutcome(Ended.FAILED, posed.last, message=message)
+            ending = Ending(Ended.FAILED, posed.last, message=message)
         clock.lap("solve")
-        point = None if outcome.point is None else scaled.point(outcome.point)
-        duals = None if outcome.duals is None else scaled.duals(outcome.duals)
-        return replace(outcome, point=point, duals=duals)
-
-
-def _over(request: Request, clock: Clock) -> bool:
-    return request.control.stopped or clock.left() == 0.0
+        point = None if ending.point is None else scaled.point(ending.point)
+        duals = None if ending.duals is None else scaled.duals(ending.duals)
+        return replace(ending, point=point, duals=duals)

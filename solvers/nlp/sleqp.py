@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Ended
-from ..backend import Feature, Limit, Option, Request
+from ..backend import Limit, Option, Request
 from ..casadi_plugins import HIGHS_MARK, status_of
-from .base import COMMON
+from .base import most_iterations
 from .casadi_nlp import CasadiNlp, ended_by_words
 
 __all__ = ["Sleqp"]
@@ -22,11 +22,10 @@ class Sleqp(CasadiNlp):
     plugin = "sleqp"
     prompt = False
     brings_highs = True
-    features = COMMON | {Feature.INTERRUPT}
     conflict_group = "highs"
     natives = (HIGHS_MARK,)
     options: ClassVar[Mapping[str, Option]] = {
-        "max_iter": Option(1000, "Iterations at most.", int, lower=1),
+        "max_iter": most_iterations(1000),
     }
     summary = "SLEQP: linear programs choose the active set, by CasADi"
 
@@ -35,7 +34,7 @@ class Sleqp(CasadiNlp):
     ) -> dict[str, Any]:
         """Return the plugin's options."""
         options: dict[str, Any] = {
-            "max_iter": request.options.get("max_iter", 1000),
+            "max_iter": request.options["max_iter"],
             "print_level": 0,
         }
         if left is not None:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Ended
+from ..attempts import Ended, Ending, Meaning
 from ..backend import Limit, Option, Request
-from .base import NonlinearOutcome
+from .base import most_iterations
 from .scipy_nlp import Posed, ScipyNlp
 
 __all__ = ["Slsqp"]
@@ -28,7 +29,7 @@ class Slsqp(ScipyNlp):
     name = "slsqp"
     prompt = False
     options: ClassVar[Mapping[str, Option]] = {
-        "max_iter": Option(500, "Iterations at most.", int, lower=1),
+        "max_iter": most_iterations(500),
     }
     summary = "SciPy's SLSQP: dense, for small programs"
 
@@ -44,7 +45,7 @@ class Slsqp(ScipyNlp):
 
     def search(
         self, posed: Posed, bounds: Mapping[str, Vector], request: Request, start: Vector
-    ) -> NonlinearOutcome:
+    ) -> Ending:
         """Run SLSQP on rows split into equations and inequalities."""
         from scipy.optimize import minimize
 
@@ -82,22 +83,22 @@ class Slsqp(ScipyNlp):
             constraints=constraints,
             callback=posed.seen,
             options={
-                "maxiter": request.options.get("max_iter", 1000),
+                "maxiter": request.options["max_iter"],
                 # Of the objective: what it lacks is about the square of what the point lacks.
                 "ftol": max(min(1e-11, request.tolerance * 1e-5), 1e-15),
             },
         )
-        ended, limit = {0: (Ended.PROVEN, None), 9: (Ended.STOPPED, Limit.ITERATIONS)}.get(
-            int(found.status), (Ended.FAILED, None)
+        meanings: dict[int, Meaning] = {
+            0: Ended.PROVEN,
+            4: Ended.INFEASIBLE,
+            9: (Ended.STOPPED, Limit.ITERATIONS),
+        }
+        ending = Ending.read(
+            "slsqp",
+            int(found.status),
+            meanings,
+            point=np.array(found.x, float),
+            statistics={"iterations": int(found.nit)},
         )
-        if found.status == 4:
-            ended = Ended.INFEASIBLE
-        return NonlinearOutcome(
-            ended,
-            np.array(found.x, float),
-            None,
-            None,
-            limit,
-            message="" if ended is Ended.PROVEN else f"slsqp: {found.message}",
-            iterations=int(found.nit),
-        )
+        proven = ending.ended is Ended.PROVEN
+        return replace(ending, message="" if proven else f"slsqp: {found.message}")

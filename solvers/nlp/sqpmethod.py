@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended
-from ..backend import Feature, Limit, Option, Request
+from ..attempts import Clock, Ended, Ending, solver_tolerance
+from ..backend import Limit, Option, Request
 from ..casadi_plugins import load_plugin, muted, status_of
-from .base import COMMON, NonlinearOutcome
+from .base import most_iterations
 from .casadi_nlp import CasadiNlp, ended_by_words
 
 __all__ = ["SqpMethod"]
@@ -43,10 +43,9 @@ class SqpMethod(CasadiNlp):
     plugin = "sqpmethod"
     prompt = False
     given = {"jac_fg": "first_order", "hess_lag": "whole_hessian"}
-    features = COMMON | {Feature.INTERRUPT}
     options: ClassVar[Mapping[str, Option]] = {
         "qp": Option("qrqp", "CasADi's name of the quadratic solver.", str, tuple(_QUIET)),
-        "max_iter": Option(500, "Iterations at most.", int, lower=1),
+        "max_iter": most_iterations(500),
         "hessian": Option(
             "exact",
             "The exact Hessian, or an approximation from gradients.",
@@ -66,7 +65,7 @@ class SqpMethod(CasadiNlp):
     def load(self, request: Request) -> None:
         """Load the plugin and its quadratic solver."""
         super().load(request)
-        qp = str(request.options.get("qp", "qrqp"))
+        qp = str(request.options["qp"])
         load_plugin(self.name, "conic", qp)
 
     def settings(
@@ -74,34 +73,34 @@ class SqpMethod(CasadiNlp):
     ) -> dict[str, Any]:
         """Return the plugin's options."""
         own = request.options
-        qp = str(own.get("qp", "qrqp"))
-        exact = own.get("hessian", "exact")
+        qp = str(own["qp"])
+        exact = own["hessian"]
         options: dict[str, Any] = {
             "qpsol": qp,
             "qpsol_options": {"error_on_fail": False, **_QUIET[qp]},
             "print_header": False,
             "print_iteration": False,
             "print_status": False,
-            "max_iter": own.get("max_iter", 500),
-            "tol_pr": max(min(1e-9, request.tolerance * 1e-3), 1e-12),
-            "tol_du": max(min(1e-7, request.tolerance * 1e-1), 1e-11),
+            "max_iter": own["max_iter"],
+            "tol_pr": solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-9),
+            "tol_du": solver_tolerance(request.tolerance, 1e-11, 1e-7),
             "hessian_approximation": exact,
         }
         if exact == "exact":
-            how = str(own.get("convexify", "auto"))
+            how = str(own["convexify"])
             options["convexify_strategy"] = _strategy(program) if how == "auto" else how
         return options
 
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
-    ) -> NonlinearOutcome:
+    ) -> Ending:
         """Search; where the quadratic programs fail, once more with a multiple of the identity.
 
         Reflected eigenvalues leave a Hessian singular that is, and solvers were seen to fail on it.
         With multipliers of 0 that of a linear objective is 0 altogether, so they are estimated.
         """
         found = super().attempt(program, request, clock, start)
-        chosen = request.options.get("convexify", "auto") != "auto"
+        chosen = request.options["convexify"] != "auto"
         if found.ended is not Ended.FAILED or chosen or request.control.stopped:
             return found
         options = {**request.options, "convexify": "regularize"}
@@ -111,7 +110,7 @@ class SqpMethod(CasadiNlp):
 
     def silence(self, request: Request) -> AbstractContextManager[None]:
         """Keep qpOASES from introducing itself."""
-        return muted() if request.options.get("qp") == "qpoases" else nullcontext()
+        return muted() if request.options["qp"] == "qpoases" else nullcontext()
 
     def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
         """Return how the plugin ended."""

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..attempts import Ended
+from ..attempts import Ended, Ending
 from ..backend import Limit, Option, Request
-from .base import NonlinearOutcome
+from .base import most_iterations
 from .scipy_nlp import Posed, ScipyNlp
 
 __all__ = ["TrustConstr"]
@@ -26,13 +26,13 @@ class TrustConstr(ScipyNlp):
 
     name = "trust-constr"
     options: ClassVar[Mapping[str, Option]] = {
-        "max_iter": Option(1000, "Iterations at most.", int, lower=1),
+        "max_iter": most_iterations(1000),
     }
     summary = "SciPy's trust-constr: trust region and barrier, sparse"
 
     def search(
         self, posed: Posed, bounds: Mapping[str, Vector], request: Request, start: Vector
-    ) -> NonlinearOutcome:
+    ) -> Ending:
         """Run trust-constr on the rows that have a bound."""
         import warnings
 
@@ -65,7 +65,7 @@ class TrustConstr(ScipyNlp):
         limits = None
         if np.isfinite(bounds["lbx"]).any() or np.isfinite(bounds["ubx"]).any():
             limits = Bounds(bounds["lbx"], bounds["ubx"])
-        most, barrier = int(request.options.get("max_iter", 1000)), 0.1
+        most, barrier = request.options["max_iter"], 0.1
         while True:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -96,12 +96,11 @@ class TrustConstr(ScipyNlp):
         duals = np.zeros(posed.row_count)
         if constraints and found.get("v"):
             duals[bound] = np.asarray(found.v[0], float)
-        return NonlinearOutcome(
+        return Ending(
             Ended.PROVEN if done else Ended.STOPPED,
             start,
-            None,
-            duals,
-            None if done else Limit.ITERATIONS,
+            duals=duals,
+            limit=None if done else Limit.ITERATIONS,
+            statistics={"iterations": posed.count},
             message="" if done else f"trust-constr: {found.message}",
-            iterations=posed.count,
         )

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..backend import Feature, Option, Request
-from .base import COMMON
+from ..attempts import solver_tolerance
+from ..backend import Option, Request
+from .base import most_iterations
 from .casadi_nlp import CasadiNlp
 
 __all__ = ["Uno"]
@@ -24,9 +25,8 @@ class Uno(CasadiNlp):
     plugin = "uno"
     prompt = False
     talks = "native"
-    features = COMMON | {Feature.INTERRUPT}
     options: ClassVar[Mapping[str, Option]] = {
-        "max_iter": Option(2000, "Iterations at most.", int, lower=1),
+        "max_iter": most_iterations(2000),
         "preset": Option(
             "filtersqp",
             "Whose strategy is followed.",
@@ -40,12 +40,13 @@ class Uno(CasadiNlp):
         self, program: NonlinearProgram, request: Request, left: float | None
     ) -> dict[str, Any]:
         """Return the plugin's options."""
+        tolerance = solver_tolerance(request.tolerance * 1e-1, 1e-11, 1e-8)
         options: dict[str, Any] = {
             "logger": "SILENT",
-            "preset": request.options.get("preset", "filtersqp"),
-            "max_iterations": request.options.get("max_iter", 2000),
-            "primal_tolerance": max(min(1e-8, request.tolerance * 1e-2), 1e-11),
-            "dual_tolerance": max(min(1e-8, request.tolerance * 1e-2), 1e-11),
+            "preset": request.options["preset"],
+            "max_iterations": request.options["max_iter"],
+            "primal_tolerance": tolerance,
+            "dual_tolerance": tolerance,
         }
         if left is not None:
             options["time_limit"] = max(left, 1e-3)

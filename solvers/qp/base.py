@@ -10,7 +10,7 @@ made strictly convex by a proximal term, for it is on flat objectives that solve
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -19,38 +19,39 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
 from ...models.model import Model
-from ...models.programs.base import RowProgram
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import (
     Clock,
     Ended,
-    Outcome,
+    Ending,
     above_cutoff,
     allowed,
     holds,
     limited,
     obvious,
+    over,
     solver_tolerance,
     stopped,
 )
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
-from .forms import ConicForm, Core
+from .forms import Core
 from .polishing import polished
 from .proofs import Findings, examined
 from .quality import Quality, measured
 
 __all__ = [
     "COMMON",
+    "EPS",
+    "LINEAR_ALGEBRA",
     "POLISH",
-    "Attempt",
+    "UNPOLISHED",
     "QuadraticBackend",
-    "QuadraticOutcome",
     "Run",
     "answered",
-    "certified",
     "dense_memory",
     "first_order_precision",
-    "own_options",
+    "prefers_dense",
+    "too_large",
 ]
 
 Vector = NDArray[np.float64]
@@ -66,32 +67,36 @@ GROSS = 1e-3
 #: What every quadratic backend that proves its optima declares.
 COMMON = frozenset({Feature.GAP, Feature.DUAL_BOUND, Feature.DUALS})
 
-#: The option that every quadratic backend has.
+#: The option that every quadratic backend has, and what a comparison makes of it.
 POLISH = Option(
     True,
-    "Whether to make the answer exact by solving the equations of what binds; off shows the "
-    "solver's own precision.",
+    "Whether to make the answer to a quadratic program exact by solving the equations of what "
+    "binds; off shows the solver's own precision, and is what comparisons set.",
     bool,
 )
+UNPOLISHED: Mapping[str, Any] = {"polish": False}
+#: The option of first-order methods.
+EPS = Option(
+    None,
+    "Absolute and relative precision; by default a tenth of the tolerance, which the polish does "
+    "the rest for, or a thousandth without it.",
+    float,
+    lower=1e-15,
+    upper=1.0,
+)
+#: The option of solvers that have both kinds of factors.
+LINEAR_ALGEBRA = Option(
+    "choose",
+    "Dense or sparse factors; by the share of entries by default.",
+    str,
+    ("choose", "dense", "sparse"),
+)
+#: Share of entries that are not zero, above which dense factors are faster.
+DENSE = 0.1
+#: Gigabytes of dense data above which a dense solver is refused.
+MEMORY = 2.0
 
-
-@dataclass(frozen=True)
-class QuadraticOutcome(Outcome):
-    """What a solver of quadratic programs reports of one run.
-
-    Parameters
-    ----------
-    ray : ndarray, optional
-        Row multipliers that should prove the program infeasible.
-    direction : ndarray, optional
-        A direction along which the objective should fall forever.
-    """
-
-    ray: Vector | None = None
-    direction: Vector | None = None
-
-
-Attempt = Callable[[QuadraticProgram, Request, Clock], Outcome]
+Attempt = Callable[[QuadraticProgram, Request, Clock], Ending]
 
 
 class QuadraticBackend(Backend):
@@ -102,9 +107,11 @@ class QuadraticBackend(Backend):
     features = COMMON
     single_threaded = True
     extra = "qp"
+    options: ClassVar[Mapping[str, Option]] = {"polish": POLISH}
+    comparison_options = UNPOLISHED
 
     @abstractmethod
-    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
         """Hand `program` to the solver once and report how it ended.
 
         The program has columns that are not fixed, and only rows with entries and a bound. Laps
@@ -113,57 +120,38 @@ class QuadraticBackend(Backend):
 
     def run(self, problem: QuadraticProgram, request: Request) -> Answer:
         """Solve `problem` as `request` asks."""
-        self.require()
-        reason = self.refuses(problem)
-        if reason:
-            raise UnsupportedFormulation(reason)
-        return answered(problem, request, self.attempt)
-
-
-def own_options(request: Request, *without: str) -> dict[str, Any]:
-    """Return the backend's own options that go to its solver: those that have a value."""
-    skip = {"polish", *without}
-    return {name: v for name, v in request.options.items() if name not in skip and v is not None}
+        return answered(self, problem, request, self.attempt)
 
 
 def first_order_precision(request: Request) -> float:
-    """Return the precision to ask of a first-order method.
+    """Return the precision to ask of a first-order method: its option, else by the tolerance.
 
     Its last digits take most of its iterations, and the polish finds them in one system.
     """
-    share = 1.0 if request.options.get("polish", True) else 1e-2
-    return solver_tolerance(request.tolerance * share, 1e-11, 1e-6)
+    share = 1.0 if request.options["polish"] else 1e-2
+    return request.options.get("eps") or solver_tolerance(request.tolerance * share, 1e-11, 1e-6)
 
 
-def certified(
-    program: RowProgram,
-    form: ConicForm,
-    x: Any,
-    z: Any,
-    ended: Ended,
-    limit: Limit | None,
-    iterations: int,
-    message: str,
-) -> QuadraticOutcome:
-    """Return the outcome of a conic solver: what it calls its solution may be a certificate."""
-    point, duals = np.array(x, float), form.duals(z, program.row_count)
-    solution = ended not in (Ended.INFEASIBLE, Ended.UNBOUNDED)
-    return QuadraticOutcome(
-        ended,
-        point if solution else None,
-        None,
-        duals if solution else None,
-        limit,
-        {"iterations": iterations},
-        message,
-        ray=duals if ended is Ended.INFEASIBLE else None,
-        direction=point if ended is Ended.UNBOUNDED else None,
-    )
+def prefers_dense(program: QuadraticProgram, request: Request, largest: int) -> bool:
+    """Return whether dense factors are asked for, or are faster up to `largest` rows and columns."""
+    asked = request.options["linear_algebra"]
+    if asked != "choose":
+        return bool(asked == "dense")
+    size, total = program.size, program.size + program.row_count
+    filled = program.hessian.nnz + program.matrix.nnz
+    return total <= largest and (total <= 50 or filled > DENSE * size * total)
 
 
-def answered(problem: QuadraticProgram, request: Request, attempt: Attempt) -> Answer:
-    """Return the answer that `attempt` earns: recomputed, polished, proven."""
-    return Run(problem, request, attempt, Clock(request.time_limit)).answer()
+def answered(
+    backend: Backend, problem: Any, request: Request, attempt: Any, run: type[Run] | None = None
+) -> Answer:
+    """Return the answer that `attempt` earns `backend` by a `run`: recomputed, polished, proven."""
+    backend.require()
+    reason = backend.refuses(problem)
+    if reason:
+        raise UnsupportedFormulation(reason)
+    request = replace(request, options=backend.checked_options(request.options))
+    return (run or Run)(problem, request, attempt, Clock(request.time_limit)).answer()
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,82 +172,69 @@ class Run:
                 return self.optimal(known, best)
             return self.unsolved(known, None)
         core = self.core()
-        outcome = self.tried(core, self.request)
-        best = self.judged(outcome)
+        ending = self.tried(core, self.request)
+        best = self.judged(ending)
         if best is not None and self.accepts(best):
-            return self.optimal(outcome, best)
+            return self.optimal(ending, best)
         findings = Findings()
-        if outcome.ended is not Ended.STOPPED or outcome.limit is Limit.ITERATIONS:
+        if ending.ended is not Ended.STOPPED or ending.limit is Limit.ITERATIONS:
             if not self.over() and (best is None or best.violation > GROSS):
                 # So far off, or called unsolvable: a proof settles it, and where there is none
                 # the claim was wrong.
-                findings = self.findings(outcome, None)
+                findings = self.findings(ending, None)
             if not (findings.infeasible or findings.unbounded):
                 for posed, request in self.further(core, best, findings):
                     if self.over():
                         break
                     again = self.tried(posed, request)
-                    outcome = _summed(outcome, again)
+                    ending = _summed(ending, again)
                     better = self.judged(again)
                     if better is not None and (best is None or better.merit < best.merit):
                         best = better
                     if best is not None and self.accepts(best):
-                        return self.optimal(outcome, best)
-        return self.unsolved(outcome, best, findings)
+                        return self.optimal(ending, best)
+        return self.unsolved(ending, best, findings)
 
     def core(self) -> Core:
         """Return what of the program the solver gets."""
         return Core.of(self.problem)
 
-    def tried(self, core: Core, request: Request) -> QuadraticOutcome:
+    def tried(self, core: Core, request: Request) -> Ending:
         """Return what the solver says of the whole program, given its core."""
         if not core.program.size:
             # Every column is fixed: what rows say of them is left to the verification.
-            found: Outcome = Outcome(Ended.PROVEN, np.zeros(0), duals=np.zeros(core.rows.size))
-        else:
-            if request.warm_start is not None:
-                start = np.asarray(request.warm_start, float)[core.columns]
-                request = replace(request, warm_start=start)
-            if request.time_limit is not None:
-                request = replace(request, time_limit=self.clock.left())
-            found = self.attempt(core.program, request, self.clock)
-        ray = direction = None
-        if isinstance(found, QuadraticOutcome):
-            ray, direction = core.duals(found.ray), core.direction(found.direction)
-        return QuadraticOutcome(
-            found.ended,
-            core.point(found.point),
-            None,
-            core.duals(found.duals),
-            found.limit,
-            found.statistics,
-            found.message,
-            ray=ray,
-            direction=direction,
-        )
+            return Ending(Ended.PROVEN, core.point(np.zeros(0)), duals=core.duals(np.zeros(0)))
+        if request.warm_start is not None:
+            start = np.asarray(request.warm_start, float)[core.columns]
+            request = replace(request, warm_start=start)
+        if request.time_limit is not None:
+            request = replace(request, time_limit=self.clock.left())
+        found = self.attempt(core.program, request, self.clock)
+        point = core.direction if found.ended is Ended.UNBOUNDED else core.point
+        return replace(found, point=point(found.point), bound=None, duals=core.duals(found.duals))
 
     @staticmethod
-    def claims_point(outcome: Outcome) -> bool:
+    def claims_point(ending: Ending) -> bool:
         """Whether the solver is through and says that its point is an optimum, or nearly one."""
-        if outcome.ended is Ended.STOPPED:
-            return outcome.limit is Limit.ITERATIONS
-        return outcome.ended in (Ended.PROVEN, Ended.FAILED)
+        if ending.ended is Ended.STOPPED:
+            return ending.limit is Limit.ITERATIONS
+        return ending.ended in (Ended.PROVEN, Ended.FAILED)
 
-    def judged(self, outcome: Outcome) -> Quality | None:
+    def judged(self, ending: Ending) -> Quality | None:
         """Return the quality of the point, polished where that is due; None without a point."""
-        if outcome.point is None or outcome.ended in (Ended.INFEASIBLE, Ended.UNBOUNDED):
+        if ending.point is None or ending.ended in (Ended.INFEASIBLE, Ended.UNBOUNDED):
             return None
-        found = measured(self.problem, outcome.point, outcome.duals)
-        if found is None or found.clean or not self.request.options.get("polish", True):
+        found = measured(self.problem, ending.point, ending.duals)
+        if found is None or found.clean or not self.request.options["polish"]:
             return found
-        if self.claims_point(outcome) and not self.over():
+        if self.claims_point(ending) and not self.over():
             found = polished(self.problem, found, self.over)
             self.clock.lap("polish")
         return found
 
     def over(self) -> bool:
         """Whether the run may not go on."""
-        return self.request.control.stopped or self.clock.left() == 0.0
+        return over(self.request, self.clock) is not None
 
     def accepts(self, quality: Quality) -> bool:
         return quality.proves(self.request.gap, self.request.tolerance)
@@ -275,54 +250,51 @@ class Run:
         yield core.proximal(findings.point, PROXIMAL[0]), self.request
         yield core.proximal(None if best is None else best.point, PROXIMAL[1]), self.request
 
-    def optimal(self, outcome: Outcome, best: Quality) -> Answer:
+    def optimal(self, ending: Ending, best: Quality) -> Answer:
         """Return the optimum, held against the cutoff."""
         objective = best.objective
-        if outcome.ended is not Ended.PROVEN and outcome.message:
-            outcome = replace(outcome, message=f"{outcome.message}; yet its point proved optimal")
+        if ending.ended is not Ended.PROVEN and ending.message:
+            ending = replace(ending, message=f"{ending.message}; yet its point proved optimal")
         # Rounding may leave the bound just above.
-        answer = self.basic(outcome, best, Termination.OPTIMAL, min(best.bound, objective))
+        answer = self.basic(ending, best, Termination.OPTIMAL, min(best.bound, objective))
         cutoff = self.request.cutoff
         if cutoff is not None and objective > allowed(cutoff):
             return above_cutoff(answer, cutoff)
         return answer
 
     def unsolved(
-        self, outcome: Outcome, best: Quality | None, findings: Findings | None = None
+        self, ending: Ending, best: Quality | None, findings: Findings | None = None
     ) -> Answer:
         """Return what is known where no optimum is proven."""
-        if outcome.ended is Ended.INFEASIBLE and outcome.absolute:
-            return self.basic(outcome, None, Termination.INFEASIBLE)
+        if ending.ended is Ended.INFEASIBLE and ending.absolute:
+            return self.basic(ending, None, Termination.INFEASIBLE)
         feasible = best is not None and best.violation <= self.request.tolerance
-        interrupted = outcome.ended is Ended.STOPPED and outcome.limit is not Limit.ITERATIONS
+        interrupted = ending.ended is Ended.STOPPED and ending.limit is not Limit.ITERATIONS
         findings = findings or Findings()
         if not (findings.source or findings.examined or interrupted or self.over()):
-            findings = self.findings(outcome, best if feasible else None)
+            findings = self.findings(ending, best if feasible else None)
         if findings.infeasible or findings.unbounded:
             kind = Termination.INFEASIBLE if findings.infeasible else Termination.UNBOUNDED
-            counts = {**outcome.statistics, "proof": findings.source}
-            return self.basic(replace(outcome, statistics=counts, message=""), None, kind)
+            counts = {**ending.statistics, "proof": findings.source}
+            return self.basic(replace(ending, statistics=counts, message=""), None, kind)
         best = self.kept(best if feasible else None) or best
         feasible = best is not None and best.violation <= self.request.tolerance
-        limit = outcome.limit
+        limit = ending.limit
         if limit in (None, Limit.ITERATIONS) and self.over():
             limit = limited(self.request.control, Limit.TIME)
         if best is not None and feasible:
             bound = min(best.bound, best.objective)
-            answer = self.basic(outcome, best, Termination.FEASIBLE, bound)
+            answer = self.basic(ending, best, Termination.FEASIBLE, bound)
             return replace(answer, limit=limit, message=_joined(answer, best))
         kind = Termination.NO_SOLUTION if limit is not None else Termination.FAILED
-        answer = self.basic(outcome, None, kind)
-        return replace(answer, limit=limit, message=_joined(answer, best, outcome.ended, findings))
+        answer = self.basic(ending, None, kind)
+        return replace(answer, limit=limit, message=_joined(answer, best, ending.ended, findings))
 
-    def findings(self, outcome: Outcome, feasible: Quality | None) -> Findings:
-        ray = direction = None
-        if isinstance(outcome, QuadraticOutcome):
-            ray, direction = outcome.ray, outcome.direction
+    def findings(self, ending: Ending, feasible: Quality | None) -> Findings:
         found = examined(
             self.problem,
-            ray=ray,
-            direction=direction,
+            ray=ending.duals if ending.ended is Ended.INFEASIBLE else None,
+            direction=ending.point if ending.ended is Ended.UNBOUNDED else None,
             point=None if feasible is None else feasible.point,
             left=self.clock.left,
         )
@@ -342,7 +314,7 @@ class Run:
         return first
 
     def basic(
-        self, outcome: Outcome, best: Quality | None, kind: Termination, bound: float | None = None
+        self, ending: Ending, best: Quality | None, kind: Termination, bound: float | None = None
     ) -> Answer:
         return Answer(
             termination=kind,
@@ -351,9 +323,13 @@ class Run:
             dual_bound=bound if bound is not None and np.isfinite(bound) else None,
             duals=None if best is None else best.duals,
             seconds=self.clock.seconds,
-            statistics=outcome.statistics,
-            message=outcome.message,
+            statistics={**ending.statistics, "polished": _YES[best is not None and best.polished]},
+            message=ending.message,
         )
+
+
+#: How the statistics say whether an answer was polished.
+_YES = ("no", "yes")
 
 
 def _joined(
@@ -372,7 +348,7 @@ def _joined(
     return "; ".join(part for part in parts if part)
 
 
-def _summed(first: QuadraticOutcome, second: QuadraticOutcome) -> QuadraticOutcome:
+def _summed(first: Ending, second: Ending) -> Ending:
     """Return `second` with the counts of all attempts."""
     counts: dict[str, float | int | str] = dict(second.statistics)
     for name, value in first.statistics.items():
@@ -388,3 +364,14 @@ def _summed(first: QuadraticOutcome, second: QuadraticOutcome) -> QuadraticOutco
 def dense_memory(program: QuadraticProgram, rows: int) -> float:
     """Return the gigabytes that dense copies of the Hessian and of `rows` rows take, twice each."""
     return 16.0 * program.size * (program.size + rows) / 1e9
+
+
+def too_large(owner: str, program: QuadraticProgram, rows: int | None = None) -> str:
+    """Return why `owner`, which makes dense copies of `rows` rows, does not take `program`, else ``""``."""
+    needed = dense_memory(program, program.row_count if rows is None else rows)
+    if needed <= MEMORY:
+        return ""
+    return (
+        f"{owner} is dense: {program.row_count} rows and {program.size} columns would take "
+        f"{needed:.1f} GB, and it stops at {MEMORY:g} GB"
+    )

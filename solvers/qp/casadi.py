@@ -10,16 +10,13 @@ import numpy as np
 
 from ...errors import BackendBroken, UnsupportedFormulation
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Outcome, limited, solver_tolerance
+from ..attempts import Clock, Ended, Ending, limited, over, solver_tolerance
 from ..backend import Limit, Option, Request
 from ..casadi_plugins import HIGHS_MARK, last_line, load_plugin, status_of, vector
-from .base import POLISH, QuadraticBackend, QuadraticOutcome, dense_memory
+from .base import POLISH, QuadraticBackend, too_large
 from .forms import independent_rows
 
 __all__ = ["CasadiConic", "plugins"]
-
-#: Gigabytes of dense data above which the dense plugins are refused.
-MEMORY = 2.0
 
 
 @dataclass(frozen=True)
@@ -152,16 +149,18 @@ class CasadiConic(QuadraticBackend):
     }
     summary = "CasADi's conic solvers: qrqp, qpOASES, OSQP, ProxQP, PIQP … by option"
 
-    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
         """Solve with the plugin asked for."""
         import casadi
 
-        name = str(request.options.get("plugin", "qrqp"))
+        name = str(request.options["plugin"])
         plugin = _PLUGINS[name]
         _load(name)
-        _refuse(name, plugin, program)
+        reason = too_large(f"backend 'casadi': plugin {name!r}", program) if plugin.dense else ""
+        if reason:
+            raise UnsupportedFormulation(reason)
         posed, rows = independent_rows(program) if plugin.independent else (program, None)
-        most = int(request.options.get("max_iter") or plugin.most)
+        most = int(request.options["max_iter"] or plugin.most)
         tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-11, 1e-8)
         options = plugin.own(posed, tolerance, min(plugin.piece or most, most), clock.left())
         hessian, matrix = _dm(posed.hessian), _dm(posed.matrix)
@@ -195,13 +194,13 @@ class CasadiConic(QuadraticBackend):
                 done += plugin.piece
                 if not plugin.piece or done >= most or _ended(stats)[1] is not Limit.ITERATIONS:
                     break
-                late = request.control.stopped or clock.left() == 0.0
+                late = over(request, clock) is not None
                 if late:
                     break
                 data.update(x0=found["x"], lam_x0=found["lam_x"], lam_a0=found["lam_a"])
         except RuntimeError as error:
             clock.lap("solve")
-            return QuadraticOutcome(Ended.FAILED, message=f"CasADi {name}: {last_line(error)}")
+            return Ending(Ended.FAILED, message=f"CasADi {name}: {last_line(error)}")
         clock.lap("solve")
         point, duals = vector(found["x"]), -vector(found["lam_a"])
         if rows is not None:
@@ -217,16 +216,13 @@ class CasadiConic(QuadraticBackend):
         if 0 < int(stats.get("iter_count", -1)) < 10**6:
             counts["iterations"] = int(stats["iter_count"]) + max(done - plugin.piece, 0)
         usable = bool(np.isfinite(point).all() and np.isfinite(duals).all())
-        return QuadraticOutcome(
+        return Ending(
             ended,
             point if usable else None,
-            None,
-            duals if usable else None,
-            limit,
-            counts,
-            message,
-            ray=duals if usable and ended is Ended.INFEASIBLE else None,
-            direction=point if usable and ended is Ended.UNBOUNDED else None,
+            duals=duals if usable else None,
+            limit=limit,
+            statistics=counts,
+            message=message,
         )
 
 
@@ -257,15 +253,6 @@ def _why_not(name: str) -> str:
 
 def _load(name: str) -> None:
     load_plugin("casadi", "conic", name, brings_highs=name == "highs")
-
-
-def _refuse(name: str, plugin: _Plugin, program: QuadraticProgram) -> None:
-    if plugin.dense and dense_memory(program, program.row_count) > MEMORY:
-        raise UnsupportedFormulation(
-            f"backend 'casadi': plugin {name!r} is dense: {program.row_count} rows and "
-            f"{program.size} columns would take "
-            f"{dense_memory(program, program.row_count):.1f} GB, and it stops at {MEMORY:g} GB"
-        )
 
 
 def _ended(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.cones import ConeKind, order
-from ..attempts import Clock, Ended, Outcome, limited, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, limited, own_options, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
 from ..conic.forms import ConeForm, Convex
-from .base import COMMON, POLISH, certified, own_options
+from .base import COMMON, POLISH
 
 __all__ = ["Clarabel"]
 
@@ -34,7 +35,7 @@ class Clarabel(ConvexBackend):
     }
     summary = "Clarabel: interior point, sparse, finds infeasibility fast"
 
-    def attempt(self, program: Convex, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: Convex, request: Request, clock: Clock) -> Ending:
         """Solve with Clarabel."""
         import clarabel  # type: ignore[import-untyped]
 
@@ -77,19 +78,22 @@ class Clarabel(ConvexBackend):
             solver.update(settings=settings)
         found = solver.solve()
         clock.lap("solve")
-        status = str(found.status)
-        ended, limit = {
-            "Solved": (Ended.PROVEN, None),
-            "AlmostSolved": (Ended.PROVEN, None),
-            "PrimalInfeasible": (Ended.INFEASIBLE, None),
-            "AlmostPrimalInfeasible": (Ended.INFEASIBLE, None),
-            "DualInfeasible": (Ended.UNBOUNDED, None),
-            "AlmostDualInfeasible": (Ended.UNBOUNDED, None),
+        meanings: dict[str, Meaning] = {
+            "Solved": Ended.PROVEN,
+            "AlmostSolved": Ended.PROVEN,
+            "PrimalInfeasible": Ended.INFEASIBLE,
+            "AlmostPrimalInfeasible": Ended.INFEASIBLE,
+            "DualInfeasible": Ended.UNBOUNDED,
+            "AlmostDualInfeasible": Ended.UNBOUNDED,
             "MaxIterations": (Ended.STOPPED, Limit.ITERATIONS),
             "MaxTime": (Ended.STOPPED, Limit.TIME),
             "CallbackTerminated": (Ended.STOPPED, limited(control)),
-        }.get(status, (Ended.FAILED, None))
-        return certified(
-            program, form, found.x, found.z, ended, limit, int(found.iterations),
-            f"Clarabel: {status}" if ended is Ended.FAILED else "",
-        )  # fmt: skip
+        }
+        return Ending.read(
+            "Clarabel",
+            str(found.status),
+            meanings,
+            point=np.array(found.x, float),
+            duals=form.duals(found.z, program.row_count),
+            statistics={"iterations": int(found.iterations)},
+        )

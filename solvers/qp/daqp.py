@@ -8,14 +8,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Outcome, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
-from .base import COMMON, POLISH, QuadraticBackend, QuadraticOutcome, dense_memory, own_options
+from .base import COMMON, POLISH, QuadraticBackend, too_large
 
 __all__ = ["Daqp"]
 
-#: Gigabytes of dense data above which it is refused.
-MEMORY = 2.0
 #: What DAQP takes for infinite.
 INFINITE = 1e30
 #: What a row is: an inequality, or an equality that never leaves the working set.
@@ -48,9 +46,9 @@ class Daqp(QuadraticBackend):
 
     def refuses(self, problem: Any) -> str:
         """Return why `problem` is too large for dense arrays, else ``""``."""
-        return _too_large(self.name, problem)
+        return too_large(f"backend {self.name!r}", problem)
 
-    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
         """Solve with DAQP."""
         import daqp  # type: ignore[import-not-found]
 
@@ -86,39 +84,26 @@ class Daqp(QuadraticBackend):
             **settings,
         )
         clock.lap("solve")
-        ended, limit = {
-            1: (Ended.PROVEN, None),
-            -1: (Ended.INFEASIBLE, None),
-            -3: (Ended.UNBOUNDED, None),
-            -4: (Ended.STOPPED, Limit.ITERATIONS),
-            -7: (Ended.STOPPED, Limit.TIME),
-        }.get(int(flag), (Ended.FAILED, None))
-        duals = -np.asarray(info["lam"], float)[columns:]
-        return QuadraticOutcome(
-            ended,
-            np.array(x, float),
-            None,
-            duals,
-            limit,
-            {"iterations": int(info["iterations"])},
-            f"DAQP: {_FLAGS.get(int(flag), f'exit flag {flag}')}" if ended is Ended.FAILED else "",
-            ray=duals if ended is Ended.INFEASIBLE else None,
-            direction=np.array(x, float) if ended is Ended.UNBOUNDED else None,
+        return Ending.read(
+            "DAQP",
+            int(flag),
+            _MEANINGS,
+            _FAILURES.get(int(flag), f"exit flag {flag}"),
+            point=np.array(x, float),
+            duals=-np.asarray(info["lam"], float)[columns:],
+            statistics={"iterations": int(info["iterations"])},
         )
 
 
-_FLAGS = {
+_MEANINGS: Mapping[int, Meaning] = {
+    1: Ended.PROVEN,
+    -1: Ended.INFEASIBLE,
+    -3: Ended.UNBOUNDED,
+    -4: (Ended.STOPPED, Limit.ITERATIONS),
+    -7: (Ended.STOPPED, Limit.TIME),
+}
+_FAILURES = {
     -2: "cycling",
     -5: "the Hessian is not convex",
     -6: "the working set is overdetermined",
 }
-
-
-def _too_large(name: str, problem: QuadraticProgram) -> str:
-    needed = dense_memory(problem, problem.row_count)
-    if needed <= MEMORY:
-        return ""
-    return (
-        f"backend {name!r} is dense: {problem.row_count} rows and {problem.size} columns would "
-        f"take {needed:.1f} GB, and it stops at {MEMORY:g} GB"
-    )

@@ -10,16 +10,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Outcome, limited
+from ..attempts import Clock, Ended, Ending, Meaning, limited, over, own_options
 from ..backend import Feature, Limit, Option, Request
-from .base import (
-    COMMON,
-    POLISH,
-    QuadraticBackend,
-    QuadraticOutcome,
-    first_order_precision,
-    own_options,
-)
+from .base import COMMON, EPS, POLISH, QuadraticBackend, first_order_precision
 from .forms import stacked_rows
 
 __all__ = ["Osqp"]
@@ -37,11 +30,7 @@ class Osqp(QuadraticBackend):
     distribution = "osqp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
-        "eps": Option(
-            None, "Absolute and relative precision; by default a tenth of the tolerance, which the polish "
-            "does the rest for, or a thousandth without it.",
-            float, lower=1e-15, upper=1.0,
-        ),
+        "eps": EPS,
         "max_iter": Option(200_000, "Iterations at most.", int, lower=1),
         "rho": Option(0.1, "Initial weight of the constraints.", float, lower=1e-6, upper=1e6),
         "scaling": Option(10, "Rounds of scaling the data; 0 is none.", int, lower=0),
@@ -50,17 +39,15 @@ class Osqp(QuadraticBackend):
             "Whether OSQP polishes its own solution; it prints where that fails.",
             bool,
         ),
-    }  # fmt: skip
+    }
     summary = "OSQP: operator splitting, sparse, warm starts"
 
-    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
         """Solve with OSQP."""
         import osqp  # type: ignore[import-untyped]
 
         matrix, low, high = stacked_rows(program)
-        own = own_options(request, "eps", "max_iter")
-        eps = request.options.get("eps") or first_order_precision(request)
-        allowed = int(request.options.get("max_iter", 200_000))
+        eps, allowed = first_order_precision(request), request.options["max_iter"]
         solver = osqp.OSQP()
         began = time.perf_counter()
         solver.setup(
@@ -74,8 +61,7 @@ class Osqp(QuadraticBackend):
             eps_rel=eps,
             eps_prim_inf=1e-9,
             eps_dual_inf=1e-9,
-            max_iter=allowed,
-            **own,
+            **own_options(request, "eps"),
         )
         # The first solve's time limit counts the set-up as well.
         setup = time.perf_counter() - began
@@ -100,41 +86,43 @@ class Osqp(QuadraticBackend):
             value = int(found.info.status_val)
             # At a pause it may also say what it is close to: solved, or a certificate.
             paused = value in unfinished and iterations < allowed
-            if not paused or control.stopped or clock.left() == 0.0:
+            if not paused or over(request, clock) is not None:
                 break
             solver.update_settings(max_iter=allowed - iterations)
         clock.lap("solve")
-        ended, limit = {
-            int(status.OSQP_SOLVED): (Ended.PROVEN, None),
+        timed = Ended.STOPPED, limited(control, Limit.TIME)
+        infeasible = {
+            int(status.OSQP_PRIMAL_INFEASIBLE),
+            int(status.OSQP_PRIMAL_INFEASIBLE_INACCURATE),
+        }
+        unbounded = {int(status.OSQP_DUAL_INFEASIBLE), int(status.OSQP_DUAL_INFEASIBLE_INACCURATE)}
+        meanings: dict[int, Meaning] = {
+            int(status.OSQP_SOLVED): Ended.PROVEN,
             int(status.OSQP_SOLVED_INACCURATE): (Ended.STOPPED, Limit.ITERATIONS),
-            int(status.OSQP_PRIMAL_INFEASIBLE): (Ended.INFEASIBLE, None),
-            int(status.OSQP_PRIMAL_INFEASIBLE_INACCURATE): (Ended.INFEASIBLE, None),
-            int(status.OSQP_DUAL_INFEASIBLE): (Ended.UNBOUNDED, None),
-            int(status.OSQP_DUAL_INFEASIBLE_INACCURATE): (Ended.UNBOUNDED, None),
             int(status.OSQP_MAX_ITER_REACHED): (Ended.STOPPED, Limit.ITERATIONS),
-            int(status.OSQP_TIME_LIMIT_REACHED): (Ended.STOPPED, limited(control, Limit.TIME)),
+            int(status.OSQP_TIME_LIMIT_REACHED): timed,
             int(status.OSQP_SIGINT): (Ended.STOPPED, Limit.INTERRUPTED),
-        }.get(value, (Ended.FAILED, None))
+            **dict.fromkeys(infeasible, Ended.INFEASIBLE),
+            **dict.fromkeys(unbounded, Ended.UNBOUNDED),
+        }
         if paused:
-            ended, limit = Ended.STOPPED, limited(control, Limit.TIME)
-        solution = ended not in (Ended.INFEASIBLE, Ended.UNBOUNDED)
-        rows = program.row_count
-        return QuadraticOutcome(
-            ended,
-            np.array(found.x, float) if solution else None,
-            None,
-            -np.array(found.y[:rows], float) if solution else None,
-            limit,
-            {"iterations": iterations},
-            f"OSQP: {found.info.status}" if ended is Ended.FAILED else "",
-            ray=_taken(found.prim_inf_cert, rows, -1.0) if ended is Ended.INFEASIBLE else None,
-            direction=_taken(found.dual_inf_cert, program.size, 1.0)
-            if ended is Ended.UNBOUNDED
-            else None,
+            meanings[value] = timed
+        ray = found.prim_inf_cert if meanings.get(value) is Ended.INFEASIBLE else found.y
+        point = found.dual_inf_cert if meanings.get(value) is Ended.UNBOUNDED else found.x
+        return Ending.read(
+            "OSQP",
+            value,
+            meanings,
+            found.info.status,
+            point=_taken(point, program.size),
+            duals=_taken(ray, program.row_count, -1.0),
+            statistics={"iterations": iterations},
         )
 
 
-def _taken(values: Any, size: int, sign: float) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+def _taken(
+    values: Any, size: int, sign: float = 1.0
+) -> np.ndarray[Any, np.dtype[np.float64]] | None:
     if values is None:
         return None
     found = np.asarray(values, float)[:size]

@@ -9,16 +9,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Outcome, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
 from ..backend import Limit, Option, Request
-from .base import POLISH, QuadraticBackend, QuadraticOutcome, own_options
+from .base import LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
 from .forms import SplitForm
 
 __all__ = ["Piqp"]
 
-#: Share of entries that are not zero, above which the dense solver is faster.
-DENSE = 0.1
-#: Columns and rows together, up to which it is tried at all.
+#: Columns and rows together, up to which dense factors are tried.
 LARGEST_DENSE = 3000
 
 
@@ -35,19 +33,16 @@ class Piqp(QuadraticBackend):
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "max_iter": Option(250, "Interior-point iterations at most.", int, lower=1),
-        "linear_algebra": Option(
-            "choose", "Dense or sparse factors; by the share of entries by default.", str,
-            ("choose", "dense", "sparse"),
-        ),
-    }  # fmt: skip
+        "linear_algebra": LINEAR_ALGEBRA,
+    }
     summary = "PIQP: proximal interior point, dense or sparse; robust to dependent rows"
 
-    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
         """Solve with PIQP."""
         import piqp  # type: ignore[import-untyped]
 
         split = SplitForm.of(program)
-        dense = _dense(program, request.options.get("linear_algebra", "choose"))
+        dense = prefers_dense(program, request, LARGEST_DENSE)
         solver: Any = piqp.DenseSolver() if dense else piqp.SparseSolver()
         settings = solver.settings
         # Tighter, and its last steps stall on long programs; the polish finds the rest.
@@ -77,32 +72,21 @@ class Piqp(QuadraticBackend):
         solver.solve()
         clock.lap("solve")
         result, states = solver.result, piqp.Status
-        status = result.info.status
-        ended, limit = {
-            states.PIQP_SOLVED: (Ended.PROVEN, None),
-            states.PIQP_PRIMAL_INFEASIBLE: (Ended.INFEASIBLE, None),
-            states.PIQP_DUAL_INFEASIBLE: (Ended.UNBOUNDED, None),
+        meanings: dict[Any, Meaning] = {
+            states.PIQP_SOLVED: Ended.PROVEN,
+            states.PIQP_PRIMAL_INFEASIBLE: Ended.INFEASIBLE,
+            states.PIQP_DUAL_INFEASIBLE: Ended.UNBOUNDED,
             states.PIQP_MAX_ITER_REACHED: (Ended.STOPPED, Limit.ITERATIONS),
-        }.get(status, (Ended.FAILED, None))
-        duals = split.duals(-np.asarray(result.y), np.asarray(result.z_l) - np.asarray(result.z_u))
-        return QuadraticOutcome(
-            ended,
-            np.array(result.x, float),
-            None,
-            duals,
-            limit,
-            {"iterations": int(result.info.iter), "factors": "dense" if dense else "sparse"},
-            f"PIQP: {status.name}" if ended is Ended.FAILED else "",
-            ray=duals if ended is Ended.INFEASIBLE else None,
-            direction=np.array(result.x, float) if ended is Ended.UNBOUNDED else None,
-        )
-
-
-def _dense(program: QuadraticProgram, asked: str) -> bool:
-    if asked != "choose":
-        return asked == "dense"
-    size, rows = program.size, program.row_count
-    filled = program.hessian.nnz + program.matrix.nnz
-    return size + rows <= LARGEST_DENSE and (
-        size + rows <= 50 or filled > DENSE * size * (size + rows)
-    )
+        }
+        ranged = np.asarray(result.z_l) - np.asarray(result.z_u)
+        return Ending.read(
+            "PIQP",
+            result.info.status,
+            meanings,
+            result.info.status.name,
+            point=np.array(result.x, float),
+            duals=split.duals(-np.asarray(result.y), ranged),
+            statistics={
+                "iterations": int(result.info.iter), "factors": "dense" if dense else "sparse"
+            },
+        )  # fmt: skip

@@ -10,7 +10,7 @@ Nothing is believed: the answer is kept only where its recomputed residuals are 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -73,7 +73,7 @@ def polished(
             if found is None or quality is None:
                 break
             if quality.merit < best.merit:
-                best = quality
+                best = replace(quality, polished=True)
             guess = guess.mended(program, *found)
         if best.merit <= ENOUGH:
             break

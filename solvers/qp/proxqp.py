@@ -10,16 +10,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Outcome, limited, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, limited, over, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
-from .base import COMMON, POLISH, QuadraticBackend, QuadraticOutcome
+from .base import COMMON, LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
 from .forms import SplitForm
 
 __all__ = ["Proxqp"]
 
-#: Share of entries that are not zero, above which the dense solver is faster.
-DENSE = 0.1
-#: Columns and rows together, up to which it is tried at all.
+#: Columns and rows together, up to which dense factors are tried.
 LARGEST_DENSE = 2000
 #: Outer iterations until the first look at the clock: ProxQP has neither a time limit nor a callback.
 SLICE = 20
@@ -43,19 +41,16 @@ class Proxqp(QuadraticBackend):
             None, "Absolute precision; a thousandth of the tolerance by default.",
             float, lower=1e-15, upper=1.0,
         ),
-        "linear_algebra": Option(
-            "choose", "Dense or sparse factors; by the share of entries by default.", str,
-            ("choose", "dense", "sparse"),
-        ),
+        "linear_algebra": LINEAR_ALGEBRA,
     }  # fmt: skip
     summary = "ProxQP: proximal augmented Lagrangian, dense or sparse, warm starts"
 
-    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
         """Solve with ProxQP."""
         from proxsuite import proxqp  # type: ignore[import-untyped]
 
         split = SplitForm.of(program)
-        dense = _dense(program, request.options.get("linear_algebra", "choose"))
+        dense = prefers_dense(program, request, LARGEST_DENSE)
         bounded = np.flatnonzero(
             np.isfinite(program.column_lower) | np.isfinite(program.column_upper)
         )
@@ -72,9 +67,7 @@ class Proxqp(QuadraticBackend):
             return matrix.toarray() if dense else sp.csc_matrix(matrix)
 
         settings = solver.settings
-        eps = request.options.get("eps_abs") or solver_tolerance(
-            request.tolerance * 1e-2, 1e-11, 1e-8
-        )
+        eps = request.options["eps_abs"] or solver_tolerance(request.tolerance * 1e-2, 1e-11, 1e-8)
         settings.eps_abs = eps
         settings.eps_rel = 0.0
         settings.check_duality_gap = True
@@ -98,7 +91,7 @@ class Proxqp(QuadraticBackend):
         if start is not None:
             settings.initial_guess = proxqp.InitialGuess.WARM_START
         clock.lap("build")
-        allowed, control = int(request.options.get("max_iter", 400)), request.control
+        allowed = request.options["max_iter"]
         states, iterations, outer = proxqp.QPSolverOutput, 0, 0
         while True:
             began = time.perf_counter()
@@ -113,42 +106,29 @@ class Proxqp(QuadraticBackend):
             outer, iterations = outer + piece, iterations + int(info.iter)
             if info.status != states.PROXQP_MAX_ITER_REACHED or outer >= allowed:
                 break
-            if control.stopped or clock.left() == 0.0:
+            if over(request, clock) is not None:
                 break
             if time.perf_counter() - began < SHORT:
                 piece = settings.max_iter = min(4 * piece, allowed)
             settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         clock.lap("solve")
-        ended, limit = {
-            states.PROXQP_SOLVED: (Ended.PROVEN, None),
-            states.PROXQP_PRIMAL_INFEASIBLE: (Ended.INFEASIBLE, None),
-            states.PROXQP_DUAL_INFEASIBLE: (Ended.UNBOUNDED, None),
-            states.PROXQP_MAX_ITER_REACHED: (Ended.STOPPED, Limit.ITERATIONS),
-        }.get(info.status, (Ended.FAILED, None))
-        if ended is Ended.STOPPED and outer < allowed:
-            limit = limited(control, Limit.TIME)
+        meanings: dict[Any, Meaning] = {
+            states.PROXQP_SOLVED: Ended.PROVEN,
+            states.PROXQP_PRIMAL_INFEASIBLE: Ended.INFEASIBLE,
+            states.PROXQP_DUAL_INFEASIBLE: Ended.UNBOUNDED,
+            states.PROXQP_MAX_ITER_REACHED: (
+                Ended.STOPPED,
+                Limit.ITERATIONS if outer >= allowed else limited(request.control, Limit.TIME),
+            ),
+        }
         result = solver.results
         ranged = -np.asarray(result.z, float)[: split.low.size]
-        duals = split.duals(-np.asarray(result.y, float), ranged)
-        point = np.array(result.x, float)
-        return QuadraticOutcome(
-            ended,
-            point,
-            None,
-            duals,
-            limit,
-            {"iterations": iterations, "factors": "dense" if dense else "sparse"},
-            f"ProxQP: {info.status.name}" if ended is Ended.FAILED else "",
-            ray=duals if ended is Ended.INFEASIBLE else None,
-            direction=point if ended is Ended.UNBOUNDED else None,
+        return Ending.read(
+            "ProxQP",
+            info.status,
+            meanings,
+            info.status.name,
+            point=np.array(result.x, float),
+            duals=split.duals(-np.asarray(result.y, float), ranged),
+            statistics={"iterations": iterations, "factors": "dense" if dense else "sparse"},
         )
-
-
-def _dense(program: QuadraticProgram, asked: str) -> bool:
-    if asked != "choose":
-        return asked == "dense"
-    size, rows = program.size, program.row_count
-    filled = program.hessian.nnz + program.matrix.nnz
-    return size + rows <= LARGEST_DENSE and (
-        size + rows <= 50 or filled > DENSE * size * (size + rows)
-    )

@@ -36,6 +36,8 @@ class Quality:
         Largest reduced cost that no bound of its column explains.
     terms : float
         Sum of the magnitudes of the objective's terms, against which rounding is measured.
+    polished : bool
+        Whether the point is not the solver's own, but that of :mod:`.polishing`.
     """
 
     point: Vector
@@ -45,6 +47,7 @@ class Quality:
     violation: float
     stationarity: float
     terms: float
+    polished: bool = False
 
     @property
     def apart(self) -> float:

@@ -10,11 +10,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.cones import ConeKind, order
-from ..attempts import Clock, Ended, Outcome, limited
+from ..attempts import Clock, Ended, Ending, Meaning, limited, over, own_options
 from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
 from ..conic.forms import ConeForm, Convex, columnwise
-from .base import COMMON, POLISH, certified, first_order_precision, own_options
+from .base import COMMON, EPS, POLISH, first_order_precision
 
 __all__ = ["Scs"]
 
@@ -33,24 +33,19 @@ class Scs(ConvexBackend):
     distribution = "scs"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
-        "eps": Option(
-            None, "Absolute and relative precision; by default a tenth of the tolerance, which the polish "
-            "does the rest for, or a thousandth without it.",
-            float, lower=1e-15, upper=1.0,
-        ),
+        "eps": EPS,
         "max_iters": Option(200_000, "Iterations at most.", int, lower=1),
         "scale": Option(0.1, "Initial weight of the constraints.", float, lower=1e-6, upper=1e6),
         "acceleration_lookback": Option(10, "Memory of the acceleration; 0 is none.", int, lower=0),
-    }  # fmt: skip
+    }
     summary = "SCS: first-order, sparse, warm starts; many iterations for high precision"
 
-    def attempt(self, program: Convex, request: Request, clock: Clock) -> Outcome:
+    def attempt(self, program: Convex, request: Request, clock: Clock) -> Ending:
         """Solve with SCS."""
         import scs  # type: ignore[import-untyped]
 
         form = ConeForm.posed(program, tuple(_NAMES), columnwise)
-        own = own_options(request, "eps", "max_iters")
-        eps = request.options.get("eps") or first_order_precision(request)
+        eps = first_order_precision(request)
         if not form.right.size:
             # SCS needs a row: one that every point satisfies.
             form = _with_a_row(form, program.size)
@@ -59,8 +54,7 @@ class Scs(ConvexBackend):
             "eps_abs": eps,
             "eps_rel": eps,
             "eps_infeas": 1e-9,
-            "max_iters": int(request.options.get("max_iters", 200_000)),
-            **own,
+            **own_options(request, "eps"),
         }
         cone: dict[str, Any] = {"z": form.zeros, "l": form.linear - form.zeros}
         for kind, name in _NAMES.items():
@@ -88,24 +82,30 @@ class Scs(ConvexBackend):
             info = found["info"]
             iterations += int(info["iter"])
             more = "time_limit" in info["status"] and iterations < allowed
-            if not more or control.stopped or clock.left() == 0.0:
+            if not more or over(request, clock) is not None:
                 break
             start = {"warm_start": True, "x": found["x"], "y": found["y"], "s": found["s"]}
         clock.lap("solve")
-        ended, limit = {
-            scs.SOLVED: (Ended.PROVEN, None),
-            scs.INFEASIBLE: (Ended.INFEASIBLE, None),
-            scs.UNBOUNDED: (Ended.UNBOUNDED, None),
-            scs.INFEASIBLE_INACCURATE: (Ended.INFEASIBLE, None),
-            scs.UNBOUNDED_INACCURATE: (Ended.UNBOUNDED, None),
+        meanings: dict[int, Meaning] = {
+            scs.SOLVED: Ended.PROVEN,
+            scs.INFEASIBLE: Ended.INFEASIBLE,
+            scs.UNBOUNDED: Ended.UNBOUNDED,
+            scs.INFEASIBLE_INACCURATE: Ended.INFEASIBLE,
+            scs.UNBOUNDED_INACCURATE: Ended.UNBOUNDED,
             scs.SOLVED_INACCURATE: (Ended.STOPPED, Limit.ITERATIONS),
-        }.get(int(info["status_val"]), (Ended.FAILED, None))
-        if "time_limit" in info["status"] and iterations < allowed:
-            ended, limit = Ended.STOPPED, limited(control, Limit.TIME)
-        return certified(
-            program, form, found["x"], found["y"], ended, limit, iterations,
-            f"SCS: {info['status']}" if ended is Ended.FAILED else "",
-        )  # fmt: skip
+        }
+        ending = Ending.read(
+            "SCS",
+            int(info["status_val"]),
+            meanings,
+            info["status"],
+            point=np.array(found["x"], float),
+            duals=form.duals(found["y"], program.row_count),
+            statistics={"iterations": iterations},
+        )
+        if more:
+            return replace(ending, ended=Ended.STOPPED, limit=limited(control, Limit.TIME))
+        return ending
 
 
 def _slice(clock: Clock) -> float:

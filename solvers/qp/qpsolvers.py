@@ -1,0 +1,134 @@
+"""Every solver that the package qpsolvers finds, through its one interface."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...errors import UnsupportedFormulation, UnsupportedOption
+from ...models.programs.linear import QuadraticProgram
+from ..attempts import Clock, Ended, Ending, solver_tolerance
+from ..backend import Option, Request
+from .base import POLISH, QuadraticBackend, too_large
+from .forms import ConicForm
+
+__all__ = ["EXCLUDED", "Qpsolvers"]
+
+#: Solvers that are not to be had through qpsolvers, with the reason.
+EXCLUDED: Mapping[str, str] = {
+    "gurobi": "qpsolvers lets it print its licence on the standard output",
+}
+_EPS = ("eps_abs", "eps_rel")
+#: How each solver is told its time limit and its tolerances; one that is not among these, or has
+#: no time limit, runs as it is by default and is stopped with its process.
+_NAMES: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "clarabel": ("time_limit", ("tol_feas", "tol_gap_abs", "tol_gap_rel")),
+    "daqp": ("", ("primal_tol", "dual_tol")),
+    "ecos": ("", ("abstol", "reltol", "feastol")),
+    "highs": ("time_limit", ("primal_feasibility_tolerance", "dual_feasibility_tolerance")),
+    "osqp": ("time_limit", _EPS),
+    "piqp": ("", _EPS),
+    "proxqp": ("", _EPS),
+    "scs": ("time_limit_secs", _EPS),
+}
+#: First-order methods need more iterations than their defaults allow.
+_MORE: Mapping[str, Mapping[str, Any]] = {
+    "osqp": {"max_iter": 200_000},
+    "scs": {"max_iters": 200_000},
+}
+
+
+class Qpsolvers(QuadraticBackend):
+    """qpsolvers (Caron et al.) with the solver named: a way of its own to each of them.
+
+    It says whether a solver found an optimum, not how it ended otherwise: that a program has none is
+    then proven here. Beside it most of its solvers are backends of their own, which know more.
+    """
+
+    name = "qpsolvers"
+    requires = ("qpsolvers",)
+    distribution = "qpsolvers"
+    # It imports every solver that it finds, highspy too: see Highs.
+    conflict_group = "highs"
+    natives = ("highspy._core",)
+    options: ClassVar[Mapping[str, Option]] = {
+        "polish": POLISH,
+        "solver": Option("clarabel", "Any solver that qpsolvers finds, by its name there.", str),
+    }
+    summary = "qpsolvers: Clarabel, HiGHS, OSQP, ProxQP … whatever it finds, by option"
+
+    @staticmethod
+    def found() -> tuple[str, ...]:
+        """Return the values of ``solver`` to be had here; qpsolvers and its solvers are imported."""
+        import qpsolvers
+
+        return tuple(name for name in qpsolvers.available_solvers if name not in EXCLUDED)
+
+    def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
+        """Solve through qpsolvers."""
+        import qpsolvers
+
+        solver = str(request.options["solver"])
+        if solver not in self.found():
+            why = EXCLUDED.get(solver, "qpsolvers does not find it")
+            raise UnsupportedOption(
+                f"backend 'qpsolvers': solver={solver!r} is not to be had: {why}; "
+                f"those that are: {', '.join(self.found())}"
+            )
+        form = ConicForm.of(program)
+        dense = solver not in qpsolvers.sparse_solvers
+        reason = too_large(f"backend 'qpsolvers': solver={solver!r}", program, form.right.size)
+        if dense and reason:
+            raise UnsupportedFormulation(reason)
+        time_name, tolerances = _NAMES.get(solver, ("", ()))
+        options: dict[str, Any] = {
+            **dict.fromkeys(tolerances, solver_tolerance(request.tolerance * 1e-2, 1e-10, 1e-8)),
+            **_MORE.get(solver, {}),
+        }
+        problem = _posed(qpsolvers, program, form, dense)
+        clock.lap("build")
+        left = clock.left()
+        if left is not None and time_name:
+            options[time_name] = max(left, 1e-3)
+        with warnings.catch_warnings(record=True) as heard:
+            warnings.simplefilter("always")
+            try:
+                found = qpsolvers.solve_problem(problem, solver=solver, **options)
+            except qpsolvers.exceptions.ProblemError as error:
+                if "unbounded" in str(error):
+                    return Ending(Ended.UNBOUNDED)
+                raise UnsupportedFormulation(
+                    f"backend 'qpsolvers': solver={solver!r}: {error}"
+                ) from error
+            except (qpsolvers.exceptions.SolverError, ValueError, RuntimeError) as error:
+                return Ending(Ended.FAILED, message=f"qpsolvers with {solver}: {error}")
+            finally:
+                clock.lap("solve")
+        words = "; ".join([*(str(one.message) for one in heard), "no optimum was found"])
+        known = [np.ravel(part) for part in (found.y, found.z) if part is not None]
+        duals = np.concatenate([np.zeros(0), *known])
+        return Ending(
+            Ended.PROVEN if found.found else Ended.FAILED,
+            None if found.x is None else np.array(found.x, float),
+            duals=form.duals(duals, program.row_count) if duals.size == form.right.size else None,
+            statistics={"solver": solver},
+            message="" if found.found else f"qpsolvers with {solver}: {words}",
+        )
+
+
+def _posed(qpsolvers: Any, program: QuadraticProgram, form: ConicForm, dense: bool) -> Any:
+    """Return the ``qpsolvers.Problem``, its bounds written as rows: some solvers fail on infinite ones."""
+    matrix, hessian = form.matrix.tocsr(), program.hessian.tocsc()
+
+    def rows(part: slice) -> tuple[Any, Any]:
+        if not form.right[part].size:
+            return None, None
+        return matrix[part].toarray() if dense else matrix[part].tocsc(), form.right[part]
+
+    equal, above = rows(slice(0, form.zeros)), rows(slice(form.zeros, None))
+    return qpsolvers.Problem(
+        hessian.toarray() if dense else hessian, program.cost.copy(), *above, *equal
+    )
