@@ -43,7 +43,7 @@ CHOICES: dict[str, tuple[dict[str, Any], ...]] = {
     "ipopt": ({}, {"mu_strategy": "monotone"}, {"hessian": "limited-memory"}),
     "uno": ({}, {"preset": "funnelsqp"}, {"preset": "ipopt"}),
     "sqpmethod": ({}, {"qp": "qpoases"}, {"qp": "daqp"}, {"qp": "osqp"}),
-    "trust-constr": ({"max_iter": 150},),
+    "trust-constr": ({"max_iter": 90},),
     "slsqp": ({"max_iter": 100},),
 }
 #: Where a solver gives up.
