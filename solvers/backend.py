@@ -215,9 +215,6 @@ class Backend(ABC):
         The modules whose presence in ``sys.modules`` means that the native library is loaded.
     options : mapping of str to Option
         Its own options.
-    comparison_options : mapping of str to object
-        Values of its own options that :func:`crosstrack.compare` sets where the user gives none, so
-        that a verdict on the solver judges the solver and nothing that crosstrack adds to it.
     summary : str
         One line for lists.
     problem : str
@@ -239,7 +236,6 @@ class Backend(ABC):
     conflict_group: ClassVar[str] = ""
     natives: ClassVar[tuple[str, ...]] = ()
     options: ClassVar[Mapping[str, Option]] = {}
-    comparison_options: ClassVar[Mapping[str, Any]] = {}
     summary: ClassVar[str] = ""
 
     @abstractmethod
@@ -277,6 +273,14 @@ class Backend(ABC):
         Where it cannot, the run moves to a process of its own, which can.
         """
         return Feature.INTERRUPT in self.features
+
+    def comparison_options(self, kind: type[Model[Any]]) -> Mapping[str, Any]:
+        """Return what :func:`crosstrack.compare` sets of its own options where the user gives none.
+
+        A verdict on a solver judges the solver, and nothing that crosstrack adds to it. `kind` is
+        the type of the problem that it is given.
+        """
+        return {}
 
     def missing(self) -> tuple[str, ...]:
         """Names of the required packages that are not installed; nothing is imported."""

@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -147,8 +147,8 @@ def compare(
         One for all models, or one a model (None where there is none); given to the backends that
         take one.
     backend_options : mapping of str to mapping, optional
-        Own options by the backend's name; what is not given is as ``comparison_options`` of the
-        backend say, ``polish=False`` for solvers of quadratic programs.
+        Own options by the backend's name; what is not given is as the backend's
+        ``comparison_options`` say, ``polish=False`` for solvers of quadratic programs.
     workers : int
         How many jobs run at the same time.
     pool : concurrent.futures.Executor, optional
@@ -289,7 +289,7 @@ def _task(
         ("evaluations", Feature.EVALUATIONS),
         ("target_value", Feature.INCUMBENTS),
     ):
-        if feature not in backend.features:
+        if feature not in backend.features and not (name == "seed" and backend.deterministic):
             asked[name] = None
     native = isinstance(model, backend.accepts)
     if native:
@@ -300,12 +300,15 @@ def _task(
         backend=backend,
         formulation=None if native else formulation,
         warm_start=warm_start if usable else None,
-        backend_options={**backend.comparison_options, **own.get(backend.name, {})},
+        backend_options=dict(own.get(backend.name, {})),
         **asked,
     )
     backend.checked_options(job.backend_options)
     try:
-        job.target()
+        target = job.target()
+        kind = type(target.model) if target.formulation is None else target.formulation.program_type
+        options = {**backend.comparison_options(kind), **job.backend_options}
+        job = replace(job, backend_options=options)
     except CrosstrackError as error:
         if isinstance(error, UnknownName):
             raise

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import UnsupportedOption
+from ...models.model import Model
 from ...models.programs.base import RowProgram
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
@@ -48,7 +49,6 @@ class CvxpyMip(ProgramBackend):
     # CVXPY probes its solvers as it is imported and so loads highspy: see Highs.
     conflict_group = "highs"
     natives = ("highspy._core",)
-    comparison_options = UNPOLISHED
     options: ClassVar[Mapping[str, Option]] = {
         "solver": Option(
             None,
@@ -64,6 +64,9 @@ class CvxpyMip(ProgramBackend):
     def found() -> dict[str, tuple[str, ...]]:
         """Return the values of ``solver`` to be had here, by kind of program; CVXPY is imported."""
         return {kind: found(kind) for kind in ("mixed-integer", "quadratic")}
+
+    def comparison_options(self, kind: type[Model[Any]]) -> Mapping[str, Any]:
+        return {} if issubclass(kind, MixedIntegerProgram) else UNPOLISHED
 
     def run(self, problem: RowProgram, request: Request) -> Answer:
         """Solve `problem`, of either kind, as `request` asks."""

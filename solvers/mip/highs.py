@@ -34,7 +34,6 @@ class Highs(ProgramBackend):
     # first serves both, and the other one fails to import for want of a symbol.
     conflict_group = "highs"
     natives = ("highspy._core",)
-    comparison_options = UNPOLISHED
     options: ClassVar[Mapping[str, Option]] = {
         "presolve": Option("choose", "Whether to presolve.", str, ("choose", "on", "off")),
         "mip_heuristic_effort": Option(
@@ -47,6 +46,9 @@ class Highs(ProgramBackend):
     def interrupts(self, kind: type[Model[Any]]) -> bool:
         """Its solver for quadratic programs takes no stop."""
         return not issubclass(kind, QuadraticProgram)
+
+    def comparison_options(self, kind: type[Model[Any]]) -> Mapping[str, Any]:
+        return {} if issubclass(kind, MixedIntegerProgram) else UNPOLISHED
 
     def run(self, problem: RowProgram, request: Request) -> Answer:
         """Solve `problem`, of either kind, as `request` asks."""

@@ -108,7 +108,9 @@ class QuadraticBackend(Backend):
     single_threaded = True
     extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {"polish": POLISH}
-    comparison_options = UNPOLISHED
+
+    def comparison_options(self, kind: type[Model[Any]]) -> Mapping[str, Any]:
+        return UNPOLISHED
 
     @abstractmethod
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
