@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import crosstrack as ct
 from crosstrack.errors import UnsupportedFormulation, UnsupportedOption
 from crosstrack.models import ConicProgram, QuadraticProgram
 from crosstrack.solvers.backend import Request, Termination
@@ -160,6 +161,13 @@ def test_columnwise_and_back() -> None:
     back = form.duals(form.right, program.row_count)[program.row_count :]
     assert np.array_equal(back, program.cone_offset)
     assert form.duals(duals, program.row_count).size == program.row_count + back.size
+
+
+def test_a_comparison_takes_them_all() -> None:
+    backends = ["clarabel", "ecos"]
+    found = ct.compare([CASES["conic: geometric mean"].program], backends, time_limit=20)
+    assert str(found.outcome) == "AGREED"
+    assert [solution.backend for solution in found.solutions] == backends
 
 
 def test_ecos_says_what_it_does_not_take() -> None:
