@@ -11,6 +11,7 @@ from ..models.formulation import Formulation
 from ..models.model import Model, as_model
 from ..models.problems import resolve, table
 from ..models.programs.base import RowProgram
+from ..models.programs.conic import ConicProgram
 from ..models.programs.linear import QuadraticProgram
 from ..models.verification import TOLERANCE
 from .backend import Backend, Guarantee, Termination
@@ -186,17 +187,17 @@ def filtered(
         return Diagnosis(
             model.name, None, method, f"not settled: {solver.name} ended with {answer.termination}"
         )
-    needed = [block.name for block in asked.rows]
+    needed = [block.name for block in asked.conditions]
     unsure = []
     for name in list(needed):
         kept = [other for other in needed if other != name]
-        dropped = [block.name for block in asked.rows if block.name not in kept]
+        dropped = [block.name for block in asked.conditions if block.name not in kept]
         outcome = ends(asked.without_rows(dropped)).termination
         if outcome is Termination.INFEASIBLE:
             needed = kept
         elif outcome not in (Termination.OPTIMAL, Termination.FEASIBLE):
             unsure.append(name)
-    blocks = [block for block in asked.rows if block.name in needed]
+    blocks = [block for block in asked.conditions if block.name in needed]
     findings = tuple(
         Finding(
             f"{block.title} ({block.size} rows)"
@@ -218,7 +219,7 @@ def filtered(
 def _feasibility(program: RowProgram) -> RowProgram:
     """Return `program` without its objective: any first point will do."""
     objective: dict[str, Any] = {"cost": program.cost * 0.0, "offset": 0.0}
-    if isinstance(program, QuadraticProgram):
+    if isinstance(program, QuadraticProgram | ConicProgram):
         objective["hessian"] = program.hessian * 0.0
     return replace(program, **objective)
 

@@ -209,6 +209,11 @@ class RowProgram(BlockProgram):
         ]
         return Verification(self.objective(point), tuple(checks))
 
+    @property
+    def conditions(self) -> tuple[Block, ...]:
+        """The blocks that :meth:`without_rows` can leave out."""
+        return self.rows
+
     def without_rows(self, names: Iterable[str]) -> Self:
         """Return the program without the row blocks called `names`."""
         drop = set(names)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 import scipy.sparse as sp
@@ -124,6 +125,30 @@ class ConicProgram(RowProgram):
             columns=self.columns,
             rows=self.rows,
             name=self.name,
+        )
+
+    @property
+    def conditions(self) -> tuple[Block, ...]:
+        """The blocks of rows and of cones."""
+        return (*self.rows, *self.cones)
+
+    def without_rows(self, names: Iterable[str]) -> Self:
+        """Return the program without the blocks of rows and of cones called `names`."""
+        drop = set(names)
+        fewer = super().without_rows(drop)
+        kept = [block for block in self.cones if block.name not in drop]
+        take = np.concatenate(
+            [np.empty(0, int), *(np.arange(b.start, b.start + b.size) for b in kept)]
+        )
+        at, cones = 0, []
+        for block in kept:
+            cones.append(replace(block, start=at))
+            at += block.size
+        return replace(
+            fewer,
+            cone_matrix=self.cone_matrix[take],
+            cone_offset=self.cone_offset[take],
+            cones=tuple(cones),
         )
 
     def objective(self, point: Vector) -> float:

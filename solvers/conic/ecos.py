@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...models.model import Model
 from ...models.programs.cones import ConeBlock, ConeKind
 from ...models.programs.conic import ConicProgram
 from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
@@ -32,8 +33,10 @@ class Ecos(ConvexBackend):
     options: ClassVar[Mapping[str, Option]] = {
         "max_iters": Option(200, "Interior-point iterations at most.", int, lower=1)
     }
-    comparison_options: ClassVar[Mapping[str, Any]] = {}
     summary = "ECOS: interior point for second-order and exponential cones, small programs"
+
+    def comparison_options(self, kind: type[Model[Any]]) -> Mapping[str, Any]:
+        return {}
 
     def refuses(self, problem: ConicProgram) -> str:
         """Return which part of `problem` ECOS does not take."""

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...models.programs.base import RowProgram
+from ...models.model import Model
 from ...models.programs.linear import MixedIntegerProgram
 from ..attempts import Clock, Ended, Ending, above_cutoff, allowed, holds, limited, obvious, stopped
 from ..backend import Answer, Backend, Control, Feature, Guarantee, Limit, Request, Termination
@@ -94,7 +94,7 @@ def with_offset_column(program: MixedIntegerProgram) -> MixedIntegerProgram:
 class ProgramBackend(Backend):
     """Base of the backends that solve a :class:`MixedIntegerProgram` to proven optimality."""
 
-    accepts: ClassVar[type[RowProgram]] = MixedIntegerProgram
+    accepts: ClassVar[type[Model[Any]] | tuple[type[Model[Any]], ...]] = MixedIntegerProgram
     guarantee = Guarantee.EXACT
 
     @abstractmethod

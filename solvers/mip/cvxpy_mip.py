@@ -32,7 +32,7 @@ class CvxpyMip(ProgramBackend):
     """
 
     name = "cvxpy"
-    accepts = RowProgram
+    accepts = (MixedIntegerProgram, QuadraticProgram, ConicProgram)
     features = frozenset(
         {
             Feature.GAP,

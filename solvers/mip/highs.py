@@ -26,7 +26,7 @@ class Highs(ProgramBackend):
     """HiGHS, called in this process with the program's own arrays."""
 
     name = "highs"
-    accepts = RowProgram
+    accepts = (MixedIntegerProgram, QuadraticProgram)
     features = CALLED_BACK | {Feature.THREADS, Feature.DUALS}
     requires = ("highspy",)
     distribution = "highspy"
