@@ -50,11 +50,12 @@ lint: .venv/test.stamp  ## Linter and formatter only
 types: .venv/test.stamp  ## Type checker only
 	$(BIN)/mypy
 
+# A file's tests run in one process, which makes once what they share.
 check: .venv/test.stamp  ## Tests only, those marked slow left out
-	$(BIN)/pytest tests -n 2 --dist loadgroup
+	$(BIN)/pytest tests -n 2 --dist loadfile
 
 slow: .venv/test.stamp  ## Tests marked slow
-	$(BIN)/pytest tests -n 2 --dist loadgroup -m slow
+	$(BIN)/pytest tests -n 2 --dist loadfile -m slow
 
 bench: .venv/benchmark.stamp  ## Benchmarks; nothing else should run meanwhile
 	$(BIN)/pytest tests/benchmarks -s -q --benchmark-columns=min,median,max,rounds --benchmark-sort=fullname

@@ -14,9 +14,6 @@ import crosstrack as ct
 from crosstrack.instances.error_correction.generator import random_small
 from crosstrack.models import ErrorCorrectionRouting
 
-# One process of the tests computes what all of these share.
-pytestmark = pytest.mark.xdist_group("small-instances")
-
 NATIVE = ["label-setting", "two-stage", "pulse", "dynamic-programming"]
 
 SIMPLE = [random_small(3 + seed % 7, seed, name=f"simple-{seed}") for seed in range(250)]

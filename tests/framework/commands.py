@@ -30,13 +30,18 @@ def run(*arguments, code=0, cwd=None):
     return done
 
 
+def joined(*paths):
+    """Return `paths`, and those in which modules are found anyway, as PYTHONPATH has them."""
+    found = [*map(str, paths), os.environ.get("PYTHONPATH", "")]
+    return os.pathsep.join(filter(None, found))
+
+
 def run_all(commands, cwd, *paths):
     """Return the finished `commands`, run in one fresh process that finds modules in `paths` too."""
-    found = [*map(str, paths), os.environ.get("PYTHONPATH", "")]
     done = subprocess.run(
         [sys.executable, __file__],
         input=json.dumps([list(map(str, one)) for one in commands]),
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, found))},
+        env={**os.environ, "PYTHONPATH": joined(*paths)},
         cwd=cwd, capture_output=True, text=True, timeout=240, check=False,
     )  # fmt: skip
     assert done.returncode == 0, (done.stdout[-2000:], done.stderr[-3000:])

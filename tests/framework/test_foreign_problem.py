@@ -1,15 +1,11 @@
 """A problem of another distribution is a problem like ours; a broken one harms nobody."""
 
 import json
-import os
 import shutil
 from pathlib import Path
 
 import pytest
-from commands import run_all
-
-# One process of the tests installs it.
-pytestmark = pytest.mark.xdist_group("foreign")
+from commands import joined, run_all
 
 SOURCE = Path(__file__).parent / "foreign"
 EXAMPLE = "error-correction/example-1"
@@ -134,11 +130,6 @@ print(type(again).__module__)
     (place / "verbs.py").write_text(script)
     printed = run_python("verbs.py", cwd=place, PYTHONPATH=joined(installed))
     assert printed == "covering.model\n"
-
-
-def joined(*folders):
-    """The folders and those in which modules are found anyway, for PYTHONPATH."""
-    return os.pathsep.join([*map(str, folders), os.environ.get("PYTHONPATH", "")])
 
 
 def announce(folder, name, code):

@@ -10,9 +10,6 @@ import zipfile
 import pytest
 from imports import TOP
 
-# One process of the tests builds the wheel.
-pytestmark = pytest.mark.xdist_group("packaging")
-
 HEAVY = (
     "casadi", "click", "cvxpy", "gurobipy", "highspy", "matplotlib", "numba", "numpy", "ortools",
     "pandas", "pyscipopt", "rich", "scipy",

@@ -5,6 +5,8 @@ import subprocess
 import sys
 import textwrap
 
+from commands import joined
+
 
 def test_strangers_entry_points_are_found_and_broken_ones_listed(tmp_path):
     """Two distributions announce backends; one of them cannot be imported."""
@@ -49,7 +51,7 @@ def test_strangers_entry_points_are_found_and_broken_ones_listed(tmp_path):
             print("broken:", error)
         """
     )
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    environment = {**os.environ, "PYTHONPATH": joined(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-"],
         input=script,

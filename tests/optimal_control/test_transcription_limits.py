@@ -36,7 +36,9 @@ def test_a_time_limit_between_meshes_returns_what_there_is():
 @pytest.mark.parametrize("delay", [0.0, 0.4])
 def test_a_stop_during_refinement_loses_nothing(delay):
     control = Control()
-    job = Job(model=layers(), backend="ipopt", formulation="trapezoid", tolerance=1e-9).resolved()
+    job = Job(
+        model=layers().build(), backend="ipopt", formulation="trapezoid", tolerance=1e-9
+    ).resolved()
     timer = threading.Timer(delay, control.stop, [Limit.INTERRUPTED])
     begin = time.perf_counter()
     if delay:
