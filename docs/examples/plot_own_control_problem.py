@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 
 import crosstrack as ct
 from crosstrack.models import Model, OptimalControlProblem
-from crosstrack.models.optimal_control.hamiltonian import hamiltonian_spread
+from crosstrack.models.optimal_control import hamiltonian_spread
 from crosstrack.solvers import Solution
 
 

@@ -22,13 +22,13 @@ import numpy as np
 
 import crosstrack as ct
 from crosstrack.instances import entries
+from crosstrack.models import track
 from crosstrack.models.satellite_slew.gyros import singularity_measure
 from crosstrack.models.satellite_slew.plot import (
     PAPER_QUATERNION_ERROR,
     PAPER_RATE_ERROR,
     animate_slew,
 )
-from crosstrack.models.satellite_slew.tracking import track
 
 model = ct.load("satellite-slew/paper")
 print(model)

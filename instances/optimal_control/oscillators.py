@@ -41,7 +41,7 @@ def rayleigh(
 ) -> OptimalControlProblem:
     """Return Rayleigh's model of a tunnel-diode oscillator, calmed from (-5, -5).
 
-    Least ∫ (x1² + u²) dt, in 4.5 time units to rest with |u| <= 1, or in 2.5 without that limit and
+    Least ∫ (x1² + u²) dt, in 4.5 time units to rest with ``|u|`` <= 1, or in 2.5 without that limit and
     to anywhere (Maurer and Augustin, "Sensitivity analysis and real-time control of parametric optimal
     control problems using boundary value methods", in "Online Optimization of Large Scale
     Systems", Springer, 2001).
@@ -53,7 +53,7 @@ def rayleigh(
     horizon : float
         tf.
     limited : bool
-        Whether |u| is limited and the end is to be at rest.
+        Whether ``|u|`` is limited and the end is to be at rest.
     """
     ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, horizon))

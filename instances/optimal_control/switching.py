@@ -31,9 +31,9 @@ def double_integrator(name: str = "optimal-control/double-integrator") -> Optima
 def double_integrator_fuel(
     name: str = "optimal-control/double-integrator-fuel", *, duration: float = 2.5
 ) -> OptimalControlProblem:
-    """Return the same move in a given time with least ∫ |u| dt: push, coast, brake.
+    """Return the same move in a given time with least ∫ ``|u|`` dt: push, coast, brake.
 
-    Two jets that only push stand for |u|. With the duration T >= 2 the speed of coasting is
+    Two jets that only push stand for ``|u|``. With the duration T >= 2 the speed of coasting is
     v = (T - √(T² - 4)) / 2, and the fuel 2 v: 1 for T = 2.5.
 
     Parameters

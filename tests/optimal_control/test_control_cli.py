@@ -104,8 +104,9 @@ def test_export_writes_samples_and_no_pieces(solved, tmp_path):
     assert t == pytest.approx(np.linspace(0, 1, 11))
     want = np.stack([3 * t**2 - 2 * t**3, 6 * t - 6 * t**2, 6 - 12 * t], axis=1)
     assert rows[:, 2:] == pytest.approx(want, abs=1e-6)
-    done = run("export", ENERGY, solved, "--output", tmp_path / "x.csv", code=2)
-    assert "--format samples" in done.stderr
+    poly7 = ("--format", "poly7", "--output", tmp_path / "x.csv")
+    done = run("export", ENERGY, solved, *poly7, code=2)
+    assert "known: samples" in done.stderr
     assert not (tmp_path / "x.csv").exists()
 
 
