@@ -82,10 +82,11 @@ def assemble(job: Job, claim: Claim) -> Solution[Any]:
     seconds = dict(claim.seconds)
     if termination in CLAIMS_NONE:
         plan = None
-        if not claim.proves:
-            messages.append(
-                f"claims {termination}, which a {backend.guarantee} backend cannot prove"
-            )
+        exact = backend.guarantee is Guarantee.EXACT
+        if not claim.proves or (termination is Termination.UNBOUNDED and not exact):
+            # What a relaxation lets grow without end may be bounded in the model.
+            why = f"a {backend.guarantee} backend cannot prove" if not exact else "nothing proves"
+            messages.append(f"claims {termination}, which {why}")
             termination = Termination.NO_SOLUTION
     elif plan is None and termination in CLAIMS_PLAN:
         messages.append(f"claims {termination} without a point")

@@ -129,7 +129,7 @@ def test_programs_equal_brute_force(formulation, truth):
 
 
 @pytest.mark.parametrize("formulation", ["paper", "arc-flow"])
-@pytest.mark.parametrize("step", [5, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("step", [10, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("backend", ["scip", "scipy", "ortools", "cvxpy"])
 def test_other_solvers_equal_brute_force(backend, step, formulation, truth):
     """The programs are the same for all: what is left to test is how each solver takes them."""

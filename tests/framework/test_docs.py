@@ -18,8 +18,11 @@ PAGES = sorted(
     ]
 )
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
-#: Examples that run for ten seconds and more; `make docs` runs them all for the gallery.
-SLOW = {"plot_bases_and_backends.py", "plot_own_control_problem.py", "plot_satellite_slew.py"}
+#: Examples and pages that run for five seconds and more; `make docs` runs all examples for the gallery.
+SLOW = {
+    *("plot_bases_and_backends.py", "plot_own_control_problem.py", "plot_satellite_slew.py"),
+    *("campaign.md", "optimal-control.md", "satellite-slew.md"),
+}
 
 
 def named(page):
@@ -40,7 +43,12 @@ def commands():
 
 
 @pytest.mark.parametrize(
-    "page", [p for p in PAGES if "\n```python\n" in p.read_text("utf-8")], ids=named
+    "page",
+    [
+        pytest.param(page, id=named(page), marks=[pytest.mark.slow] if page.name in SLOW else [])
+        for page in PAGES
+        if "\n```python\n" in page.read_text("utf-8")
+    ],
 )
 def test_python_on_a_page_runs(page, page_code, run_python, tmp_path):
     (tmp_path / "page.py").write_text(page_code(page), "utf-8")

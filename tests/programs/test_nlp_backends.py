@@ -57,8 +57,9 @@ KNOWN = {
     "fatrop": TWICE,
 }
 #: SLEQP's build in CasADi's wheel was seen to spend seconds, at random, on formatting statistics that
-#: nobody prints: its padding is a width that was never set (``sleqp_timer_display``).
-SLOW = pytest.param("sleqp", marks=pytest.mark.slow)
+#: nobody prints: its padding is a width that was never set (``sleqp_timer_display``). SciPy's
+#: trust-constr takes ten seconds.
+SLOW = {"sleqp", "trust-constr"}
 
 
 def asked_of(name: str, choice: dict[str, Any]) -> list[str]:
@@ -72,7 +73,9 @@ def asked_of(name: str, choice: dict[str, Any]) -> list[str]:
 # Conformance.
 
 
-@pytest.mark.parametrize("name", [SLOW if name == "sleqp" else name for name in BACKENDS])
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] if n in SLOW else []) for n in BACKENDS]
+)
 def test_conformance(name: str) -> None:
     failures = []
     choices = CHOICES.get(name, ({},))
