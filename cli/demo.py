@@ -45,7 +45,7 @@ class _DemoCommand(click.Command):
         return [problem, *_declared(), *rest]
 
 
-@click.command(cls=_DemoCommand)
+@click.command(cls=_DemoCommand, short_help="Show a problem with every backend.")
 @click.argument("problem", default="error-correction")
 @click.option(
     "--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run."

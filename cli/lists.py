@@ -12,7 +12,7 @@ from .options import VERIFIED, as_json
 __all__ = ["backends", "instances", "models"]
 
 
-@click.command()
+@click.command(short_help="List the backends and what they prove.")
 @click.option("--probe", is_flag=True, help="Load each one in a worker to find what is broken.")
 @as_json
 def backends(probe: bool, as_json: bool) -> int:
@@ -46,7 +46,7 @@ def backends(probe: bool, as_json: bool) -> int:
     return VERIFIED
 
 
-@click.command()
+@click.command(short_help="List the models with their formulations.")
 @as_json
 def models(as_json: bool) -> int:
     """List the models with their formulations."""
@@ -74,11 +74,11 @@ def models(as_json: bool) -> int:
         emit(found)
     else:
         rows = [(f["model"], _plain(f["summary"]), ", ".join(f["formulations"])) for f in found]
-        show(table("", ("model", "summary", "formulations"), rows, drop=("formulations",)))
+        show(table("", ("model", "summary", "formulations"), rows))
     return VERIFIED
 
 
-@click.command()
+@click.command(short_help="List the instances of the catalogue.")
 @as_json
 def instances(as_json: bool) -> int:
     """List the catalogue: papers, published figures, where the data comes from."""

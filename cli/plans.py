@@ -24,7 +24,7 @@ from .options import (
 __all__ = ["check", "diagnose", "export"]
 
 
-@click.command()
+@click.command(short_help="Verify somebody else's plan.")
 @click.argument("instance")
 @click.argument("plan", metavar="PLAN.json")
 @click.option("--formulation", help="Check every row of this formulation as well.")
@@ -63,7 +63,7 @@ def check(
     return VERIFIED if verification.ok else VIOLATED
 
 
-@click.command()
+@click.command(short_help="Write a plan for other software.")
 @click.argument("instance")
 @click.argument("plan", metavar="PLAN.json")
 @click.option("--format", "form", help="A format of the problem (default: its first).")
@@ -121,7 +121,7 @@ def export(
     return VERIFIED
 
 
-@click.command()
+@click.command(short_help="Say why an instance has no plan.")
 @click.argument("instance")
 @click.option("--backend", help="Filter the blocks of a program with this backend instead.")
 @click.option("--formulation", help="The program whose rows are filtered (default: paper).")

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["compare", "reproduce", "solve"]
 
 
-@click.command()
+@click.command(short_help="Solve an instance and verify the answer.")
 @click.argument("instance")
 @click.option(
     "--backend", default="auto", show_default=True, help="A name from 'crosstrack backends'."
@@ -122,7 +122,7 @@ def _solve_code(solution: Solution[Any]) -> int:
     return codes.get(str(solution.termination), NO_ANSWER)
 
 
-@click.command()
+@click.command(short_help="Solve with several backends and judge.")
 @click.argument("instances", nargs=-1, required=True, metavar="INSTANCE...")
 @click.option(
     "--backends",
@@ -186,7 +186,7 @@ def compare(
     return compare_code(result)
 
 
-@click.command()
+@click.command(short_help="Set a paper's tables beside our runs.")
 @click.argument("problem")
 @click.option("--rows", help="Instances to run, such as 1-6,9 (default: all).")
 @click.option(

@@ -14,8 +14,8 @@ __all__ = ["FittedTable"]
 
 #: Cells between two columns, and those that the edges take.
 GAP, EDGES = 3, 2
-#: Width below which a column of words is not folded, where it has that much.
-WORDS = 14
+#: Width below which a column of words is not folded: as long as other columns can go, and at last.
+COMFORT, WORDS = 30, 14
 
 
 @dataclass(frozen=True)
@@ -54,16 +54,11 @@ class FittedTable:
         from rich import box
         from rich.table import Table
 
-        shown = list(range(len(self.columns)))
-        widths = self._widths(shown, options.max_width)
-        for column in self.drop:
-            if widths is not None:
-                break
-            shown.remove(column)
-            widths = self._widths(shown, options.max_width)
-        if widths is None:
+        found = self._fit(options.max_width)
+        if found is None:
             yield from self._blocks()
             return
+        shown, widths = found
         made = Table(
             title=self.title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
         )
@@ -74,7 +69,19 @@ class FittedTable:
             made.add_row(*(row[column] for column in shown))
         yield made
 
-    def _widths(self, shown: Sequence[int], width: int) -> list[int] | None:
+    def _fit(self, width: int) -> tuple[list[int], list[int]] | None:
+        """Return the columns to show and their widths, None where not even the fewest fit."""
+        for least in (COMFORT, WORDS):
+            shown = list(range(len(self.columns)))
+            for column in (None, *self.drop):
+                if column is not None:
+                    shown.remove(column)
+                widths = self._widths(shown, width, least)
+                if widths is not None:
+                    return shown, widths
+        return None
+
+    def _widths(self, shown: Sequence[int], width: int, words_least: int) -> list[int] | None:
         """Return the widths of the columns `shown`, None where they do not fit."""
         room = width - EDGES - GAP * (len(shown) - 1)
         least, natural = [], []
@@ -90,7 +97,7 @@ class FittedTable:
                 natural.append(max(widest, header))
             else:
                 natural.append(max(widest, header))
-                least.append(min(natural[-1], max(longest, WORDS)))
+                least.append(min(natural[-1], max(longest, words_least)))
         spare = room - sum(least)
         if spare < 0:
             return None
