@@ -19,7 +19,7 @@ from statistics import median
 from typing import Any
 
 import pytest
-from benchmarks import cspy_peer
+from benchmarks.error_correction import cspy_peer
 from benchmarks.cases import CASES, HEAVY, Case, arc_count
 from benchmarks.ledger import Ledger, Row, duration
 

@@ -18,7 +18,7 @@ from functools import cache
 from typing import Any
 
 import pytest
-from benchmarks.control_peers import Runner, facts, missing, plan_of
+from benchmarks.optimal_control.control_peers import Runner, facts, missing, plan_of
 from benchmarks.ledger import Ledger, Row, duration
 
 import crosstrack as ct
