@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import crosstrack as ct
-from crosstrack.errors import UnsupportedFormulation
+from crosstrack.errors import HiddenData, UnsupportedFormulation
 from crosstrack.instances import entries
 from crosstrack.models import Model
 from crosstrack.solvers import Solution
@@ -46,6 +46,11 @@ def test_its_data_travels(entry):
     sent = pickle.loads(pickle.dumps(model))
     assert (sent.digest, sent.name, sent.to_dict()) == (model.digest, model.name, model.to_dict())
     assert model.renamed("another").digest == model.digest
+    view = model.blinded()
+    assert (view.digest, view.is_blinded) == (model.digest, bool(model.hidden_fields()))
+    for name in model.hidden_fields():
+        with pytest.raises(HiddenData):
+            getattr(view, name)
     assert model.describe()
 
 

@@ -62,7 +62,7 @@ def missing(peer: str) -> str:
     if found.returncode == 0:
         return ""
     last = (found.stderr.strip().splitlines() or ["it ends"])[-1]
-    return f"{peer} is not in build/peers/{peer} ({last}); see tests/benchmarks/control_peers.py"
+    return f"{peer} is not in build/peers/{peer} ({last}); see tests/benchmarks/optimal_control/control_peers.py"
 
 
 class Runner:
