@@ -19,8 +19,8 @@ from statistics import median
 from typing import Any
 
 import pytest
-from benchmarks.error_correction import cspy_peer
 from benchmarks.cases import CASES, HEAVY, Case, arc_count
+from benchmarks.error_correction import cspy_peer
 from benchmarks.ledger import Ledger, Row, duration
 
 import crosstrack as ct

@@ -18,8 +18,8 @@ from functools import cache
 from typing import Any
 
 import pytest
-from benchmarks.optimal_control.control_peers import Runner, facts, missing, plan_of
 from benchmarks.ledger import Ledger, Row, duration
+from benchmarks.optimal_control.control_peers import Runner, facts, missing, plan_of
 
 import crosstrack as ct
 
