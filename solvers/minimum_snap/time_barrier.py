@@ -1,9 +1,9 @@
-"""Corridor and limits at given durations: the barrier problem and its slope."""
+"""Corridor and limits at given durations: the barrier problem, its slope and its curvature."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from ...models.minimum_snap.polynomials import factorials
 from ...models.minimum_snap.time_allocation import TimeAllocation
 from ...models.minimum_snap.trajectory import Trajectory
 from .separation import outside
+from .time_curvature import curvature, foreseen
 from .time_held import Group, Iterate, forms_of, groups_of
 from .time_inner import Spline, Value
 from .time_kernels import SETTLED, evaluate
@@ -27,8 +28,28 @@ STEPS = 40
 ACCURACY = 1e-6
 #: Largest violation of a held bound, relative to what it is held against.
 FEASIBLE = 1e-10
+#: Share of a slack that a foreseen step may use.
+REACH = 0.95
 #: Relative complementarity of a plan, and its largest violation between the instants.
 SHARP, BETWEEN = 1e-9, 2e-10
+
+
+class _Response(NamedTuple):
+    """What durations do to a group: see :func:`~.time_curvature.curvature`."""
+
+    knots: Floats
+    inner: Floats
+    rows: Floats
+    rates: Floats
+
+
+class _Course(NamedTuple):
+    """Where a step begins, its change of the durations, and what it should do to the iterates."""
+
+    origin: Floats
+    change: Floats
+    iterates: list[Iterate]
+    steps: list[Iterate]
 
 
 class Barrier:
@@ -57,6 +78,8 @@ class Barrier:
         self.forms = forms_of(model)
         self.groups = groups_of(self.forms)
         self._latest: tuple[Floats, float, Value] | None = None
+        self._course: _Course | None = None
+        self._responses: list[_Response] = []
 
     @property
     def pairs(self) -> int:
@@ -84,8 +107,8 @@ class Barrier:
         slope = np.zeros(durations.size)
         total = objective = 0.0
         found = []
-        for group in self.groups:
-            trial, own = group.iterate.copied(), np.zeros(durations.size)
+        for group, begin in zip(self.groups, self._begin(durations), strict=True):
+            trial, own = begin, np.zeros(durations.size)
             status, cost, logs = self._solved(group, durations, trial, own, warm=group.warm)
             if status != SETTLED and afresh and group.warm:
                 trial, own = group.iterate.copied(), np.zeros(durations.size)
@@ -116,6 +139,80 @@ class Barrier:
         )  # fmt: skip
         self.steps += steps
         return status, cost, logs
+
+    def curvature(self, durations: Floats) -> Floats | None:
+        """Return the second derivatives of :meth:`value`, shape (M, M); None where it is infinite.
+
+        They take O(M²).
+        """
+        if not np.isfinite(self.value(durations).value):
+            return None
+        durations, forms = np.ascontiguousarray(durations), self.forms
+        hessian = np.zeros((durations.size, durations.size))
+        self._responses = []
+        for group in self.groups:
+            rows, now = group.rows, group.iterate
+            response = curvature(
+                durations, self.model.order, len(group.axes), forms.unit_cost, forms.cost_orders,
+                rows.unit, rows.mix, rows.derivative, rows.start, rows.lower, rows.upper,
+                group.fixed, now.knots, now.inner, now.below, now.above, now.z_below, now.z_above,
+                self.unit, hessian,
+            )  # fmt: skip
+            self._responses.append(_Response(*response))
+        symmetric: Floats = 0.5 * (hessian + hessian.T)
+        return symmetric
+
+    # -- steps that are foreseen -----------------------------------------------------------------
+
+    def aim(self, change: Floats) -> float:
+        """Foresee what a `change` of the durations does, for :meth:`value` to start from.
+
+        To be called after :meth:`curvature`. Returns the share of the change at which a slack would
+        be used up, were everything linear.
+        """
+        assert self._latest is not None
+        far = np.inf
+        steps = []
+        for group, response in zip(self.groups, self._responses, strict=True):
+            rows, now = group.rows, group.iterate
+            knots = np.tensordot(change, response.knots, 1)
+            inner = np.tensordot(change, response.inner, 1)
+            moved = np.zeros(response.rates.size)
+            near = foreseen(
+                rows.start, response.rows, response.rates, change, knots, inner, now.below,
+                now.above, rows.lower, rows.upper, REACH, moved,
+            )  # fmt: skip
+            far = min(far, float(near))
+            z_below, z_above = -moved * now.z_below / now.below, moved * now.z_above / now.above
+            steps.append(Iterate(knots, inner, moved, -moved, z_below, z_above))
+        iterates = [group.iterate for group in self.groups]
+        self._course = _Course(self._latest[0], change, iterates, steps)
+        return far
+
+    def _begin(self, durations: Floats) -> list[Iterate]:
+        """Return iterates to start from: as foreseen, where the durations lie on the course."""
+        course = self._course
+        if course is not None:
+            away = durations - course.origin
+            share = float(away @ course.change) / float(course.change @ course.change)
+            off = float(np.abs(away - share * course.change).max())
+            if share > 0.0 and off <= 0.3 * float(np.abs(away).max()):
+                ratio = knot_scales(durations) / knot_scales(course.origin)
+                pairs = zip(self.groups, course.iterates, course.steps, strict=True)
+                return [self._moved(group, now, step, share, ratio) for group, now, step in pairs]
+        return [group.iterate.copied() for group in self.groups]
+
+    def _moved(
+        self, group: Group, now: Iterate, step: Iterate, share: float, ratio: Floats
+    ) -> Iterate:
+        orders = np.tile(np.arange(self.model.order), len(group.axes))
+        knots = (now.knots + share * step.knots) * ratio[:, None] ** orders
+        # A slack or multiplier that would vanish keeps a part of what it was.
+        rest = [
+            np.maximum(part + share * change, 0.1 * part)
+            for part, change in zip(now[2:], step[2:], strict=True)
+        ]
+        return Iterate(knots, now.inner + share * step.inner, *rest)
 
     # -- bounds between the instants -------------------------------------------------------------
 
@@ -168,7 +265,7 @@ class Barrier:
                 fresh = owners.taken(row)._replace(s=s)
                 count += group.hold(self.forms, fresh, self.mu)
         if count:
-            self._latest = None
+            self._latest = self._course = None
         return count
 
     def settle(self, durations: Floats, threshold: float, rounds: int = 25) -> Value:
@@ -202,7 +299,7 @@ class Barrier:
                 found = self.settle(durations, BETWEEN)
         finally:
             self.groups, self.mu = kept, mu
-            self._latest = None
+            self._latest = self._course = None
         return None if powers is None else Trajectory(self.model.times(durations), powers)
 
     def _joined(self, durations: Floats) -> Floats:

@@ -22,6 +22,8 @@ Floats = NDArray[np.float64]
 GAPS = tuple(float(gap) for gap in np.geomspace(1e-1, 1e-6, 9))
 #: Gradient at which the descent on a barrier ends, beside its complementarity.
 LOOSE = 1.0
+#: Segments up to which second derivatives, O(M²) and dense, are worth their time.
+NEWTON = 400
 #: Share of the way back to the last durations that had a path, tried where new ones have none.
 BACK = (0.05, 0.2, 0.5, 0.8, 1.0)
 #: Stretches, as logarithms, tried before that where a slower motion keeps all limits.
@@ -58,6 +60,28 @@ class Variables:
             return durations * (slope + self.weight)
         mean = float(durations @ slope) / self.total
         return durations * (slope - mean)
+
+    def change(self, durations: Floats, way: Floats) -> Floats:
+        """Return the change of T along a change of x."""
+        if self.total is None:
+            return durations * way
+        return durations * (way - float(durations @ way) / self.total)
+
+    def curvature(self, durations: Floats, slope: Floats, bent: Floats) -> Floats:
+        """Return the second derivatives by x, from the first and second ones of J by T."""
+        if self.total is None:
+            inside = durations[:, None] * bent * durations
+            inside[np.diag_indices_from(inside)] += durations * (slope + self.weight)
+            return inside
+        share = durations / self.total
+        turned = durations[:, None] * bent
+        turned = turned - share[:, None] * turned.sum(axis=0)
+        turned = turned * durations
+        turned = turned - turned.sum(axis=1)[:, None] * share
+        away = durations * (slope - float(share @ slope))
+        result: Floats = turned - np.outer(share, away) - np.outer(away, share)
+        result[np.diag_indices_from(result)] += away
+        return result
 
 
 @dataclass(frozen=True)
@@ -159,6 +183,20 @@ def allocate(
         value = found.value + model.time_weight * float(now.sum())
         return value, variables.slope(now, found.slope)
 
+    def bent(point: Floats) -> Floats | None:
+        now = variables.durations(point)
+        assert isinstance(inner, Barrier) and isinstance(variables, Variables)
+        found = inner.curvature(now)
+        if found is None:
+            return None
+        return variables.curvature(now, inner.value(now).slope, found)
+
+    newton = not proportional and x.size <= NEWTON
+
+    def aim(point: Floats, way: Floats) -> float:
+        assert isinstance(inner, Barrier) and isinstance(variables, Variables)
+        return inner.aim(variables.change(variables.durations(point), way))
+
     descent = Descent()
     if isinstance(inner, Spline):
         reached = descent.descend(
@@ -179,7 +217,10 @@ def allocate(
         goal = tolerance if last else max(LOOSE * gap, tolerance)
         threshold = between if last else max(between, 1e-2 * gap)
         for _ in range(20):
-            reached = descent.descend(function, x, goal, most - result.iterations, stopped=stopped)
+            reached = descent.descend(
+                function, x, goal, most - result.iterations,
+                stopped=stopped, curvature=bent if newton else None, aim=aim,
+            )  # fmt: skip
             result.iterations += reached.iterations
             result.evaluations += reached.evaluations
             if stopped():

@@ -65,6 +65,10 @@ class NativeTimes(Backend):
             tiny = TimeAllocation(points, 1.0, **more)
             if not self.refuses(tiny):
                 self.run(tiny, Request(options=self.checked_options({})))
+        if not self.refuses(tiny):
+            from .time_curvature import shifted_solve
+
+            shifted_solve(np.eye(1), 0.0, np.zeros(1))
         NativeTimes._compiled = True
 
 
@@ -108,7 +112,7 @@ def concluded(
 
 
 class TimeGradient(NativeTimes):
-    """Quasi-Newton descent on log T, with the slope of J by the envelope theorem.
+    """Newton and quasi-Newton descent on log T, with the slope of J by the envelope theorem.
 
     The first start is the better of the trapezoid's and the distance's durations, scaled for
     J + ρ ΣT and stretched until there is a path within the bounds; a seed above 0 perturbs it.
