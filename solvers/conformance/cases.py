@@ -19,9 +19,14 @@ __all__ = [
     "Case",
     "Expectation",
     "Run",
+    "Table",
+    "asked_for",
+    "ended",
     "optimum",
     "same_seed_same_answer",
     "seeds_differ",
+    "tabled",
+    "unsolvable",
 ]
 
 #: Relative slack of every comparison with a known value: solvers work to 1e-6 at best.
@@ -306,6 +311,61 @@ def optimum(
 ) -> Expectation:
     """Return what is expected where the optimum is known and must be proven."""
     return Expectation((Termination.OPTIMAL,), objective, point=point, duals=duals)
+
+
+#: Programs by name, each with what is known of it.
+Table = Mapping[str, tuple[BlockProgram, Expectation]]
+#: The feature without which a backend does not take an argument of the request.
+_NEEDS = {
+    "cutoff": Feature.CUTOFF,
+    "gap": Feature.GAP,
+    "seed": Feature.SEED,
+    "warm_start": Feature.WARM_START,
+}
+
+
+def tabled(kind: str, table: Table, **others: Any) -> list[Case]:
+    """Return a case for each entry of `table`, its name after `kind`, with `others` of its fields."""
+    return [Case(f"{kind}{name}", *known, **others) for name, known in table.items()]
+
+
+def ended(
+    kind: str, programs: Mapping[str, BlockProgram], *termination: Termination, **known: Any
+) -> list[Case]:
+    """Return a case for each of `programs`, of which the right ends are known, and `known`."""
+    expected = Expectation(termination, **known)
+    return tabled(kind, {name: (program, expected) for name, program in programs.items()})
+
+
+def unsolvable(
+    kind: str, infeasible: Mapping[str, BlockProgram], unbounded: Mapping[str, BlockProgram]
+) -> list[Case]:
+    """Return a case for each program, which must be proven to have no solution."""
+    return [
+        *ended(kind, infeasible, Termination.INFEASIBLE),
+        *ended(kind, unbounded, Termination.UNBOUNDED),
+    ]
+
+
+def asked_for(
+    kind: str,
+    program: BlockProgram,
+    known: Expectation,
+    requests: Mapping[str, Mapping[str, Any]],
+    **others: Any,
+) -> list[Case]:
+    """Return a case for each of `requests`: by name, the arguments with which `program` is asked."""
+    return [
+        Case(
+            f"{kind}{name}",
+            program,
+            known,
+            frozenset(_NEEDS[key] for key in arguments if key in _NEEDS),
+            arguments,
+            **others,
+        )
+        for name, arguments in requests.items()
+    ]
 
 
 def same_seed_same_answer(case: Case, run: Run) -> str | None:
