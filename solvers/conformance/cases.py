@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...models.programs.base import BlockProgram, RowProgram
 from ...models.programs.conic import ConicProgram
@@ -21,6 +21,7 @@ __all__ = [
     "Run",
     "Table",
     "asked_for",
+    "bounds",
     "ended",
     "optimum",
     "same_seed_same_answer",
@@ -311,6 +312,27 @@ def optimum(
 ) -> Expectation:
     """Return what is expected where the optimum is known and must be proven."""
     return Expectation((Termination.OPTIMAL,), objective, point=point, duals=duals)
+
+
+def bounds(
+    rows: int,
+    columns: int,
+    row_lower: ArrayLike,
+    row_upper: ArrayLike,
+    lower: ArrayLike,
+    upper: ArrayLike,
+) -> dict[str, Any]:
+    """Return the bounds of a program by the names of its fields; those given once count for all."""
+    given = {
+        "row_lower": (row_lower, rows),
+        "row_upper": (row_upper, rows),
+        "column_lower": (lower, columns),
+        "column_upper": (upper, columns),
+    }
+    return {
+        name: np.broadcast_to(np.asarray(value, float), (size,)).copy()
+        for name, (value, size) in given.items()
+    }
 
 
 #: Programs by name, each with what is known of it.

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...models.programs.linear import MixedIntegerProgram
-from .cases import Case, Table, optimum, tabled, unsolvable
+from .cases import Case, Table, bounds, optimum, tabled, unsolvable
 
 __all__ = ["linear_cases", "program"]
 
@@ -32,17 +31,11 @@ def program(
     costs = np.asarray(cost, float)
     rows = np.asarray(matrix, float).reshape(-1, costs.size) if costs.size else np.asarray(matrix)
 
-    def full(value: ArrayLike, size: int, kind: type = float) -> NDArray[Any]:
-        return np.broadcast_to(np.asarray(value, kind), (size,)).copy()
-
     return MixedIntegerProgram(
         cost=costs,
         matrix=sp.csr_array(rows),
-        row_lower=full(row_lower, rows.shape[0]),
-        row_upper=full(row_upper, rows.shape[0]),
-        column_lower=full(lower, costs.size),
-        column_upper=full(upper, costs.size),
-        integral=full(integral, costs.size, bool),
+        **bounds(*rows.shape, row_lower, row_upper, lower, upper),
+        integral=np.broadcast_to(np.asarray(integral, bool), costs.shape),
         offset=offset,
     )
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...models.programs.linear import QuadraticProgram
 from ..backend import Termination
-from .cases import Case, Expectation, Table, asked_for, optimum, tabled, unsolvable
+from .cases import Case, Expectation, Table, asked_for, bounds, optimum, tabled, unsolvable
 from .quadratic_larger import horizon, portfolio
 
 __all__ = ["quadratic", "quadratic_cases"]
@@ -39,17 +38,11 @@ def quadratic(
     given = np.asarray(matrix, float)
     rows = given.reshape(-1, size) if size else given.reshape(given.shape[0], 0)
 
-    def full(value: ArrayLike, count: int) -> NDArray[Any]:
-        return np.broadcast_to(np.asarray(value, float), (count,)).copy()
-
     return QuadraticProgram(
         hessian=sp.csr_array(curved),
         cost=costs,
         matrix=sp.csr_array(rows),
-        row_lower=full(row_lower, rows.shape[0]),
-        row_upper=full(row_upper, rows.shape[0]),
-        column_lower=full(lower, size),
-        column_upper=full(upper, size),
+        **bounds(*rows.shape, row_lower, row_upper, lower, upper),
         offset=offset,
     )
 

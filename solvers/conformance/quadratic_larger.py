@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ def portfolio() -> tuple[QuadraticProgram, Vector, Vector]:
     total = matrix[0] @ point
     lower, upper = program.row_lower.copy(), program.row_upper.copy()
     lower[0] = upper[0] = total
-    return _with_rows(program, lower, upper), point, duals
+    return replace(program, row_lower=lower, row_upper=upper), point, duals
 
 
 def horizon() -> tuple[QuadraticProgram, Vector, Vector]:
@@ -103,25 +104,7 @@ def horizon() -> tuple[QuadraticProgram, Vector, Vector]:
     value[:2] = start
     lower, upper = np.full(size, -INF), np.full(size, INF)
     lower[2::each], upper[2::each] = -1.0, 1.0
-    fixed = QuadraticProgram(
-        hessian=program.hessian,
-        cost=program.cost,
-        matrix=rows,
-        row_lower=value,
-        row_upper=value,
-        column_lower=lower,
-        column_upper=upper,
+    fixed = replace(
+        program, row_lower=value, row_upper=value, column_lower=lower, column_upper=upper
     )
     return fixed, point, duals
-
-
-def _with_rows(program: QuadraticProgram, lower: Vector, upper: Vector) -> QuadraticProgram:
-    return QuadraticProgram(
-        hessian=program.hessian,
-        cost=program.cost,
-        matrix=program.matrix,
-        row_lower=lower,
-        row_upper=upper,
-        column_lower=program.column_lower,
-        column_upper=program.column_upper,
-    )

@@ -16,13 +16,12 @@ from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Backend, Control, Feature, Limit, Request
 from .cases import Case, Run
 from .conic import conic_cases
-from .conic_limits import conic_limit_cases
+from .convex_limits import conic_limit_cases, quadratic_limit_cases
 from .limits import limit_cases
 from .linear import linear_cases
 from .mixed_integer import integer_cases
 from .nonlinear import nonlinear_cases
 from .quadratic import quadratic_cases
-from .quadratic_limits import quadratic_limit_cases
 
 __all__ = ["CaseResult", "Matrix", "Status", "all_cases", "cases_for", "run_case"]
 
