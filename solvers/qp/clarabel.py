@@ -12,8 +12,8 @@ from ...models.programs.cones import ConeKind, order
 from ..attempts import Clock, Ended, Ending, Meaning, limited, own_options, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
-from ..conic.forms import ConeForm, Convex
 from .base import COMMON, POLISH
+from .forms import ConicForm, Convex
 
 __all__ = ["Clarabel"]
 
@@ -39,7 +39,7 @@ class Clarabel(ConvexBackend):
         """Solve with Clarabel."""
         import clarabel  # type: ignore[import-untyped]
 
-        form = ConeForm.posed(program)
+        form = ConicForm.of(program)
         cones: list[Any] = []
         if form.zeros:
             cones.append(clarabel.ZeroConeT(form.zeros))

@@ -13,8 +13,8 @@ from ...models.programs.cones import ConeKind, order
 from ..attempts import Clock, Ended, Ending, Meaning, limited, over, own_options
 from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
-from ..conic.forms import ConeForm, Convex, columnwise
 from .base import COMMON, EPS, POLISH, first_order_precision
+from .forms import ConicForm, Convex, columnwise
 
 __all__ = ["Scs"]
 
@@ -44,7 +44,7 @@ class Scs(ConvexBackend):
         """Solve with SCS."""
         import scs  # type: ignore[import-untyped]
 
-        form = ConeForm.posed(program, tuple(_NAMES), columnwise)
+        form = ConicForm.of(program, tuple(_NAMES), columnwise)
         eps = first_order_precision(request)
         if not form.right.size:
             # SCS needs a row: one that every point satisfies.
@@ -113,7 +113,7 @@ def _slice(clock: Clock) -> float:
     return SLICE if left is None else max(min(SLICE, left), 1e-3)
 
 
-def _with_a_row(form: ConeForm, size: int) -> ConeForm:
+def _with_a_row(form: ConicForm, size: int) -> ConicForm:
     row = sp.csc_matrix(([1.0], ([0], [0])), shape=(1, size))
     # A constant that no solution of moderate size comes near would be a bound; 0 @ x <= 1 is none.
     row.data[:] = 0.0
