@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...models.programs.base import BlockProgram, RowProgram
 from ...models.programs.conic import ConicProgram
-from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Feature, Limit, Request, Termination
 
@@ -257,7 +256,7 @@ def _duals(case: Case, run: Run) -> str | None:
     if isinstance(program, NonlinearProgram):
         return _multipliers(program, duals, answer, expected)
     optimum = expected.objective
-    bound = _proven(program, duals, answer.point)
+    bound = program.dual_bound(duals, np.asarray(answer.point, float))
     if optimum is not None and not abs(bound - optimum) <= _slack(optimum):
         return f"the duals {duals.tolist()} prove the bound {bound!r}, the optimum is {optimum!r}"
     if expected.duals is not None and not np.allclose(duals, expected.duals, rtol=0, atol=1e-5):
@@ -286,15 +285,6 @@ def _multipliers(
         if not (np.abs(duals - np.asarray(expected.duals)) * sizes <= STATIONARY).all():
             return f"the duals are {duals.tolist()}, the only ones are {list(expected.duals)}"
     return None
-
-
-def _proven(program: BlockProgram, duals: Vector, point: Any) -> float:
-    """Return the bound that row multipliers prove; of a quadratic program, with the point."""
-    if isinstance(program, QuadraticProgram | ConicProgram):
-        return program.dual_bound(duals, np.asarray(point, float))
-    if isinstance(program, MixedIntegerProgram):
-        return program.dual_bound(duals)
-    raise TypeError(f"no dual bound is known for a {type(program).__name__}")
 
 
 def _time(case: Case, run: Run) -> str | None:

@@ -7,7 +7,7 @@ import importlib.util
 import threading
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -58,13 +58,7 @@ class CaseResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as JSON data."""
-        return {
-            "backend": self.backend,
-            "case": self.case,
-            "status": self.status.value,
-            "reason": self.reason,
-            "seconds": self.seconds,
-        }
+        return {**asdict(self), "status": self.status.value}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> CaseResult:

@@ -14,7 +14,7 @@ from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Clock, Ended, Ending, over, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from ..casadi_plugins import status_of
-from .base import COMMON, most_iterations
+from .base import COMMON, HESSIAN, most_iterations
 from .blas import use_threads
 from .casadi_nlp import DERIVATIVES, CasadiNlp, ended_by_words
 from .scaled import Scaled
@@ -34,12 +34,7 @@ class Ipopt(CasadiNlp):
     single_threaded = True
     options: ClassVar[Mapping[str, Option]] = {
         "max_iter": most_iterations(3000),
-        "hessian": Option(
-            "exact",
-            "The exact Hessian, or an approximation from gradients.",
-            str,
-            ("exact", "limited-memory"),
-        ),
+        "hessian": HESSIAN,
         "linear_solver": Option("mumps", "Ipopt's name of a linear solver it can load.", str),
         "mu_strategy": Option(
             "adaptive", "How the barrier parameter falls.", str, ("monotone", "adaptive")

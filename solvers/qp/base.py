@@ -50,7 +50,9 @@ __all__ = [
     "answered",
     "dense_memory",
     "first_order_precision",
+    "pause",
     "prefers_dense",
+    "told",
     "too_large",
 ]
 
@@ -95,6 +97,27 @@ LINEAR_ALGEBRA = Option(
 DENSE = 0.1
 #: Gigabytes of dense data above which a dense solver is refused.
 MEMORY = 2.0
+#: Seconds of a solve that goes on from where it paused.
+SLICE = 0.5
+
+_EPS = ("eps_abs", "eps_rel")
+#: How the libraries over many solvers tell each its time limit and its tolerances; one that is not
+#: among these, or has no time limit, runs as it is by default and is stopped with its process.
+_TOLD: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "clarabel": ("time_limit", ("tol_feas", "tol_gap_abs", "tol_gap_rel")),
+    "daqp": ("", ("primal_tol", "dual_tol")),
+    "ecos": ("", ("abstol", "reltol", "feastol")),
+    "highs": ("time_limit", ("primal_feasibility_tolerance", "dual_feasibility_tolerance")),
+    "osqp": ("time_limit", _EPS),
+    "piqp": ("", _EPS),
+    "proxqp": ("", _EPS),
+    "scs": ("time_limit_secs", _EPS),
+}
+#: First-order methods need more iterations than their defaults allow.
+_MORE: Mapping[str, Mapping[str, Any]] = {
+    "osqp": {"max_iter": 200_000},
+    "scs": {"max_iters": 200_000},
+}
 
 Attempt = Callable[[QuadraticProgram, Request, Clock], Ending]
 
@@ -132,6 +155,12 @@ def first_order_precision(request: Request) -> float:
     """
     share = 1.0 if request.options["polish"] else 1e-2
     return request.options.get("eps") or solver_tolerance(request.tolerance * share, 1e-11, 1e-6)
+
+
+def pause(clock: Clock) -> float:
+    """Return the seconds after which a solver without a callback pauses, so that a stop is heard."""
+    left = clock.left()
+    return SLICE if left is None else max(min(SLICE, left), 1e-3)
 
 
 def prefers_dense(program: QuadraticProgram, request: Request, largest: int) -> bool:
@@ -361,6 +390,13 @@ def _summed(first: Ending, second: Ending) -> Ending:
     if second.point is None and second.ended is Ended.STOPPED:
         return replace(first, statistics=counts, limit=second.limit)
     return replace(second, statistics=counts)
+
+
+def told(solver: str, request: Request) -> tuple[str, dict[str, Any]]:
+    """Return what `solver` calls its time limit, empty for none, and its options for `request`."""
+    time_name, tolerances = _TOLD.get(solver, ("", ()))
+    tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-10, 1e-8)
+    return time_name, {**dict.fromkeys(tolerances, tolerance), **_MORE.get(solver, {})}
 
 
 def dense_memory(program: QuadraticProgram, rows: int) -> float:

@@ -153,6 +153,8 @@ class CasadiConic(QuadraticBackend):
         """Solve with the plugin asked for."""
         import casadi
 
+        from ...models.programs.triplets import dm
+
         name = str(request.options["plugin"])
         plugin = _PLUGINS[name]
         _load(name)
@@ -163,7 +165,7 @@ class CasadiConic(QuadraticBackend):
         most = int(request.options["max_iter"] or plugin.most)
         tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-11, 1e-8)
         options = plugin.own(posed, tolerance, min(plugin.piece or most, most), clock.left())
-        hessian, matrix = _dm(posed.hessian), _dm(posed.matrix)
+        hessian, matrix = dm(posed.hessian), dm(posed.matrix)
         call: Any = casadi
         try:
             solver = call.conic(
@@ -269,14 +271,3 @@ def _ended(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
     if "iter" in words or stats.get("unified_return_status") == "SOLVER_RET_LIMITED":
         return Ended.STOPPED, Limit.ITERATIONS
     return Ended.FAILED, None
-
-
-def _dm(matrix: Any) -> Any:
-    import casadi
-
-    csc = matrix.tocsc()
-    csc.sort_indices()
-    sparsity = casadi.Sparsity(
-        csc.shape[0], csc.shape[1], csc.indptr.tolist(), csc.indices.tolist()
-    )
-    return casadi.DM(sparsity, csc.data)

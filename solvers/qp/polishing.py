@@ -40,12 +40,8 @@ REGULARISATION = 1e-8
 LARGEST = 5_000_000
 
 
-def _never() -> bool:
-    return False
-
-
 def polished(
-    program: QuadraticProgram, start: Quality, over: Callable[[], bool] = _never
+    program: QuadraticProgram, start: Quality, over: Callable[[], bool] = lambda: False
 ) -> Quality:
     """Return what is better: `start`, or the optimum of what seems to bind there.
 
