@@ -28,7 +28,6 @@ class Ecos(ConvexBackend):
     accepts = ConicProgram
     features = COMMON
     requires = ("ecos",)
-    distribution = "ecos"
     extra = "ecos"
     options: ClassVar[Mapping[str, Option]] = {
         "max_iters": Option(200, "Interior-point iterations at most.", int, lower=1)

@@ -35,7 +35,6 @@ class CpSat(ProgramBackend):
     name = "cp-sat"
     features = CALLED_BACK | {Feature.THREADS}
     requires = ("ortools",)
-    distribution = "ortools"
     extra = "ortools"
     # See Highs: ortools and highspy exclude one another.
     conflict_group = "highs"

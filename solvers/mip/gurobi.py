@@ -26,7 +26,6 @@ class Gurobi(ProgramBackend):
     name = "gurobi"
     features = CALLED_BACK | {Feature.THREADS, Feature.DUALS}
     requires = ("gurobipy",)
-    distribution = "gurobipy"
     extra = "gurobi"
     options: ClassVar[Mapping[str, Option]] = {
         "mip_focus": Option(0, "0 balanced, 1 solutions, 2 proof, 3 bound.", int, (0, 1, 2, 3)),

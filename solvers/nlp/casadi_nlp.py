@@ -47,7 +47,6 @@ class CasadiNlp(NonlinearBackend):
     """
 
     requires = ("casadi",)
-    distribution = "casadi"
     features = COMMON | {Feature.INTERRUPT}
     plugin: ClassVar[str]
     given: ClassVar[Mapping[str, str]] = {}

@@ -137,7 +137,6 @@ class CasadiConic(QuadraticBackend):
 
     name = "casadi"
     requires = ("casadi",)
-    distribution = "casadi"
     # CasADi brings a HiGHS that breaks those of highspy and ortools in a process, and is broken
     # by them. The other plugins keep to themselves, hence the mark.
     conflict_group = "highs"

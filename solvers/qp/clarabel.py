@@ -24,7 +24,6 @@ class Clarabel(ConvexBackend):
     name = "clarabel"
     features = COMMON | {Feature.INTERRUPT}
     requires = ("clarabel",)
-    distribution = "clarabel"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "max_iter": Option(200, "Interior-point iterations at most.", int, lower=1),

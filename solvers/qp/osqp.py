@@ -24,7 +24,6 @@ class Osqp(QuadraticBackend):
     name = "osqp"
     features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
     requires = ("osqp",)
-    distribution = "osqp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "eps": EPS,

@@ -32,7 +32,6 @@ class Qpsolvers(QuadraticBackend):
 
     name = "qpsolvers"
     requires = ("qpsolvers",)
-    distribution = "qpsolvers"
     # It imports every solver that it finds, highspy too: see Highs.
     conflict_group = "highs"
     natives = ("highspy._core",)

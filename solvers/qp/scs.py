@@ -28,7 +28,6 @@ class Scs(ConvexBackend):
     name = "scs"
     features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
     requires = ("scs",)
-    distribution = "scs"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "eps": EPS,
