@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ...models.programs.linear import MixedIntegerProgram
@@ -23,6 +25,8 @@ from .linear import program
 __all__ = ["integer_cases"]
 
 INF = np.inf
+#: A program of whole columns alone.
+whole = partial(program, integral=True)
 
 
 def integer_cases() -> tuple[Case, ...]:
@@ -36,57 +40,49 @@ def _solvable() -> list[Case]:
     integer = {
         "knapsack": (_knapsack(), optimum(-15, (0, 1, 1, 1, 1))),
         "assignment": (
-            program(assignment.ravel().tolist(), each, 1, 1, upper=1, integral=True),
+            whole(assignment.ravel().tolist(), each, 1, 1, upper=1),
             optimum(13),
         ),
         "general columns": (
-            program([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6], upper=9, integral=True),
+            whole([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6], upper=9),
             optimum(-20, (4, 0)),
         ),
         "general columns, infinite bounds": (
-            program([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6], integral=True),
+            whole([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6]),
             optimum(-20, (4, 0)),
         ),
         "negative columns": (
-            program([3, 2], [[2, 3]], row_lower=[-7.5], lower=-10, upper=10, integral=True),
+            whole([3, 2], [[2, 3]], row_lower=[-7.5], lower=-10, upper=10),
             optimum(-20, (-10, 5)),
         ),
         "fractional bounds": (
-            program([1, -1], [[1, 1]], row_upper=[9], lower=0.5, upper=3.5, integral=True),
+            whole([1, -1], [[1, 1]], row_upper=[9], lower=0.5, upper=3.5),
             optimum(-2, (1, 3)),
         ),
         "two-sided rows and an offset": (
-            program(
-                [4, 3, 5, 2],
-                [[1, 1, 1, 1], [1, -1, 1, -1]],
-                [3, -1],
-                [4, 1],
-                upper=2,
-                integral=True,
-                offset=-100,
+            whole(
+                [4, 3, 5, 2], [[1, 1, 1, 1], [1, -1, 1, -1]], [3, -1], [4, 1], upper=2, offset=-100
             ),
             optimum(-92, (1, 0, 0, 2)),
         ),
         "decimal coefficients": (
-            program(
-                [-0.3, -0.7, -0.5], [[0.1, 0.25, 0.2]], row_upper=[0.6], upper=3, integral=True
-            ),
+            whole([-0.3, -0.7, -0.5], [[0.1, 0.25, 0.2]], row_upper=[0.6], upper=3),
             optimum(-1.7, (1, 2, 0)),
         ),
         "equality with one solution": (
-            program([1, 1], [[7, 11]], [100], [100], upper=20, integral=True),
+            whole([1, 1], [[7, 11]], [100], [100], upper=20),
             optimum(12, (8, 4)),
         ),
         "empty objective": (
-            program([0, 0], [[3, 5]], [11], [11], upper=9, integral=True, offset=2),
+            whole([0, 0], [[3, 5]], [11], [11], upper=9, offset=2),
             optimum(2, (2, 1)),
         ),
         "no rows": (
-            program([1, -1], np.zeros((0, 2)), lower=-2, upper=3, integral=True),
+            whole([1, -1], np.zeros((0, 2)), lower=-2, upper=3),
             optimum(-5, (-2, 3)),
         ),
         "empty rows": (
-            program([1, -2], [[0, 0], [1, 1]], [-1, -INF], [1, 3], upper=2, integral=True),
+            whole([1, -2], [[0, 0], [1, 1]], [-1, -INF], [1, 3], upper=2),
             optimum(-4, (0, 2)),
         ),
     }
@@ -157,14 +153,7 @@ def _solvable() -> list[Case]:
 
 
 def _knapsack(offset: float = 0.0) -> MixedIntegerProgram:
-    return program(
-        [-4, -2, -1, -10, -2],
-        [[12, 2, 1, 4, 1]],
-        row_upper=[15],
-        upper=1,
-        integral=True,
-        offset=offset,
-    )
+    return whole([-4, -2, -1, -10, -2], [[12, 2, 1, 4, 1]], row_upper=[15], upper=1, offset=offset)
 
 
 def _switch() -> MixedIntegerProgram:
@@ -180,27 +169,18 @@ def _staircase() -> MixedIntegerProgram:
     k = np.arange(size)
     weights = np.array([(17 * k + 5 * k * k) % 61 + 20, (29 * k + 3 * k * k) % 53 + 20])
     cost = -(weights.sum(axis=0) + (7 * k) % 11)
-    return program(
-        cost.tolist(), weights, row_upper=weights.sum(axis=1) // 2, upper=1, integral=True
-    )
+    return whole(cost.tolist(), weights, row_upper=weights.sum(axis=1) // 2, upper=1)
 
 
 def _unsolvable() -> list[Case]:
     infeasible = {
-        "integer: infeasible, its relaxation feasible": program(
-            [1, 1], [[2, 4]], [7], [7], upper=10, integral=True
-        ),
-        "integer: no whole number within the bounds": program(
-            [1, 1], [[1, 1]], row_lower=[0], lower=[0.3, 0], upper=[0.7, 4], integral=True
+        "integer: infeasible, its relaxation feasible": whole([1, 1], [[2, 4]], [7], [7], upper=10),
+        "integer: no whole number within the bounds": whole(
+            [1, 1], [[1, 1]], row_lower=[0], lower=[0.3, 0], upper=[0.7, 4]
         ),
         # The first row is even on the left and odd on the right.
-        "integer: infeasible by search": program(
-            [1] * 5,
-            [[2, 4, 6, 8, 10], [1, -1, 1, -1, 1]],
-            [21, -3],
-            [21, 3],
-            upper=4,
-            integral=True,
+        "integer: infeasible by search": whole(
+            [1] * 5, [[2, 4, 6, 8, 10], [1, -1, 1, -1, 1]], [21, -3], [21, 3], upper=4
         ),
         "mixed: infeasible, its relaxation unbounded": program(
             [0, 0, -1],
@@ -212,7 +192,7 @@ def _unsolvable() -> list[Case]:
         ),
     }
     unbounded = {
-        "integer: unbounded": program([-1, 0], [[1, -1]], row_upper=[0.5], integral=True),
+        "integer: unbounded": whole([-1, 0], [[1, -1]], row_upper=[0.5]),
         "mixed: unbounded": program(
             [1, -1], [[1, 0]], row_lower=[1], upper=[4, INF], integral=[True, False]
         ),

@@ -14,15 +14,7 @@ import numpy as np
 
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Termination
-from .cases import (
-    Case,
-    Expectation,
-    Table,
-    asked_for,
-    same_seed_same_answer,
-    seeds_differ,
-    tabled,
-)
+from .cases import Case, Expectation, Table, asked_for, same_seed_same_answer, seeds_differ, tabled
 from .nonlinear_hard import hard_cases, unsolvable_cases
 from .nonlinear_limits import chain_case, nonlinear_limit_cases
 from .nonlinear_posing import ENDS, known, nonlinear
@@ -111,20 +103,15 @@ def _classic() -> Table:
         ),
         "HS071": (_hs71(), known(*HS71)),
         "HS006": (
-            nonlinear(
-                lambda x: ((1 - x[0]) ** 2, [10 * (x[1] - x[0] ** 2)]),
-                [-1.2, 1],
-                row_lower=0,
-                row_upper=0,
-            ),
+            nonlinear(lambda x: ((1 - x[0]) ** 2, [10 * (x[1] - x[0] ** 2)]), [-1.2, 1], 0, 0),
             known(0.0, (1, 1), (0,)),
         ),
         "HS007": (
             nonlinear(
                 lambda x: (_log1p(x[0] ** 2) - x[1], [(1 + x[0] ** 2) ** 2 + x[1] ** 2]),
                 [2, 2],
-                row_lower=4,
-                row_upper=4,
+                4,
+                4,
             ),
             known(-np.sqrt(3), (0, np.sqrt(3)), (-0.5 / np.sqrt(3),)),
         ),
@@ -171,7 +158,7 @@ def _plain() -> Table:
             known(8 / 3, (1, 0), ()),
         ),
         "rows that do not bind": (
-            nonlinear(circle, [5, 5], row_lower=[-10, -INF], row_upper=[INF, 100]),
+            nonlinear(circle, [5, 5], [-10, -INF], [INF, 100]),
             known(0.0, (1, 2), (0, 0)),
         ),
         "a linear program": (
@@ -187,8 +174,8 @@ def _plain() -> Table:
             nonlinear(
                 lambda x: ((x[0] - 3) ** 2 + (x[1] - 1) ** 2, [x[0] ** 2 + x[1], x[0] - x[1]]),
                 [0, 0],
-                row_lower=[-1, -2],
-                row_upper=[1, 2],
+                [-1, -2],
+                [1, 2],
             ),
             known(5.0, (1, 0), (-2, 0)),
         ),
@@ -215,8 +202,8 @@ def _plain() -> Table:
             nonlinear(
                 lambda x: (0 * x[0], [x[0] ** 2 + x[1] ** 2, x[0] - x[1]]),
                 [2, 1],
-                row_lower=[1, 0],
-                row_upper=[1, 0],
+                [1, 0],
+                [1, 0],
                 lower=0,
             ),
             known(0.0, (np.sqrt(0.5), np.sqrt(0.5)), (0, 0)),
@@ -254,8 +241,8 @@ def _scaled() -> Table:
             nonlinear(
                 posed,
                 np.array([1, 5, 5, 1]) * units,
-                row_lower=[25e-3, 40e3],
-                row_upper=[INF, 40e3],
+                [25e-3, 40e3],
+                [INF, 40e3],
                 lower=units,
                 upper=5 * units,
                 column_scale=units,
@@ -263,9 +250,7 @@ def _scaled() -> Table:
                 objective_scale=1e4,
             ),
             known(
-                1e4 * HS71[0],
-                tuple(np.array(HS71[1]) * units),
-                (1e7 * HS71[2][0], 10 * HS71[2][1]),
+                1e4 * HS71[0], tuple(np.array(HS71[1]) * units), (1e7 * HS71[2][0], 10 * HS71[2][1])
             ),
         ),
     }

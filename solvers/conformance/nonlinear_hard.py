@@ -26,8 +26,8 @@ def hard_cases() -> Table:
             nonlinear(
                 lambda x: (x[0] + x[1] + x[2] ** 2, [round_(x), 2 * round_(x)]),
                 [-1.5, -0.5, 1],
-                row_lower=[2, 4],
-                row_upper=[2, 4],
+                [2, 4],
+                [2, 4],
             ),
             known(-2.0, (-1, -1, 0)),
         ),
@@ -86,8 +86,8 @@ def unsolvable_cases() -> list[Case]:
         "infeasible equations": nonlinear(
             lambda x: (x[0] ** 2 + x[1], [x[0] ** 2 + x[1] ** 2, x[0] * x[1]]),
             [1, 2],
-            row_lower=[1, 2],
-            row_upper=[1, 2],
+            [1, 2],
+            [1, 2],
         ),
         "infeasible within the bounds": nonlinear(
             lambda x: (x[1], [x[0] ** 2 + x[1]]), [0.5, 0.5], row_lower=5, lower=0, upper=[2, 0.5]
