@@ -299,7 +299,7 @@ def _weak() -> list[Case]:
 
 def _asked_for() -> list[Case]:
     at = (-1 / ROOT, -1 / ROOT)
-    requests = {
+    requests: dict[str, dict[str, Any]] = {
         "a small gap": {"gap": 1e-8},
         "tight tolerance": {"tolerance": 1e-8},
         "warm start at the optimum": {"warm_start": np.array(at)},

@@ -34,7 +34,7 @@ def program(
     return MixedIntegerProgram(
         cost=costs,
         matrix=sp.csr_array(rows),
-        **bounds(*rows.shape, row_lower, row_upper, lower, upper),
+        **bounds(rows.shape[0], rows.shape[1], row_lower, row_upper, lower, upper),
         integral=np.broadcast_to(np.asarray(integral, bool), costs.shape),
         offset=offset,
     )

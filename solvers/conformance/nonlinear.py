@@ -257,7 +257,7 @@ def _scaled() -> Table:
 
 
 def _asked_for() -> list[Case]:
-    requests = {
+    requests: dict[str, dict[str, Any]] = {
         "tight tolerance": {"tolerance": 1e-9},
         "warm start at the optimum": {"warm_start": np.array(HS71[1])},
         "warm start elsewhere": {"warm_start": np.array([1.0, 5.0, 5.0, 1.0])},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -42,7 +43,7 @@ def quadratic(
         hessian=sp.csr_array(curved),
         cost=costs,
         matrix=sp.csr_array(rows),
-        **bounds(*rows.shape, row_lower, row_upper, lower, upper),
+        **bounds(rows.shape[0], rows.shape[1], row_lower, row_upper, lower, upper),
         offset=offset,
     )
 
@@ -189,7 +190,7 @@ def _unsolvable() -> list[Case]:
 def _asked_for() -> list[Case]:
     rows = quadratic([3, 7], [0, 0], [[1, 1]], 1)
     at = (0.7, 0.3)
-    requests = {
+    requests: dict[str, dict[str, Any]] = {
         ": a small gap": {"gap": 1e-10},
         ": tight tolerance": {"tolerance": 1e-9},
         ": warm start at the optimum": {"warm_start": np.array(at)},
