@@ -12,7 +12,7 @@ from ...errors import BackendBroken, UnsupportedFormulation
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Ending, limited, over, solver_tolerance
 from ..backend import Limit, Option, Request
-from ..casadi_plugins import HIGHS_MARK, last_line, load_plugin, status_of, vector
+from ..casadi_plugins import HIGHS_MARK, ended_by_words, last_line, load_plugin, status_of, vector
 from .base import POLISH, QuadraticBackend, too_large
 from .forms import independent_rows
 
@@ -257,16 +257,6 @@ def _load(name: str) -> None:
 
 
 def _ended(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
-    status = status_of(stats)
-    if stats.get("success"):
-        return Ended.PROVEN, None
-    words = status.lower()
-    if "unbounded" in words or "dual infeasible" in words or "dual_infeasible" in words:
-        return Ended.UNBOUNDED, None
-    if "infeasib" in words or status == "-1":
+    if status_of(stats) == "-1" and not stats.get("success"):
         return Ended.INFEASIBLE, None
-    if "time" in words:
-        return Ended.STOPPED, Limit.TIME
-    if "iter" in words or stats.get("unified_return_status") == "SOLVER_RET_LIMITED":
-        return Ended.STOPPED, Limit.ITERATIONS
-    return Ended.FAILED, None
+    return ended_by_words(stats)
