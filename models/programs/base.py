@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -196,6 +196,22 @@ class RowProgram(BlockProgram):
         )
         checks = self._checks(point, self.matrix @ point, largest, tolerance)
         return Verification(self.objective(point), checks)
+
+    def sides(self) -> Iterator[tuple[str, NDArray[np.intp], Vector]]:
+        """Yield equal rows, rows from below and rows from above, each kind where there are any.
+
+        Each comes as ``"="``, ``">"`` or ``"<"``, which rows, and their bounds; a row with two
+        bounds comes twice.
+        """
+        low, high = self.row_lower, self.row_upper
+        equal = low == high
+        for sense, take, bound in (
+            ("=", equal, low),
+            (">", ~equal & np.isfinite(low), low),
+            ("<", ~equal & np.isfinite(high), high),
+        ):
+            if take.any():
+                yield sense, np.flatnonzero(take), bound[take]
 
     @property
     def conditions(self) -> tuple[Block, ...]:

@@ -6,7 +6,7 @@ call these functions, so they are not imported here: a program is whatever has i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -145,16 +145,11 @@ def cvxpy_problem(program: Any) -> tuple[cvxpy.Problem, cvxpy.Variable]:
     else:
         x = made.Variable(program.size, name="x")
     constraints: list[Any] = []
-    matrix, low, high = program.matrix, program.row_lower, program.row_upper
-    equal = low == high
-    builders: tuple[tuple[Any, Callable[[Any, Any], Any]], ...] = (
-        (equal, lambda a, k: a @ x == low[k]),
-        (~equal & np.isfinite(low), lambda a, k: a @ x >= low[k]),
-        (~equal & np.isfinite(high), lambda a, k: a @ x <= high[k]),
-    )
-    for take, build in builders:
-        if take.any():
-            constraints.append(build(matrix[np.flatnonzero(take)], take))
+    for sense, which, side in program.sides():
+        rows = program.matrix[which] @ x
+        constraints.append(
+            rows == side if sense == "=" else rows >= side if sense == ">" else rows <= side
+        )
     for bound, sign in ((program.column_lower, 1), (program.column_upper, -1)):
         take = np.isfinite(bound)
         if take.any():
