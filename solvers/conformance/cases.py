@@ -23,8 +23,6 @@ __all__ = [
     "bounds",
     "ended",
     "optimum",
-    "same_seed_same_answer",
-    "seeds_differ",
     "tabled",
     "unsolvable",
 ]
@@ -378,27 +376,3 @@ def asked_for(
         )
         for name, arguments in requests.items()
     ]
-
-
-def same_seed_same_answer(case: Case, run: Run) -> str | None:
-    """Return how the answers to one request, asked again, differ."""
-    first, second = run.answer, run.others[0]
-    if first.point is None or second.point is None:
-        return "has no two points to compare"
-    if not np.array_equal(first.point, second.point):
-        return "two runs with one seed found different points"
-    if dict(first.statistics) != dict(second.statistics):
-        return f"two runs with one seed differ: {first.statistics} and {second.statistics}"
-    return None
-
-
-def seeds_differ(case: Case, run: Run) -> str | None:
-    """Return that a seed changes nothing, neither the point nor a count, where it is declared."""
-    first = run.answer
-    if all(
-        np.array_equal(first.point, other.point)
-        and dict(first.statistics) == dict(other.statistics)
-        for other in run.others
-    ):
-        return "declares a seed, and no other seed changes anything"
-    return None

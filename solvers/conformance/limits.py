@@ -14,7 +14,14 @@ from ..backend import Feature, Limit, Termination
 from .cases import GRACE, Case, Expectation, Run
 from .linear import program
 
-__all__ = ["hard_knapsack", "limit_cases", "numbers", "timed_cases"]
+__all__ = [
+    "hard_knapsack",
+    "limit_cases",
+    "numbers",
+    "same_seed_same_answer",
+    "seeds_differ",
+    "timed_cases",
+]
 
 #: The best plan of a long search, its objective, and the bound that search proved.
 _BEST = (
@@ -209,4 +216,28 @@ def _one_core(case: Case, run: Run) -> str | None:
         return (
             f"asked for one thread, used {run.cpu:.2f} s of processor time in {run.seconds:.2f} s"
         )
+    return None
+
+
+def same_seed_same_answer(case: Case, run: Run) -> str | None:
+    """Return how the answers to one request, asked again, differ."""
+    first, second = run.answer, run.others[0]
+    if first.point is None or second.point is None:
+        return "has no two points to compare"
+    if not np.array_equal(first.point, second.point):
+        return "two runs with one seed found different points"
+    if dict(first.statistics) != dict(second.statistics):
+        return f"two runs with one seed differ: {first.statistics} and {second.statistics}"
+    return None
+
+
+def seeds_differ(case: Case, run: Run) -> str | None:
+    """Return that a seed changes nothing, neither the point nor a count, where it is declared."""
+    first = run.answer
+    if all(
+        np.array_equal(first.point, other.point)
+        and dict(first.statistics) == dict(other.statistics)
+        for other in run.others
+    ):
+        return "declares a seed, and no other seed changes anything"
     return None

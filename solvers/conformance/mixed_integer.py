@@ -8,18 +8,8 @@ import numpy as np
 
 from ...models.programs.linear import MixedIntegerProgram
 from ..backend import Feature, Termination
-from .cases import (
-    Case,
-    Expectation,
-    Run,
-    asked_for,
-    optimum,
-    same_seed_same_answer,
-    seeds_differ,
-    tabled,
-    unsolvable,
-)
-from .limits import hard_knapsack
+from .cases import Case, Expectation, Run, asked_for, optimum, tabled, unsolvable
+from .limits import hard_knapsack, same_seed_same_answer, seeds_differ
 from .linear import program
 
 __all__ = ["integer_cases"]
@@ -201,27 +191,16 @@ def _unsolvable() -> list[Case]:
 
 
 def _cutoffs() -> list[Case]:
-    needs = frozenset({Feature.CUTOFF})
     found = Expectation((Termination.OPTIMAL,), 985, point=(0, 1, 1, 1, 1))
     nothing = Expectation((Termination.NO_SOLUTION,), 985)
+    requests = {"at the optimum": {"cutoff": 985.0}, "above the optimum": {"cutoff": 987.5}}
+    below = {"nothing below": {"cutoff": 984.5}}
+    linear = program([1, 1], [[1, 1]], row_lower=[5], offset=10)
+    none = Expectation((Termination.NO_SOLUTION,), 15)
     return [
-        Case("cutoff: at the optimum", _knapsack(1000), found, needs, {"cutoff": 985.0}),
-        Case("cutoff: above the optimum", _knapsack(1000), found, needs, {"cutoff": 987.5}),
-        Case(
-            "cutoff: nothing below",
-            _knapsack(1000),
-            nothing,
-            needs,
-            {"cutoff": 984.5},
-            further=_cutoff_is_bound,
-        ),
-        Case(
-            "cutoff: linear program",
-            program([1, 1], [[1, 1]], row_lower=[5], offset=10),
-            Expectation((Termination.NO_SOLUTION,), 15),
-            needs,
-            {"cutoff": 14.0},
-        ),
+        *asked_for("cutoff: ", _knapsack(1000), found, requests),
+        *asked_for("cutoff: ", _knapsack(1000), nothing, below, further=_cutoff_is_bound),
+        *asked_for("cutoff: ", linear, none, {"linear program": {"cutoff": 14.0}}),
     ]
 
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Termination
-from .cases import Case, Expectation, Table, asked_for, same_seed_same_answer, seeds_differ, tabled
+from .cases import Case, Expectation, Table, asked_for, tabled
+from .limits import same_seed_same_answer, seeds_differ
 from .nonlinear_hard import hard_cases, unsolvable_cases
 from .nonlinear_limits import chain_case, nonlinear_limit_cases
 from .nonlinear_posing import ENDS, known, nonlinear

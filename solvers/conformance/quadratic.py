@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ...models.programs.linear import QuadraticProgram
 from ..backend import Termination
 from .cases import Case, Expectation, Table, asked_for, bounds, optimum, tabled, unsolvable
-from .quadratic_larger import horizon, portfolio
+from .convex import horizon, portfolio
 
 __all__ = ["quadratic", "quadratic_cases"]
 

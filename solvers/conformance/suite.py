@@ -16,7 +16,7 @@ from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Backend, Control, Feature, Limit, Request
 from .cases import Case, Run
 from .conic import conic_cases
-from .convex_limits import conic_limit_cases, quadratic_limit_cases
+from .convex import conic_limit_cases, quadratic_limit_cases
 from .limits import limit_cases
 from .linear import linear_cases
 from .mixed_integer import integer_cases
