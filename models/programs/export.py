@@ -18,23 +18,17 @@ if TYPE_CHECKING:
 __all__ = ["cvxpy_problem", "lp", "mps", "qpsolvers_problem"]
 
 
-def _senses(program: Any) -> list[str]:
-    low, high = program.row_lower, program.row_upper
-    equal = low == high
-    kinds = np.where(
-        equal, "E", np.where(np.isfinite(low), "G", np.where(np.isfinite(high), "L", "N"))
-    )
-    return [str(kind) for kind in kinds]
-
-
 def mps(program: Any) -> str:
     """Return `program` as free MPS; a row with two bounds is a G row with a range."""
     return "\n".join(_mps_lines(program)) + "\n"
 
 
 def _mps_lines(program: Any) -> Iterator[str]:
+    finite = np.where(
+        np.isfinite(program.row_lower), "G", np.where(np.isfinite(program.row_upper), "L", "N")
+    )
+    senses = np.where(program.row_lower == program.row_upper, "E", finite).tolist()
     low, high = program.row_lower.tolist(), program.row_upper.tolist()
-    senses = _senses(program)
     yield "NAME crosstrack"
     yield "ROWS"
     yield " N cost"

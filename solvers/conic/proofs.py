@@ -78,7 +78,8 @@ def excludes(program: ConicProgram, ray: Vector, center: Vector | None = None) -
 def recedes(program: ConicProgram, direction: Vector) -> bool:
     """Return whether the objective falls forever along `direction` from any feasible point."""
     d = unit(direction)
-    stack = _recession_rows(program)
+    parts = [program.hessian, program.matrix, sp.eye_array(program.size), program.cone_matrix]
+    stack = sp.vstack(parts, format="csr")
     noise = CANCELLED * abs(stack).sum(axis=1)
     for block in program.cones:
         # A row of constants, which no direction moves, has none of its own.
@@ -232,11 +233,6 @@ def _mended_ray(program: ConicProgram, flat: QuadraticProgram, ray: Vector) -> V
         block = flat.matrix[:, np.flatnonzero(endless)].T
         y = program.signed(y - least(block, pull[endless]))
     return y
-
-
-def _recession_rows(program: ConicProgram) -> sp.csr_array:
-    unit = sp.eye_array(program.size)
-    return sp.vstack([program.hessian, program.matrix, unit, program.cone_matrix], format="csr")
 
 
 def _recession(program: ConicProgram, move: Vector) -> Vector:

@@ -48,7 +48,6 @@ __all__ = [
     "QuadraticBackend",
     "Run",
     "answered",
-    "dense_memory",
     "first_order_precision",
     "pause",
     "prefers_dense",
@@ -244,13 +243,6 @@ class Run:
         point = core.direction if found.ended is Ended.UNBOUNDED else core.point
         return replace(found, point=point(found.point), bound=None, duals=core.duals(found.duals))
 
-    @staticmethod
-    def claims_point(ending: Ending) -> bool:
-        """Whether the solver is through and says that its point is an optimum, or nearly one."""
-        if ending.ended is Ended.STOPPED:
-            return ending.limit is Limit.ITERATIONS
-        return ending.ended in (Ended.PROVEN, Ended.FAILED)
-
     def judged(self, ending: Ending) -> Quality | None:
         """Return the quality of the point, polished where that is due; None without a point."""
         if ending.point is None or ending.ended in (Ended.INFEASIBLE, Ended.UNBOUNDED):
@@ -258,7 +250,9 @@ class Run:
         found = measured(self.problem, ending.point, ending.duals)
         if found is None or found.clean or not self.request.options["polish"]:
             return found
-        if self.claims_point(ending) and not self.over():
+        # Through, and its point is an optimum by its own word, or nearly one.
+        through = ending.ended is not Ended.STOPPED or ending.limit is Limit.ITERATIONS
+        if through and ending.ended is not Ended.UNCLEAR and not self.over():
             found = polished(self.problem, found, self.over)
             self.clock.lap("polish")
         return found
@@ -347,6 +341,7 @@ class Run:
     def basic(
         self, ending: Ending, best: Quality | None, kind: Termination, bound: float | None = None
     ) -> Answer:
+        polished = best is not None and best.polished
         return Answer(
             termination=kind,
             point=None if best is None else best.point,
@@ -354,13 +349,9 @@ class Run:
             dual_bound=bound if bound is not None and np.isfinite(bound) else None,
             duals=None if best is None else best.duals,
             seconds=self.clock.seconds,
-            statistics={**ending.statistics, "polished": _YES[best is not None and best.polished]},
+            statistics={**ending.statistics, "polished": "yes" if polished else "no"},
             message=ending.message,
         )
-
-
-#: How the statistics say whether an answer was polished.
-_YES = ("no", "yes")
 
 
 def _joined(
@@ -399,14 +390,11 @@ def told(solver: str, request: Request) -> tuple[str, dict[str, Any]]:
     return time_name, {**dict.fromkeys(tolerances, tolerance), **_MORE.get(solver, {})}
 
 
-def dense_memory(program: QuadraticProgram, rows: int) -> float:
-    """Return the gigabytes that dense copies of the Hessian and of `rows` rows take, twice each."""
-    return 16.0 * program.size * (program.size + rows) / 1e9
-
-
 def too_large(owner: str, program: QuadraticProgram, rows: int | None = None) -> str:
     """Return why `owner`, which makes dense copies of `rows` rows, does not take `program`, else ``""``."""
-    needed = dense_memory(program, program.row_count if rows is None else rows)
+    # The Hessian and the rows, twice each.
+    count = program.row_count if rows is None else rows
+    needed = 16.0 * program.size * (program.size + count) / 1e9
     if needed <= MEMORY:
         return ""
     return (
