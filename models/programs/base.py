@@ -221,11 +221,15 @@ class RowProgram(BlockProgram):
     def without_rows(self, names: Iterable[str]) -> Self:
         """Return the program without the row blocks called `names`."""
         take, blocks = without(self.rows, names)
+        return self.only_rows(take, blocks)
+
+    def only_rows(self, take: NDArray[np.intp], rows: tuple[Block, ...] = ()) -> Self:
+        """Return the program with the rows `take` alone, which are the blocks `rows`."""
         changed: dict[str, Any] = {
             "matrix": self.matrix[take],
             "row_lower": self.row_lower[take],
             "row_upper": self.row_upper[take],
-            "rows": blocks,
+            "rows": rows,
         }
         return replace(self, **changed)
 

@@ -342,11 +342,4 @@ def independent_rows(program: QuadraticProgram) -> tuple[QuadraticProgram, Place
     if rank == split.right.size:
         return program, everything
     rows = np.sort(np.concatenate([split.at_ranged, split.at_equal[order[:rank]]]))
-    kept = replace(
-        program,
-        matrix=program.matrix[rows],
-        row_lower=program.row_lower[rows],
-        row_upper=program.row_upper[rows],
-        rows=(),
-    )
-    return kept, rows
+    return program.only_rows(rows), rows
