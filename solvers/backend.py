@@ -205,7 +205,8 @@ class Backend(ABC):
     requires : tuple of str
         Import names of the packages it needs, probed without importing them.
     distribution : str
-        The distribution whose version is reported; empty for crosstrack's own.
+        The distribution whose version is reported; by default the first of `requires`, and
+        crosstrack's own where there is none.
     extra : str
         The extra of ``pip install crosstrack[extra]`` that brings the packages.
     conflict_group : str
@@ -288,10 +289,11 @@ class Backend(ABC):
 
     def version(self) -> str | None:
         """Version of the solver's distribution, None where it is not installed."""
-        if not self.distribution:
+        distribution = self.distribution or next(iter(self.requires), "")
+        if not distribution:
             return __version__
         try:
-            return importlib.metadata.version(self.distribution)
+            return importlib.metadata.version(distribution)
         except importlib.metadata.PackageNotFoundError:
             return None
 

@@ -15,8 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BackendBroken
+from .attempts import Ended
+from .backend import Limit
 
-__all__ = ["HIGHS_MARK", "last_line", "load_plugin", "muted", "status_of", "vector"]
+__all__ = [
+    "HIGHS_MARK",
+    "ended_by_words",
+    "last_line",
+    "load_plugin",
+    "muted",
+    "status_of",
+    "vector",
+]
 
 #: The module whose presence means that CasADi's own HiGHS is loaded, which breaks those of highspy
 #: and ortools in a process and is broken by them.
@@ -117,6 +127,24 @@ class _Mute(io.TextIOBase):
 def status_of(stats: Mapping[str, Any]) -> str:
     """Return what a plugin calls its end."""
     return str(stats.get("return_status", stats.get("unified_return_status", "")))
+
+
+def ended_by_words(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
+    """Return how a plugin ended, by its success and by the words of its status."""
+    if stats.get("success"):
+        return Ended.PROVEN, None
+    words = status_of(stats).lower().replace("_", " ")
+    if any(word in words for word in ("unbounded", "dual infeasible", "diverging")):
+        return Ended.UNBOUNDED, None
+    if "infeasib" in words:
+        return Ended.INFEASIBLE, None
+    if "user" in words:
+        return Ended.STOPPED, Limit.INTERRUPTED
+    if "time" in words:
+        return Ended.STOPPED, Limit.TIME
+    if "iter" in words or stats.get("unified_return_status") == "SOLVER_RET_LIMITED":
+        return Ended.STOPPED, Limit.ITERATIONS
+    return Ended.FAILED, None
 
 
 def vector(values: Any) -> NDArray[np.float64]:

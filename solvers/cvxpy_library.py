@@ -143,18 +143,13 @@ class Solved:
         CVXPY gives an inequality a dual that is never negative, and an equality the sign of its
         Lagrangian, ``f + y (a x - b)``.
         """
-        low, high = self.program.row_lower, self.program.row_upper
-        duals, equal = np.zeros(low.size), low == high
+        duals = np.zeros(self.program.row_count)
         constraints = iter(self.problem.constraints)
-        for take, sign in (
-            (equal, -1.0),
-            (~equal & np.isfinite(low), 1.0),
-            (~equal & np.isfinite(high), -1.0),
-        ):
-            if take.any():
-                value = next(constraints).dual_value
-                if value is not None:
-                    duals[take] += sign * np.asarray(value, float).reshape(-1)
+        for sense, which, _ in self.program.sides():
+            value = next(constraints).dual_value
+            if value is not None:
+                sign = 1.0 if sense == ">" else -1.0
+                duals[which] += sign * np.asarray(value, float).reshape(-1)
         cones = cvxpy_cone_duals(self.problem, getattr(self.program, "cones", ()))
         return np.concatenate([duals, cones])
 

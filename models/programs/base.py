@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -15,7 +15,7 @@ from ...errors import InvalidData
 from ..fields import Array
 from ..model import Model
 from ..verification import ROUNDING, TOLERANCE, Check, Verification
-from .blocks import Block
+from .blocks import Block, without
 
 if TYPE_CHECKING:
     import cvxpy
@@ -126,35 +126,35 @@ class BlockProgram(Program):
             raise InvalidData(f"point[{place}] must be finite, got {point[place]}", field="point")
         return point
 
-    @staticmethod
     def _checks(
-        value: Vector,
-        lower: Vector,
-        upper: Vector,
-        largest: Vector,
-        blocks: Sequence[Block],
-        tolerance: float,
-    ) -> list[Check]:
-        off = np.maximum(np.maximum(lower - value, value - upper), 0.0)
-        near = np.where(value - lower < upper - value, lower, upper)
-        scale = np.maximum(np.maximum(largest, np.where(np.isfinite(near), np.abs(near), 0.0)), 1.0)
+        self, point: Vector, rows: Vector, largest: Vector, tolerance: float
+    ) -> tuple[Check, ...]:
+        """Return the worst violation of every block, where `largest` is the size of each row."""
         found = []
-        for block in blocks:
-            if block.size:
-                entry = int((off[block.slice] / scale[block.slice]).argmax())
-                at = block.start + entry
-                found.append(
-                    Check(
-                        block.name,
-                        block.equation,
-                        float(off[at]),
-                        block.unit,
-                        float(tolerance * scale[at]),
-                        _bare(block.place(entry)),
-                        float(ROUNDING * scale[at]),
+        for value, lower, upper, size, blocks in (
+            (rows, self.row_lower, self.row_upper, largest, self._rows),
+            (point, self.column_lower, self.column_upper, np.zeros(self.size), self._columns),
+        ):
+            off = np.maximum(np.maximum(lower - value, value - upper), 0.0)
+            near = np.where(value - lower < upper - value, lower, upper)
+            bound = np.where(np.isfinite(near), np.abs(near), 0.0)
+            scale = np.maximum(np.maximum(size, bound), 1.0)
+            for block in blocks:
+                if block.size:
+                    entry = int((off[block.slice] / scale[block.slice]).argmax())
+                    at = block.start + entry
+                    found.append(
+                        Check(
+                            block.name,
+                            block.equation,
+                            float(off[at]),
+                            block.unit,
+                            float(tolerance * scale[at]),
+                            _bare(block.place(entry)),
+                            float(ROUNDING * scale[at]),
+                        )
                     )
-                )
-        return found
+        return tuple(found)
 
     def row_name(self, row: int) -> str:
         """Return the row in the paper's words."""
@@ -194,20 +194,24 @@ class RowProgram(BlockProgram):
             if self.row_count and terms.nnz
             else np.zeros(self.row_count)
         )
-        checks = [
-            *self._checks(
-                self.matrix @ point, self.row_lower, self.row_upper, largest, self._rows, tolerance
-            ),
-            *self._checks(
-                point,
-                self.column_lower,
-                self.column_upper,
-                np.zeros(self.size),
-                self._columns,
-                tolerance,
-            ),
-        ]
-        return Verification(self.objective(point), tuple(checks))
+        checks = self._checks(point, self.matrix @ point, largest, tolerance)
+        return Verification(self.objective(point), checks)
+
+    def sides(self) -> Iterator[tuple[str, NDArray[np.intp], Vector]]:
+        """Yield equal rows, rows from below and rows from above, each kind where there are any.
+
+        Each comes as ``"="``, ``">"`` or ``"<"``, which rows, and their bounds; a row with two
+        bounds comes twice.
+        """
+        low, high = self.row_lower, self.row_upper
+        equal = low == high
+        for sense, take, bound in (
+            ("=", equal, low),
+            (">", ~equal & np.isfinite(low), low),
+            ("<", ~equal & np.isfinite(high), high),
+        ):
+            if take.any():
+                yield sense, np.flatnonzero(take), bound[take]
 
     @property
     def conditions(self) -> tuple[Block, ...]:
@@ -216,20 +220,16 @@ class RowProgram(BlockProgram):
 
     def without_rows(self, names: Iterable[str]) -> Self:
         """Return the program without the row blocks called `names`."""
-        drop = set(names)
-        kept = [block for block in self.rows if block.name not in drop]
-        take = np.concatenate(
-            [np.arange(b.start, b.start + b.size) for b in kept] or [np.empty(0, int)]
-        )
-        blocks, at = [], 0
-        for block in kept:
-            blocks.append(replace(block, start=at))
-            at += block.size
+        take, blocks = without(self.rows, names)
+        return self.only_rows(take, blocks)
+
+    def only_rows(self, take: NDArray[np.intp], rows: tuple[Block, ...] = ()) -> Self:
+        """Return the program with the rows `take` alone, which are the blocks `rows`."""
         changed: dict[str, Any] = {
             "matrix": self.matrix[take],
             "row_lower": self.row_lower[take],
             "row_upper": self.row_upper[take],
-            "rows": tuple(blocks),
+            "rows": rows,
         }
         return replace(self, **changed)
 

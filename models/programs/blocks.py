@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import Array, Spec, frozen, show
 
-__all__ = ["Block", "Blocks", "Sparse"]
+__all__ = ["Block", "Blocks", "Sparse", "without"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +67,23 @@ class Block:
         return f"{self.title} {self.place(entry)}"
 
 
+SomeBlock = TypeVar("SomeBlock", bound=Block)
+
+
+def without(
+    blocks: Iterable[SomeBlock], names: Iterable[str]
+) -> tuple[NDArray[np.int64], tuple[SomeBlock, ...]]:
+    """Return which entries are left without the blocks called `names`, and the blocks of those."""
+    drop = set(names)
+    take, kept, at = [np.empty(0, np.int64)], [], 0
+    for block in blocks:
+        if block.name not in drop:
+            take.append(np.arange(block.start, block.start + block.size))
+            kept.append(replace(block, start=at))
+            at += block.size
+    return np.concatenate(take), tuple(kept)
+
+
 @dataclass(frozen=True)
 class Blocks(Spec):
     """Blocks that cover all rows or columns in order; labels, so no part of the content."""
@@ -102,16 +119,8 @@ class Blocks(Spec):
 
     def encode(self, value: tuple[Block, ...]) -> Any:
         return [
-            {
-                "name": b.name,
-                "equation": b.equation,
-                "start": b.start,
-                "size": b.size,
-                "template": b.template,
-                "index": None if b.index is None else b.index.tolist(),
-                "unit": b.unit,
-            }
-            for b in value
+            {**vars(block), "index": None if block.index is None else block.index.tolist()}
+            for block in value
         ]
 
 

@@ -111,7 +111,7 @@ class Cones(Blocks):
 
     def encode(self, value: tuple[Any, ...]) -> Any:
         return [
-            {**written, "kind": block.kind.value, "dimension": block.dimension}
+            {**written, "kind": block.kind.value}
             for written, block in zip(super().encode(value), value, strict=True)
         ]
 

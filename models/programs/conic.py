@@ -15,7 +15,7 @@ from ...errors import InvalidData
 from ..fields import Array, Real, declared
 from ..verification import ROUNDING, TOLERANCE, Check, Verification
 from .base import RowProgram
-from .blocks import Block, Blocks, Sparse
+from .blocks import Block, Blocks, Sparse, without
 from .cones import ConeBlock, Cones, inside_dual, missing
 from .linear import QuadraticProgram
 
@@ -113,19 +113,8 @@ class ConicProgram(RowProgram):
     @cached_property
     def quadratic(self) -> QuadraticProgram:
         """The program without its cones."""
-        return QuadraticProgram(
-            hessian=self.hessian,
-            cost=self.cost,
-            matrix=self.matrix,
-            row_lower=self.row_lower,
-            row_upper=self.row_upper,
-            column_lower=self.column_lower,
-            column_upper=self.column_upper,
-            offset=self.offset,
-            columns=self.columns,
-            rows=self.rows,
-            name=self.name,
-        )
+        fields = (name for name, _ in QuadraticProgram._specs())
+        return QuadraticProgram(**{name: getattr(self, name) for name in fields})
 
     @property
     def conditions(self) -> tuple[Block, ...]:
@@ -136,19 +125,12 @@ class ConicProgram(RowProgram):
         """Return the program without the blocks of rows and of cones called `names`."""
         drop = set(names)
         fewer = super().without_rows(drop)
-        kept = [block for block in self.cones if block.name not in drop]
-        take = np.concatenate(
-            [np.empty(0, int), *(np.arange(b.start, b.start + b.size) for b in kept)]
-        )
-        at, cones = 0, []
-        for block in kept:
-            cones.append(replace(block, start=at))
-            at += block.size
+        take, cones = without(self.cones, drop)
         return replace(
             fewer,
             cone_matrix=self.cone_matrix[take],
             cone_offset=self.cone_offset[take],
-            cones=tuple(cones),
+            cones=cones,
         )
 
     def objective(self, point: Vector) -> float:

@@ -6,7 +6,7 @@ call these functions, so they are not imported here: a program is whatever has i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,23 +18,17 @@ if TYPE_CHECKING:
 __all__ = ["cvxpy_problem", "lp", "mps", "qpsolvers_problem"]
 
 
-def _senses(program: Any) -> list[str]:
-    low, high = program.row_lower, program.row_upper
-    equal = low == high
-    kinds = np.where(
-        equal, "E", np.where(np.isfinite(low), "G", np.where(np.isfinite(high), "L", "N"))
-    )
-    return [str(kind) for kind in kinds]
-
-
 def mps(program: Any) -> str:
     """Return `program` as free MPS; a row with two bounds is a G row with a range."""
     return "\n".join(_mps_lines(program)) + "\n"
 
 
 def _mps_lines(program: Any) -> Iterator[str]:
+    finite = np.where(
+        np.isfinite(program.row_lower), "G", np.where(np.isfinite(program.row_upper), "L", "N")
+    )
+    senses = np.where(program.row_lower == program.row_upper, "E", finite).tolist()
     low, high = program.row_lower.tolist(), program.row_upper.tolist()
-    senses = _senses(program)
     yield "NAME crosstrack"
     yield "ROWS"
     yield " N cost"
@@ -145,16 +139,11 @@ def cvxpy_problem(program: Any) -> tuple[cvxpy.Problem, cvxpy.Variable]:
     else:
         x = made.Variable(program.size, name="x")
     constraints: list[Any] = []
-    matrix, low, high = program.matrix, program.row_lower, program.row_upper
-    equal = low == high
-    builders: tuple[tuple[Any, Callable[[Any, Any], Any]], ...] = (
-        (equal, lambda a, k: a @ x == low[k]),
-        (~equal & np.isfinite(low), lambda a, k: a @ x >= low[k]),
-        (~equal & np.isfinite(high), lambda a, k: a @ x <= high[k]),
-    )
-    for take, build in builders:
-        if take.any():
-            constraints.append(build(matrix[np.flatnonzero(take)], take))
+    for sense, which, side in program.sides():
+        rows = program.matrix[which] @ x
+        constraints.append(
+            rows == side if sense == "=" else rows >= side if sense == ">" else rows <= side
+        )
     for bound, sign in ((program.column_lower, 1), (program.column_upper, -1)):
         take = np.isfinite(bound)
         if take.any():

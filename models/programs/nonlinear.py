@@ -130,16 +130,8 @@ class NonlinearProgram(BlockProgram):
         point = self._point(plan)
         objective, rows = self.values(point)
         rows = np.where(np.isfinite(rows), rows, np.inf)
-        none = np.zeros(self.size)
-        checks = [
-            *self._checks(
-                rows, self.row_lower, self.row_upper, self.row_scale, self._rows, tolerance
-            ),
-            *self._checks(
-                point, self.column_lower, self.column_upper, none, self._columns, tolerance
-            ),
-        ]
-        return Verification(objective if np.isfinite(objective) else None, tuple(checks))
+        checks = self._checks(point, rows, self.row_scale, tolerance)
+        return Verification(objective if np.isfinite(objective) else None, checks)
 
     def violations(self, point: Vector) -> Vector:
         """Return by how much each row is off at `point`, in units of its typical size, (m,)."""

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...models.programs.base import BlockProgram, RowProgram
 from ...models.programs.conic import ConicProgram
-from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Feature, Limit, Request, Termination
 
@@ -19,9 +18,13 @@ __all__ = [
     "Case",
     "Expectation",
     "Run",
+    "Table",
+    "asked_for",
+    "bounds",
+    "ended",
     "optimum",
-    "same_seed_same_answer",
-    "seeds_differ",
+    "tabled",
+    "unsolvable",
 ]
 
 #: Relative slack of every comparison with a known value: solvers work to 1e-6 at best.
@@ -251,7 +254,7 @@ def _duals(case: Case, run: Run) -> str | None:
     if isinstance(program, NonlinearProgram):
         return _multipliers(program, duals, answer, expected)
     optimum = expected.objective
-    bound = _proven(program, duals, answer.point)
+    bound = program.dual_bound(duals, np.asarray(answer.point, float))
     if optimum is not None and not abs(bound - optimum) <= _slack(optimum):
         return f"the duals {duals.tolist()} prove the bound {bound!r}, the optimum is {optimum!r}"
     if expected.duals is not None and not np.allclose(duals, expected.duals, rtol=0, atol=1e-5):
@@ -282,15 +285,6 @@ def _multipliers(
     return None
 
 
-def _proven(program: BlockProgram, duals: Vector, point: Any) -> float:
-    """Return the bound that row multipliers prove; of a quadratic program, with the point."""
-    if isinstance(program, QuadraticProgram | ConicProgram):
-        return program.dual_bound(duals, np.asarray(point, float))
-    if isinstance(program, MixedIntegerProgram):
-        return program.dual_bound(duals)
-    raise TypeError(f"no dual bound is known for a {type(program).__name__}")
-
-
 def _time(case: Case, run: Run) -> str | None:
     limits = [v for v in (run.request.time_limit, case.stop_after) if v is not None]
     if limits and run.seconds > min(limits) + GRACE:
@@ -308,25 +302,77 @@ def optimum(
     return Expectation((Termination.OPTIMAL,), objective, point=point, duals=duals)
 
 
-def same_seed_same_answer(case: Case, run: Run) -> str | None:
-    """Return how the answers to one request, asked again, differ."""
-    first, second = run.answer, run.others[0]
-    if first.point is None or second.point is None:
-        return "has no two points to compare"
-    if not np.array_equal(first.point, second.point):
-        return "two runs with one seed found different points"
-    if dict(first.statistics) != dict(second.statistics):
-        return f"two runs with one seed differ: {first.statistics} and {second.statistics}"
-    return None
+def bounds(
+    rows: int,
+    columns: int,
+    row_lower: ArrayLike,
+    row_upper: ArrayLike,
+    lower: ArrayLike,
+    upper: ArrayLike,
+) -> dict[str, Any]:
+    """Return the bounds of a program by the names of its fields; those given once count for all."""
+    given = {
+        "row_lower": (row_lower, rows),
+        "row_upper": (row_upper, rows),
+        "column_lower": (lower, columns),
+        "column_upper": (upper, columns),
+    }
+    return {
+        name: np.broadcast_to(np.asarray(value, float), (size,)).copy()
+        for name, (value, size) in given.items()
+    }
 
 
-def seeds_differ(case: Case, run: Run) -> str | None:
-    """Return that a seed changes nothing, neither the point nor a count, where it is declared."""
-    first = run.answer
-    if all(
-        np.array_equal(first.point, other.point)
-        and dict(first.statistics) == dict(other.statistics)
-        for other in run.others
-    ):
-        return "declares a seed, and no other seed changes anything"
-    return None
+#: Programs by name, each with what is known of it.
+Table = Mapping[str, tuple[BlockProgram, Expectation]]
+#: The feature without which a backend does not take an argument of the request.
+_NEEDS = {
+    "cutoff": Feature.CUTOFF,
+    "gap": Feature.GAP,
+    "seed": Feature.SEED,
+    "warm_start": Feature.WARM_START,
+}
+
+
+def tabled(kind: str, table: Table, **others: Any) -> list[Case]:
+    """Return a case for each entry of `table`, its name after `kind`, with `others` of its fields."""
+    return [Case(f"{kind}{name}", *known, **others) for name, known in table.items()]
+
+
+def ended(
+    kind: str, programs: Mapping[str, BlockProgram], *termination: Termination, **known: Any
+) -> list[Case]:
+    """Return a case for each of `programs`, of which the right ends are known, and `known`."""
+    expected = Expectation(termination, **known)
+    return tabled(kind, {name: (program, expected) for name, program in programs.items()})
+
+
+def unsolvable(
+    kind: str, infeasible: Mapping[str, BlockProgram], unbounded: Mapping[str, BlockProgram]
+) -> list[Case]:
+    """Return a case for each program, which must be proven to have no solution."""
+    return [
+        *ended(kind, infeasible, Termination.INFEASIBLE),
+        *ended(kind, unbounded, Termination.UNBOUNDED),
+    ]
+
+
+def asked_for(
+    kind: str,
+    program: BlockProgram,
+    known: Expectation,
+    requests: Mapping[str, Mapping[str, Any]],
+    **others: Any,
+) -> list[Case]:
+    """Return a case for each of `requests`: by name, the arguments with which `program` is asked."""
+    return [
+        Case(
+            f"{kind}{name}",
+            program,
+            known,
+            frozenset(_NEEDS[key] for key in arguments if key in _NEEDS),
+            arguments,
+            **others,
+        )
+        for name, arguments in requests.items()
+    ]

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from ...models.programs.cones import ConeBlock, ConeKind
 from ...models.programs.conic import ConicProgram
 from ..backend import Feature, Termination
-from .cases import Case, Expectation, optimum
+from .cases import Case, Table, asked_for, ended, optimum, tabled
 from .quadratic import quadratic
 
 __all__ = ["conic", "conic_cases"]
@@ -56,12 +56,12 @@ def conic(cost: Sequence[float], cones: Sequence[Cone], **others: Any) -> ConicP
 
 def conic_cases() -> tuple[Case, ...]:
     """Return the cases; each that has an optimum comes a second time, for its duals."""
-    primal = [*_balls(), *_other_cones(), *_delicate(), *_without_cones()]
+    primal = tabled("conic: ", {**_balls(), **_other_cones(), **_delicate()})
     dual = [
         replace(case, name=f"{case.name}, duals", needs=frozenset({Feature.DUALS}))
         for case in primal
     ]
-    return (*primal, *dual, *_infeasible(), *_unbounded(), *_weak(), *_asked_for())
+    return (*primal, *dual, *_unsolvable(), *_weak(), *_asked_for())
 
 
 #: ``|x| <= 1`` in the plane.
@@ -70,22 +70,19 @@ DISC: Cone = (BALL, [[0, 0], [1, 0], [0, 1]], [1, 0, 0])
 HYPERBOLA: Cone = (BALL, [[1, 1], [1, -1], [0, 0]], [0, 0, 2])
 
 
-def _balls() -> list[Case]:
+def _balls() -> Table:
     around = [(0, 0), (4, 0), (2, 1), (3, -1)]
-    return [
-        Case(
-            "conic: linear objective over a disc",
+    return {
+        "linear objective over a disc": (
             conic([1, 1], [DISC]),
             optimum(-ROOT, (-1 / ROOT, -1 / ROOT), (ROOT, 1, 1)),
         ),
-        Case(
-            "conic: quadratic objective over a disc",
+        "quadratic objective over a disc": (
             conic([-3, -4], [(BALL, DISC[1], [2, 0, 0])], hessian=[1, 1]),
             optimum(-8, (1.2, 1.6), (3, -1.8, -2.4)),
         ),
-        Case(
-            "conic: smallest enclosing ball",
-            # The columns are the centre and the radius.
+        # The columns are the centre and the radius.
+        "smallest enclosing ball": (
             conic(
                 [0, 0, 1],
                 [
@@ -95,9 +92,8 @@ def _balls() -> list[Case]:
             ),
             optimum(2, (2, 0, 2)),
         ),
-        Case(
-            "conic: shortest path by way of a disc",
-            # The columns are the point within the disc around (5, 3), and the lengths of both legs.
+        # The columns are the point within the disc around (5, 3), and the lengths of both legs.
+        "shortest path by way of a disc": (
             conic(
                 [0, 0, 1, 1],
                 [
@@ -108,8 +104,7 @@ def _balls() -> list[Case]:
             ),
             optimum(2 * 29**0.5, (5, 2, 29**0.5, 29**0.5)),
         ),
-        Case(
-            "conic: portfolio within a distance of another",
+        "portfolio within a distance of another": (
             conic(
                 [-1, 0],
                 [(BALL, DISC[1], [0.1 * ROOT, -0.5, -0.5])],
@@ -121,9 +116,8 @@ def _balls() -> list[Case]:
             ),
             optimum(-0.34, (0.6, 0.4)),
         ),
-        Case(
-            "conic: geometric mean",
-            # t^2 <= x y as x + y >= |(x - y, 2 t)|.
+        # t^2 <= x y as x + y >= |(x - y, 2 t)|.
+        "geometric mean": (
             conic(
                 [0, 0, -1],
                 [(BALL, [[1, 1, 0], [1, -1, 0], [0, 0, 2]], [0, 0, 0])],
@@ -132,19 +126,14 @@ def _balls() -> list[Case]:
             ),
             optimum(-ROOT, (2, 1, ROOT)),
         ),
-    ]
+    }
 
 
-def _other_cones() -> list[Case]:
-    return [
-        Case(
-            "conic: entropy",
-            _entropy(3),
-            optimum(-np.log(3), (*[np.log(3) / 3] * 3, *[1 / 3] * 3)),
-        ),
-        Case(
-            "conic: logarithm of a sum of exponentials",
-            # exp(k - t) <= u_k, and the sum of u is at most 1.
+def _other_cones() -> Table:
+    return {
+        "entropy": (_entropy(3), optimum(-np.log(3), (*[np.log(3) / 3] * 3, *[1 / 3] * 3))),
+        # exp(k - t) <= u_k, and the sum of u is at most 1.
+        "logarithm of a sum of exponentials": (
             conic(
                 [1, 0, 0, 0],
                 [
@@ -156,19 +145,16 @@ def _other_cones() -> list[Case]:
             ),
             optimum(float(np.logaddexp.reduce([1, 2, 3]))),
         ),
-        Case("conic: cut of a triangle", _correlation([0.5] * 3), optimum(-0.75, (-0.5,) * 3)),
-        Case(
-            "conic: nearest correlation matrix",
+        "cut of a triangle": (_correlation([0.5] * 3), optimum(-0.75, (-0.5,) * 3)),
+        "nearest correlation matrix": (
             _correlation([1, 1, 1], hessian=[1, 1, 1], offset=1.5),
             optimum(0.375, (-0.5,) * 3),
         ),
-        Case(
-            "conic: least eigenvalue",
+        "least eigenvalue": (
             conic([-1], [(PSD, [[-1], [0], [-1]], [2, ROOT, 2])]),
             optimum(-1, (1,)),
         ),
-        Case(
-            "conic: all cones, a fixed column and rows without entries",
+        "all cones, a fixed column and rows without entries": (
             conic(
                 [1, 1, 1, 1],
                 [
@@ -184,7 +170,7 @@ def _other_cones() -> list[Case]:
             ),
             optimum(np.exp(2) + 2, (np.exp(2), -2, 2, 2)),
         ),
-    ]
+    }
 
 
 def _entropy(size: int) -> ConicProgram:
@@ -203,38 +189,31 @@ def _correlation(cost: Sequence[float], **others: Any) -> ConicProgram:
     return conic(cost, [(PSD, rows, [1, 0, 1, 0, 0, 1])], **others)
 
 
-def _delicate() -> list[Case]:
+def _delicate() -> Table:
     straight = [(0.0, 0.0), (3.0, 1.0), (6.0, -1.0), (9.0, 0.0)]
-    return [
-        Case("conic: optimum at the apex", conic([0, 1], [(BALL, [[0, 1], [1, 0]], [0, 0])]), optimum(0)),
-        Case(
-            "conic: the same cone twice, and one of one row",
+    return {
+        "optimum at the apex": (conic([0, 1], [(BALL, [[0, 1], [1, 0]], [0, 0])]), optimum(0)),
+        "the same cone twice, and one of one row": (
             conic([1, 1], [DISC, DISC, (BALL, [[-1, 0]], [0.5])]),
             optimum(-ROOT, (-1 / ROOT, -1 / ROOT)),
         ),
-        Case("conic: straight path through discs", _path(straight, 1.5), optimum(9)),
-        Case(
-            "conic: small disc",
-            conic([1, 1], [(BALL, DISC[1], [1e-6, 0, 0])]),
-            optimum(-1e-6 * ROOT),
-        ),
-        Case(
-            "conic: large disc",
-            conic([1, 1], [(BALL, DISC[1], [1e6, 0, 0])]),
-            optimum(-1e6 * ROOT),
-        ),
-        Case(
-            "conic: badly scaled columns",
+        "straight path through discs": (_path(straight, 1.5), optimum(9)),
+        "small disc": (conic([1, 1], [(BALL, DISC[1], [1e-6, 0, 0])]), optimum(-1e-6 * ROOT)),
+        "large disc": (conic([1, 1], [(BALL, DISC[1], [1e6, 0, 0])]), optimum(-1e6 * ROOT)),
+        "badly scaled columns": (
             conic([-1e-6, -1e6], [(BALL, [[0, 0], [1e-6, 0], [0, 1e6]], [1, 0, 0])]),
             optimum(-ROOT),
         ),
-        Case(
-            "conic: every column fixed",
+        "every column fixed": (
             conic([1, 1], [DISC], lower=[0.6, 0.0], upper=[0.6, 0.0]),
             optimum(0.6, (0.6, 0)),
         ),
-        Case("conic: no columns", conic([], [(BALL, [], [5, 3, 4])], offset=3), optimum(3, ())),
-    ]  # fmt: skip
+        "no columns": (conic([], [(BALL, [], [5, 3, 4])], offset=3), optimum(3, ())),
+        "no cones": (
+            conic([-6, 0], [], hessian=[1, 1], matrix=[[1, 1], [1, -1]], row_upper=[4, 2]),
+            optimum(-13, (3, 1), (-1, -2)),
+        ),
+    }
 
 
 def _path(centers: Sequence[tuple[float, float]], radius: float) -> ConicProgram:
@@ -263,14 +242,9 @@ def _path(centers: Sequence[tuple[float, float]], radius: float) -> ConicProgram
     return conic([0.0] * (2 * stops) + [1.0] * legs, cones)
 
 
-def _without_cones() -> list[Case]:
-    program = conic([-6, 0], [], hessian=[1, 1], matrix=[[1, 1], [1, -1]], row_upper=[4, 2])
-    return [Case("conic: no cones", program, optimum(-13, (3, 1), (-1, -2)))]
-
-
-def _infeasible() -> list[Case]:
+def _unsolvable() -> list[Case]:
     apart: Cone = (BALL, DISC[1], [1, -3, 0])
-    programs = {
+    infeasible = {
         "two discs apart": conic([1, 1], [DISC, apart]),
         "by a thousandth": conic([1, 1], [DISC], matrix=[[1, 0]], row_lower=1.001),
         "small discs apart": conic([1, 1], [(BALL, DISC[1], [1e-6, 0, 0])], lower=[2e-6, -INF]),
@@ -284,30 +258,19 @@ def _infeasible() -> list[Case]:
         "fixed columns outside": conic([1, 1], [DISC], lower=0.8, upper=0.8),
         "constants outside": conic([], [(BALL, [], [4.9, 3, 4])]),
     }
-    return [
-        Case(f"conic, infeasible: {name}", program, Expectation((Termination.INFEASIBLE,)))
-        for name, program in programs.items()
-    ]
-
-
-def _unbounded() -> list[Case]:
-    programs = {
+    unbounded = {
         "within a hyperbola": conic([-1, 1], [HYPERBOLA]),
         "outside of a disc's columns": conic([1, 0, -1], [(BALL, [[0] * 3, *np.eye(3)[:2]], [1, 0, 0])]),
-        "along a logarithm": conic([-1, 0], [(EXP, [[1, 0], [0, 0], [0, 1]], [0, 1, 0])]),
         "along a matrix": conic([-1, -1], [(PSD, [[1, 0], [0, 0], [0, 1]], [0, ROOT, 0])]),
         "where the objective is flat": conic([0, -1], [HYPERBOLA], hessian=[1, 0]),
     }  # fmt: skip
-    # The third falls like a logarithm: nothing proves it, and no point is the best.
-    slow = "along a logarithm"
+    # It falls like a logarithm: nothing proves it, and no point is the best.
+    slow = {"along a logarithm": conic([-1, 0], [(EXP, [[1, 0], [0, 0], [0, 1]], [0, 1, 0])])}
     unproven = (Termination.FEASIBLE, Termination.NO_SOLUTION, Termination.FAILED)
     return [
-        Case(
-            f"conic, unbounded: {name}",
-            program,
-            Expectation(unproven if name == slow else (Termination.UNBOUNDED,)),
-        )
-        for name, program in programs.items()
+        *ended("conic, infeasible: ", infeasible, Termination.INFEASIBLE),
+        *ended("conic, unbounded: ", unbounded, Termination.UNBOUNDED),
+        *ended("conic, unbounded: ", slow, *unproven),
     ]
 
 
@@ -326,40 +289,20 @@ def _weak() -> list[Case]:
         "a small coefficient": conic([0, 0], [HYPERBOLA], **fine),
         "as a matrix": conic([0], [(PSD, [[0], [0], [1]], [0, ROOT, 0])]),
     }
+    open_ = {"an optimum that is not attained": conic([1, 0], [HYPERBOLA])}
+    ends = (*none, Termination.FEASIBLE, Termination.OPTIMAL)
     return [
-        *(
-            Case(f"conic, weakly infeasible: {n}", p, Expectation(none, any_limit=True))
-            for n, p in cases.items()
-        ),
-        Case(
-            "conic: an optimum that is not attained",
-            conic([1, 0], [HYPERBOLA]),
-            Expectation(
-                (*none, Termination.FEASIBLE, Termination.OPTIMAL), floor=0.0, any_limit=True
-            ),
-        ),
+        *ended("conic, weakly infeasible: ", cases, *none, any_limit=True),
+        *ended("conic: ", open_, *ends, floor=0.0, any_limit=True),
     ]
 
 
 def _asked_for() -> list[Case]:
-    disc = conic([1, 1], [DISC])
     at = (-1 / ROOT, -1 / ROOT)
-    warm = frozenset({Feature.WARM_START})
-    return [
-        Case("conic: a small gap", disc, optimum(-ROOT), frozenset({Feature.GAP}), {"gap": 1e-8}),
-        Case("conic: tight tolerance", disc, optimum(-ROOT), arguments={"tolerance": 1e-8}),
-        Case(
-            "conic: warm start at the optimum",
-            disc,
-            optimum(-ROOT, at),
-            warm,
-            {"warm_start": np.array(at)},
-        ),
-        Case(
-            "conic: warm start outside",
-            disc,
-            optimum(-ROOT, at),
-            warm,
-            {"warm_start": np.array([5.0, -4.0])},
-        ),
-    ]
+    requests: dict[str, dict[str, Any]] = {
+        "a small gap": {"gap": 1e-8},
+        "tight tolerance": {"tolerance": 1e-8},
+        "warm start at the optimum": {"warm_start": np.array(at)},
+        "warm start outside": {"warm_start": np.array([5.0, -4.0])},
+    }
+    return asked_for("conic: ", conic([1, 1], [DISC]), optimum(-ROOT, at), requests)

@@ -14,7 +14,14 @@ from ..backend import Feature, Limit, Termination
 from .cases import GRACE, Case, Expectation, Run
 from .linear import program
 
-__all__ = ["hard_knapsack", "limit_cases", "numbers", "timed_cases"]
+__all__ = [
+    "hard_knapsack",
+    "limit_cases",
+    "numbers",
+    "same_seed_same_answer",
+    "seeds_differ",
+    "timed_cases",
+]
 
 #: The best plan of a long search, its objective, and the bound that search proved.
 _BEST = (
@@ -27,12 +34,14 @@ _BEST_KNOWN, _FLOOR = -38851.0, -38985.0
 def timed_cases(
     kind: str,
     program: BlockProgram,
-    begun: Expectation,
-    cut: Expectation,
     start: NDArray[np.float64],
+    ends: tuple[Termination, ...] = (),
     *,
+    best_known: float,
+    floor: float,
     seconds: float,
     stop_after: float,
+    any_limit: bool = False,
 ) -> tuple[Case, ...]:
     """Return what every kind of program is tried on: limits of time, stops, and a warm start kept.
 
@@ -42,16 +51,21 @@ def timed_cases(
         What the names of the cases begin with.
     program : BlockProgram
         What takes longer than `seconds`.
-    begun, cut : Expectation
-        What is known of a run that a limit ends, and of one that it ends before it starts; the
-        limit is filled in.
     start : ndarray
         The best point known, from which the last run starts.
+    ends : tuple of Termination
+        How a fast solver may end that is through before the limit.
+    best_known, floor, any_limit
+        As of :class:`Expectation`; the last is for the runs that begin.
     seconds : float
         The limit of time.
     stop_after : float
         Seconds until a stop.
     """
+    # A solver that found nothing in time has kept the rules: not the start, but the limit, is tried.
+    stopped = (Termination.FEASIBLE, Termination.NO_SOLUTION)
+    cut = Expectation(stopped, best_known=best_known, floor=floor)
+    begun = replace(cut, termination=(*ends, *stopped), through=bool(ends), any_limit=any_limit)
     timed, none = replace(begun, limit=Limit.TIME), replace(cut, limit=Limit.TIME)
     return (
         Case(f"{kind}limit: time", program, timed, arguments={"time_limit": seconds}),
@@ -99,10 +113,10 @@ def limit_cases() -> tuple[Case, ...]:
     def expect(limit: Limit | None, *termination: Termination) -> Expectation:
         return Expectation(termination, best_known=_BEST_KNOWN, floor=_FLOOR, limit=limit)
 
-    # A solver that found nothing in time has kept the rules: not the start, but the limit, is tried.
-    stopped = expect(None, Termination.FEASIBLE, Termination.NO_SOLUTION)
     found = expect(Limit.TIME, Termination.FEASIBLE)
-    first, *others = timed_cases("", hard, stopped, stopped, start, seconds=0.5, stop_after=0.4)
+    first, *others = timed_cases(
+        "", hard, start, best_known=_BEST_KNOWN, floor=_FLOOR, seconds=0.5, stop_after=0.4
+    )
     *others, kept = others
     return (
         replace(first, expectation=found, further=_knows_a_bound),
@@ -202,4 +216,28 @@ def _one_core(case: Case, run: Run) -> str | None:
         return (
             f"asked for one thread, used {run.cpu:.2f} s of processor time in {run.seconds:.2f} s"
         )
+    return None
+
+
+def same_seed_same_answer(case: Case, run: Run) -> str | None:
+    """Return how the answers to one request, asked again, differ."""
+    first, second = run.answer, run.others[0]
+    if first.point is None or second.point is None:
+        return "has no two points to compare"
+    if not np.array_equal(first.point, second.point):
+        return "two runs with one seed found different points"
+    if dict(first.statistics) != dict(second.statistics):
+        return f"two runs with one seed differ: {first.statistics} and {second.statistics}"
+    return None
+
+
+def seeds_differ(case: Case, run: Run) -> str | None:
+    """Return that a seed changes nothing, neither the point nor a count, where it is declared."""
+    first = run.answer
+    if all(
+        np.array_equal(first.point, other.point)
+        and dict(first.statistics) == dict(other.statistics)
+        for other in run.others
+    ):
+        return "declares a seed, and no other seed changes anything"
     return None

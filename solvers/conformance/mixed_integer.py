@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ...models.programs.linear import MixedIntegerProgram
 from ..backend import Feature, Termination
-from .cases import Case, Expectation, Run, optimum, same_seed_same_answer, seeds_differ
-from .limits import hard_knapsack
+from .cases import Case, Expectation, Run, asked_for, optimum, tabled, unsolvable
+from .limits import hard_knapsack, same_seed_same_answer, seeds_differ
 from .linear import program
 
 __all__ = ["integer_cases"]
 
 INF = np.inf
+#: A program of whole columns alone.
+whole = partial(program, integral=True)
 
 
 def integer_cases() -> tuple[Case, ...]:
@@ -23,79 +27,57 @@ def integer_cases() -> tuple[Case, ...]:
 def _solvable() -> list[Case]:
     assignment = np.array([[9, 2, 7, 8], [6, 4, 3, 7], [5, 8, 1, 8], [7, 6, 9, 4]], float)
     each = np.vstack([np.kron(np.eye(4), np.ones(4)), np.kron(np.ones(4), np.eye(4))])
-    return [
-        Case("integer: knapsack", _knapsack(), optimum(-15, (0, 1, 1, 1, 1))),
-        Case(
-            "integer: assignment",
-            program(assignment.ravel().tolist(), each, 1, 1, upper=1, integral=True),
+    integer = {
+        "knapsack": (_knapsack(), optimum(-15, (0, 1, 1, 1, 1))),
+        "assignment": (
+            whole(assignment.ravel().tolist(), each, 1, 1, upper=1),
             optimum(13),
         ),
-        Case(
-            "integer: general columns",
-            program([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6], upper=9, integral=True),
+        "general columns": (
+            whole([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6], upper=9),
             optimum(-20, (4, 0)),
         ),
-        Case(
-            "integer: general columns, infinite bounds",
-            program([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6], integral=True),
+        "general columns, infinite bounds": (
+            whole([-5, -4], [[6, 4], [1, 2]], row_upper=[24, 6]),
             optimum(-20, (4, 0)),
         ),
-        Case(
-            "integer: negative columns",
-            program([3, 2], [[2, 3]], row_lower=[-7.5], lower=-10, upper=10, integral=True),
+        "negative columns": (
+            whole([3, 2], [[2, 3]], row_lower=[-7.5], lower=-10, upper=10),
             optimum(-20, (-10, 5)),
         ),
-        Case(
-            "integer: fractional bounds",
-            program([1, -1], [[1, 1]], row_upper=[9], lower=0.5, upper=3.5, integral=True),
+        "fractional bounds": (
+            whole([1, -1], [[1, 1]], row_upper=[9], lower=0.5, upper=3.5),
             optimum(-2, (1, 3)),
         ),
-        Case(
-            "integer: two-sided rows and an offset",
-            program(
-                [4, 3, 5, 2],
-                [[1, 1, 1, 1], [1, -1, 1, -1]],
-                [3, -1],
-                [4, 1],
-                upper=2,
-                integral=True,
-                offset=-100,
+        "two-sided rows and an offset": (
+            whole(
+                [4, 3, 5, 2], [[1, 1, 1, 1], [1, -1, 1, -1]], [3, -1], [4, 1], upper=2, offset=-100
             ),
             optimum(-92, (1, 0, 0, 2)),
         ),
-        Case(
-            "integer: decimal coefficients",
-            program(
-                [-0.3, -0.7, -0.5],
-                [[0.1, 0.25, 0.2]],
-                row_upper=[0.6],
-                upper=3,
-                integral=True,
-            ),
+        "decimal coefficients": (
+            whole([-0.3, -0.7, -0.5], [[0.1, 0.25, 0.2]], row_upper=[0.6], upper=3),
             optimum(-1.7, (1, 2, 0)),
         ),
-        Case(
-            "integer: equality with one solution",
-            program([1, 1], [[7, 11]], [100], [100], upper=20, integral=True),
+        "equality with one solution": (
+            whole([1, 1], [[7, 11]], [100], [100], upper=20),
             optimum(12, (8, 4)),
         ),
-        Case(
-            "integer: empty objective",
-            program([0, 0], [[3, 5]], [11], [11], upper=9, integral=True, offset=2),
+        "empty objective": (
+            whole([0, 0], [[3, 5]], [11], [11], upper=9, offset=2),
             optimum(2, (2, 1)),
         ),
-        Case(
-            "integer: no rows",
-            program([1, -1], np.zeros((0, 2)), lower=-2, upper=3, integral=True),
+        "no rows": (
+            whole([1, -1], np.zeros((0, 2)), lower=-2, upper=3),
             optimum(-5, (-2, 3)),
         ),
-        Case(
-            "integer: empty rows",
-            program([1, -2], [[0, 0], [1, 1]], [-1, -INF], [1, 3], upper=2, integral=True),
+        "empty rows": (
+            whole([1, -2], [[0, 0], [1, 1]], [-1, -INF], [1, 3], upper=2),
             optimum(-4, (0, 2)),
         ),
-        Case(
-            "mixed: facility location",
+    }
+    mixed = {
+        "facility location": (
             program(
                 # Two sites (open at 4 and 3), three customers of demand 1, served in part.
                 [4, 3, 1, 2, 3, 3, 2, 1],
@@ -113,8 +95,7 @@ def _solvable() -> list[Case]:
             ),
             optimum(10),
         ),
-        Case(
-            "mixed: continuous part decides",
+        "continuous part decides": (
             program(
                 [-1, -1],
                 [[2, 2], [1, 0]],
@@ -124,7 +105,11 @@ def _solvable() -> list[Case]:
             ),
             optimum(-2.5),
         ),
-        Case("mixed: a switch below the tolerance", _switch(), optimum(1)),
+        "a switch below the tolerance": (_switch(), optimum(1)),
+    }
+    return [
+        *tabled("integer: ", integer),
+        *tabled("mixed: ", mixed),
         Case(
             "mixed: tight tolerance",
             program(
@@ -138,21 +123,19 @@ def _solvable() -> list[Case]:
             optimum(0.5 + 1 / 3 + 1 / 7, (1 / 3, 1 / 7, 0)),
             arguments={"tolerance": 1e-8},
         ),
-        Case(
-            "integer: same seed, same answer",
+        *asked_for(
+            "integer: ",
             _staircase(),
             Expectation((Termination.OPTIMAL,)),
-            needs=frozenset({Feature.SEED}),
-            arguments={"seed": 7},
+            {"same seed, same answer": {"seed": 7}},
             others=({},),
             further=same_seed_same_answer,
         ),
-        Case(
-            "integer: another seed, another search",
+        *asked_for(
+            "integer: ",
             hard_knapsack(30, 8),
             optimum(-12414),
-            needs=frozenset({Feature.SEED}),
-            arguments={"seed": 7},
+            {"another seed, another search": {"seed": 7}},
             others=({"seed": 1}, {"seed": 2}),
             further=seeds_differ,
         ),
@@ -160,14 +143,7 @@ def _solvable() -> list[Case]:
 
 
 def _knapsack(offset: float = 0.0) -> MixedIntegerProgram:
-    return program(
-        [-4, -2, -1, -10, -2],
-        [[12, 2, 1, 4, 1]],
-        row_upper=[15],
-        upper=1,
-        integral=True,
-        offset=offset,
-    )
+    return whole([-4, -2, -1, -10, -2], [[12, 2, 1, 4, 1]], row_upper=[15], upper=1, offset=offset)
 
 
 def _switch() -> MixedIntegerProgram:
@@ -183,85 +159,48 @@ def _staircase() -> MixedIntegerProgram:
     k = np.arange(size)
     weights = np.array([(17 * k + 5 * k * k) % 61 + 20, (29 * k + 3 * k * k) % 53 + 20])
     cost = -(weights.sum(axis=0) + (7 * k) % 11)
-    return program(
-        cost.tolist(), weights, row_upper=weights.sum(axis=1) // 2, upper=1, integral=True
-    )
+    return whole(cost.tolist(), weights, row_upper=weights.sum(axis=1) // 2, upper=1)
 
 
 def _unsolvable() -> list[Case]:
-    infeasible = Expectation((Termination.INFEASIBLE,))
-    unbounded = Expectation((Termination.UNBOUNDED,))
-    return [
-        Case(
-            "integer: infeasible, its relaxation feasible",
-            program([1, 1], [[2, 4]], [7], [7], upper=10, integral=True),
-            infeasible,
+    infeasible = {
+        "integer: infeasible, its relaxation feasible": whole([1, 1], [[2, 4]], [7], [7], upper=10),
+        "integer: no whole number within the bounds": whole(
+            [1, 1], [[1, 1]], row_lower=[0], lower=[0.3, 0], upper=[0.7, 4]
         ),
-        Case(
-            "integer: no whole number within the bounds",
-            program([1, 1], [[1, 1]], row_lower=[0], lower=[0.3, 0], upper=[0.7, 4], integral=True),
-            infeasible,
+        # The first row is even on the left and odd on the right.
+        "integer: infeasible by search": whole(
+            [1] * 5, [[2, 4, 6, 8, 10], [1, -1, 1, -1, 1]], [21, -3], [21, 3], upper=4
         ),
-        Case(
-            "integer: infeasible by search",
-            # The first row is even on the left and odd on the right.
-            program(
-                [1] * 5,
-                [[2, 4, 6, 8, 10], [1, -1, 1, -1, 1]],
-                [21, -3],
-                [21, 3],
-                upper=4,
-                integral=True,
-            ),
-            infeasible,
+        "mixed: infeasible, its relaxation unbounded": program(
+            [0, 0, -1],
+            [[2, -2, 0], [1, 1, 0]],
+            [1, 1],
+            [1, INF],
+            upper=[3, 3, INF],
+            integral=[True, True, False],
         ),
-        Case(
-            "mixed: infeasible, its relaxation unbounded",
-            program(
-                [0, 0, -1],
-                [[2, -2, 0], [1, 1, 0]],
-                [1, 1],
-                [1, INF],
-                upper=[3, 3, INF],
-                integral=[True, True, False],
-            ),
-            infeasible,
+    }
+    unbounded = {
+        "integer: unbounded": whole([-1, 0], [[1, -1]], row_upper=[0.5]),
+        "mixed: unbounded": program(
+            [1, -1], [[1, 0]], row_lower=[1], upper=[4, INF], integral=[True, False]
         ),
-        Case(
-            "integer: unbounded",
-            program([-1, 0], [[1, -1]], row_upper=[0.5], integral=True),
-            unbounded,
-        ),
-        Case(
-            "mixed: unbounded",
-            program([1, -1], [[1, 0]], row_lower=[1], upper=[4, INF], integral=[True, False]),
-            unbounded,
-        ),
-    ]
+    }
+    return unsolvable("", infeasible, unbounded)
 
 
 def _cutoffs() -> list[Case]:
-    needs = frozenset({Feature.CUTOFF})
     found = Expectation((Termination.OPTIMAL,), 985, point=(0, 1, 1, 1, 1))
     nothing = Expectation((Termination.NO_SOLUTION,), 985)
+    requests = {"at the optimum": {"cutoff": 985.0}, "above the optimum": {"cutoff": 987.5}}
+    below = {"nothing below": {"cutoff": 984.5}}
+    linear = program([1, 1], [[1, 1]], row_lower=[5], offset=10)
+    none = Expectation((Termination.NO_SOLUTION,), 15)
     return [
-        Case("cutoff: at the optimum", _knapsack(1000), found, needs, {"cutoff": 985.0}),
-        Case("cutoff: above the optimum", _knapsack(1000), found, needs, {"cutoff": 987.5}),
-        Case(
-            "cutoff: nothing below",
-            _knapsack(1000),
-            nothing,
-            needs,
-            {"cutoff": 984.5},
-            further=_cutoff_is_bound,
-        ),
-        Case(
-            "cutoff: linear program",
-            program([1, 1], [[1, 1]], row_lower=[5], offset=10),
-            Expectation((Termination.NO_SOLUTION,), 15),
-            needs,
-            {"cutoff": 14.0},
-        ),
+        *asked_for("cutoff: ", _knapsack(1000), found, requests),
+        *asked_for("cutoff: ", _knapsack(1000), nothing, below, further=_cutoff_is_bound),
+        *asked_for("cutoff: ", linear, none, {"linear program": {"cutoff": 14.0}}),
     ]
 
 

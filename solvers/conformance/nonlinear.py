@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..backend import Feature, Termination
-from .cases import Case, Expectation, same_seed_same_answer, seeds_differ
+from ..backend import Termination
+from .cases import Case, Expectation, Table, asked_for, tabled
+from .limits import same_seed_same_answer, seeds_differ
 from .nonlinear_hard import hard_cases, unsolvable_cases
 from .nonlinear_limits import chain_case, nonlinear_limit_cases
 from .nonlinear_posing import ENDS, known, nonlinear
@@ -26,7 +27,8 @@ INF = np.inf
 
 def nonlinear_cases() -> tuple[Case, ...]:
     """Return the cases; the multipliers of each whose multipliers are known are judged as well."""
-    primal = [*_classic(), *_plain(), *_scaled(), *hard_cases(), chain_case()]
+    table = {**_classic(), **_plain(), **_scaled(), **hard_cases()}
+    primal = [*tabled("nonlinear: ", table), chain_case()]
     judged = [
         replace(case, duals=Termination.FEASIBLE not in case.expectation.termination)
         for case in primal
@@ -64,7 +66,7 @@ def _hs71(pose: Callable[[Any], Any] = hs71, **changes: Any) -> NonlinearProgram
     return nonlinear(pose, **{**given, **changes})
 
 
-def _classic() -> list[Case]:
+def _classic() -> Table:
     def hs43(x: Any) -> tuple[Any, list[Any]]:
         f = x[0] ** 2 + x[1] ** 2 + 2 * x[2] ** 2 + x[3] ** 2
         f = f - 5 * x[0] - 5 * x[1] - 21 * x[2] + 7 * x[3]
@@ -87,14 +89,12 @@ def _classic() -> list[Case]:
         f = 9 - 8 * x[0] - 6 * x[1] - 4 * x[2] + 2 * x[0] ** 2 + 2 * x[1] ** 2 + x[2] ** 2
         return f + 2 * x[0] * x[1] + 2 * x[0] * x[2], [x[0] + x[1] + 2 * x[2]]
 
-    return [
-        Case(
-            "nonlinear: Rosenbrock, no rows",
+    return {
+        "Rosenbrock, no rows": (
             nonlinear(lambda x: (rosenbrock(x), []), [-1.2, 1]),
             known(0.0, (1, 1), ()),
         ),
-        Case(
-            "nonlinear: Rosenbrock in the unit disk",
+        "Rosenbrock in the unit disk": (
             nonlinear(lambda x: (rosenbrock(x), [x[0] ** 2 + x[1] ** 2]), [-0.5, 0.5], row_upper=1),
             known(
                 0.04567480871950022,
@@ -102,39 +102,29 @@ def _classic() -> list[Case]:
                 (-0.12149655699928838,),
             ),
         ),
-        Case("nonlinear: HS071", _hs71(), known(*HS71)),
-        Case(
-            "nonlinear: HS006",
-            nonlinear(
-                lambda x: ((1 - x[0]) ** 2, [10 * (x[1] - x[0] ** 2)]),
-                [-1.2, 1],
-                row_lower=0,
-                row_upper=0,
-            ),
+        "HS071": (_hs71(), known(*HS71)),
+        "HS006": (
+            nonlinear(lambda x: ((1 - x[0]) ** 2, [10 * (x[1] - x[0] ** 2)]), [-1.2, 1], 0, 0),
             known(0.0, (1, 1), (0,)),
         ),
-        Case(
-            "nonlinear: HS007",
+        "HS007": (
             nonlinear(
                 lambda x: (_log1p(x[0] ** 2) - x[1], [(1 + x[0] ** 2) ** 2 + x[1] ** 2]),
                 [2, 2],
-                row_lower=4,
-                row_upper=4,
+                4,
+                4,
             ),
             known(-np.sqrt(3), (0, np.sqrt(3)), (-0.5 / np.sqrt(3),)),
         ),
-        Case(
-            "nonlinear: HS035, a convex quadratic program",
+        "HS035, a convex quadratic program": (
             nonlinear(hs35, [0.5, 0.5, 0.5], row_upper=3, lower=0),
             known(1 / 9, (4 / 3, 7 / 9, 4 / 9), (-2 / 9,)),
         ),
-        Case(
-            "nonlinear: HS043, Rosen and Suzuki",
+        "HS043, Rosen and Suzuki": (
             nonlinear(hs43, [0, 0, 0, 0], row_upper=[8, 10, 5]),
             known(-44.0, (0, 1, 2, -1), (-1, 0, -2)),
         ),
-        Case(
-            "nonlinear: HS100",
+        "HS100": (
             nonlinear(hs100, [1, 2, 0, 4, 0, 1, 1], row_upper=[127, 282, 196, 0]),
             known(
                 680.630057374402,
@@ -150,7 +140,7 @@ def _classic() -> list[Case]:
                 (-1.139719959167376, 0, 0, -0.36861451718721144),
             ),
         ),
-    ]
+    }
 
 
 def _log1p(value: Any) -> Any:
@@ -159,23 +149,20 @@ def _log1p(value: Any) -> Any:
     return casadi.log1p(value)
 
 
-def _plain() -> list[Case]:
+def _plain() -> Table:
     def circle(x: Any) -> tuple[Any, list[Any]]:
         return (x[0] - 1) ** 2 + (x[1] - 2) ** 2, [x[0] + x[1], x[0] ** 2 + x[1] ** 2]
 
-    return [
-        Case(
-            "nonlinear: bounds bind",
+    return {
+        "bounds bind": (
             nonlinear(lambda x: ((x[0] + 1) ** 3 / 3 + x[1], []), [1.125, 0.125], lower=[1, 0]),
             known(8 / 3, (1, 0), ()),
         ),
-        Case(
-            "nonlinear: rows that do not bind",
-            nonlinear(circle, [5, 5], row_lower=[-10, -INF], row_upper=[INF, 100]),
+        "rows that do not bind": (
+            nonlinear(circle, [5, 5], [-10, -INF], [INF, 100]),
             known(0.0, (1, 2), (0, 0)),
         ),
-        Case(
-            "nonlinear: a linear program",
+        "a linear program": (
             nonlinear(
                 lambda x: (-3 * x[0] - 5 * x[1], [x[0], 2 * x[1], 3 * x[0] + 2 * x[1]]),
                 [1, 1],
@@ -184,19 +171,16 @@ def _plain() -> list[Case]:
             ),
             known(-36.0, (2, 6), (0, -1.5, -1)),
         ),
-        Case(
-            "nonlinear: rows with two sides",
+        "rows with two sides": (
             nonlinear(
                 lambda x: ((x[0] - 3) ** 2 + (x[1] - 1) ** 2, [x[0] ** 2 + x[1], x[0] - x[1]]),
                 [0, 0],
-                row_lower=[-1, -2],
-                row_upper=[1, 2],
+                [-1, -2],
+                [1, 2],
             ),
             known(5.0, (1, 0), (-2, 0)),
         ),
-        _hills(),
-        Case(
-            "nonlinear: rows without bounds",
+        "rows without bounds": (
             _hs71(
                 lambda x: (hs71(x)[0], [*hs71(x)[1], x[0] - x[3]]),
                 row_lower=[25, 40, -INF],
@@ -204,13 +188,8 @@ def _plain() -> list[Case]:
             ),
             known(HS71[0], HS71[1], (*HS71[2], 0.0)),
         ),
-        Case(
-            "nonlinear: a fixed column",
-            _hs71(upper=[1, 5, 5, 5]),
-            known(HS71[0], HS71[1], HS71[2]),
-        ),
-        Case(
-            "nonlinear: every column fixed",
+        "a fixed column": (_hs71(upper=[1, 5, 5, 5]), known(HS71[0], HS71[1], HS71[2])),
+        "every column fixed": (
             nonlinear(
                 lambda x: (x[0] ** 2 + x[1], [x[0] + x[1]]),
                 [0, 0],
@@ -220,39 +199,37 @@ def _plain() -> list[Case]:
             ),
             known(3.0, (1, 2), None),
         ),
-        Case(
-            "nonlinear: no objective",
+        "no objective": (
             nonlinear(
                 lambda x: (0 * x[0], [x[0] ** 2 + x[1] ** 2, x[0] - x[1]]),
                 [2, 1],
-                row_lower=[1, 0],
-                row_upper=[1, 0],
+                [1, 0],
+                [1, 0],
                 lower=0,
             ),
             known(0.0, (np.sqrt(0.5), np.sqrt(0.5)), (0, 0)),
         ),
-        Case(
-            "nonlinear: a constant added",
+        "a constant added": (
             nonlinear(lambda x: ((x[0] - 3) ** 2 + 1e3, []), [0], lower=0),
             known(1e3, (3,), ()),
         ),
-    ]
+        "many hills, six local optima": _hills(),
+    }
 
 
-def _hills() -> Case:
+def _hills() -> tuple[NonlinearProgram, Expectation]:
     def camel(x: Any) -> tuple[Any, list[Any]]:
         f = (4 - 2.1 * x[0] ** 2 + x[0] ** 4 / 3) * x[0] ** 2 + x[0] * x[1]
         return f + (4 * x[1] ** 2 - 4) * x[1] ** 2, []
 
     optima = (-1.0316284534898774, -0.21546382438371792, 2.104250310311258)
-    return Case(
-        "nonlinear: many hills, six local optima",
+    return (
         nonlinear(camel, [1.2, 0.9], lower=[-3, -2], upper=[3, 2]),
         Expectation(ENDS, optima[0], objectives=optima),
     )
 
 
-def _scaled() -> list[Case]:
+def _scaled() -> Table:
     """Return HS071 in units that make its columns, rows and objective large and small."""
     units = np.array([1e-4, 1e3, 1.0, 1e5])
 
@@ -260,14 +237,13 @@ def _scaled() -> list[Case]:
         f, rows = hs71([x[at] / units[at] for at in range(4)])
         return 1e4 * f, [1e-3 * rows[0], 1e3 * rows[1]]
 
-    return [
-        Case(
-            "nonlinear: badly scaled, its scales given",
+    return {
+        "badly scaled, its scales given": (
             nonlinear(
                 posed,
                 np.array([1, 5, 5, 1]) * units,
-                row_lower=[25e-3, 40e3],
-                row_upper=[INF, 40e3],
+                [25e-3, 40e3],
+                [INF, 40e3],
                 lower=units,
                 upper=5 * units,
                 column_scale=units,
@@ -275,49 +251,32 @@ def _scaled() -> list[Case]:
                 objective_scale=1e4,
             ),
             known(
-                1e4 * HS71[0],
-                tuple(np.array(HS71[1]) * units),
-                (1e7 * HS71[2][0], 10 * HS71[2][1]),
+                1e4 * HS71[0], tuple(np.array(HS71[1]) * units), (1e7 * HS71[2][0], 10 * HS71[2][1])
             ),
         ),
-    ]
+    }
 
 
 def _asked_for() -> list[Case]:
-    warm, seed = frozenset({Feature.WARM_START}), frozenset({Feature.SEED})
-    hills = _hills()
+    requests: dict[str, dict[str, Any]] = {
+        "tight tolerance": {"tolerance": 1e-9},
+        "warm start at the optimum": {"warm_start": np.array(HS71[1])},
+        "warm start elsewhere": {"warm_start": np.array([1.0, 5.0, 5.0, 1.0])},
+    }
     return [
-        Case(
-            "nonlinear: many hills, from a seed",
-            hills.program,
-            hills.expectation,
-            seed,
-            {"seed": 7},
+        *asked_for(
+            "nonlinear: many hills, ",
+            *_hills(),
+            {"from a seed": {"seed": 7}},
             others=({},),
             further=same_seed_same_answer,
         ),
-        Case(
-            "nonlinear: another seed, another search",
-            hills.program,
-            hills.expectation,
-            seed,
-            {"seed": 7},
+        *asked_for(
+            "nonlinear: ",
+            *_hills(),
+            {"another seed, another search": {"seed": 7}},
             others=({"seed": 1}, {"seed": 2}),
             further=seeds_differ,
         ),
-        Case("nonlinear: tight tolerance", _hs71(), known(*HS71), arguments={"tolerance": 1e-9}),
-        Case(
-            "nonlinear: warm start at the optimum",
-            _hs71(),
-            known(*HS71),
-            warm,
-            {"warm_start": np.array(HS71[1])},
-        ),
-        Case(
-            "nonlinear: warm start elsewhere",
-            _hs71(),
-            known(*HS71),
-            warm,
-            {"warm_start": np.array([1.0, 5.0, 5.0, 1.0])},
-        ),
+        *asked_for("nonlinear: ", _hs71(), known(*HS71), requests),
     ]

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ..backend import Limit, Termination
 from .cases import Case, Expectation
 from .limits import timed_cases
 from .nonlinear_posing import ENDS, nonlinear
@@ -23,16 +22,22 @@ STEPS = 160
 def nonlinear_limit_cases() -> tuple[Case, ...]:
     """Return the cases."""
     valley = nonlinear(_valley, np.tile([-1.2, 1.0], SIZE // 2), lower=-10, upper=10)
-    # Every seed leads to a local optimum; the best there is has the objective 0.
-    cut = Expectation((Termination.FEASIBLE, Termination.NO_SOLUTION), best_known=0.0, floor=0.0)
-    begun = replace(cut, termination=(*ENDS, *cut.termination), through=True, any_limit=True)
     best = np.ones(SIZE)
+    # Every seed leads to a local optimum; the best there is has the objective 0.
     *cases, kept = timed_cases(
-        "nonlinear, ", valley, begun, cut, best, seconds=0.1, stop_after=0.05
+        "nonlinear, ",
+        valley,
+        best,
+        ENDS,
+        best_known=0.0,
+        floor=0.0,
+        seconds=0.1,
+        stop_after=0.05,
+        any_limit=True,
     )
     # Without time the start is all there is.
     arguments = {"time_limit": 0.0, "warm_start": best}
-    none = replace(cut, limit=Limit.TIME)
+    none = cases[1].expectation
     return (*cases, replace(kept, expectation=none, arguments=arguments))
 
 

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Termination
-from .cases import Expectation
+from .cases import Expectation, bounds
 
 __all__ = ["ENDS", "known", "nonlinear"]
 
@@ -38,19 +38,11 @@ def nonlinear(
     x = casadi.SX.sym("x", start.size)
     objective, rows = pose(x)
     symbols = casadi.vertcat(*rows) if len(rows) else casadi.SX(0, 1)
-    count = int(symbols.numel())
-
-    def full(value: ArrayLike, size: int) -> NDArray[np.float64]:
-        return np.broadcast_to(np.asarray(value, float), (size,)).copy()
-
     return NonlinearProgram(
         function=casadi.Function(
             "program", [x], [casadi.densify(objective), casadi.densify(symbols)], ["x"], ["f", "g"]
         ),
-        row_lower=full(row_lower, count),
-        row_upper=full(row_upper, count),
-        column_lower=full(lower, start.size),
-        column_upper=full(upper, start.size),
+        **bounds(int(symbols.numel()), start.size, row_lower, row_upper, lower, upper),
         guess=start,
         **fields,
     )

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...models.programs.linear import QuadraticProgram
-from ..backend import Feature, Termination
-from .cases import Case, Expectation, optimum
-from .quadratic_larger import horizon, portfolio
+from ..backend import Termination
+from .cases import Case, Expectation, Table, asked_for, bounds, optimum, tabled, unsolvable
+from .convex import horizon, portfolio
 
 __all__ = ["quadratic", "quadratic_cases"]
 
@@ -40,272 +39,166 @@ def quadratic(
     given = np.asarray(matrix, float)
     rows = given.reshape(-1, size) if size else given.reshape(given.shape[0], 0)
 
-    def full(value: ArrayLike, count: int) -> NDArray[Any]:
-        return np.broadcast_to(np.asarray(value, float), (count,)).copy()
-
     return QuadraticProgram(
         hessian=sp.csr_array(curved),
         cost=costs,
         matrix=sp.csr_array(rows),
-        row_lower=full(row_lower, rows.shape[0]),
-        row_upper=full(row_upper, rows.shape[0]),
-        column_lower=full(lower, size),
-        column_upper=full(upper, size),
+        **bounds(rows.shape[0], rows.shape[1], row_lower, row_upper, lower, upper),
         offset=offset,
     )
 
 
 def quadratic_cases() -> tuple[Case, ...]:
     """Return the cases; the duals of each that has an optimum are judged as well."""
-    primal = [*_small(), *_delicate(), *_larger()]
-    return (*(replace(case, duals=True) for case in primal), *_unsolvable(), *_asked_for())
+    primal = {**_small(), **_delicate(), **_larger()}
+    return (*tabled("quadratic: ", primal, duals=True), *_unsolvable(), *_asked_for())
 
 
-def _small() -> list[Case]:
-    return [
-        Case(
-            "quadratic: strictly convex, no constraint",
+def _small() -> Table:
+    return {
+        "strictly convex, no constraint": (
             quadratic([[2, 1], [1, 2]], [-4, -5]),
             optimum(-7, (1, 2), ()),
         ),
-        Case(
-            "quadratic: equal rows only",
+        "equal rows only": (
             quadratic([1, 1, 1], [0, 0, 0], [[1, 2, 3]], 14, 14),
             optimum(7, (1, 2, 3), (1,)),
         ),
-        Case(
-            "quadratic: box",
+        "box": (
             quadratic([2, 2, 2], [-2, -8, 4], lower=0, upper=[5, 3, 5]),
             optimum(-16, (1, 3, 0), ()),
         ),
-        Case(
-            "quadratic: rows from below",
+        "rows from below": (
             quadratic([2, 2], [0, 0], [[1, 1], [1, 0]], [2, 0.5]),
             optimum(2, (1, 1), (2, 0)),
         ),
-        Case(
-            "quadratic: two-sided rows",
+        "two-sided rows": (
             quadratic([1, 1], [-6, 0], [[1, 1], [1, -1]], [-1, -2], [4, 2]),
             optimum(-13, (3, 1), (-1, -2)),
         ),
-        Case(
-            "quadratic: semidefinite Hessian",
-            # (x + y)^2 / 2 - x: flat along (1, -1), where the cost runs into the bound.
+        # (x + y)^2 / 2 - x: flat along (1, -1), where the cost runs into the bound.
+        "semidefinite Hessian": (
             quadratic([[1, 1], [1, 1]], [-1, 0], upper=[2, INF]),
             optimum(-2, (2, -2), ()),
         ),
-        Case(
-            "quadratic: free columns, one without curvature",
+        "free columns, one without curvature": (
             quadratic([1, 1, 0], [0, 0, 1], [[1, 0, 1], [0, 1, 1]], [2, 4]),
             optimum(3.5, (0, 1, 3), (0, 1)),
         ),
-        Case(
-            "quadratic: linear program",
+        "linear program": (
             quadratic([0, 0], [-3, -5], [[1, 0], [0, 2], [3, 2]], row_upper=[4, 12, 18], lower=0),
             optimum(-36, (2, 6), (0, -1.5, -1)),
         ),
-        Case(
-            "quadratic: no rows, one column linear",
+        "no rows, one column linear": (
             quadratic([2, 0], [-2, 1], lower=[-INF, -3], upper=[INF, 4]),
             optimum(-4, (1, -3), ()),
         ),
-        Case("quadratic: offset", quadratic([2], [-6], lower=0, offset=1e3), optimum(991, (3,))),
-        Case(
-            "quadratic: large negative offset",
-            quadratic([2], [-2], offset=-1e6),
-            optimum(-1000001, (1,)),
-        ),
-        Case(
-            "quadratic: optimum zero",
-            quadratic([2, 2], [-2, 0], offset=1),
-            optimum(0, (1, 0)),
-        ),
-        Case(
-            "quadratic: no columns",
+        "offset": (quadratic([2], [-6], lower=0, offset=1e3), optimum(991, (3,))),
+        "large negative offset": (quadratic([2], [-2], offset=-1e6), optimum(-1000001, (1,))),
+        "optimum zero": (quadratic([2, 2], [-2, 0], offset=1), optimum(0, (1, 0))),
+        "no columns": (
             quadratic(np.zeros((0, 0)), [], np.zeros((1, 0)), -1, 1, offset=3),
             optimum(3, ()),
         ),
-    ]
+    }
 
 
-def _delicate() -> list[Case]:
-    return [
-        Case(
-            "quadratic: duplicated rows",
+def _delicate() -> Table:
+    return {
+        "duplicated rows": (
             quadratic([2, 2], [0, 0], [[1, 1], [1, 1], [2, 2]], [2, 2, 4]),
             optimum(2, (1, 1)),
         ),
-        Case(
-            "quadratic: dependent equalities",
+        "dependent equalities": (
             quadratic(
                 [1, 1], [0, 0], [[1, 1], [2, 2], [1, -1], [1, 1]], [2, 4, 0, 2], [2, 4, 0, 2]
             ),
             optimum(1, (1, 1)),
         ),
-        Case(
-            "quadratic: degenerate vertex",
+        "degenerate vertex": (
             quadratic([2, 2], [-4, -4], [[1, 0], [0, 1], [1, 1]], row_upper=[1, 1, 2]),
             optimum(-6, (1, 1)),
         ),
-        Case(
-            "quadratic: a row that binds without force",
-            quadratic([2], [-2], [[1]], row_upper=1),
-            optimum(-1),
-        ),
-        Case(
-            "quadratic: many optimal points",
+        "a row that binds without force": (quadratic([2], [-2], [[1]], row_upper=1), optimum(-1)),
+        "many optimal points": (
             quadratic([[1, 1], [1, 1]], [-2, -2], lower=0, upper=5),
             optimum(-2),
         ),
-        Case(
-            "quadratic: badly scaled",
+        "badly scaled": (
             quadratic([1e-4, 1e4], [-7e-3, -2010], [[1e-3, 1e3]], row_upper=1.05),
             optimum(-2.23, (50, 1e-3), (-2,)),
         ),
-        Case(
-            "quadratic: badly scaled, other way",
+        "badly scaled, other way": (
             quadratic([1e4, 1e-4], [0, 0], [[1e4, 0], [0, 1e-4]], [1e4, 1e-4]),
             optimum(5000.00005),
         ),
-        Case(
-            "quadratic: fixed column",
+        "fixed column": (
             quadratic([2, 2], [0, -2], [[1, 1]], 5, lower=[3, -INF], upper=[3, INF]),
             optimum(9, (3, 2), (2,)),
         ),
-        Case(
-            "quadratic: every column fixed",
+        "every column fixed": (
             quadratic([1, 1], [0, 0], [[1, 1]], row_upper=4, lower=[1, 2], upper=[1, 2]),
             optimum(2.5, (1, 2), (0,)),
         ),
-        Case(
-            "quadratic: empty and free rows",
+        "empty and free rows": (
             quadratic([2, 2], [0, 0], [[0, 0], [1, 1], [1, -1]], [-1, 2, -INF], [1, INF, INF]),
             optimum(2, (1, 1), (0, 2, 0)),
         ),
-    ]
+    }
 
 
-def _larger() -> list[Case]:
-    found = []
-    for name, (program, point, duals) in {
-        "portfolio": portfolio(),
-        "receding horizon": horizon(),
-    }.items():
-        found.append(
-            Case(
-                f"quadratic: {name}, {program.size} columns",
-                program,
-                optimum(program.objective(point), tuple(point), tuple(duals)),
-            )
+def _larger() -> Table:
+    return {
+        f"{name}, {program.size} columns": (
+            program,
+            optimum(program.objective(point), tuple(point), tuple(duals)),
         )
-    return found
+        for name, (program, point, duals) in {
+            "portfolio": portfolio(),
+            "receding horizon": horizon(),
+        }.items()
+    }
 
 
 def _unsolvable() -> list[Case]:
-    infeasible = Expectation((Termination.INFEASIBLE,))
-    unbounded = Expectation((Termination.UNBOUNDED,))
     round_ = [2.0, 2.0]
-    return [
-        Case(
-            "quadratic: infeasible rows",
-            quadratic(round_, [-2, -5], [[1, 1], [1, 1]], [3, -INF], [INF, 1]),
-            infeasible,
+    infeasible = {
+        "infeasible rows": quadratic(round_, [-2, -5], [[1, 1], [1, 1]], [3, -INF], [INF, 1]),
+        "infeasible by a thousandth": quadratic(
+            round_, [-2, -5], [[1, 1], [1, 1]], [1.001, -INF], [INF, 1], lower=-9, upper=9
         ),
-        Case(
-            "quadratic: infeasible by a thousandth",
-            quadratic(
-                round_, [-2, -5], [[1, 1], [1, 1]], [1.001, -INF], [INF, 1], lower=-9, upper=9
-            ),
-            infeasible,
+        "infeasible within the bounds": quadratic(
+            round_, [0, 0], [[1, 1]], row_upper=2, lower=[3, 0]
         ),
-        Case(
-            "quadratic: infeasible within the bounds",
-            quadratic(round_, [0, 0], [[1, 1]], row_upper=2, lower=[3, 0]),
-            infeasible,
+        "infeasible equalities": quadratic(round_, [0, 0], [[1, 1], [2, 2]], [1, 3], [1, 3]),
+        "infeasible, its objective unbounded": quadratic(
+            [2, 0], [0, -1], [[1, 0], [1, 0]], [1, -INF], [INF, 0]
         ),
-        Case(
-            "quadratic: infeasible equalities",
-            quadratic(round_, [0, 0], [[1, 1], [2, 2]], [1, 3], [1, 3]),
-            infeasible,
-        ),
-        Case(
-            "quadratic: infeasible, its objective unbounded",
-            quadratic([2, 0], [0, -1], [[1, 0], [1, 0]], [1, -INF], [INF, 0]),
-            infeasible,
-        ),
-        Case(
-            "quadratic: crossed bounds",
-            quadratic(round_, [1, 1], [[1, 1]], 1, lower=[0, 3], upper=[5, 2]),
-            infeasible,
-        ),
-        Case(
-            "quadratic: crossed rows",
-            quadratic(round_, [1, 1], [[1, 1]], 3, 2),
-            infeasible,
-        ),
-        Case(
-            "quadratic: empty row that cannot hold",
-            quadratic(round_, [1, 1], [[0, 0], [1, 1]], [1, 0], [2, 9]),
-            infeasible,
-        ),
-        Case(
-            "quadratic: fixed columns break a row",
-            quadratic(round_, [1, 1], [[1, 1]], 3, lower=1, upper=1),
-            infeasible,
-        ),
-        Case(
-            "quadratic: unbounded along a flat direction",
-            quadratic([[1, 1], [1, 1]], [-1, 0]),
-            unbounded,
-        ),
-        Case(
-            "quadratic: unbounded within rows",
-            quadratic([2, 0], [0, -1], [[1, -1]], row_upper=1, lower=0),
-            unbounded,
-        ),
-        Case("quadratic: unbounded linear program", quadratic([0], [1], [[1]], -INF, 5), unbounded),
-    ]
+        "crossed bounds": quadratic(round_, [1, 1], [[1, 1]], 1, lower=[0, 3], upper=[5, 2]),
+        "crossed rows": quadratic(round_, [1, 1], [[1, 1]], 3, 2),
+        "empty row that cannot hold": quadratic(round_, [1, 1], [[0, 0], [1, 1]], [1, 0], [2, 9]),
+        "fixed columns break a row": quadratic(round_, [1, 1], [[1, 1]], 3, lower=1, upper=1),
+    }
+    unbounded = {
+        "unbounded along a flat direction": quadratic([[1, 1], [1, 1]], [-1, 0]),
+        "unbounded within rows": quadratic([2, 0], [0, -1], [[1, -1]], row_upper=1, lower=0),
+        "unbounded linear program": quadratic([0], [1], [[1]], -INF, 5),
+    }
+    return unsolvable("quadratic: ", infeasible, unbounded)
 
 
 def _asked_for() -> list[Case]:
     rows = quadratic([3, 7], [0, 0], [[1, 1]], 1)
     at = (0.7, 0.3)
-    cutoff = frozenset({Feature.CUTOFF})
+    requests: dict[str, dict[str, Any]] = {
+        ": a small gap": {"gap": 1e-10},
+        ": tight tolerance": {"tolerance": 1e-9},
+        ": warm start at the optimum": {"warm_start": np.array(at)},
+        ": warm start elsewhere": {"warm_start": np.array([5.0, -4.0])},
+        ", cutoff: at the optimum": {"cutoff": 1.05},
+    }
+    nothing = {", cutoff: nothing below": {"cutoff": 1.0}}
     return [
-        Case(
-            "quadratic: a small gap",
-            rows,
-            optimum(1.05, at),
-            frozenset({Feature.GAP}),
-            {"gap": 1e-10},
-        ),
-        Case("quadratic: tight tolerance", rows, optimum(1.05, at), arguments={"tolerance": 1e-9}),
-        Case(
-            "quadratic: warm start at the optimum",
-            rows,
-            optimum(1.05, at),
-            frozenset({Feature.WARM_START}),
-            {"warm_start": np.array(at)},
-        ),
-        Case(
-            "quadratic: warm start elsewhere",
-            rows,
-            optimum(1.05, at),
-            frozenset({Feature.WARM_START}),
-            {"warm_start": np.array([5.0, -4.0])},
-        ),
-        Case(
-            "quadratic, cutoff: at the optimum",
-            rows,
-            optimum(1.05, at),
-            cutoff,
-            {"cutoff": 1.05},
-        ),
-        Case(
-            "quadratic, cutoff: nothing below",
-            rows,
-            Expectation((Termination.NO_SOLUTION,), 1.05),
-            cutoff,
-            {"cutoff": 1.0},
-        ),
+        *asked_for("quadratic", rows, optimum(1.05, at), requests),
+        *asked_for("quadratic", rows, Expectation((Termination.NO_SOLUTION,), 1.05), nothing),
     ]

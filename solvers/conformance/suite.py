@@ -7,7 +7,7 @@ import importlib.util
 import threading
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -16,13 +16,12 @@ from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Backend, Control, Feature, Limit, Request
 from .cases import Case, Run
 from .conic import conic_cases
-from .conic_limits import conic_limit_cases
+from .convex import conic_limit_cases, quadratic_limit_cases
 from .limits import limit_cases
 from .linear import linear_cases
 from .mixed_integer import integer_cases
 from .nonlinear import nonlinear_cases
 from .quadratic import quadratic_cases
-from .quadratic_limits import quadratic_limit_cases
 
 __all__ = ["CaseResult", "Matrix", "Status", "all_cases", "cases_for", "run_case"]
 
@@ -59,13 +58,7 @@ class CaseResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as JSON data."""
-        return {
-            "backend": self.backend,
-            "case": self.case,
-            "status": self.status.value,
-            "reason": self.reason,
-            "seconds": self.seconds,
-        }
+        return {**asdict(self), "status": self.status.value}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> CaseResult:

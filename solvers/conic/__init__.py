@@ -1,6 +1,5 @@
 """Backends for conic programs: what they share beyond the quadratic ones, and ECOS.
 
-:mod:`.forms` writes a program with cones as solvers read it, :mod:`.base` settles what an answer
-proves, :mod:`.proofs` computes proofs. Clarabel, SCS and CVXPY solve quadratic programs too and
-stand in :mod:`..qp` and :mod:`..mip`.
+:mod:`.base` settles what an answer proves, :mod:`.proofs` computes proofs. Clarabel, SCS and CVXPY
+solve quadratic programs too and stand in :mod:`..qp` and :mod:`..mip`.
 """

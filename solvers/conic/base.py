@@ -18,7 +18,6 @@ from ..qp.base import QuadraticBackend, Run, answered
 from ..qp.forms import Core
 from ..qp.proofs import Findings
 from ..qp.quality import Quality, measured
-from .forms import conic_core
 from .proofs import examined
 
 __all__ = ["ConicRun", "ConvexBackend"]
@@ -69,9 +68,6 @@ class ConicRun(Run):
             return self.optimal(ending, best)
         return self.unsolved(ending, best)
 
-    def core(self) -> Core:
-        return conic_core(self.problem)
-
     def judged(self, ending: Ending) -> Quality | None:
         """Return the quality of the point; None without one, or where it runs off to infinity.
 
@@ -121,7 +117,7 @@ class ConicRun(Run):
 
         def solve(program: ConicProgram) -> Ending:
             asked = replace(self.request, warm_start=None, time_limit=self.clock.left())
-            return replace(self, problem=program, request=asked).tried(conic_core(program), asked)
+            return replace(self, problem=program, request=asked).tried(Core.of(program), asked)
 
         found = examined(
             self.problem,

@@ -15,8 +15,8 @@ from ...models.programs.conic import ConicProgram
 from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
 from ..backend import Limit, Option, Request
 from ..qp.base import COMMON
+from ..qp.forms import ConicForm
 from .base import ConvexBackend
-from .forms import ConeForm
 
 __all__ = ["Ecos"]
 
@@ -28,7 +28,6 @@ class Ecos(ConvexBackend):
     accepts = ConicProgram
     features = COMMON
     requires = ("ecos",)
-    distribution = "ecos"
     extra = "ecos"
     options: ClassVar[Mapping[str, Option]] = {
         "max_iters": Option(200, "Interior-point iterations at most.", int, lower=1)
@@ -50,7 +49,7 @@ class Ecos(ConvexBackend):
         """Solve with ECOS."""
         import ecos  # type: ignore[import-untyped]
 
-        form = ConeForm.posed(program, (ConeKind.SECOND_ORDER, ConeKind.EXPONENTIAL), _order)
+        form = ConicForm.of(program, (ConeKind.SECOND_ORDER, ConeKind.EXPONENTIAL), _order)
         quadratic = [b for b in form.cones if b.kind is ConeKind.SECOND_ORDER]
         count = form.zeros
         equal: dict[str, Any] = {}

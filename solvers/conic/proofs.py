@@ -19,7 +19,7 @@ from ...models.programs.cones import ConeBlock, ConeKind, inside, order, triangl
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import Ending
-from ..qp.proofs import Findings
+from ..qp.proofs import Findings, least, receding, unit, without_bound
 
 __all__ = ["examined", "excludes", "recedes"]
 
@@ -54,7 +54,7 @@ def excludes(program: ConicProgram, ray: Vector, center: Vector | None = None) -
     if not terms.max(initial=0.0) > 0:
         # No column enters: constants alone lie outside of the cones, or do not.
         terms = np.full(1, np.abs(y).max(initial=0.0))
-    endless = np.where(pull > 0, ~np.isfinite(flat.column_upper), ~np.isfinite(flat.column_lower))
+    endless = without_bound(flat, pull)
     if (np.abs(pull) > CANCELLED * terms)[endless].any():
         return False
     pull[endless] = 0.0
@@ -77,8 +77,9 @@ def excludes(program: ConicProgram, ray: Vector, center: Vector | None = None) -
 
 def recedes(program: ConicProgram, direction: Vector) -> bool:
     """Return whether the objective falls forever along `direction` from any feasible point."""
-    d = _unit(direction)
-    stack = _recession_rows(program)
+    d = unit(direction)
+    parts = [program.hessian, program.matrix, sp.eye_array(program.size), program.cone_matrix]
+    stack = sp.vstack(parts, format="csr")
     noise = CANCELLED * abs(stack).sum(axis=1)
     for block in program.cones:
         # A row of constants, which no direction moves, has none of its own.
@@ -89,7 +90,7 @@ def recedes(program: ConicProgram, direction: Vector) -> bool:
         off = move - _recession(program, move)
         if (np.abs(off) <= noise).all():
             break
-        d = _unit(d - _least(stack, off))
+        d = unit(d - least(stack, off))
     else:
         return False
     steepest = float(np.abs(program.cost).max(initial=0.0))
@@ -181,16 +182,13 @@ def _receding(program: ConicProgram) -> ConicProgram:
     rows = sp.vstack([program.hessian, program.matrix], format="csr")
     flat = np.zeros(program.size)
 
-    def bounds(bound: Vector, without: float) -> Vector:
-        return np.where(np.isfinite(bound), 0.0, without)
-
     return ConicProgram(
         cost=program.cost / np.abs(program.cost).max(),
         matrix=rows,
-        row_lower=np.concatenate([flat, bounds(program.row_lower, -np.inf)]),
-        row_upper=np.concatenate([flat, bounds(program.row_upper, np.inf)]),
-        column_lower=bounds(program.column_lower, -1.0),
-        column_upper=bounds(program.column_upper, 1.0),
+        row_lower=np.concatenate([flat, receding(program.row_lower, -np.inf)]),
+        row_upper=np.concatenate([flat, receding(program.row_upper, np.inf)]),
+        column_lower=receding(program.column_lower, -1.0),
+        column_upper=receding(program.column_upper, 1.0),
         cone_matrix=program.cone_matrix,
         cone_offset=np.zeros(program.cone_offset.size),
         cones=program.cones,
@@ -226,22 +224,15 @@ def _flat(program: ConicProgram) -> QuadraticProgram:
 
 def _mended_ray(program: ConicProgram, flat: QuadraticProgram, ray: Vector) -> Vector:
     """Return `ray` in the dual cones, and such that its sum cancels on columns without bounds."""
-    y = program.signed(_unit(ray))
+    y = program.signed(unit(ray))
     for _ in range(ROUNDS):
         pull, terms = flat.matrix.T @ y, abs(flat.matrix).T @ np.abs(y)
-        endless = np.where(
-            pull > 0, ~np.isfinite(flat.column_upper), ~np.isfinite(flat.column_lower)
-        )
+        endless = without_bound(flat, pull)
         if not (np.abs(pull) > CANCELLED * terms)[endless].any():
             break
         block = flat.matrix[:, np.flatnonzero(endless)].T
-        y = program.signed(y - _least(block, pull[endless]))
+        y = program.signed(y - least(block, pull[endless]))
     return y
-
-
-def _recession_rows(program: ConicProgram) -> sp.csr_array:
-    unit = sp.eye_array(program.size)
-    return sp.vstack([program.hessian, program.matrix, unit, program.cone_matrix], format="csr")
 
 
 def _recession(program: ConicProgram, move: Vector) -> Vector:
@@ -249,25 +240,7 @@ def _recession(program: ConicProgram, move: Vector) -> Vector:
     lower = np.concatenate([program.row_lower, program.column_lower])
     upper = np.concatenate([program.row_upper, program.column_upper])
     bounded, size = lower.size, program.size
-    held = np.clip(
-        move[size : size + bounded],
-        np.where(np.isfinite(lower), 0.0, -np.inf),
-        np.where(np.isfinite(upper), 0.0, np.inf),
-    )
+    held = np.clip(move[size : size + bounded], receding(lower, -np.inf), receding(upper, np.inf))
     cones = move[size + bounded :]
     moved = [inside(block.kind, block.of(cones)).ravel() for block in program.cones]
     return np.concatenate([np.zeros(size), held, *moved])
-
-
-def _unit(vector: Vector) -> Vector:
-    v = np.where(np.isfinite(vector), vector, 0.0)
-    scaled: Vector = v / max(np.abs(v).max(initial=0.0), 1e-300)
-    return scaled
-
-
-def _least(matrix: sp.csr_array, right: Vector) -> Vector:
-    """Return the shortest least-squares solution."""
-    from scipy.sparse.linalg import lsqr
-
-    found: Vector = lsqr(matrix, right, atol=1e-15, btol=1e-15, conlim=0.0)[0]
-    return found

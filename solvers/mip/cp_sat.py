@@ -35,7 +35,6 @@ class CpSat(ProgramBackend):
     name = "cp-sat"
     features = CALLED_BACK | {Feature.THREADS}
     requires = ("ortools",)
-    distribution = "ortools"
     extra = "ortools"
     # See Highs: ortools and highspy exclude one another.
     conflict_group = "highs"
@@ -120,7 +119,7 @@ def _whole(program: MixedIntegerProgram) -> _Whole:
             value[part], [reach[c] for c in index[part]], lambda row=row: program.row_name(row)
         )
         most = sum(abs(f) * reach[c] for f, c in zip(factors, index[part], strict=True))
-        rows.append((index[part], factors, _up(low, by, -most), _down(high, by, most)))
+        rows.append((index[part], factors, _up(low, by, -most), -_up(-high, by, -most)))
     return _Whole(
         cost,
         program.offset * scale,
@@ -149,19 +148,14 @@ def _scaled(values: list[float], reach: Iterable[int], what: Any) -> tuple[list[
 
 
 def _up(bound: float, by: int, least: int) -> int:
-    """Return the least whole number that a scaled lower bound admits, not below `least` - 1."""
+    """Return the least whole number that a scaled lower bound admits, not below `least` - 1.
+
+    With the signs of bound, least and result turned, the greatest that an upper one admits.
+    """
     if bound == -math.inf:
         return least - 1
     exact = Fraction(repr(bound)) * by
     return max(math.ceil(exact - _rounding(exact)), least - 1)
-
-
-def _down(bound: float, by: int, most: int) -> int:
-    """Return the greatest whole number that a scaled upper bound admits, not above `most` + 1."""
-    if bound == math.inf:
-        return most + 1
-    exact = Fraction(repr(bound)) * by
-    return min(math.floor(exact + _rounding(exact)), most + 1)
 
 
 def _rounding(value: Fraction) -> Fraction:

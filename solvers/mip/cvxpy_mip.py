@@ -44,7 +44,6 @@ class CvxpyMip(ProgramBackend):
         }
     )
     requires = ("cvxpy",)
-    distribution = "cvxpy"
     extra = "cvxpy"
     # CVXPY probes its solvers as it is imported and so loads highspy: see Highs.
     conflict_group = "highs"
@@ -88,13 +87,7 @@ class CvxpyMip(ProgramBackend):
         posed = with_offset_column(with_cutoff_row(program, request.cutoff))
         # CVXPY's interface to SCIP fails on rows without entries, which are known to hold by now.
         rows = np.flatnonzero(np.diff(posed.matrix.indptr))
-        posed = replace(
-            posed,
-            matrix=posed.matrix[rows],
-            row_lower=posed.row_lower[rows],
-            row_upper=posed.row_upper[rows],
-            rows=(),
-        )
+        posed = posed.only_rows(rows)
         names = _NAMES.get(solver, {})
         options = _told(solver, names, program, request)
         try:

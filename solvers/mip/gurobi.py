@@ -26,7 +26,6 @@ class Gurobi(ProgramBackend):
     name = "gurobi"
     features = CALLED_BACK | {Feature.THREADS, Feature.DUALS}
     requires = ("gurobipy",)
-    distribution = "gurobipy"
     extra = "gurobi"
     options: ClassVar[Mapping[str, Option]] = {
         "mip_focus": Option(0, "0 balanced, 1 solutions, 2 proof, 3 bound.", int, (0, 1, 2, 3)),
@@ -112,19 +111,10 @@ def _add_rows(model: Any, program: MixedIntegerProgram, columns: Any) -> list[tu
 
     Gurobi has no two-sided rows: such a row becomes two, whose duals are added.
     """
-    low, high = program.row_lower, program.row_upper
-    equal = low == high
-    added = []
-    for take, sense, right in (
-        (equal, "=", low),
-        (~equal & np.isfinite(low), ">", low),
-        (~equal & np.isfinite(high), "<", high),
-    ):
-        which = np.flatnonzero(take)
-        if which.size:
-            matrix = program.matrix[which]
-            added.append((which, model.addMConstr(matrix, columns, sense, right[which])))
-    return added
+    return [
+        (which, model.addMConstr(program.matrix[which], columns, sense, bound))
+        for sense, which, bound in program.sides()
+    ]
 
 
 def _ending(

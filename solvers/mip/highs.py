@@ -29,7 +29,6 @@ class Highs(ProgramBackend):
     accepts = (MixedIntegerProgram, QuadraticProgram)
     features = CALLED_BACK | {Feature.THREADS, Feature.DUALS}
     requires = ("highspy",)
-    distribution = "highspy"
     # highspy and ortools each bring a libhighs.so.1, of different versions: whichever is loaded
     # first serves both, and the other one fails to import for want of a symbol.
     conflict_group = "highs"

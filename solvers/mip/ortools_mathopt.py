@@ -27,7 +27,6 @@ class MathOpt(ProgramBackend):
     features = CALLED_BACK | {Feature.DUALS}
     single_threaded = True
     requires = ("ortools",)
-    distribution = "ortools"
     extra = "ortools"
     # See Highs: the two packages' libhighs.so.1 exclude one another.
     conflict_group = "highs"

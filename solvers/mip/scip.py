@@ -23,7 +23,6 @@ class Scip(ProgramBackend):
     features = CALLED_BACK | {Feature.DUALS}
     single_threaded = True
     requires = ("pyscipopt",)
-    distribution = "PySCIPOpt"
     extra = "scip"
     options: ClassVar[Mapping[str, Option]] = {
         "emphasis": Option(

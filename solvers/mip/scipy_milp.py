@@ -28,7 +28,6 @@ class ScipyMilp(ProgramBackend):
     name = "scipy"
     features = frozenset({Feature.GAP, Feature.CUTOFF, Feature.DUAL_BOUND})
     requires = ("scipy",)
-    distribution = "scipy"
     options: ClassVar[Mapping[str, Option]] = {
         "presolve": Option(True, "Whether to presolve.", bool)
     }

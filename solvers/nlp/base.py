@@ -22,7 +22,7 @@ from ..attempts import Clock, Ended, Ending, limited, stopped
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 from .quality import Quality, measured, worst_blocks
 
-__all__ = ["COMMON", "NonlinearBackend", "most_iterations"]
+__all__ = ["COMMON", "HESSIAN", "NonlinearBackend", "most_iterations"]
 
 Vector = NDArray[np.float64]
 
@@ -33,6 +33,14 @@ CLEARLY_STATIONARY = 1e-6
 
 #: What every nonlinear backend declares: all of them search from a point.
 COMMON = frozenset({Feature.SEED, Feature.WARM_START, Feature.DUALS})
+
+#: The option of solvers that can do without the Hessian.
+HESSIAN = Option(
+    "exact",
+    "The exact Hessian, or an approximation from gradients.",
+    str,
+    ("exact", "limited-memory"),
+)
 
 
 def most_iterations(default: int) -> Option:

@@ -30,9 +30,7 @@ class BlockSqp(CasadiNlp):
     }
     summary = "blockSQP: dense quasi-Newton SQP, by CasADi"
 
-    def settings(
-        self, program: NonlinearProgram, request: Request, left: float | None
-    ) -> dict[str, Any]:
+    def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
         """Return the plugin's options."""
         return {
             "schur": False,

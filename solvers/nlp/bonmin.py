@@ -21,6 +21,7 @@ class Bonmin(CasadiNlp):
 
     name = "bonmin"
     plugin = "bonmin"
+    limit_option = "time_limit"
     given = DERIVATIVES
     features = COMMON
     talks = "python"
@@ -29,17 +30,8 @@ class Bonmin(CasadiNlp):
     }
     summary = "Bonmin: branch and bound over Ipopt, by CasADi"
 
-    def settings(
-        self, program: NonlinearProgram, request: Request, left: float | None
-    ) -> dict[str, Any]:
+    def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
         """Return the plugin's options."""
         quiet = ("print_level", "bb_log_level", "nlp_log_level", "lp_log_level", "nlp_log_at_root")
-        options: dict[str, Any] = {
-            **dict.fromkeys(quiet, 0),
-            "sb": "yes",
-            "tol": 1e-8,
-            "max_iter": request.options["max_iter"],
-        }
-        if left is not None:
-            options["time_limit"] = max(left, 1e-3)
-        return {"bonmin": options}
+        own = {"sb": "yes", "tol": 1e-8, "max_iter": request.options["max_iter"]}
+        return {"bonmin": {**dict.fromkeys(quiet, 0), **own}}

@@ -13,12 +13,12 @@ from ...errors import BackendBroken
 from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Clock, Ended, Ending, over
 from ..backend import Feature, Limit, Request
-from ..casadi_plugins import last_line, load_plugin, muted, status_of, vector
+from ..casadi_plugins import ended_by_words, last_line, load_plugin, muted, status_of, vector
 from .base import COMMON, NonlinearBackend
 from .quality import estimated_duals
 from .scaled import Scaled
 
-__all__ = ["DERIVATIVES", "CasadiNlp", "ended_by_words"]
+__all__ = ["DERIVATIVES", "CasadiNlp"]
 
 Vector = NDArray[np.float64]
 
@@ -36,6 +36,8 @@ class CasadiNlp(NonlinearBackend):
     ----------
     plugin : str
         CasADi's name of it.
+    limit_option : str
+        What it calls its time limit; empty where it knows none.
     given : mapping of str to str
         Which of the program's own derivatives it can be given: CasADi's option, and the name in
         :class:`~.scaled.Scaled`. The others it has differentiated automatically.
@@ -47,17 +49,15 @@ class CasadiNlp(NonlinearBackend):
     """
 
     requires = ("casadi",)
-    distribution = "casadi"
     features = COMMON | {Feature.INTERRUPT}
     plugin: ClassVar[str]
+    limit_option: ClassVar[str] = ""
     given: ClassVar[Mapping[str, str]] = {}
     brings_highs: ClassVar[bool] = False
     talks: ClassVar[str] = ""
 
-    def settings(
-        self, program: NonlinearProgram, request: Request, left: float | None
-    ) -> dict[str, Any]:
-        """Return the plugin's options for a run with `left` seconds: quiet, and precise enough."""
+    def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
+        """Return the plugin's options for a run: quiet, and precise enough."""
         return {}
 
     def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
@@ -87,7 +87,10 @@ class CasadiNlp(NonlinearBackend):
             # CasADi keeps no reference of its own: the watcher must outlive the call.
             watcher = _watcher(program, lambda: over(request, clock))
             options["iteration_callback"] = watcher
-        options.update(self.settings(program, request, clock.left()))
+        options.update(self.settings(program, request))
+        left = clock.left()
+        if left is not None and self.limit_option:
+            options.get(self.plugin, options)[self.limit_option] = max(left, 1e-3)
         call: Any = casadi
         try:
             with muted(native=self.talks == "native"):
@@ -157,24 +160,6 @@ class CasadiNlp(NonlinearBackend):
             limit=late,
             message=f"{self.name}: {last_line(error)}",
         )
-
-
-def ended_by_words(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
-    """Return how a plugin ended, by its success and by the words of its status."""
-    if stats.get("success"):
-        return Ended.PROVEN, None
-    words = status_of(stats).lower().replace("_", " ")
-    if "infeasib" in words:
-        return Ended.INFEASIBLE, None
-    if "unbounded" in words or "diverging" in words:
-        return Ended.UNBOUNDED, None
-    if "user" in words:
-        return Ended.STOPPED, Limit.INTERRUPTED
-    if "time" in words:
-        return Ended.STOPPED, Limit.TIME
-    if "iter" in words or stats.get("unified_return_status") == "SOLVER_RET_LIMITED":
-        return Ended.STOPPED, Limit.ITERATIONS
-    return Ended.FAILED, None
 
 
 def _watcher(program: NonlinearProgram, over: Callable[[], Limit | None]) -> Any:

@@ -28,9 +28,7 @@ class Fatrop(CasadiNlp):
     }
     summary = "Fatrop: interior point for optimal control, by CasADi"
 
-    def settings(
-        self, program: NonlinearProgram, request: Request, left: float | None
-    ) -> dict[str, Any]:
+    def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
         """Return the plugin's options."""
         return {
             "structure_detection": "none",

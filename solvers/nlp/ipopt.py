@@ -13,10 +13,10 @@ from ...errors import BackendBroken
 from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Clock, Ended, Ending, over, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
-from ..casadi_plugins import status_of
-from .base import COMMON, most_iterations
+from ..casadi_plugins import ended_by_words, status_of
+from .base import COMMON, HESSIAN, most_iterations
 from .blas import use_threads
-from .casadi_nlp import DERIVATIVES, CasadiNlp, ended_by_words
+from .casadi_nlp import DERIVATIVES, CasadiNlp
 from .scaled import Scaled
 
 __all__ = ["Ipopt"]
@@ -29,17 +29,13 @@ class Ipopt(CasadiNlp):
 
     name = "ipopt"
     plugin = "ipopt"
+    limit_option = "max_wall_time"
     given = DERIVATIVES
     features = COMMON | {Feature.INTERRUPT, Feature.THREADS}
     single_threaded = True
     options: ClassVar[Mapping[str, Option]] = {
         "max_iter": most_iterations(3000),
-        "hessian": Option(
-            "exact",
-            "The exact Hessian, or an approximation from gradients.",
-            str,
-            ("exact", "limited-memory"),
-        ),
+        "hessian": HESSIAN,
         "linear_solver": Option("mumps", "Ipopt's name of a linear solver it can load.", str),
         "mu_strategy": Option(
             "adaptive", "How the barrier parameter falls.", str, ("monotone", "adaptive")
@@ -48,9 +44,7 @@ class Ipopt(CasadiNlp):
     }
     summary = "Ipopt: interior point for large sparse programs, by CasADi"
 
-    def settings(
-        self, program: NonlinearProgram, request: Request, left: float | None
-    ) -> dict[str, Any]:
+    def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
         """Return Ipopt's options."""
         own = request.options
         # In Ipopt's own scaling; what is asked of equations (1e-8, say) must hold after it.
@@ -77,8 +71,6 @@ class Ipopt(CasadiNlp):
             )
         if own["mu_init"] is not None:
             options["mu_init"] = own["mu_init"]
-        if left is not None:
-            options["max_wall_time"] = max(left, 1e-3)
         return {"ipopt": options}
 
     def attempt(

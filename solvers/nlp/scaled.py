@@ -89,43 +89,32 @@ class Scaled:
     @cached_property
     def gradient(self) -> casadi.Function:
         """``(x, p) -> (f, grad_f_x)``."""
-        import casadi
-
-        z = self._symbol()
-        x = self._unscaled(z)
-        grad = self._grad(_part(self.program.first_order, ["x"], "grad_f")(x))
-        return casadi.Function(
-            "nlp_grad_f", [z, _none()], [self._f(x), grad], ["x", "p"], ["f", "grad_f_x"]
+        part = _part(self.program.first_order, ["x"], "grad_f")
+        return self._posed(
+            "nlp_grad_f", lambda x: {"f": self._f(x), "grad_f_x": self._grad(part(x))}
         )
 
     @cached_property
     def jacobian(self) -> casadi.Function:
         """``(x, p) -> (g, jac_g_x)``."""
-        import casadi
-
-        z = self._symbol()
-        x = self._unscaled(z)
-        jac = self._jac(_part(self.program.first_order, ["x"], "jac_g")(x))
-        return casadi.Function(
-            "nlp_jac_g", [z, _none()], [self._g(x), jac], ["x", "p"], ["g", "jac_g_x"]
-        )
+        part = _part(self.program.first_order, ["x"], "jac_g")
+        return self._posed("nlp_jac_g", lambda x: {"g": self._g(x), "jac_g_x": self._jac(part(x))})
 
     @cached_property
     def first_order(self) -> casadi.Function:
         """``(x, p) -> (f, grad_f_x, g, jac_g_x)``, for solvers that want all at once."""
-        import casadi
 
-        z = self._symbol()
-        x = self._unscaled(z)
-        f, g = self.program.function(x)
-        grad, jac = self.program.first_order(x)
-        return casadi.Function(
-            "nlp_jac_fg",
-            [z, _none()],
-            [f / self._objective, self._grad(grad), self._scaled_rows(g), self._jac(jac)],
-            ["x", "p"],
-            ["f", "grad_f_x", "g", "jac_g_x"],
-        )
+        def parts(x: Any) -> dict[str, Any]:
+            f, g = self.program.function(x)
+            grad, jac = self.program.first_order(x)
+            return {
+                "f": f / self._objective,
+                "grad_f_x": self._grad(grad),
+                "g": self._scaled_rows(g),
+                "jac_g_x": self._jac(jac),
+            }
+
+        return self._posed("nlp_jac_fg", parts)
 
     @cached_property
     def hessian(self) -> casadi.Function:
@@ -140,6 +129,14 @@ class Scaled:
         return self._hessian("hess_gamma_x_x", casadi.triu2symm)
 
     # -- parts -----------------------------------------------------------------------------------
+
+    def _posed(self, name: str, parts: Callable[[Any], dict[str, Any]]) -> casadi.Function:
+        """Return a function of ``(x, p)`` with the results that `parts` gives of unscaled columns."""
+        import casadi
+
+        z = self._symbol()
+        found = parts(self._unscaled(z))
+        return casadi.Function(name, [z, _none()], [*found.values()], ["x", "p"], [*found])
 
     def _hessian(self, result: str, shape: Callable[[Any], Any]) -> casadi.Function:
         import casadi

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Ended
 from ..backend import Limit, Option, Request
-from ..casadi_plugins import HIGHS_MARK, status_of
+from ..casadi_plugins import HIGHS_MARK, ended_by_words, status_of
 from .base import most_iterations
-from .casadi_nlp import CasadiNlp, ended_by_words
+from .casadi_nlp import CasadiNlp
 
 __all__ = ["Sleqp"]
 
@@ -20,6 +20,7 @@ class Sleqp(CasadiNlp):
 
     name = "sleqp"
     plugin = "sleqp"
+    limit_option = "max_wall_time"
     prompt = False
     brings_highs = True
     conflict_group = "highs"
@@ -29,17 +30,9 @@ class Sleqp(CasadiNlp):
     }
     summary = "SLEQP: linear programs choose the active set, by CasADi"
 
-    def settings(
-        self, program: NonlinearProgram, request: Request, left: float | None
-    ) -> dict[str, Any]:
+    def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
         """Return the plugin's options."""
-        options: dict[str, Any] = {
-            "max_iter": request.options["max_iter"],
-            "print_level": 0,
-        }
-        if left is not None:
-            options["max_wall_time"] = max(left, 1e-3)
-        return options
+        return {"max_iter": request.options["max_iter"], "print_level": 0}
 
     def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
         """Return how the plugin ended: it calls every end a success."""

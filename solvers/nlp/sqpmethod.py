@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Clock, Ended, Ending, solver_tolerance
 from ..backend import Limit, Option, Request
-from ..casadi_plugins import load_plugin, muted, status_of
-from .base import most_iterations
-from .casadi_nlp import CasadiNlp, ended_by_words
+from ..casadi_plugins import ended_by_words, load_plugin, muted, status_of
+from .base import HESSIAN, most_iterations
+from .casadi_nlp import CasadiNlp
 
 __all__ = ["SqpMethod"]
 
@@ -46,12 +46,7 @@ class SqpMethod(CasadiNlp):
     options: ClassVar[Mapping[str, Option]] = {
         "qp": Option("qrqp", "CasADi's name of the quadratic solver.", str, tuple(_QUIET)),
         "max_iter": most_iterations(500),
-        "hessian": Option(
-            "exact",
-            "The exact Hessian, or an approximation from gradients.",
-            str,
-            ("exact", "limited-memory"),
-        ),
+        "hessian": HESSIAN,
         "convexify": Option(
             "auto",
             "What makes the Hessian convex: a multiple of the identity, or its eigenvalues, block "
@@ -68,9 +63,7 @@ class SqpMethod(CasadiNlp):
         qp = str(request.options["qp"])
         load_plugin(self.name, "conic", qp)
 
-    def settings(
-        self, program: NonlinearProgram, request: Request, left: float | None
-    ) -> dict[str, Any]:
+    def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
         """Return the plugin's options."""
         own = request.options
         qp = str(own["qp"])

@@ -23,6 +23,7 @@ class Uno(CasadiNlp):
 
     name = "uno"
     plugin = "uno"
+    limit_option = "time_limit"
     prompt = False
     talks = "native"
     options: ClassVar[Mapping[str, Option]] = {
@@ -36,18 +37,14 @@ class Uno(CasadiNlp):
     }
     summary = "Uno: filterSQP, Ipopt's or another strategy from one kit, by CasADi"
 
-    def settings(
-        self, program: NonlinearProgram, request: Request, left: float | None
-    ) -> dict[str, Any]:
+    def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
         """Return the plugin's options."""
         tolerance = solver_tolerance(request.tolerance * 1e-1, 1e-11, 1e-8)
-        options: dict[str, Any] = {
+        options = {
             "logger": "SILENT",
             "preset": request.options["preset"],
             "max_iterations": request.options["max_iter"],
             "primal_tolerance": tolerance,
             "dual_tolerance": tolerance,
         }
-        if left is not None:
-            options["time_limit"] = max(left, 1e-3)
         return {"uno": options}

@@ -48,9 +48,10 @@ __all__ = [
     "QuadraticBackend",
     "Run",
     "answered",
-    "dense_memory",
     "first_order_precision",
+    "pause",
     "prefers_dense",
+    "told",
     "too_large",
 ]
 
@@ -95,6 +96,27 @@ LINEAR_ALGEBRA = Option(
 DENSE = 0.1
 #: Gigabytes of dense data above which a dense solver is refused.
 MEMORY = 2.0
+#: Seconds of a solve that goes on from where it paused.
+SLICE = 0.5
+
+_EPS = ("eps_abs", "eps_rel")
+#: How the libraries over many solvers tell each its time limit and its tolerances; one that is not
+#: among these, or has no time limit, runs as it is by default and is stopped with its process.
+_TOLD: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "clarabel": ("time_limit", ("tol_feas", "tol_gap_abs", "tol_gap_rel")),
+    "daqp": ("", ("primal_tol", "dual_tol")),
+    "ecos": ("", ("abstol", "reltol", "feastol")),
+    "highs": ("time_limit", ("primal_feasibility_tolerance", "dual_feasibility_tolerance")),
+    "osqp": ("time_limit", _EPS),
+    "piqp": ("", _EPS),
+    "proxqp": ("", _EPS),
+    "scs": ("time_limit_secs", _EPS),
+}
+#: First-order methods need more iterations than their defaults allow.
+_MORE: Mapping[str, Mapping[str, Any]] = {
+    "osqp": {"max_iter": 200_000},
+    "scs": {"max_iters": 200_000},
+}
 
 Attempt = Callable[[QuadraticProgram, Request, Clock], Ending]
 
@@ -132,6 +154,12 @@ def first_order_precision(request: Request) -> float:
     """
     share = 1.0 if request.options["polish"] else 1e-2
     return request.options.get("eps") or solver_tolerance(request.tolerance * share, 1e-11, 1e-6)
+
+
+def pause(clock: Clock) -> float:
+    """Return the seconds after which a solver without a callback pauses, so that a stop is heard."""
+    left = clock.left()
+    return SLICE if left is None else max(min(SLICE, left), 1e-3)
 
 
 def prefers_dense(program: QuadraticProgram, request: Request, largest: int) -> bool:
@@ -215,13 +243,6 @@ class Run:
         point = core.direction if found.ended is Ended.UNBOUNDED else core.point
         return replace(found, point=point(found.point), bound=None, duals=core.duals(found.duals))
 
-    @staticmethod
-    def claims_point(ending: Ending) -> bool:
-        """Whether the solver is through and says that its point is an optimum, or nearly one."""
-        if ending.ended is Ended.STOPPED:
-            return ending.limit is Limit.ITERATIONS
-        return ending.ended in (Ended.PROVEN, Ended.FAILED)
-
     def judged(self, ending: Ending) -> Quality | None:
         """Return the quality of the point, polished where that is due; None without a point."""
         if ending.point is None or ending.ended in (Ended.INFEASIBLE, Ended.UNBOUNDED):
@@ -229,7 +250,9 @@ class Run:
         found = measured(self.problem, ending.point, ending.duals)
         if found is None or found.clean or not self.request.options["polish"]:
             return found
-        if self.claims_point(ending) and not self.over():
+        # Through, and its point is an optimum by its own word, or nearly one.
+        through = ending.ended is not Ended.STOPPED or ending.limit is Limit.ITERATIONS
+        if through and ending.ended is not Ended.UNCLEAR and not self.over():
             found = polished(self.problem, found, self.over)
             self.clock.lap("polish")
         return found
@@ -318,6 +341,7 @@ class Run:
     def basic(
         self, ending: Ending, best: Quality | None, kind: Termination, bound: float | None = None
     ) -> Answer:
+        polished = best is not None and best.polished
         return Answer(
             termination=kind,
             point=None if best is None else best.point,
@@ -325,13 +349,9 @@ class Run:
             dual_bound=bound if bound is not None and np.isfinite(bound) else None,
             duals=None if best is None else best.duals,
             seconds=self.clock.seconds,
-            statistics={**ending.statistics, "polished": _YES[best is not None and best.polished]},
+            statistics={**ending.statistics, "polished": "yes" if polished else "no"},
             message=ending.message,
         )
-
-
-#: How the statistics say whether an answer was polished.
-_YES = ("no", "yes")
 
 
 def _joined(
@@ -363,14 +383,18 @@ def _summed(first: Ending, second: Ending) -> Ending:
     return replace(second, statistics=counts)
 
 
-def dense_memory(program: QuadraticProgram, rows: int) -> float:
-    """Return the gigabytes that dense copies of the Hessian and of `rows` rows take, twice each."""
-    return 16.0 * program.size * (program.size + rows) / 1e9
+def told(solver: str, request: Request) -> tuple[str, dict[str, Any]]:
+    """Return what `solver` calls its time limit, empty for none, and its options for `request`."""
+    time_name, tolerances = _TOLD.get(solver, ("", ()))
+    tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-10, 1e-8)
+    return time_name, {**dict.fromkeys(tolerances, tolerance), **_MORE.get(solver, {})}
 
 
 def too_large(owner: str, program: QuadraticProgram, rows: int | None = None) -> str:
     """Return why `owner`, which makes dense copies of `rows` rows, does not take `program`, else ``""``."""
-    needed = dense_memory(program, program.row_count if rows is None else rows)
+    # The Hessian and the rows, twice each.
+    count = program.row_count if rows is None else rows
+    needed = 16.0 * program.size * (program.size + count) / 1e9
     if needed <= MEMORY:
         return ""
     return (

@@ -12,7 +12,7 @@ from ...errors import BackendBroken, UnsupportedFormulation
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Ending, limited, over, solver_tolerance
 from ..backend import Limit, Option, Request
-from ..casadi_plugins import HIGHS_MARK, last_line, load_plugin, status_of, vector
+from ..casadi_plugins import HIGHS_MARK, ended_by_words, last_line, load_plugin, status_of, vector
 from .base import POLISH, QuadraticBackend, too_large
 from .forms import independent_rows
 
@@ -137,7 +137,6 @@ class CasadiConic(QuadraticBackend):
 
     name = "casadi"
     requires = ("casadi",)
-    distribution = "casadi"
     # CasADi brings a HiGHS that breaks those of highspy and ortools in a process, and is broken
     # by them. The other plugins keep to themselves, hence the mark.
     conflict_group = "highs"
@@ -153,6 +152,8 @@ class CasadiConic(QuadraticBackend):
         """Solve with the plugin asked for."""
         import casadi
 
+        from ...models.programs.triplets import dm
+
         name = str(request.options["plugin"])
         plugin = _PLUGINS[name]
         _load(name)
@@ -163,7 +164,7 @@ class CasadiConic(QuadraticBackend):
         most = int(request.options["max_iter"] or plugin.most)
         tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-11, 1e-8)
         options = plugin.own(posed, tolerance, min(plugin.piece or most, most), clock.left())
-        hessian, matrix = _dm(posed.hessian), _dm(posed.matrix)
+        hessian, matrix = dm(posed.hessian), dm(posed.matrix)
         call: Any = casadi
         try:
             solver = call.conic(
@@ -256,27 +257,6 @@ def _load(name: str) -> None:
 
 
 def _ended(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
-    status = status_of(stats)
-    if stats.get("success"):
-        return Ended.PROVEN, None
-    words = status.lower()
-    if "unbounded" in words or "dual infeasible" in words or "dual_infeasible" in words:
-        return Ended.UNBOUNDED, None
-    if "infeasib" in words or status == "-1":
+    if status_of(stats) == "-1" and not stats.get("success"):
         return Ended.INFEASIBLE, None
-    if "time" in words:
-        return Ended.STOPPED, Limit.TIME
-    if "iter" in words or stats.get("unified_return_status") == "SOLVER_RET_LIMITED":
-        return Ended.STOPPED, Limit.ITERATIONS
-    return Ended.FAILED, None
-
-
-def _dm(matrix: Any) -> Any:
-    import casadi
-
-    csc = matrix.tocsc()
-    csc.sort_indices()
-    sparsity = casadi.Sparsity(
-        csc.shape[0], csc.shape[1], csc.indptr.tolist(), csc.indices.tolist()
-    )
-    return casadi.DM(sparsity, csc.data)
+    return ended_by_words(stats)

@@ -12,8 +12,8 @@ from ...models.programs.cones import ConeKind, order
 from ..attempts import Clock, Ended, Ending, Meaning, limited, own_options, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
-from ..conic.forms import ConeForm, Convex
 from .base import COMMON, POLISH
+from .forms import ConicForm, Convex
 
 __all__ = ["Clarabel"]
 
@@ -24,7 +24,6 @@ class Clarabel(ConvexBackend):
     name = "clarabel"
     features = COMMON | {Feature.INTERRUPT}
     requires = ("clarabel",)
-    distribution = "clarabel"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "max_iter": Option(200, "Interior-point iterations at most.", int, lower=1),
@@ -39,7 +38,7 @@ class Clarabel(ConvexBackend):
         """Solve with Clarabel."""
         import clarabel  # type: ignore[import-untyped]
 
-        form = ConeForm.posed(program)
+        form = ConicForm.of(program)
         cones: list[Any] = []
         if form.zeros:
             cones.append(clarabel.ZeroConeT(form.zeros))

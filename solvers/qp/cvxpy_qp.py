@@ -5,31 +5,17 @@ The backend ``cvxpy`` (:class:`crosstrack.solvers.mip.cvxpy_mip.CvxpyMip`) comes
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, solver_tolerance
+from ..attempts import Clock, Ended, Ending
 from ..backend import Request
 from ..cvxpy_library import solve_by_cvxpy
+from .base import told
 
 __all__ = ["attempt"]
 
-#: How each solver is told: its time limit, and its tolerances. CVXPY hands on what it is given;
-#: one that is not among these runs as it is by default.
-_NAMES: dict[str, tuple[str, tuple[str, ...]]] = {
-    "CLARABEL": ("time_limit", ("tol_feas", "tol_gap_abs", "tol_gap_rel")),
-    "OSQP": ("time_limit", ("eps_abs", "eps_rel")),
-    "HIGHS": ("time_limit", ("primal_feasibility_tolerance", "dual_feasibility_tolerance")),
-    "SCS": ("time_limit_secs", ("eps_abs", "eps_rel")),
-    "PIQP": ("", ("eps_abs", "eps_rel")),
-    "DAQP": ("", ("primal_tol", "dual_tol")),
-    "ECOS": ("", ("abstol", "reltol", "feastol")),
-}
-#: First-order methods need more iterations than their defaults allow.
-_MORE = {"OSQP": {"max_iter": 200_000, "polishing": True}, "SCS": {"max_iters": 200_000}}
 #: CVXPY's words for what a solver nearly proves: ours to prove.
 _NEARLY = {"infeasible_inaccurate": Ended.INFEASIBLE, "unbounded_inaccurate": Ended.UNBOUNDED}
 
@@ -37,11 +23,9 @@ _NEARLY = {"infeasible_inaccurate": Ended.INFEASIBLE, "unbounded_inaccurate": En
 def attempt(program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
     """Solve through CVXPY."""
     solver = str(request.options["solver"])
-    time_name, tolerances = _NAMES.get(solver, ("", ()))
-    options: dict[str, Any] = {
-        **dict.fromkeys(tolerances, solver_tolerance(request.tolerance * 1e-2, 1e-10, 1e-8)),
-        **_MORE.get(solver, {}),
-    }
+    time_name, options = told(solver.lower(), request)
+    if solver == "OSQP":
+        options["polishing"] = True
     if request.seed is not None:
         if solver != "HIGHS":
             raise UnsupportedOption(f"backend 'cvxpy': solver={solver!r} takes no seed")

@@ -30,7 +30,6 @@ class Daqp(QuadraticBackend):
     name = "daqp"
     features = COMMON | {Feature.WARM_START}
     requires = ("daqp",)
-    distribution = "daqp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "iter_limit": Option(100_000, "Iterations at most.", int, lower=1),

@@ -1,7 +1,8 @@
-"""A quadratic program in the forms that solvers read, and the way back to its multipliers."""
+"""A quadratic or conic program in the forms that solvers read, and the way back to its multipliers."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,12 +10,23 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...models.programs.cones import ConeBlock, ConeKind, inside, order
+from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
 
-__all__ = ["ConicForm", "Core", "SplitForm", "independent_rows", "stacked_rows"]
+__all__ = [
+    "ConicForm",
+    "Convex",
+    "Core",
+    "SplitForm",
+    "columnwise",
+    "independent_rows",
+    "stacked_rows",
+]
 
 Vector = NDArray[np.float64]
 Places = NDArray[np.intp]
+Convex = QuadraticProgram | ConicProgram
 
 #: Size of a point that no solver was near an optimum with: a proximal term stays away from it.
 FAR = 1e8
@@ -25,11 +37,11 @@ class Core:
     """What is left of a program for a solver: its free columns, and the rows that say something.
 
     Many solvers stumble over rows without entries or bounds, and interior points over columns that
-    are fixed; the multipliers of such rows are 0, and fixed columns need none.
+    are fixed; the multipliers of such rows are 0, and fixed columns need none. All cones stay.
 
     Parameters
     ----------
-    whole, program : QuadraticProgram
+    whole, program : QuadraticProgram or ConicProgram
         The program asked, and what is left of it.
     columns, rows : ndarray of int
         Which of the whole program's are left.
@@ -37,14 +49,14 @@ class Core:
         The values of the fixed columns, 0 elsewhere.
     """
 
-    whole: QuadraticProgram
-    program: QuadraticProgram
+    whole: Any
+    program: Any
     columns: Places
     rows: Places
     base: Vector
 
     @classmethod
-    def of(cls, whole: QuadraticProgram) -> Core:
+    def of(cls, whole: Convex) -> Core:
         """Return the core of `whole`."""
         fixed = whole.column_lower == whole.column_upper
         base = np.where(fixed, whole.column_lower, 0.0)
@@ -57,6 +69,12 @@ class Core:
         if columns.size == whole.size and rows.size == whole.row_count:
             return cls(whole, whole, columns, rows, base)
         shift = whole.matrix @ base
+        cones: dict[str, Any] = {}
+        if isinstance(whole, ConicProgram):
+            cones = {
+                "cone_matrix": whole.cone_matrix[:, columns],
+                "cone_offset": whole.cone_rows(base),
+            }
         program = replace(
             whole,
             hessian=sp.csr_array(whole.hessian[columns][:, columns]),
@@ -69,6 +87,7 @@ class Core:
             offset=whole.objective(base),
             columns=(),
             rows=(),
+            **cones,
         )
         return cls(whole, program, columns, rows, base)
 
@@ -110,11 +129,15 @@ class Core:
         return full
 
     def duals(self, duals: Vector | None) -> Vector | None:
-        """Return row multipliers of the whole program."""
+        """Return multipliers of the whole program: of its rows, then of its cone rows."""
         if duals is None:
             return None
-        full = np.zeros(self.whole.row_count)
-        full[self.rows] = duals
+        count, rows = self.whole.row_count, self.rows.size
+        cones = self.whole.cone_offset.size if isinstance(self.whole, ConicProgram) else 0
+        full = np.zeros(count + cones)
+        full[self.rows] = duals[:rows]
+        # All columns fixed: there is nothing to solve, and nobody gives multipliers to cones.
+        full[count : count + duals.size - rows] = duals[rows:]
         return full
 
 
@@ -165,30 +188,53 @@ class SplitForm:
 
 @dataclass(frozen=True, eq=False)
 class ConicForm:
-    """``matrix @ x + s == right`` with s zero in the first `zeros` entries, then nonnegative.
+    """``matrix @ x + s == right`` with s zero, then nonnegative, then in the cones.
 
     Parameters
     ----------
     matrix : sparse matrix
-        Equal rows, rows from above, rows from below (negated), columns from above and from below.
+        Equal rows, rows from above, rows from below (negated), columns from above and from below,
+        cone rows (negated).
     right : ndarray
         The right-hand side.
-    zeros : int
-        Number of equal rows.
+    zeros, linear : int
+        Number of equal rows, and of all rows before the cone rows.
     equal, above, below : ndarray of int
         Which rows of the program the first three kinds are.
+    cones : tuple of ConeBlock
+        The cones, in the solver's order.
+    take : ndarray of int
+        Which cone row of the program each of the cone rows is.
     """
 
     matrix: Any
     right: Vector
     zeros: int
+    linear: int
     equal: Places
     above: Places
     below: Places
+    cones: tuple[ConeBlock, ...]
+    take: Places
 
     @classmethod
-    def of(cls, program: QuadraticProgram) -> ConicForm:
-        """Return `program`'s constraints in this form."""
+    def of(
+        cls,
+        program: Convex,
+        kinds: Sequence[ConeKind] = (),
+        orders: Callable[[ConeBlock], Places] | None = None,
+    ) -> ConicForm:
+        """Return `program`'s constraints in this form.
+
+        Parameters
+        ----------
+        program : QuadraticProgram or ConicProgram
+            What is written.
+        kinds : sequence of ConeKind
+            The order in which the solver wants the cones; by default as they come.
+        orders : callable, optional
+            The order in which it wants the rows of a cone of a block, where it is not ours.
+        """
         low, high = program.row_lower, program.row_upper
         left, right = program.column_lower, program.column_upper
         same = low == high
@@ -197,28 +243,72 @@ class ConicForm:
         below = np.flatnonzero(~same & np.isfinite(low))
         capped, floored = np.flatnonzero(np.isfinite(right)), np.flatnonzero(np.isfinite(left))
         unit = sp.eye_array(program.size, format="csr")
-        matrix = sp.vstack(
-            [
-                program.matrix[equal],
-                program.matrix[above],
-                -program.matrix[below],
-                unit[capped],
-                -unit[floored],
-            ]
-        )
+        blocks = [
+            program.matrix[equal],
+            program.matrix[above],
+            -program.matrix[below],
+            unit[capped],
+            -unit[floored],
+        ]
         sides = [low[equal], high[above], -low[below], right[capped], -left[floored]]
-        # A matrix, not an array: solvers written before sparse arrays test for it.
-        return cls(sp.csc_matrix(matrix), np.concatenate(sides), equal.size, equal, above, below)
+        linear = sum(side.size for side in sides)
+        cones: list[ConeBlock] = []
+        taken = [np.empty(0, np.intp)]
+        if isinstance(program, ConicProgram):
+            cones = sorted(program.cones, key=lambda block: kinds.index(block.kind) if kinds else 0)
+            for block in cones:
+                own = np.arange(block.dimension) if orders is None else orders(block)
+                starts = block.start + block.dimension * np.arange(block.count)
+                taken.append((starts[:, None] + own).ravel())
+            blocks.append(-program.cone_matrix[np.concatenate(taken)])
+            sides.append(program.cone_offset[np.concatenate(taken)])
+        return cls(
+            # A matrix, not an array: solvers written before sparse arrays test for it.
+            sp.csc_matrix(sp.vstack(blocks)),
+            np.concatenate(sides),
+            equal.size,
+            linear,
+            equal,
+            above,
+            below,
+            tuple(cones),
+            np.concatenate(taken),
+        )
 
     def duals(self, conic: Any, rows: int) -> Vector:
-        """Return the row multipliers from those of this form, where ``H x + c + matrix' z = 0``."""
+        """Return the multipliers of `rows` rows and of the cone rows, from those of this form.
+
+        There, ``H x + c + matrix' z = 0``.
+        """
         z = np.asarray(conic, float)
-        found = np.zeros(rows)
+        found = np.zeros(rows + self.take.size)
         first, second = self.equal.size, self.equal.size + self.above.size
         found[self.equal] = -z[:first]
         found[self.above] -= z[first:second]
         found[self.below] += z[second : second + self.below.size]
+        found[rows + self.take] = z[self.linear :]
         return found
+
+    def slack(self, x: Vector) -> Vector:
+        """Return an s for a start from `x`: as near to solving the equations as is easily had."""
+        s: Vector = self.right - self.matrix @ x
+        s[: self.zeros] = 0.0
+        s[self.zeros : self.linear] = np.maximum(s[self.zeros : self.linear], 0.0)
+        at = self.linear
+        for block in self.cones:
+            # Of a triangle in another order this is no projection, and still a start.
+            part = s[at : at + block.size].reshape(block.count, block.dimension)
+            s[at : at + block.size] = inside(block.kind, part).ravel()
+            at += block.size
+        return s
+
+
+def columnwise(block: ConeBlock) -> Places:
+    """Return where each entry of the lower triangle, column by column, stands row by row."""
+    if block.kind is not ConeKind.SEMIDEFINITE:
+        return np.arange(block.dimension)
+    column, row = np.triu_indices(order(block.dimension))
+    return row * (row + 1) // 2 + column
 
 
 def stacked_rows(program: QuadraticProgram) -> tuple[Any, Vector, Vector]:
@@ -252,11 +342,4 @@ def independent_rows(program: QuadraticProgram) -> tuple[QuadraticProgram, Place
     if rank == split.right.size:
         return program, everything
     rows = np.sort(np.concatenate([split.at_ranged, split.at_equal[order[:rank]]]))
-    kept = replace(
-        program,
-        matrix=program.matrix[rows],
-        row_lower=program.row_lower[rows],
-        row_upper=program.row_upper[rows],
-        rows=(),
-    )
-    return kept, rows
+    return program.only_rows(rows), rows

@@ -12,13 +12,10 @@ import scipy.sparse as sp
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Ending, Meaning, limited, over, own_options
 from ..backend import Feature, Limit, Option, Request
-from .base import COMMON, EPS, POLISH, QuadraticBackend, first_order_precision
+from .base import COMMON, EPS, POLISH, QuadraticBackend, first_order_precision, pause
 from .forms import stacked_rows
 
 __all__ = ["Osqp"]
-
-#: Seconds after which OSQP is asked to pause, so that a stop is heard: it has no callback.
-SLICE = 0.5
 
 
 class Osqp(QuadraticBackend):
@@ -27,7 +24,6 @@ class Osqp(QuadraticBackend):
     name = "osqp"
     features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
     requires = ("osqp",)
-    distribution = "osqp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "eps": EPS,
@@ -77,9 +73,7 @@ class Osqp(QuadraticBackend):
             int(status.OSQP_DUAL_INFEASIBLE_INACCURATE),
         }
         while True:
-            left = clock.left()
-            pause = SLICE if left is None else max(min(SLICE, left), 1e-3)
-            solver.update_settings(time_limit=pause + setup)
+            solver.update_settings(time_limit=pause(clock) + setup)
             setup = 0.0
             found = solver.solve(raise_error=False)
             iterations += int(found.info.iter)

@@ -29,7 +29,6 @@ class Piqp(QuadraticBackend):
 
     name = "piqp"
     requires = ("piqp",)
-    distribution = "piqp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "max_iter": Option(250, "Interior-point iterations at most.", int, lower=1),

@@ -22,6 +22,8 @@ from .quality import Quality, measured
 __all__ = ["polished"]
 
 Vector = NDArray[np.float64]
+#: Which rows and columns bind: -1 at the lower bound, 1 at the upper, 0 at neither. Equal rows and
+#: fixed columns always bind, at 1.
 Signs = NDArray[np.int8]
 
 #: Merit at which a second guess is not worth its time.
@@ -38,12 +40,8 @@ REGULARISATION = 1e-8
 LARGEST = 5_000_000
 
 
-def _never() -> bool:
-    return False
-
-
 def polished(
-    program: QuadraticProgram, start: Quality, over: Callable[[], bool] = _never
+    program: QuadraticProgram, start: Quality, over: Callable[[], bool] = lambda: False
 ) -> Quality:
     """Return what is better: `start`, or the optimum of what seems to bind there.
 
@@ -61,10 +59,10 @@ def polished(
     best, seen = start, set[bytes]()
     # Active-set methods that fail leave a good point with bad multipliers: then what is touched
     # says more.
-    for first in (_Binding.guess, _Binding.touched):
+    for first in (_guess, _touched):
         guess = first(program, start)
         for _ in range(ROUNDS):
-            key = guess.key()
+            key = guess.tobytes()
             if best.clean or key in seen or over():
                 break
             seen.add(key)
@@ -74,130 +72,96 @@ def polished(
                 break
             if quality.merit < best.merit:
                 best = replace(quality, polished=True)
-            guess = guess.mended(program, *found)
+            guess = _mended(program, guess, *found)
         if best.merit <= ENOUGH:
             break
     return best
 
 
 @dataclass(frozen=True, eq=False)
-class _Binding:
-    """Which rows and columns bind: -1 at the lower bound, 1 at the upper, 0 at neither.
+class _Stack:
+    """The rows and then the columns at a point: values, bounds, and what pulls at a bound."""
 
-    Equal rows and fixed columns always bind, at 1.
-    """
-
-    rows: Signs
-    columns: Signs
-
-    def key(self) -> bytes:
-        return self.rows.tobytes() + self.columns.tobytes()
+    value: Vector
+    low: Vector
+    high: Vector
+    pull: Vector
 
     @classmethod
-    def guess(cls, program: QuadraticProgram, at: Quality) -> _Binding:
-        """Return what binds where a multiplier outweighs the distance to its bound.
-
-        Both are measured in the units of their row and of the whole, for a row may be scaled at will.
-        """
-        x, y = at.point, at.duals
-        magnitude = abs(program.matrix)
-        row = np.maximum(magnitude.max(axis=1).toarray().ravel(), 1e-300) if y.size else y
-        reach = max(1.0, float(np.abs(x).max(initial=0.0)))
-        force = max(
-            1e-300,
-            float(np.abs(program.cost).max(initial=0.0)),
-            float(np.abs(program.hessian @ x).max(initial=0.0)),
-        )
-        value = program.matrix @ x
+    def of(cls, program: QuadraticProgram, x: Vector, y: Vector) -> _Stack:
         return cls(
-            _binding(
-                (value - program.row_lower) / (row * reach),
-                (program.row_upper - value) / (row * reach),
-                y * row / force,
-                program.row_lower == program.row_upper,
-            ),
-            _binding(
-                (x - program.column_lower) / reach,
-                (program.column_upper - x) / reach,
-                program.reduced_costs(x, y) / force,
-                program.column_lower == program.column_upper,
-            ),
-        )
-
-    @classmethod
-    def touched(cls, program: QuadraticProgram, at: Quality) -> _Binding:
-        """Return what the point touches, whatever the multipliers say."""
-        x = at.point
-        reach = TOUCHED * max(1.0, float(np.abs(x).max(initial=0.0)))
-        row = reach * abs(program.matrix).max(axis=1).toarray().ravel() if at.duals.size else 0.0
-        value = program.matrix @ x
-        rows = np.zeros(at.duals.size, np.int8)
-        rows[value - program.row_lower <= row] = -1
-        rows[program.row_upper - value <= row] = 1
-        columns = np.zeros(x.size, np.int8)
-        columns[x - program.column_lower <= reach] = -1
-        columns[program.column_upper - x <= reach] = 1
-        return cls(rows, columns)
-
-    def mended(self, program: QuadraticProgram, x: Vector, y: Vector) -> _Binding:
-        """Return the guess with what is violated, without what pulls the wrong way."""
-        value, reduced = program.matrix @ x, program.reduced_costs(x, y)
-        scale = 1e-12 * max(1.0, float(np.abs(x).max(initial=0.0)))
-        return _Binding(
-            _mended(
-                self.rows,
-                value,
-                program.row_lower,
-                program.row_upper,
-                y,
-                1e-12 * np.maximum(1.0, abs(program.matrix) @ np.abs(x)),
-            ),
-            _mended(
-                self.columns,
-                x,
-                program.column_lower,
-                program.column_upper,
-                reduced,
-                np.full(x.size, scale),
-            ),
+            np.concatenate([program.matrix @ x, x]),
+            np.concatenate([program.row_lower, program.column_lower]),
+            np.concatenate([program.row_upper, program.column_upper]),
+            np.concatenate([y, program.reduced_costs(x, y)]),
         )
 
 
-def _binding(below: Vector, above: Vector, pull: Vector, equal: NDArray[np.bool_]) -> Signs:
+def _units(program: QuadraticProgram, at: Quality) -> tuple[Vector, float]:
+    """Return the largest coefficient of each row, 1 for each column, and the size of the point."""
+    unit = np.ones(program.row_count + program.size)
+    if program.row_count:
+        largest = abs(program.matrix).max(axis=1).toarray().ravel()
+        unit[: program.row_count] = np.maximum(largest, 1e-300)
+    return unit, max(1.0, float(np.abs(at.point).max(initial=0.0)))
+
+
+def _guess(program: QuadraticProgram, at: Quality) -> Signs:
+    """Return what binds where a multiplier outweighs the distance to its bound.
+
+    Both are measured in the units of their row and of the whole, for a row may be scaled at will.
+    """
+    unit, reach = _units(program, at)
+    force = max(
+        1e-300,
+        float(np.abs(program.cost).max(initial=0.0)),
+        float(np.abs(program.hessian @ at.point).max(initial=0.0)),
+    )
+    stack = _Stack.of(program, at.point, at.duals)
+    pull, size = stack.pull * unit / force, unit * reach
     signs = np.zeros(pull.size, np.int8)
-    signs[pull > np.maximum(below, 0.0)] = -1
-    signs[-pull > np.maximum(above, 0.0)] = 1
-    signs[equal] = 1
+    signs[pull > np.maximum((stack.value - stack.low) / size, 0.0)] = -1
+    signs[-pull > np.maximum((stack.high - stack.value) / size, 0.0)] = 1
+    signs[stack.low == stack.high] = 1
     return signs
 
 
-def _mended(
-    signs: Signs, value: Vector, low: Vector, high: Vector, pull: Vector, slack: Vector
-) -> Signs:
+def _touched(program: QuadraticProgram, at: Quality) -> Signs:
+    """Return what the point touches, whatever the multipliers say."""
+    unit, reach = _units(program, at)
+    stack = _Stack.of(program, at.point, at.duals)
+    signs = np.zeros(unit.size, np.int8)
+    signs[stack.value - stack.low <= TOUCHED * reach * unit] = -1
+    signs[stack.high - stack.value <= TOUCHED * reach * unit] = 1
+    return signs
+
+
+def _mended(program: QuadraticProgram, signs: Signs, x: Vector, y: Vector) -> Signs:
+    """Return the guess with what is violated, without what pulls the wrong way."""
+    stack = _Stack.of(program, x, y)
+    sizes = [abs(program.matrix) @ np.abs(x), np.full(x.size, np.abs(x).max(initial=0.0))]
+    slack = 1e-12 * np.maximum(1.0, np.concatenate(sizes))
     new = signs.copy()
-    new[(signs < 0) & (pull < 0)] = 0
-    new[(signs > 0) & (pull > 0)] = 0
-    new[(signs == 0) & (value < low - slack)] = -1
-    new[(signs == 0) & (value > high + slack)] = 1
-    new[low == high] = 1
+    new[(signs < 0) & (stack.pull < 0)] = 0
+    new[(signs > 0) & (stack.pull > 0)] = 0
+    new[(signs == 0) & (stack.value < stack.low - slack)] = -1
+    new[(signs == 0) & (stack.value > stack.high + slack)] = 1
+    new[stack.low == stack.high] = 1
     return new
 
 
-def _solve(
-    program: QuadraticProgram, binding: _Binding, start: Quality
-) -> tuple[Vector, Vector] | None:
-    """Return the point and multipliers at which `binding` binds, the nearest to `start`."""
-    free = np.flatnonzero(binding.columns == 0)
-    rows = np.flatnonzero(binding.rows)
+def _solve(program: QuadraticProgram, signs: Signs, start: Quality) -> tuple[Vector, Vector] | None:
+    """Return the point and multipliers at which binds what `signs` say, the nearest to `start`."""
+    of_rows, held = np.split(signs, [program.row_count])
+    free, rows = np.flatnonzero(held == 0), np.flatnonzero(of_rows)
     x, y = start.point.copy(), np.zeros(program.row_count)
-    held = binding.columns
     x[held < 0] = program.column_lower[held < 0]
     x[held > 0] = program.column_upper[held > 0]
     y[rows] = start.duals[rows]
     size = free.size + rows.size
     if not size:
         return x, y
-    right = np.where(binding.rows < 0, program.row_lower, program.row_upper)[rows]
+    right = np.where(of_rows < 0, program.row_lower, program.row_upper)[rows]
     hessian, matrix = program.hessian[free], program.matrix[rows]
     inner = sp.csr_array(matrix[:, free])
     system = sp.csc_array(
@@ -208,10 +172,10 @@ def _solve(
     # What is solved for are steps, (x, -y), from where we stand: a singular system then takes
     # the nearest of its solutions, and rounding in large known parts does no harm.
     scale = _equilibrated(system)
-    signs = np.concatenate([np.full(free.size, 1.0), np.full(rows.size, -1.0)])
+    sides = np.concatenate([np.full(free.size, 1.0), np.full(rows.size, -1.0)])
     regular = sp.csc_array(
         sp.diags_array(scale) @ system @ sp.diags_array(scale)
-        + sp.diags_array(REGULARISATION * signs)
+        + sp.diags_array(REGULARISATION * sides)
     )
     from scipy.sparse.linalg import splu
 

@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 
 from ...models.programs.linear import QuadraticProgram
 
-__all__ = ["Findings", "contradiction", "examined", "recedes"]
+__all__ = [
+    "Findings",
+    "contradiction",
+    "examined",
+    "least",
+    "recedes",
+    "receding",
+    "unit",
+    "without_bound",
+]
 
 Vector = NDArray[np.float64]
 
@@ -51,22 +60,42 @@ class Findings:
     examined: bool = False
 
 
+def unit(vector: Vector) -> Vector:
+    """Return `vector` with a largest entry of 1, and 0 for what is no number."""
+    v = np.where(np.isfinite(vector), vector, 0.0)
+    scaled: Vector = v / max(np.abs(v).max(initial=0.0), 1e-300)
+    return scaled
+
+
+def least(matrix: sp.csr_array, right: Vector) -> Vector:
+    """Return the shortest least-squares solution."""
+    from scipy.sparse.linalg import lsqr
+
+    found: Vector = lsqr(matrix, right, atol=1e-15, btol=1e-15, conlim=0.0)[0]
+    return found
+
+
+def without_bound(program: QuadraticProgram, pull: Vector) -> NDArray[np.bool_]:
+    """Return the columns that have no bound where `pull` pulls them to."""
+    return np.where(
+        pull > 0, ~np.isfinite(program.column_upper), ~np.isfinite(program.column_lower)
+    )
+
+
+def receding(bound: Vector, without: float) -> Vector:
+    """Return the bounds of directions: 0 where a point has one, and `without` where it has none."""
+    return np.where(np.isfinite(bound), 0.0, without)
+
+
 def contradiction(program: QuadraticProgram, ray: Vector) -> bool:
     """Return whether the row multipliers `ray` prove that no point satisfies all rows.
 
     Weighted with them, the rows demand more than any point within the column bounds can give. On a
     column without the bound it needs, the weights must cancel but for rounding.
     """
-    y = np.where(np.isfinite(ray), ray, 0.0)
-    peak = np.abs(y).max(initial=0.0)
-    if not peak > 0:
-        return False
-    y = program.signed(y / peak)
-    pull = program.matrix.T @ y
-    terms = abs(program.matrix).T @ np.abs(y)
-    endless = np.where(
-        pull > 0, ~np.isfinite(program.column_upper), ~np.isfinite(program.column_lower)
-    )
+    y = program.signed(unit(ray))
+    pull, terms = program.matrix.T @ y, abs(program.matrix).T @ np.abs(y)
+    endless = without_bound(program, pull)
     if (np.abs(pull) > CANCELLED * terms)[endless].any():
         return False
     pull[endless] = 0.0
@@ -80,11 +109,7 @@ def contradiction(program: QuadraticProgram, ray: Vector) -> bool:
 
 def recedes(program: QuadraticProgram, direction: Vector) -> bool:
     """Return whether the objective falls forever along `direction` from any feasible point."""
-    d = np.where(np.isfinite(direction), direction, 0.0)
-    peak = np.abs(d).max(initial=0.0)
-    if not peak > 0:
-        return False
-    d = d / peak
+    d = unit(direction)
     size = np.abs(d)
     falls = program.cost @ d < -CANCELLED * float(np.abs(program.cost) @ size)
     flat = (np.abs(program.hessian @ d) <= CANCELLED * (abs(program.hessian) @ size)).all()
@@ -141,32 +166,22 @@ def examined(
 
 def _cancelled(program: QuadraticProgram, ray: Vector) -> Vector:
     """Return `ray` moved, on its support, so that it cancels on columns without bounds."""
-    from scipy.sparse.linalg import lsqr
-
-    y = np.where(np.isfinite(ray), ray, 0.0)
-    y = program.signed(y / max(np.abs(y).max(initial=0.0), 1e-300))
+    y = program.signed(unit(ray))
     y = np.where(np.abs(y) > 1e-6, y, 0.0)
     support = np.flatnonzero(y)
     pull = program.matrix.T @ y
-    endless = np.where(
-        pull > 0, ~np.isfinite(program.column_upper), ~np.isfinite(program.column_lower)
-    )
-    if not support.size or not endless.any():
-        return y
-    block = program.matrix[support][:, np.flatnonzero(endless)].T
-    y[support] -= lsqr(block, pull[endless], atol=1e-15, btol=1e-15, conlim=0.0)[0]
+    endless = without_bound(program, pull)
+    if support.size and endless.any():
+        y[support] -= least(program.matrix[support][:, np.flatnonzero(endless)].T, pull[endless])
     return y
 
 
 def _tidy(program: QuadraticProgram, direction: Vector) -> Vector:
     """Return `direction` without its small entries, and inside the cone of the column bounds."""
-    d = np.where(np.isfinite(direction), direction, 0.0)
-    d /= max(np.abs(d).max(initial=0.0), 1e-300)
+    d = unit(direction)
     d = np.where(np.abs(d) > 1e-6, d, 0.0)
     return np.clip(
-        d,
-        np.where(np.isfinite(program.column_lower), 0.0, -np.inf),
-        np.where(np.isfinite(program.column_upper), 0.0, np.inf),
+        d, receding(program.column_lower, -np.inf), receding(program.column_upper, np.inf)
     )
 
 
@@ -202,9 +217,7 @@ def _phase_one(
 def _steepest(program: QuadraticProgram, seconds: float | None) -> Vector | None:
     """Return the direction, within a box, in which the objective falls fastest without curvature."""
     curved = np.flatnonzero(np.diff(program.hessian.indptr))
-    low, high = np.isfinite(program.row_lower), np.isfinite(program.row_upper)
-    held = np.flatnonzero(low | high)
-    stacked = sp.vstack([program.hessian[curved], program.matrix[held]], format="csr")
+    stacked = sp.vstack([program.hessian[curved], program.matrix], format="csr")
     largest = (
         abs(stacked).max(axis=1).toarray().ravel() if stacked.nnz else np.zeros(stacked.shape[0])
     )
@@ -219,18 +232,10 @@ def _steepest(program: QuadraticProgram, seconds: float | None) -> Vector | None
         sp.hstack([scaled, -sp.eye_array(total)]),
         np.zeros(total),
         np.concatenate(
-            [
-                np.where(np.isfinite(program.column_lower), 0.0, -1.0),
-                nothing,
-                np.where(low[held], 0.0, -np.inf),
-            ]
+            [receding(program.column_lower, -1.0), nothing, receding(program.row_lower, -np.inf)]
         ),
         np.concatenate(
-            [
-                np.where(np.isfinite(program.column_upper), 0.0, 1.0),
-                nothing,
-                np.where(high[held], 0.0, np.inf),
-            ]
+            [receding(program.column_upper, 1.0), nothing, receding(program.row_upper, np.inf)]
         ),
         seconds,
     )

@@ -33,7 +33,6 @@ class Proxqp(QuadraticBackend):
     name = "proxqp"
     features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
     requires = ("proxsuite",)
-    distribution = "proxsuite"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "max_iter": Option(400, "Outer iterations at most.", int, lower=1),

@@ -10,9 +10,9 @@ import numpy as np
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, solver_tolerance
+from ..attempts import Clock, Ended, Ending
 from ..backend import Option, Request
-from .base import POLISH, QuadraticBackend, too_large
+from .base import POLISH, QuadraticBackend, told, too_large
 from .forms import ConicForm
 
 __all__ = ["EXCLUDED", "Qpsolvers"]
@@ -20,24 +20,6 @@ __all__ = ["EXCLUDED", "Qpsolvers"]
 #: Solvers that are not to be had through qpsolvers, with the reason.
 EXCLUDED: Mapping[str, str] = {
     "gurobi": "qpsolvers lets it print its licence on the standard output",
-}
-_EPS = ("eps_abs", "eps_rel")
-#: How each solver is told its time limit and its tolerances; one that is not among these, or has
-#: no time limit, runs as it is by default and is stopped with its process.
-_NAMES: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "clarabel": ("time_limit", ("tol_feas", "tol_gap_abs", "tol_gap_rel")),
-    "daqp": ("", ("primal_tol", "dual_tol")),
-    "ecos": ("", ("abstol", "reltol", "feastol")),
-    "highs": ("time_limit", ("primal_feasibility_tolerance", "dual_feasibility_tolerance")),
-    "osqp": ("time_limit", _EPS),
-    "piqp": ("", _EPS),
-    "proxqp": ("", _EPS),
-    "scs": ("time_limit_secs", _EPS),
-}
-#: First-order methods need more iterations than their defaults allow.
-_MORE: Mapping[str, Mapping[str, Any]] = {
-    "osqp": {"max_iter": 200_000},
-    "scs": {"max_iters": 200_000},
 }
 
 
@@ -50,7 +32,6 @@ class Qpsolvers(QuadraticBackend):
 
     name = "qpsolvers"
     requires = ("qpsolvers",)
-    distribution = "qpsolvers"
     # It imports every solver that it finds, highspy too: see Highs.
     conflict_group = "highs"
     natives = ("highspy._core",)
@@ -83,11 +64,7 @@ class Qpsolvers(QuadraticBackend):
         reason = too_large(f"backend 'qpsolvers': solver={solver!r}", program, form.right.size)
         if dense and reason:
             raise UnsupportedFormulation(reason)
-        time_name, tolerances = _NAMES.get(solver, ("", ()))
-        options: dict[str, Any] = {
-            **dict.fromkeys(tolerances, solver_tolerance(request.tolerance * 1e-2, 1e-10, 1e-8)),
-            **_MORE.get(solver, {}),
-        }
+        time_name, options = told(solver, request)
         problem = _posed(qpsolvers, program, form, dense)
         clock.lap("build")
         left = clock.left()

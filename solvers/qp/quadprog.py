@@ -28,7 +28,6 @@ class Quadprog(QuadraticBackend):
 
     name = "quadprog"
     requires = ("quadprog",)
-    distribution = "quadprog"
     summary = "quadprog: Goldfarb and Idnani's dual method, dense, strictly convex programs only"
 
     def refuses(self, problem: Any) -> str:

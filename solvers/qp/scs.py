@@ -13,13 +13,11 @@ from ...models.programs.cones import ConeKind, order
 from ..attempts import Clock, Ended, Ending, Meaning, limited, over, own_options
 from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
-from ..conic.forms import ConeForm, Convex, columnwise
-from .base import COMMON, EPS, POLISH, first_order_precision
+from .base import COMMON, EPS, POLISH, first_order_precision, pause
+from .forms import ConicForm, Convex, columnwise
 
 __all__ = ["Scs"]
 
-#: Seconds after which SCS is asked to pause, so that a stop is heard: it has no callback.
-SLICE = 0.5
 #: What SCS calls the cones, in the order in which it wants them.
 _NAMES = {ConeKind.SECOND_ORDER: "q", ConeKind.SEMIDEFINITE: "s", ConeKind.EXPONENTIAL: "ep"}
 
@@ -30,7 +28,6 @@ class Scs(ConvexBackend):
     name = "scs"
     features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
     requires = ("scs",)
-    distribution = "scs"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "eps": EPS,
@@ -44,7 +41,7 @@ class Scs(ConvexBackend):
         """Solve with SCS."""
         import scs  # type: ignore[import-untyped]
 
-        form = ConeForm.posed(program, tuple(_NAMES), columnwise)
+        form = ConicForm.of(program, tuple(_NAMES), columnwise)
         eps = first_order_precision(request)
         if not form.right.size:
             # SCS needs a row: one that every point satisfies.
@@ -74,7 +71,7 @@ class Scs(ConvexBackend):
             slack = form.slack(x)
             start = {"warm_start": True, "x": x, "y": np.zeros(slack.size), "s": slack}
         # The time limit is a setting of the workspace, which therefore is made for a slice.
-        solver = scs.SCS(data, cone, time_limit_secs=_slice(clock), **settings)
+        solver = scs.SCS(data, cone, time_limit_secs=pause(clock), **settings)
         clock.lap("build")
         iterations = 0
         while True:
@@ -108,12 +105,7 @@ class Scs(ConvexBackend):
         return ending
 
 
-def _slice(clock: Clock) -> float:
-    left = clock.left()
-    return SLICE if left is None else max(min(SLICE, left), 1e-3)
-
-
-def _with_a_row(form: ConeForm, size: int) -> ConeForm:
+def _with_a_row(form: ConicForm, size: int) -> ConicForm:
     row = sp.csc_matrix(([1.0], ([0], [0])), shape=(1, size))
     # A constant that no solution of moderate size comes near would be a bound; 0 @ x <= 1 is none.
     row.data[:] = 0.0

@@ -17,8 +17,8 @@ from crosstrack.models import ConicProgram, QuadraticProgram
 from crosstrack.solvers.backend import Request, Termination
 from crosstrack.solvers.conformance import Matrix, Status, all_cases, cases_for, run_case
 from crosstrack.solvers.conformance.conic import BALL, HYPERBOLA, PSD, conic
-from crosstrack.solvers.conic.forms import ConeForm, columnwise
 from crosstrack.solvers.conic.proofs import excludes, recedes
+from crosstrack.solvers.qp.forms import ConicForm, columnwise
 from crosstrack.solvers.registry import find_backend
 
 from .test_conic_programs import CASES, random_program
@@ -153,7 +153,7 @@ def test_large_matrices_in_the_order_of_the_solver(name: str) -> None:
 
 def test_columnwise_and_back() -> None:
     program, _ = random_program(np.random.default_rng(1))
-    form = ConeForm.posed(program, [PSD, BALL, program.cones[1].kind], columnwise)
+    form = ConicForm.of(program, [PSD, BALL, program.cones[1].kind], columnwise)
     assert [block.kind for block in form.cones] == [PSD, BALL, program.cones[1].kind]
     assert columnwise(program.cones[2]).tolist() == [0, 1, 3, 2, 4, 5]
     duals = np.arange(1.0, 1 + form.right.size)

@@ -14,8 +14,8 @@ import crosstrack as ct
 from crosstrack.models.programs.linear import QuadraticProgram
 from crosstrack.solvers.attempts import Ended, Ending
 from crosstrack.solvers.backend import Limit, Request, Termination
+from crosstrack.solvers.conformance.convex import certified
 from crosstrack.solvers.conformance.quadratic import quadratic
-from crosstrack.solvers.conformance.quadratic_larger import certified
 from crosstrack.solvers.qp.polishing import polished
 from crosstrack.solvers.qp.proofs import contradiction, examined, recedes
 from crosstrack.solvers.qp.quality import measured

@@ -1,21 +1,27 @@
-"""Larger quadratic programs with known optima, by construction: the data are made for the solution."""
+"""Larger convex programs with known optima, by construction: the data are made for the solution."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...models.programs.cones import ConeBlock, ConeKind
+from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
-from .limits import numbers
+from ..backend import Termination
+from .cases import Case, optimum
+from .limits import numbers, timed_cases
 
-__all__ = ["certified", "horizon", "portfolio"]
+__all__ = ["certified", "conic_limit_cases", "horizon", "portfolio", "quadratic_limit_cases"]
 
 INF = np.inf
 
 Vector = NDArray[np.float64]
+Posed = tuple[QuadraticProgram | ConicProgram, Vector]
 
 
 def certified(
@@ -67,7 +73,7 @@ def portfolio() -> tuple[QuadraticProgram, Vector, Vector]:
     total = matrix[0] @ point
     lower, upper = program.row_lower.copy(), program.row_upper.copy()
     lower[0] = upper[0] = total
-    return _with_rows(program, lower, upper), point, duals
+    return replace(program, row_lower=lower, row_upper=upper), point, duals
 
 
 def horizon() -> tuple[QuadraticProgram, Vector, Vector]:
@@ -103,25 +109,78 @@ def horizon() -> tuple[QuadraticProgram, Vector, Vector]:
     value[:2] = start
     lower, upper = np.full(size, -INF), np.full(size, INF)
     lower[2::each], upper[2::each] = -1.0, 1.0
-    fixed = QuadraticProgram(
-        hessian=program.hessian,
-        cost=program.cost,
-        matrix=rows,
-        row_lower=value,
-        row_upper=value,
-        column_lower=lower,
-        column_upper=upper,
+    fixed = replace(
+        program, row_lower=value, row_upper=value, column_lower=lower, column_upper=upper
     )
     return fixed, point, duals
 
 
-def _with_rows(program: QuadraticProgram, lower: Vector, upper: Vector) -> QuadraticProgram:
-    return QuadraticProgram(
-        hessian=program.hessian,
-        cost=program.cost,
-        matrix=program.matrix,
-        row_lower=lower,
-        row_upper=upper,
-        column_lower=program.column_lower,
-        column_upper=program.column_upper,
+def quadratic_limit_cases() -> tuple[Case, ...]:
+    """Return the cases; columns and rows are dense, so that most solvers need more than a moment."""
+    return _cases("quadratic", _quadratic(400, 200), _quadratic(60, 30))
+
+
+def conic_limit_cases() -> tuple[Case, ...]:
+    """Return the cases; columns, cones, and rows of a cone are dense as well."""
+    return _cases("conic", _conic(160, 40, 16), _conic(24, 6, 8))
+
+
+def _cases(kind: str, large: Posed, small: Posed) -> tuple[Case, ...]:
+    """Return the cases of a program that takes a while and of one that every solver shall finish."""
+    program, start = large
+    best = program.objective(start)
+    timed = timed_cases(
+        f"{kind}, ",
+        program,
+        start,
+        (Termination.OPTIMAL,),
+        best_known=best,
+        floor=best,
+        seconds=0.2,
+        stop_after=0.1,
     )
+    finished, solution = small
+    return (*timed, Case(f"{kind}: dense", finished, optimum(finished.objective(solution))))
+
+
+def _quadratic(size: int, rows: int) -> tuple[QuadraticProgram, Vector]:
+    """Return a dense program with its optimum; its data are sines, which no library can change."""
+    k, row = np.arange(size), np.arange(rows)[:, None]
+    root = np.sin(1.0 + (k[:, None] * 7919 + k[None, : size // 2] * 104729) % 10007)
+    hessian = root @ root.T + np.eye(size)
+    hessian = (hessian + hessian.T) / 2
+    matrix = np.sin(2.0 + (row * 611953 + k[None, :] * 1299709) % 10009)
+    point = np.round(np.sin(3.0 + k * 31 % 1009), 3)
+    duals = np.where(row[:, 0] % 2 == 0, np.sin(5.0 + row[:, 0] * 37 % 1013), 0.0)
+    reduced = np.where(k % 3 == 0, np.sin(4.0 + k * 41 % 1019), 0.0)
+    program = certified(hessian, sp.csr_array(matrix), point, duals, reduced, room=0.5)
+    return program, point
+
+
+def _conic(size: int, count: int, dimension: int) -> tuple[ConicProgram, Vector]:
+    """Return a dense program with its optimum; its data are sines, which no library can change.
+
+    Every other cone binds at the optimum, with multipliers that cancel the rows: ``(r, y)`` and
+    ``(r, -y)`` with ``r = |y|``.
+    """
+    row, column = np.arange(count * dimension)[:, None], np.arange(size)[None, :]
+    matrix = np.sin(2.0 + (row * 611953 + column * 1299709) % 10009)
+    point = np.round(np.sin(3.0 + np.arange(size) * 31 % 1009), 3)
+    tail = np.sin(4.0 + row.reshape(count, dimension)[:, 1:] * 37 % 1013)
+    radius = np.linalg.norm(tail, axis=1, keepdims=True)
+    binds = (np.arange(count) % 2 == 0)[:, None]
+    slack = np.hstack([np.where(binds, radius, radius + 1.0), tail])
+    duals = np.where(binds, np.hstack([radius, -tail]), 0.0).ravel()
+    program = ConicProgram(
+        cost=matrix.T @ duals,
+        cone_matrix=sp.csr_array(matrix),
+        cone_offset=slack.ravel() - matrix @ point,
+        cones=(
+            ConeBlock(
+                "cones", "", 0, count * dimension, kind=ConeKind.SECOND_ORDER, dimension=dimension
+            ),
+        ),
+        column_lower=np.full(size, -2.0),
+        column_upper=np.full(size, 2.0),
+    )
+    return program, point
