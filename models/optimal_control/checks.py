@@ -226,7 +226,7 @@ def _entry(one: Restriction, entry: int) -> str:
 def _bounds(phases: tuple[Course, ...], what: str) -> Iterator[_Found]:
     """Yield the worst against the bounds of states or controls, between the nodes as well."""
     for course, label in zip(phases, _labels(phases), strict=True):
-        sides = _Sides(course.phase.stacked(what, "lower"), course.phase.stacked(what, "upper"))
+        sides = _Sides(*course.phase.bounds(what))
         if not sides.entry.size:
             continue
         worst = course.largest(
@@ -280,11 +280,7 @@ def _ends(phases: tuple[Course, ...], motions: list[Reintegration], end: int) ->
     """Yield the worst of the states at one end, which are measured in the size of the motion."""
     for course, label, moved in zip(phases, _labels(phases), motions, strict=True):
         word = ("initial", "final")[end]
-        sides = _Sides(
-            course.phase.stacked("states", f"{word}_lower"),
-            course.phase.stacked("states", f"{word}_upper"),
-            course.state_scale,
-        )
+        sides = _Sides(*course.phase.bounds("states", word), course.state_scale)
         if not sides.entry.size:
             continue
         values = [(course.dense.states[-end], "")]
@@ -302,9 +298,7 @@ def _ends(phases: tuple[Course, ...], motions: list[Reintegration], end: int) ->
 
 
 def _parameters(definition: Definition, values: Floats) -> Iterator[_Found]:
-    sides = _Sides(
-        definition.stacked("parameters", "lower"), definition.stacked("parameters", "upper")
-    )
+    sides = _Sides(*definition.bounds("parameters"))
     if sides.entry.size:
         share = sides(values)
         worst = int(share.argmax())

@@ -195,7 +195,7 @@ class Assembly:
         ]
         return np.concatenate(parts)
 
-    def _values(self, x: Any) -> tuple[Any, Any]:
+    def values(self, x: Any) -> tuple[Any, Any]:
         ends = self.functions.endpoint.twice.value(x[self.layout.end_columns.tolist()])
         linear = self._lengths()
         for part in self._phases:
@@ -213,7 +213,7 @@ class Assembly:
             rows = rows + casadi.vertcat(pad, ends[1:], after)
         return ends[0], casadi.densify(rows)
 
-    def _first(self, x: Any) -> tuple[Any, Any]:
+    def first(self, x: Any) -> tuple[Any, Any]:
         """Return the gradient of the objective and the Jacobian of the rows."""
         entries = Triplets()
         linear = self._lengths()
@@ -324,13 +324,13 @@ class Assembly:
         size = self.layout.size
         x, scale = casadi.MX.sym("x", size), casadi.MX.sym("lam_f")
         duals = casadi.MX.sym("lam_g", self.row_count)
-        value = casadi.Function("program", [x], list(self._values(x)), ["x"], ["f", "g"])
-        first = casadi.Function("first", [x], list(self._first(x)), ["x"], ["grad_f", "jac_g"])
+        value = casadi.Function("program", [x], list(self.values(x)), ["x"], ["f", "g"])
+        first = casadi.Function("first", [x], list(self.first(x)), ["x"], ["grad_f", "jac_g"])
         second = casadi.Function(
             "second", [x, scale, duals], [self._second(x, scale, duals)],
             ["x", "lam_f", "lam_g"], ["hess"],
         )  # fmt: skip
-        lower, upper, column_scale = self._column_bounds()
+        lower, upper, column_scale = self.column_bounds()
         row_lower, row_upper, row_scale = self._row_bounds()
         return NonlinearProgram(
             name=name,
@@ -348,59 +348,48 @@ class Assembly:
             rows=self._row_blocks(),
         )
 
-    def _column_bounds(self) -> tuple[Floats, Floats, Floats]:
+    def column_bounds(self) -> tuple[Floats, Floats, Floats]:
         size = self.layout.size
         lower, upper, scale = np.full(size, -np.inf), np.full(size, np.inf), np.ones(size)
         for one in self.layout.phases:
-            phase, x, u = one.phase, one.state_columns, one.control_columns
-            for what, columns in (("states", x), ("controls", u)):
-                lower[columns] = phase.stacked(what, "lower")[:, None]
-                upper[columns] = phase.stacked(what, "upper")[:, None]
-                scale[columns] = phase.stacked(what, "scale")[:, None]
+            phase, x = one.phase, one.state_columns
+            for what, columns in (("states", x), ("controls", one.control_columns)):
+                lower[columns.T], upper[columns.T] = phase.bounds(what)
+                scale[columns.T] = phase.stacked(what, "scale")
             for side, end in (("initial", 0), ("final", -1)):
-                lower[x[:, end]] = phase.stacked("states", f"{side}_lower")
-                upper[x[:, end]] = phase.stacked("states", f"{side}_upper")
-            t0, tf = one.time_columns
-            lower[t0], upper[t0] = phase.start_lower, phase.start_upper
-            lower[tf], upper[tf] = phase.end_lower, phase.end_upper
-            scale[[t0, tf]] = max(phase.guess.end - phase.guess.start, 1e-12)
+                lower[x[:, end]], upper[x[:, end]] = phase.bounds("states", side)
+            times = one.time_columns
+            lower[times], upper[times] = (
+                (phase.start_lower, phase.end_lower),
+                (phase.start_upper, phase.end_upper),
+            )
+            scale[times] = max(phase.guess.end - phase.guess.start, 1e-12)
         p = self.layout.parameter_columns
-        if p.size:
-            lower[p] = self.definition.stacked("parameters", "lower")
-            upper[p] = self.definition.stacked("parameters", "upper")
-            scale[p] = self.definition.stacked("parameters", "scale")
+        lower[p], upper[p] = self.definition.bounds("parameters")
+        scale[p] = self.definition.stacked("parameters", "scale")
         return lower, upper, scale
 
     def _row_bounds(self) -> tuple[Floats, Floats, Floats]:
-        lower, upper, scale = [], [], []
+        parts: list[tuple[Any, Any, Any]] = []  # lower, upper and scale of some rows
         for one, node in zip(self.layout.phases, self.functions.nodes, strict=True):
             phase = one.phase
-            none = np.zeros(one.nx * one.defects)
             sizes = np.repeat(phase.stacked("states", "scale"), one.defects)
-            lower.append(none)
-            upper.append(none)
-            scale.append(sizes)
-            lower.append(np.repeat(phase.stacked("paths", "lower"), one.collocated))
-            upper.append(np.repeat(phase.stacked("paths", "upper"), one.collocated))
-            scale.append(np.repeat(phase.stacked("paths", "scale"), one.collocated))
-            lower.append(np.zeros(node.integrals))
-            upper.append(np.zeros(node.integrals))
-            scale.append(np.ones(node.integrals))
-        lower.append(self.definition.stacked("boundaries", "lower"))
-        upper.append(self.definition.stacked("boundaries", "upper"))
-        scale.append(self.definition.stacked("boundaries", "scale"))
+            paths = (*phase.bounds("paths"), phase.stacked("paths", "scale"))
+            parts.append((0.0, 0.0, sizes))
+            parts.append(tuple(np.repeat(part, one.collocated) for part in paths))  # type: ignore[arg-type]
+            parts.append((0.0, 0.0, np.ones(node.integrals)))
+        boundaries = self.definition.bounds("boundaries")
+        parts.append((*boundaries, self.definition.stacked("boundaries", "scale")))
         for one in self.free_lengths:
             most = one.phase.end_upper - one.phase.start_lower
-            lower.append(np.array([SHORTEST * most]))
-            upper.append(np.array([np.inf]))
-            scale.append(np.array([most]))
+            parts.append((SHORTEST * most, np.inf, np.array([most])))
         for one, rows in zip(self.layout.phases, self.calm, strict=True):
-            none = np.zeros(rows.shape[0])
-            lower.append(none)
-            upper.append(none)
             # As long as the coefficients' rows are the controls' own scale will do.
-            scale.append(none + (one.phase.stacked("controls", "scale").max() if one.nu else 1.0))
-        return np.concatenate(lower), np.concatenate(upper), np.concatenate(scale)
+            size = one.phase.stacked("controls", "scale").max() if one.nu else 1.0
+            parts.append((0.0, 0.0, np.full(rows.shape[0], size)))
+        wide = [np.broadcast_arrays(*part) for part in parts]
+        lower, upper, scale = (np.concatenate(column) for column in zip(*wide, strict=True))
+        return lower, upper, scale
 
     def _column_blocks(self) -> tuple[Block, ...]:
         several = len(self.layout.phases) > 1

@@ -18,6 +18,7 @@ from ..hamiltonian import hamiltonian_spread
 from ..model import OptimalControlProblem
 from ..plan import ControlPlan, PhasePlan, Piecewise
 from .assembly import Assembly
+from .dependence import treat_dependent
 from .derivatives import functions_of
 from .layout import Layout, PhaseLayout
 from .mesh import Mesh, even, read_mesh
@@ -161,14 +162,11 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def build(self) -> NonlinearProgram:
         """Return the program on the present mesh, started where the last one ended."""
-        from .dependence import treat_dependent
-
         assembly = Assembly(self.layout)
         start = self._start if self._history is None else self._history.plan
         guess = self._guess() if start is None else self.encode(start)
         program = assembly.program(guess, self.model.name)
-        first = assembly.row_starts[-1]
-        return treat_dependent(self.model.definition, self.layout, program, first, self.dependent)
+        return treat_dependent(assembly, program, self.dependent)
 
     def _guess(self) -> Floats:
         columns = np.zeros(self.layout.size)
@@ -281,8 +279,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
                 knots,
                 tuple(scheme.control_points for scheme in one.schemes),
                 tuple(np.split(at, cuts)),
-                one.phase.stacked("controls", "lower"),
-                one.phase.stacked("controls", "upper"),
+                *one.phase.bounds("controls"),
             )
             costates = None
             if duals is not None:

@@ -161,10 +161,10 @@ def _violated(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[float, 
     half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
     t = part.states.knots[k] + half * (tau + 1.0)
     x = part.states.on(k, tau)
-    tables = [(x.T, phase.stacked("states", "lower"), phase.stacked("states", "upper"))]
+    tables = [(x.T, *phase.bounds("states"))]
     if phase.paths:
         path = evaluate_nodes(phase, t, x, part.controls.on(k, tau), p)[1]
-        tables.append((path, phase.stacked("paths", "lower"), phase.stacked("paths", "upper")))
+        tables.append((path, *phase.bounds("paths")))
     worst, where = 0.0, 0.0
     for values, low, high in tables:
         for edge, sign in ((low, -1.0), (high, 1.0)):
@@ -227,7 +227,7 @@ def _windows(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[tuple[fl
 
 def _chatters(phase: Phase, values: Floats) -> bool:
     """Return whether a control goes to and fro from node to node."""
-    low, high = phase.stacked("controls", "lower"), phase.stacked("controls", "upper")
+    low, high = phase.bounds("controls")
     for c in range(values.shape[1]):
         width = high[c] - low[c]
         if not np.isfinite(width) or width <= 0.0:
@@ -241,7 +241,7 @@ def _chatters(phase: Phase, values: Floats) -> bool:
 
 def _switch(phase: Phase, part: PhasePlan, k: int) -> float | None:
     """Return where within interval k a control goes from one bound to the other, None if nowhere."""
-    low, high = phase.stacked("controls", "lower"), phase.stacked("controls", "upper")
+    low, high = phase.bounds("controls")
     count = part.controls.intervals
     for c in range(part.controls.size):
         width = high[c] - low[c]
