@@ -102,8 +102,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     @staticmethod
     @abstractmethod
-    def scheme(degree: int) -> Scheme:
-        """Return the collocation scheme of an interval with `degree` nodes."""
+    def scheme(count: int) -> Scheme:
+        """Return the collocation scheme of an interval with `count` nodes."""
 
     def __post_init__(self) -> None:
         for name, low, high in (

@@ -261,5 +261,5 @@ def _switch(phase: Phase, part: PhasePlan, k: int) -> float | None:
         fine, weights = gauss_points(nodes.size + 2)
         mean = 0.5 * float(weights @ (interpolation(nodes, fine) @ own))
         share = mean if falls else 1.0 - mean
-        return float(np.clip(2.0 * share - 1.0, -0.999, 0.999))
+        return float(np.clip(2.0 * share - 1.0, -0.995, 0.995))
     return None
