@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ...programs.blocks import Block
 from ...programs.nonlinear import NonlinearProgram
 from ...programs.triplets import Triplets, dm
-from .derivatives import NodeFunctions, functions_of
+from .derivatives import functions_of
 from .layout import Layout, PhaseLayout
 
 __all__ = ["Assembly"]
@@ -61,8 +61,9 @@ class Assembly:
         self.definition = layout.definition
         self.functions = functions_of(self.definition)
         starts = [0]
-        for one, node in zip(layout.phases, self.functions.nodes, strict=True):
-            starts.append(starts[-1] + self._rows_of(one, node))
+        for one in layout.phases:
+            rows = one.nx * one.defects + one.paths * one.collocated + one.phase.integrals
+            starts.append(starts[-1] + rows)
         #: The first row of each phase, then of the boundary constraints.
         self.row_starts = starts
         self.boundaries = self.functions.endpoint.entries - 1
@@ -76,10 +77,6 @@ class Assembly:
             + len(self.free_lengths)
             + sum(rows.shape[0] for rows in self.calm)
         )
-
-    @staticmethod
-    def _rows_of(one: PhaseLayout, node: NodeFunctions) -> int:
-        return one.nx * one.defects + node.paths * one.collocated + node.integrals
 
     def _calm(self, one: PhaseLayout) -> sp.csr_array:
         """Return the rows that hold a phase's controls to half the degree where they must be calm."""
@@ -103,10 +100,10 @@ class Assembly:
     # -- structure -------------------------------------------------------------------------------
 
     def _phase_rows(self, number: int) -> _PhaseRows:
-        one, node = self.layout.phases[number], self.functions.nodes[number]
+        one, integrals = self.layout.phases[number], self.layout.phases[number].phase.integrals
         first = self.row_starts[number]
         linear, spread = Triplets(), Triplets()
-        states, entries = np.arange(one.nx), node.entries
+        states, entries = np.arange(one.nx), self.functions.nodes[number].entries
 
         def source(entry: Any, visit: Any) -> Any:
             return np.asarray(visit) * entries + np.asarray(entry)
@@ -122,17 +119,17 @@ class Assembly:
                 rows, 0, -scheme.right[r, c], source(states[:, None], one.visit_starts[k] + c)
             )
         at = first + one.nx * one.defects
-        if node.paths:
-            paths = np.arange(node.paths)[:, None]
+        if one.paths:
+            paths = np.arange(one.paths)[:, None]
             spread.add(
                 at + paths * one.collocated + np.arange(one.collocated),
                 0,
                 1.0,
-                source(one.nx + node.integrals + paths, one.owners),
+                source(one.nx + integrals + paths, one.owners),
             )
-        at += node.paths * one.collocated
+        at += one.paths * one.collocated
         weights = np.concatenate([scheme.weights for scheme in one.schemes])
-        for k in range(node.integrals):
+        for k in range(integrals):
             linear.add(at + k, one.integral_columns[k], 1.0)
             spread.add(at + k, 0, -weights, source(one.nx + k, np.arange(one.visits)))
         shape = (self.row_count, entries * one.visits)
@@ -167,42 +164,19 @@ class Assembly:
 
     def _arguments(self, number: int, x: Any) -> list[Any]:
         """Return what the node functions of a phase take, a column a visit."""
-        one = self.layout.phases[number]
-        visits = one.visits
-
-        def gathered(columns: Whole) -> Any:
-            # CasADi reshapes column by column: one visit after the other.
-            return casadi.reshape(x[columns.T.reshape(-1).tolist()], columns.shape[0], visits)
-
-        states = gathered(one.state_columns[:, one.visit_point])
-        if one.nu:
-            controls = gathered(one.control_columns[:, one.visit_control])
-        else:
-            controls = casadi.MX(0, visits)
-        times = casadi.repmat(x[one.time_columns.tolist()], 1, visits)
-        parameters = casadi.repmat(x[self.layout.parameter_columns.tolist()], 1, visits)
-        return [states, controls, times, parameters, casadi.DM(one.visit_places)]
-
-    def _local_columns(self, number: int) -> Whole:
-        """Return the global column of each local argument x, u, T, p, (local, visits)."""
-        one = self.layout.phases[number]
-        visits = one.visits
-        shared = np.concatenate([one.time_columns, self.layout.parameter_columns])
-        parts = [
-            one.state_columns[:, one.visit_point],
-            one.control_columns[:, one.visit_control].reshape(one.nu, visits),
-            np.repeat(shared[:, None], visits, axis=1),
-        ]
-        return np.concatenate(parts)
+        columns = self.layout.visit_columns(number)
+        # CasADi reshapes column by column: one visit after the other.
+        given = casadi.reshape(x[columns.T.reshape(-1).tolist()], *columns.shape)
+        return [given, casadi.DM(self.layout.phases[number].visit_places)]
 
     def values(self, x: Any) -> tuple[Any, Any]:
-        ends = self.functions.endpoint.twice.value(x[self.layout.end_columns.tolist()])
+        ends = self.functions.endpoint.value(x[self.layout.end_columns.tolist()])
         linear = self._lengths()
         for part in self._phases:
             linear = linear + part.linear
         rows = casadi.mtimes(casadi.MX(dm(linear)), x)
         for number, part in enumerate(self._phases):
-            node = self.functions.nodes[number].twice.value
+            node = self.functions.nodes[number].value
             visits = self.layout.phases[number].visits
             entries = casadi.vec(node.map(visits)(*self._arguments(number, x)))
             rows = rows + casadi.mtimes(casadi.MX(dm(part.spread)), entries)
@@ -220,7 +194,7 @@ class Assembly:
         given, count = [], 0
         for number, part in enumerate(self._phases):
             linear = linear + part.linear
-            twice = self.functions.nodes[number].twice
+            twice = self.functions.nodes[number]
             visits = self.layout.phases[number].visits
             nonzeros = twice.first_at[0].size
             if nonzeros:
@@ -230,7 +204,7 @@ class Assembly:
                 count += nonzeros * visits
         coo = linear.tocoo()
         entries.add(coo.row, coo.col, coo.data)
-        twice = self.functions.endpoint.twice
+        twice = self.functions.endpoint
         row, column = twice.first_at
         given.append(twice.first(x[self.layout.end_columns.tolist()]))
         below = row > 0
@@ -262,7 +236,7 @@ class Assembly:
     ) -> None:
         """Add the node functions' Jacobians, which `part.spread` combines, to the rows' Jacobian."""
         node = self.functions.nodes[number]
-        local = self._local_columns(number)
+        local = self.layout.visit_columns(number)
         nonzeros = at[0].size
         # Nonzeros of the node's Jacobian, entry by entry.
         order = np.argsort(at[0], kind="stable")
@@ -285,17 +259,16 @@ class Assembly:
         entries = Triplets()
         given, count = [], 0
         for number, part in enumerate(self._phases):
-            twice = self.functions.nodes[number].twice
-            node = self.functions.nodes[number]
+            twice = self.functions.nodes[number]
             visits = self.layout.phases[number].visits
             row, column = twice.second_at
             if not row.size:
                 continue
             multipliers = casadi.mtimes(casadi.MX(dm(part.spread.T)), duals)
-            multipliers = casadi.reshape(casadi.densify(multipliers), node.entries, visits)
+            multipliers = casadi.reshape(casadi.densify(multipliers), twice.entries, visits)
             values = twice.second.map(visits)(*self._arguments(number, x), multipliers)
             given.append(casadi.vec(values))
-            local = self._local_columns(number)
+            local = self.layout.visit_columns(number)
             visit = np.arange(visits)
             entries.add(
                 local[row],
@@ -304,7 +277,7 @@ class Assembly:
                 count + visit * row.size + np.arange(row.size)[:, None],
             )
             count += row.size * visits
-        twice = self.functions.endpoint.twice
+        twice = self.functions.endpoint
         row, column = twice.second_at
         begin = self.row_starts[-1]
         multipliers = casadi.vertcat(scale, duals[begin : begin + self.boundaries])
@@ -371,13 +344,13 @@ class Assembly:
 
     def _row_bounds(self) -> tuple[Floats, Floats, Floats]:
         parts: list[tuple[Any, Any, Any]] = []  # lower, upper and scale of some rows
-        for one, node in zip(self.layout.phases, self.functions.nodes, strict=True):
+        for one in self.layout.phases:
             phase = one.phase
             sizes = np.repeat(phase.stacked("states", "scale"), one.defects)
             paths = (*phase.bounds("paths"), phase.stacked("paths", "scale"))
             parts.append((0.0, 0.0, sizes))
             parts.append(tuple(np.repeat(part, one.collocated) for part in paths))  # type: ignore[arg-type]
-            parts.append((0.0, 0.0, np.ones(node.integrals)))
+            parts.append((0.0, 0.0, np.ones(phase.integrals)))
         boundaries = self.definition.bounds("boundaries")
         parts.append((*boundaries, self.definition.stacked("boundaries", "scale")))
         for one in self.free_lengths:

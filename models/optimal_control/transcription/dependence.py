@@ -165,7 +165,7 @@ class _Probe:
             self.columns[one.time_columns] = one.phase.guess.start, one.phase.guess.end
         # Rows of the program: motion, then paths node by node, then integrals.
         first = assembly.row_starts[number]
-        defects, paths = nx * nodes, phase.function.size1_out("path")
+        defects, paths = nx * nodes, self.places.paths
         self.equations = first + np.delete(
             np.arange(defects + nodes * paths + phase.integrals),
             defects + np.arange(nodes * paths),

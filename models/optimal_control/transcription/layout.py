@@ -135,6 +135,11 @@ class PhaseLayout:
         """Number of controls."""
         return len(self.phase.control_names)
 
+    @property
+    def paths(self) -> int:
+        """Number of path expressions."""
+        return sum(one.size for one in self.phase.paths)
+
     @cached_property
     def state_columns(self) -> Whole:
         """Columns of the states, (states, points)."""
@@ -302,6 +307,17 @@ class Layout:
         """Columns of the parameters."""
         begin = self.phases[-1].first + self.phases[-1].size
         return begin + np.arange(len(self.definition.parameter_names))
+
+    def visit_columns(self, number: int) -> Whole:
+        """Return the columns that a phase's node functions see, x, u, T and p: (…, visits)."""
+        one = self.phases[number]
+        shared = np.concatenate([one.time_columns, self.parameter_columns])
+        parts = [
+            one.state_columns[:, one.visit_point],
+            one.control_columns[:, one.visit_control].reshape(one.nu, one.visits),
+            np.repeat(shared[:, None], one.visits, axis=1),
+        ]
+        return np.concatenate(parts)
 
     @property
     def size(self) -> int:
