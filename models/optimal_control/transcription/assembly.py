@@ -6,7 +6,6 @@ automatic differentiation of the whole program, whose cost would grow with the m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -29,22 +28,6 @@ Whole = NDArray[np.int64]
 
 #: Least length of a phase whose times are free, as a share of the time it may take.
 SHORTEST = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class _PhaseRows:
-    """How a phase's node functions enter the rows.
-
-    Parameters
-    ----------
-    spread : sparse array, shape (rows, entries × visits)
-        Adds multiples of the node functions' entries, visit by visit, to the rows.
-    linear : sparse array, shape (rows, columns)
-        The rows' linear part.
-    """
-
-    spread: sp.csr_array
-    linear: sp.csr_array
 
 
 class Assembly:
@@ -99,66 +82,53 @@ class Assembly:
 
     # -- structure -------------------------------------------------------------------------------
 
-    def _phase_rows(self, number: int) -> _PhaseRows:
+    @cached_property
+    def _rows(self) -> tuple[sp.csr_array, tuple[sp.csr_array, ...]]:
+        """The rows' linear part, (rows, columns), and how each phase's node functions enter.
+
+        The latter adds multiples of their entries, visit by visit: (rows, entries × visits).
+        """
+        linear = Triplets()
+        spreads = tuple(self._spread(k, linear) for k in range(len(self.layout.phases)))
+        at = self.row_starts[-1] + self.boundaries
+        for one in self.free_lengths:
+            linear.add(at, one.time_columns, [-1.0, 1.0])
+            at += 1
+        for calm in self.calm:
+            coo = calm.tocoo()
+            linear.add(at + coo.row, coo.col, coo.data)
+            at += calm.shape[0]
+        r, c, value, _ = linear.joined()
+        return sp.csr_array((value, (r, c)), shape=(self.row_count, self.layout.size)), spreads
+
+    def _spread(self, number: int, linear: Triplets) -> sp.csr_array:
+        """Return how a phase's node functions enter, and add the linear part of its rows."""
         one, integrals = self.layout.phases[number], self.layout.phases[number].phase.integrals
-        first = self.row_starts[number]
-        linear, spread = Triplets(), Triplets()
+        first, spread = self.row_starts[number], Triplets()
         states, entries = np.arange(one.nx), self.functions.nodes[number].entries
 
         def source(entry: Any, visit: Any) -> Any:
             return np.asarray(visit) * entries + np.asarray(entry)
 
         for k, scheme in enumerate(one.schemes):
+            begin = first + states[:, None] * one.defects + one.row_starts[k]
             r, c = np.nonzero(scheme.left)
-            rows = first + states[:, None] * one.defects + one.row_starts[k] + r
-            columns = one.state_columns[:, one.starts[k] + c]
-            linear.add(rows, columns, scheme.left[r, c])
+            linear.add(begin + r, one.state_columns[:, one.starts[k] + c], scheme.left[r, c])
             r, c = np.nonzero(scheme.right)
-            rows = first + states[:, None] * one.defects + one.row_starts[k] + r
-            spread.add(
-                rows, 0, -scheme.right[r, c], source(states[:, None], one.visit_starts[k] + c)
-            )
+            places = source(states[:, None], one.visit_starts[k] + c)
+            spread.add(begin + r, 0, -scheme.right[r, c], places)
         at = first + one.nx * one.defects
-        if one.paths:
-            paths = np.arange(one.paths)[:, None]
-            spread.add(
-                at + paths * one.collocated + np.arange(one.collocated),
-                0,
-                1.0,
-                source(one.nx + integrals + paths, one.owners),
-            )
+        paths = np.arange(one.paths)[:, None]
+        rows = at + paths * one.collocated + np.arange(one.collocated)
+        spread.add(rows, 0, 1.0, source(one.nx + integrals + paths, one.owners))
         at += one.paths * one.collocated
         weights = np.concatenate([scheme.weights for scheme in one.schemes])
         for k in range(integrals):
             linear.add(at + k, one.integral_columns[k], 1.0)
             spread.add(at + k, 0, -weights, source(one.nx + k, np.arange(one.visits)))
-        shape = (self.row_count, entries * one.visits)
         r, _, factor, place = spread.joined()
-        r2, c2, value, _ = linear.joined()
-        return _PhaseRows(
-            sp.csr_array((factor, (r, place)), shape=shape),
-            sp.csr_array((value, (r2, c2)), shape=(self.row_count, self.layout.size)),
-        )
-
-    @cached_property
-    def _phases(self) -> tuple[_PhaseRows, ...]:
-        return tuple(self._phase_rows(k) for k in range(len(self.layout.phases)))
-
-    def _lengths(self) -> sp.csr_array:
-        rows = Triplets()
-        begin = self.row_starts[-1] + self.boundaries
-        for k, one in enumerate(self.free_lengths):
-            rows.add(begin + k, one.time_columns, [-1.0, 1.0])
-        r, c, value, _ = rows.joined()
-        calm = sp.vstack([sp.csr_array((0, self.layout.size)), *self.calm]).tocoo()
-        first = begin + len(self.free_lengths)
-        return sp.csr_array(
-            (
-                np.concatenate([value, calm.data]),
-                (np.concatenate([r, first + calm.row]), np.concatenate([c, calm.col])),
-            ),
-            shape=(self.row_count, self.layout.size),
-        )
+        shape = (self.row_count, entries * one.visits)
+        return sp.csr_array((factor, (r, place)), shape=shape)
 
     # -- functions -------------------------------------------------------------------------------
 
@@ -171,15 +141,13 @@ class Assembly:
 
     def values(self, x: Any) -> tuple[Any, Any]:
         ends = self.functions.endpoint.value(x[self.layout.end_columns.tolist()])
-        linear = self._lengths()
-        for part in self._phases:
-            linear = linear + part.linear
+        linear, spreads = self._rows
         rows = casadi.mtimes(casadi.MX(dm(linear)), x)
-        for number, part in enumerate(self._phases):
+        for number, spread in enumerate(spreads):
             node = self.functions.nodes[number].value
             visits = self.layout.phases[number].visits
             entries = casadi.vec(node.map(visits)(*self._arguments(number, x)))
-            rows = rows + casadi.mtimes(casadi.MX(dm(part.spread)), entries)
+            rows = rows + casadi.mtimes(casadi.MX(dm(spread)), entries)
         if self.boundaries:
             begin = self.row_starts[-1]
             pad = casadi.MX(casadi.DM(begin, 1))
@@ -190,17 +158,16 @@ class Assembly:
     def first(self, x: Any) -> tuple[Any, Any]:
         """Return the gradient of the objective and the Jacobian of the rows."""
         entries = Triplets()
-        linear = self._lengths()
+        linear, spreads = self._rows
         given, count = [], 0
-        for number, part in enumerate(self._phases):
-            linear = linear + part.linear
+        for number, spread in enumerate(spreads):
             twice = self.functions.nodes[number]
             visits = self.layout.phases[number].visits
             nonzeros = twice.first_at[0].size
             if nonzeros:
                 values = twice.first.map(visits)(*self._arguments(number, x))
                 given.append(casadi.vec(values))
-                self._chain(number, part, twice.first_at, count, entries)
+                self._chain(number, spread, twice.first_at, count, entries)
                 count += nonzeros * visits
         coo = linear.tocoo()
         entries.add(coo.row, coo.col, coo.data)
@@ -229,19 +196,19 @@ class Assembly:
     def _chain(
         self,
         number: int,
-        part: _PhaseRows,
+        spread: sp.csr_array,
         at: tuple[Whole, Whole],
         offset: int,
         into: Triplets,
     ) -> None:
-        """Add the node functions' Jacobians, which `part.spread` combines, to the rows' Jacobian."""
+        """Add the node functions' Jacobians, which `spread` combines, to the rows' Jacobian."""
         node = self.functions.nodes[number]
         local = self.layout.visit_columns(number)
         nonzeros = at[0].size
         # Nonzeros of the node's Jacobian, entry by entry.
         order = np.argsort(at[0], kind="stable")
         begins = np.searchsorted(at[0][order], np.arange(node.entries + 1))
-        coo = part.spread.tocoo()
+        coo = spread.tocoo()
         visit, entry = np.divmod(coo.col, node.entries)
         many = np.diff(begins)[entry]
         which = np.repeat(np.arange(coo.nnz), many)
@@ -258,13 +225,13 @@ class Assembly:
         """Return the upper triangle of the Hessian of ``scale f + duals·g``."""
         entries = Triplets()
         given, count = [], 0
-        for number, part in enumerate(self._phases):
+        for number, spread in enumerate(self._rows[1]):
             twice = self.functions.nodes[number]
             visits = self.layout.phases[number].visits
             row, column = twice.second_at
             if not row.size:
                 continue
-            multipliers = casadi.mtimes(casadi.MX(dm(part.spread.T)), duals)
+            multipliers = casadi.mtimes(casadi.MX(dm(spread.T)), duals)
             multipliers = casadi.reshape(casadi.densify(multipliers), twice.entries, visits)
             values = twice.second.map(visits)(*self._arguments(number, x), multipliers)
             given.append(casadi.vec(values))
