@@ -140,6 +140,7 @@ class Assembly:
         return [given, casadi.DM(self.layout.phases[number].visit_places)]
 
     def values(self, x: Any) -> tuple[Any, Any]:
+        """Return the objective and the rows."""
         ends = self.functions.endpoint.value(x[self.layout.end_columns.tolist()])
         linear, spreads = self._rows
         rows = casadi.mtimes(casadi.MX(dm(linear)), x)
@@ -163,12 +164,26 @@ class Assembly:
         for number, spread in enumerate(spreads):
             twice = self.functions.nodes[number]
             visits = self.layout.phases[number].visits
-            nonzeros = twice.first_at[0].size
-            if nonzeros:
-                values = twice.first.map(visits)(*self._arguments(number, x))
-                given.append(casadi.vec(values))
-                self._chain(number, spread, twice.first_at, count, entries)
-                count += nonzeros * visits
+            row, column = twice.first_at
+            if not row.size:
+                continue
+            given.append(casadi.vec(twice.first.map(visits)(*self._arguments(number, x))))
+            # Nonzeros of the node's Jacobian entry by entry, each as often as `spread` takes it.
+            order = np.argsort(row, kind="stable")
+            begins = np.searchsorted(row[order], np.arange(twice.entries + 1))
+            coo = spread.tocoo()
+            visit, entry = np.divmod(coo.col, twice.entries)
+            many = np.diff(begins)[entry]
+            which = np.repeat(np.arange(coo.nnz), many)
+            within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+            nonzero = order[begins[entry[which]] + within]
+            entries.add(
+                coo.row[which],
+                self.layout.visit_columns(number)[column[nonzero], visit[which]],
+                coo.data[which],
+                count + visit[which] * row.size + nonzero,
+            )
+            count += row.size * visits
         coo = linear.tocoo()
         entries.add(coo.row, coo.col, coo.data)
         twice = self.functions.endpoint
@@ -191,34 +206,6 @@ class Assembly:
         return (
             casadi.densify(gradient.matrix((size, 1), stacked, count)),
             entries.matrix((self.row_count, size), stacked, count),
-        )
-
-    def _chain(
-        self,
-        number: int,
-        spread: sp.csr_array,
-        at: tuple[Whole, Whole],
-        offset: int,
-        into: Triplets,
-    ) -> None:
-        """Add the node functions' Jacobians, which `spread` combines, to the rows' Jacobian."""
-        node = self.functions.nodes[number]
-        local = self.layout.visit_columns(number)
-        nonzeros = at[0].size
-        # Nonzeros of the node's Jacobian, entry by entry.
-        order = np.argsort(at[0], kind="stable")
-        begins = np.searchsorted(at[0][order], np.arange(node.entries + 1))
-        coo = spread.tocoo()
-        visit, entry = np.divmod(coo.col, node.entries)
-        many = np.diff(begins)[entry]
-        which = np.repeat(np.arange(coo.nnz), many)
-        within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-        nonzero = order[begins[entry[which]] + within]
-        into.add(
-            coo.row[which],
-            local[at[1][nonzero], visit[which]],
-            coo.data[which],
-            offset + visit[which] * nonzeros + nonzero,
         )
 
     def _second(self, x: Any, scale: Any, duals: Any) -> Any:
@@ -289,6 +276,7 @@ class Assembly:
         )
 
     def column_bounds(self) -> tuple[Floats, Floats, Floats]:
+        """Return the columns' lower and upper bounds and their typical sizes."""
         size = self.layout.size
         lower, upper, scale = np.full(size, -np.inf), np.full(size, np.inf), np.ones(size)
         for one in self.layout.phases:
@@ -299,10 +287,8 @@ class Assembly:
             for side, end in (("initial", 0), ("final", -1)):
                 lower[x[:, end]], upper[x[:, end]] = phase.bounds("states", side)
             times = one.time_columns
-            lower[times], upper[times] = (
-                (phase.start_lower, phase.end_lower),
-                (phase.start_upper, phase.end_upper),
-            )
+            lower[times] = phase.start_lower, phase.end_lower
+            upper[times] = phase.start_upper, phase.end_upper
             scale[times] = max(phase.guess.end - phase.guess.start, 1e-12)
         p = self.layout.parameter_columns
         lower[p], upper[p] = self.definition.bounds("parameters")
