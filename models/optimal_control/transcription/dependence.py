@@ -172,15 +172,21 @@ class _Probe:
         )
         self.last_paths = first + defects + nodes * np.arange(1, paths + 1) - 1
         self.boundaries = assembly.row_starts[-1] + np.array(boundaries, np.int64)
+
         # The changes: free initial values, the control's polynomials, parameters, both times.
-        identity, x = np.eye(layout.size), self.places.state_columns
-        self.finals = identity[x[finals, -1]]
+        def unit(places: Indices) -> Floats:
+            found = np.zeros((places.size, layout.size))
+            found[np.arange(places.size), places] = 1.0
+            return found
+
+        x = self.places.state_columns
+        self.finals = unit(x[finals, -1])
         free = np.flatnonzero(np.less(*phase.bounds("states", "initial")))
         self.free_starts = free.size
         shapes = legendre.legvander(scheme.control_points, basis)[:, :basis]
-        control = [identity[:, own] @ shapes for own in self.places.control_columns]
+        control = [shapes.T @ unit(own) for own in self.places.control_columns]
         others = np.concatenate([layout.parameter_columns, self.places.time_columns])
-        self.changes = np.hstack([identity[:, x[free, 0]], *control, identity[:, others]])
+        self.changes = np.vstack([unit(x[free, 0]), *control, unit(others)]).T
 
     def effects(
         self, seed: int, *, arriving: bool = False
@@ -240,7 +246,8 @@ class _Probe:
     def _evaluate(self) -> tuple[Floats, Floats]:
         """Return the rows and their Jacobian in terms of the columns' scales."""
         rows, table = (np.array(part, float) for part in self.function(self.columns))
-        return rows[:, 0], table * self.scale
+        table *= self.scale
+        return rows[:, 0], table
 
     def _solve(self, unknown: Indices) -> None:
         """Solve the equations of motion by Newton's method, from a state that stays.
