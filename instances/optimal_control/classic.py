@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from ...models.optimal_control.model import OptimalControlProblem
+from .benchmark import benchmark
 
 __all__ = [
     "brachistochrone",
@@ -18,23 +19,19 @@ __all__ = [
 ]
 
 
-def brachistochrone(
-    name: str = "optimal-control/brachistochrone", *, gravity: float = 9.80665
-) -> OptimalControlProblem:
+@benchmark
+def brachistochrone(ocp: OptimalControlProblem, *, gravity: float = 9.80665) -> None:
     """Return the curve of quickest descent: a bead slides without friction from (0, 10) to (10, 5).
 
     The optimum is an arc of a cycloid (Johann Bernoulli, Acta Eruditorum, 1696).
 
     Parameters
     ----------
-    name : str
-        Name of the problem.
     gravity : float
         g, m/s².
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (0.1, 10)))
     x = phase.state("x", initial=0, final=10, lower=0, upper=20, unit="m")
     y = phase.state("y", initial=10, final=5, lower=0, upper=20, unit="m")
@@ -50,12 +47,10 @@ def brachistochrone(
     )
     phase.guess(time=[0, 2], v=[0, 10], slope=[0, math.pi / 2])
     ocp.minimise(phase.end, unit="s")
-    return ocp
 
 
-def bryson_denham(
-    name: str = "optimal-control/bryson-denham", *, limit: float = 1 / 9
-) -> OptimalControlProblem:
+@benchmark
+def bryson_denham(ocp: OptimalControlProblem, *, limit: float = 1 / 9) -> None:
     """Return the least effort that turns a cart around in a second before it meets a wall.
 
     With the wall at l the optimum is 4 / (9 l) for l <= 1/6, where the cart glides along the wall;
@@ -64,46 +59,33 @@ def bryson_denham(
 
     Parameters
     ----------
-    name : str
-        Name of the problem.
     limit : float
         l, where the wall stands.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, 1))
     x = phase.state("x", initial=0, final=0, upper=limit)
     v = phase.state("v", initial=1, final=-1)
     u = phase.control("u")
     phase.dynamics({x: v, v: u})
     ocp.minimise(phase.integral(u**2 / 2))
-    return ocp
 
 
-def double_integrator_energy(
-    name: str = "optimal-control/double-integrator-energy",
-) -> OptimalControlProblem:
+@benchmark
+def double_integrator_energy(ocp: OptimalControlProblem) -> None:
     """Return the move of a unit mass by 1 in a second from rest to rest with least ∫ u² dt.
 
     The optimum is u = 6 - 12 t, x = 3 t² - 2 t³, and costs 12.
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, 1))
     x = phase.state("x", initial=0, final=1)
     v = phase.state("v", initial=0, final=0)
     u = phase.control("u", scale=6)
     phase.dynamics({x: v, v: u})
     ocp.minimise(phase.integral(u**2))
-    return ocp
 
 
-def linear_regulator(
-    name: str = "optimal-control/linear-regulator", *, horizon: float = 2.0
-) -> OptimalControlProblem:
+@benchmark
+def linear_regulator(ocp: OptimalControlProblem, *, horizon: float = 2.0) -> None:
     """Return the unstable plant ẋ = x + u, brought from 1 towards 0 at least ∫ (x² + u²) dt.
 
     With the horizon T the optimum is p(0) of Riccati's equation,
@@ -111,23 +93,18 @@ def linear_regulator(
 
     Parameters
     ----------
-    name : str
-        Name of the problem.
     horizon : float
         T.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, horizon))
     x = phase.state("x", initial=1)
     u = phase.control("u")
     phase.dynamics({x: x + u})
     ocp.minimise(phase.integral(x**2 + u**2))
-    return ocp
 
 
-def hypersensitive(
-    name: str = "optimal-control/hypersensitive", *, horizon: float = 10_000.0
-) -> OptimalControlProblem:
+@benchmark
+def hypersensitive(ocp: OptimalControlProblem, *, horizon: float = 10_000.0) -> None:
     """Return a problem that happens at its ends only: ẋ = -x³ + u, least ∫ (x² + u²) / 2 dt.
 
     The state leaves 1.5, rests at 0 nearly all the time, and reaches 1 at the end. A mesh that is
@@ -137,34 +114,25 @@ def hypersensitive(
 
     Parameters
     ----------
-    name : str
-        Name of the problem.
     horizon : float
         tf; the optimum hardly depends on it from 25 on.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, horizon))
     x = phase.state("x", initial=1.5, final=1, lower=-2, upper=2)
     u = phase.control("u", lower=-10, upper=10, scale=1)
     phase.dynamics({x: -(x**3) + u})
     ocp.minimise(phase.integral((x**2 + u**2) / 2))
-    return ocp
 
 
-def zermelo(name: str = "optimal-control/zermelo") -> OptimalControlProblem:
+@benchmark
+def zermelo(ocp: OptimalControlProblem) -> None:
     """Return a boat's quickest way home through a shear current: it drifts by -y along x.
 
     The tangent of the optimal heading grows linearly in time (Zermelo, ZAMM 11, 1931; the numbers
     are those of Bryson and Ho, 1975, section 2.7: from (3.66, -1.86) in 5.46).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (1, 20)))
     x = phase.state("x", initial=3.66, final=0, lower=-10, upper=10)
     y = phase.state("y", initial=-1.86, final=0, lower=-10, upper=10)
@@ -173,10 +141,10 @@ def zermelo(name: str = "optimal-control/zermelo") -> OptimalControlProblem:
     phase.dynamics({x: casadi.cos(heading) - y, y: casadi.sin(heading)})
     phase.guess(time=[0, 5], heading=[2, 4])
     ocp.minimise(phase.end)
-    return ocp
 
 
-def dido(name: str = "optimal-control/dido", *, length: float = 2.0) -> OptimalControlProblem:
+@benchmark
+def dido(ocp: OptimalControlProblem, *, length: float = 2.0) -> None:
     """Return the most land that a rope encloses with a straight shore: a half-disc, l² / (2 π).
 
     The rope is walked along, and its arc length stands for time: so its length is kept by itself
@@ -184,14 +152,11 @@ def dido(name: str = "optimal-control/dido", *, length: float = 2.0) -> OptimalC
 
     Parameters
     ----------
-    name : str
-        Name of the problem.
     length : float
         l, m.
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, length), unit="m")
     x = phase.state("x", initial=0, lower=-length, upper=length, unit="m")
     y = phase.state("y", initial=0, final=0, lower=0, upper=length, unit="m")
@@ -199,23 +164,17 @@ def dido(name: str = "optimal-control/dido", *, length: float = 2.0) -> OptimalC
     phase.dynamics({x: casadi.cos(heading), y: casadi.sin(heading)})
     phase.guess(x=[0, length / 2], y=[0, length / 4, 0], heading=[math.pi / 4, -math.pi / 4])
     ocp.minimise(-phase.integral(y * casadi.cos(heading)), unit="m²")
-    return ocp
 
 
-def hanging_chain(name: str = "optimal-control/hanging-chain") -> OptimalControlProblem:
+@benchmark
+def hanging_chain(ocp: OptimalControlProblem) -> None:
     """Return the shape of a chain of length 4 hung up at (0, 1) and (1, 3): least potential energy.
 
     An integral constraint keeps the length; the optimum is a catenary (Dolan, Moré and Munson,
     "Benchmarking optimization software with COPS 3.0", 2004, problem 4).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, 1), unit="m")
     height = phase.state("height", initial=1, final=3, lower=-2, upper=5, unit="m")
     slope = phase.control("slope", lower=-50, upper=50, scale=10)
@@ -225,4 +184,3 @@ def hanging_chain(name: str = "optimal-control/hanging-chain") -> OptimalControl
     # A chain that sags, such as a parabola through both ends.
     phase.guess(height=lambda t: 1 - 4 * t + 6 * t**2, slope=lambda t: -4 + 12 * t)
     ocp.minimise(phase.integral(height * arc), unit="m²")
-    return ocp

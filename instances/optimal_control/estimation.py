@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from ...models.optimal_control.model import OptimalControlProblem
+from .benchmark import benchmark
 
 __all__ = ["decay_fit"]
 
 
-def decay_fit(name: str = "optimal-control/decay-fit") -> OptimalControlProblem:
+@benchmark
+def decay_fit(ocp: OptimalControlProblem) -> None:
     """Return the rate p at which ẋ = -p x follows 1 / (1 + t) best over 4 s.
 
     There is no control: what is sought is a parameter. No p fits exactly, so that the least
     ∫ (x - 1 / (1 + t))² dt is above 0; it is the least of a function of one variable.
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
-    ocp = OptimalControlProblem(name)
     rate = ocp.parameter("rate", lower=0, upper=5, guess=1, unit="1/s")
     phase = ocp.phase(time=(0, 4))
     x = phase.state("x", initial=1, lower=0, upper=1)
@@ -26,4 +22,3 @@ def decay_fit(name: str = "optimal-control/decay-fit") -> OptimalControlProblem:
     measured = 1 / (1 + phase.time)
     phase.guess(x=lambda t: 1 / (1 + t))
     ocp.minimise(phase.integral((x - measured) ** 2), unit="s")
-    return ocp

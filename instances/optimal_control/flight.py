@@ -5,26 +5,22 @@ from __future__ import annotations
 import math
 
 from ...models.optimal_control.model import OptimalControlProblem
+from .benchmark import benchmark
 
 __all__ = ["hang_glider", "shuttle_reentry"]
 
 
-def hang_glider(name: str = "optimal-control/hang-glider") -> OptimalControlProblem:
+@benchmark
+def hang_glider(ocp: OptimalControlProblem) -> None:
     """Return the longest glide of a hang glider through a thermal, from 1000 m down to 900 m.
 
     Sought is the lift coefficient (Bulirsch, Nerz, Pesch and von Stryk, "Combining direct and
     indirect methods in optimal control: range maximization of a hang glider", in "Optimal Control",
     Birkhäuser, 1993; problem 11 of COPS 3.0, 2004).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
     mass, area, density, gravity = 100.0, 14.0, 1.13, 9.80665
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (60, 140)))
     x = phase.state("x", initial=0, lower=0, upper=1500, unit="m")
     y = phase.state("y", initial=1000, final=900, lower=800, upper=1100, unit="m")
@@ -51,25 +47,19 @@ def hang_glider(name: str = "optimal-control/hang-glider") -> OptimalControlProb
     )
     phase.guess(time=[0, 100], x=[0, 1250], lift_coefficient=0.7)
     ocp.minimise(-phase.final(x), unit="m")
-    return ocp
 
 
-def shuttle_reentry(name: str = "optimal-control/shuttle-reentry") -> OptimalControlProblem:
+@benchmark
+def shuttle_reentry(ocp: OptimalControlProblem) -> None:
     """Return the space shuttle's return with the largest cross range, without a limit of heating.
 
     From 260 000 ft and 25 600 ft/s to 80 000 ft and 2500 ft/s over a round Earth at rest, by angle
     of attack and bank angle, in feet and slugs (Betts, 2010, section 6.1: 34.1412°).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
     degree = math.pi / 180
     radius, gravitation, mass, area = 20_902_900.0, 0.14076539e17, 203_000 / 32.174, 2690.0
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (1000, 4000)))
     h = phase.state(
         "h", initial=260_000, final=80_000, lower=0, upper=300_000, scale=1e5, unit="ft"
@@ -111,4 +101,3 @@ def shuttle_reentry(name: str = "optimal-control/shuttle-reentry") -> OptimalCon
         attack=17 * degree, bank=[-75 * degree, 0],
     )  # fmt: skip
     ocp.minimise(-phase.final(latitude), unit="rad")
-    return ocp

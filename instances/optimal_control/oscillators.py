@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 from ...models.optimal_control.model import OptimalControlProblem
+from .benchmark import benchmark
 
 __all__ = ["aly_chan", "harmonic_oscillator", "rayleigh", "van_der_pol"]
 
 
-def van_der_pol(
-    name: str = "optimal-control/van-der-pol", *, state_limit: float | None = None
-) -> OptimalControlProblem:
+@benchmark
+def van_der_pol(ocp: OptimalControlProblem, *, state_limit: float | None = None) -> None:
     """Return van der Pol's oscillator, damped over 5 time units at least ∫ (x1² + x2² + u²) dt.
 
     With -0.3 <= u <= 1; and in a second form with x1 >= -0.4 also, where the optimum runs along the
@@ -20,12 +20,9 @@ def van_der_pol(
 
     Parameters
     ----------
-    name : str
-        Name of the problem.
     state_limit : float, optional
         Largest -x1.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, 5))
     x1 = phase.state("x1", initial=0, lower=None if state_limit is None else -state_limit)
     x2 = phase.state("x2", initial=1)
@@ -33,12 +30,10 @@ def van_der_pol(
     phase.dynamics({x1: (1 - x2**2) * x1 - x2 + u, x2: x1})
     phase.guess(x2=[1, 0])
     ocp.minimise(phase.integral(x1**2 + x2**2 + u**2))
-    return ocp
 
 
-def rayleigh(
-    name: str = "optimal-control/rayleigh", *, horizon: float = 4.5, limited: bool = True
-) -> OptimalControlProblem:
+@benchmark
+def rayleigh(ocp: OptimalControlProblem, *, horizon: float = 4.5, limited: bool = True) -> None:
     """Return Rayleigh's model of a tunnel-diode oscillator, calmed from (-5, -5).
 
     Least ∫ (x1² + u²) dt, in 4.5 time units to rest with ``|u|`` <= 1, or in 2.5 without that limit and
@@ -48,14 +43,11 @@ def rayleigh(
 
     Parameters
     ----------
-    name : str
-        Name of the problem.
     horizon : float
         tf.
     limited : bool
         Whether ``|u|`` is limited and the end is to be at rest.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, horizon))
     end, limit = (0, 1) if limited else (None, None)
     x1 = phase.state("x1", initial=-5, final=end, scale=5)
@@ -64,22 +56,16 @@ def rayleigh(
     phase.dynamics({x1: x2, x2: -x1 + x2 * (1.4 - 0.14 * x2**2) + 4 * u})
     phase.guess(x1=[-5, 0], x2=[-5, 0], u=0)
     ocp.minimise(phase.integral(x1**2 + u**2))
-    return ocp
 
 
-def harmonic_oscillator(name: str = "optimal-control/harmonic-oscillator") -> OptimalControlProblem:
+@benchmark
+def harmonic_oscillator(ocp: OptimalControlProblem) -> None:
     """Return the quickest way to stop a frictionless swing by a force of at most 1, from (3, 0).
 
     The force is -1, +1 and -1: arcs of circles in the phase plane, the middle one a half circle,
     and so of duration π (Pontryagin et al., "The Mathematical Theory of Optimal Processes", 1962,
     section 5, example 2).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (1, 12)))
     x = phase.state("x", initial=3, final=0, lower=-5, upper=5)
     v = phase.state("v", initial=0, final=0, lower=-5, upper=5)
@@ -88,22 +74,16 @@ def harmonic_oscillator(name: str = "optimal-control/harmonic-oscillator") -> Op
     # The swing as it would go by itself.
     phase.guess(time=[0, 5], x=lambda t: 3 * math.cos(t), v=lambda t: -3 * math.sin(t), force=0)
     ocp.minimise(phase.end)
-    return ocp
 
 
-def aly_chan(name: str = "optimal-control/aly-chan") -> OptimalControlProblem:
+@benchmark
+def aly_chan(ocp: OptimalControlProblem) -> None:
     """Return a double integrator whose optimum is singular throughout: u = -sin t, of cost 0.
 
     The control enters linearly and the cost not at all, so the Hamiltonian says nothing of it
     (Aly and Chan, "Application of a modified quasilinearization technique to totally singular
     optimal control problems", International Journal of Control 17, 1973).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, math.pi / 2))
     x = phase.state("x", initial=0, lower=-5, upper=5, scale=1)
     v = phase.state("v", initial=1, lower=-5, upper=5, scale=1)
@@ -111,4 +91,3 @@ def aly_chan(name: str = "optimal-control/aly-chan") -> OptimalControlProblem:
     phase.dynamics({x: v, v: u})
     phase.guess(x=[0, 1], v=[1, 0], u=0)
     ocp.minimise(phase.integral((v**2 - x**2) / 2))
-    return ocp

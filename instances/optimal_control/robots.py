@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from ...models.optimal_control.model import OptimalControlProblem
+from .benchmark import benchmark
 
 __all__ = [
     "around_discs",
@@ -17,20 +18,15 @@ __all__ = [
 ]
 
 
-def container_crane(name: str = "optimal-control/container-crane") -> OptimalControlProblem:
+@benchmark
+def container_crane(ocp: OptimalControlProblem) -> None:
     """Return the move of a container by a crane in 9 s with little swing and little effort.
 
     Trolley and hoist go from motion to motion (Sakawa and Shindo, "Optimal control of container
     cranes", Automatica 18, 1982), with the weight of the effort of Augustin and Maurer,
     "Sensitivity analysis and real-time control of a container crane under state constraints", in
     "Online Optimization of Large Scale Systems", Springer, 2001.
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, 9))
     trolley = phase.state("trolley", initial=0, final=10, lower=-1, upper=15, unit="m")
     rope = phase.state("rope", initial=22, final=14, lower=5, upper=30, unit="m")
@@ -52,24 +48,18 @@ def container_crane(name: str = "optimal-control/container-crane") -> OptimalCon
     )
     phase.guess(pull=0, lift=0)
     ocp.minimise(phase.integral((swing**2 + turn**2 + 0.01 * (pull**2 + lift**2)) / 2))
-    return ocp
 
 
-def robot_arm(name: str = "optimal-control/robot-arm") -> OptimalControlProblem:
+@benchmark
+def robot_arm(ocp: OptimalControlProblem) -> None:
     """Return the quickest turn of a robot arm by 120°, whose rod slides in to turn faster.
 
     Three bang-bang controls (Mössner-Beigel, thesis, Heidelberg, 1995; problem 8 of COPS 3.0, 2004:
     9.1409).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
     length = 5.0
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (1, 20)))
     # How far the rod sticks out, and its two angles.
     rho = phase.state("rho", initial=4.5, final=4.5, lower=0, upper=length)
@@ -93,24 +83,18 @@ def robot_arm(name: str = "optimal-control/robot-arm") -> OptimalControlProblem:
     # The straight way that COPS starts from, at a guessed duration.
     phase.guess(time=[0, 10], theta=lambda t: 2 * math.pi / 3 * (t / 10) ** 2)
     ocp.minimise(phase.end)
-    return ocp
 
 
-def dubins(name: str = "optimal-control/dubins") -> OptimalControlProblem:
+@benchmark
+def dubins(ocp: OptimalControlProblem) -> None:
     """Return the shortest way of a car that drives forwards only and turns with radius 1 or more.
 
     From (0, 0) heading along x to (4, 4) heading back: an arc, a straight line and an arc (Dubins,
     "On curves of minimal length with a constraint on average curvature", American Journal of
     Mathematics 79, 1957). The straight line is a singular arc.
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (1, 20)))
     x = phase.state("x", initial=0, final=4, lower=-10, upper=10)
     y = phase.state("y", initial=0, final=4, lower=-10, upper=10)
@@ -121,28 +105,22 @@ def dubins(name: str = "optimal-control/dubins") -> OptimalControlProblem:
     phase.dynamics({x: casadi.cos(heading), y: casadi.sin(heading), heading: turn})
     phase.guess(time=[0, 7], turn=0)
     ocp.minimise(phase.end)
-    return ocp
 
 
 #: Discs in the way of :func:`around_discs`: centre and radius.
 DISCS = (((1.2, 0.3), 0.5), ((2.8, -0.3), 0.5))
 
 
-def around_discs(name: str = "optimal-control/around-discs") -> OptimalControlProblem:
+@benchmark
+def around_discs(ocp: OptimalControlProblem) -> None:
     """Return the shortest way from (0, 0) to (4, 0) at unit speed between two discs.
 
     Straight lines that touch the discs, and an arc along each, on which a path constraint is
     active. Other ways around the discs are local optima of their own: the guess decides (Latombe,
     "Robot Motion Planning", Kluwer, 1991, chapter 4).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (4, 8)))
     x = phase.state("x", initial=0, final=4, lower=-1, upper=5, unit="m")
     y = phase.state("y", initial=0, final=0, lower=-3, upper=3, unit="m")
@@ -156,25 +134,19 @@ def around_discs(name: str = "optimal-control/around-discs") -> OptimalControlPr
         heading=[-0.2, 0.2, 0.2, -0.2],
     )  # fmt: skip
     ocp.minimise(phase.end)
-    return ocp
 
 
-def cart_pole(name: str = "optimal-control/cart-pole") -> OptimalControlProblem:
+@benchmark
+def cart_pole(ocp: OptimalControlProblem) -> None:
     """Return the swing-up of a pendulum on a cart in 2 s with least ∫ force² dt.
 
     It has two good local optima, which cost 57.94 and 58.81; a straight guess may lead to either
     (Kelly, "An introduction to trajectory optimization: how to do your own direct collocation",
     SIAM Review 59, 2017, section 6).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
     cart, bob, length, gravity = 1.0, 0.3, 0.5, 9.81
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, 2))
     position = phase.state("position", initial=0, final=1, lower=-2, upper=2, unit="m")
     # From hanging down to standing up.
@@ -201,24 +173,18 @@ def cart_pole(name: str = "optimal-control/cart-pole") -> OptimalControlProblem:
     # One swing to the other side before: that costs less than to swing up at once.
     phase.guess(position=[0, 0, 0.6, 0.9, 0.8, 1], angle=[0, 0, -1, 0.5, 2.5, math.pi], force=0)
     ocp.minimise(phase.integral(force**2), unit="N² s")
-    return ocp
 
 
-def quadrotor(name: str = "optimal-control/quadrotor") -> OptimalControlProblem:
+@benchmark
+def quadrotor(ocp: OptimalControlProblem) -> None:
     """Return the quickest move of a quadrotor by 5 m in the plane, from hovering to hovering.
 
     Sought are the thrust per mass, bang-bang, and the pitch rate, bang-singular (Hehn, Ritz and
     D'Andrea, "Performance benchmarking of quadrotor systems using time-optimal control", Autonomous
     Robots 33, 2012).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (0.5, 4)))
     x = phase.state("x", initial=0, final=5, lower=-1, upper=6, unit="m")
     z = phase.state("z", initial=0, final=0, lower=-2, upper=2, unit="m")
@@ -240,24 +206,18 @@ def quadrotor(name: str = "optimal-control/quadrotor") -> OptimalControlProblem:
         time=[0, 0.5, 1, 1.5], vx=[0, 5, 5, 0], pitch=[0, 1, -1, 0], thrust=15, pitch_rate=0
     )
     ocp.minimise(phase.end, unit="s")
-    return ocp
 
 
-def free_flying_robot(name: str = "optimal-control/free-flying-robot") -> OptimalControlProblem:
+@benchmark
+def free_flying_robot(ocp: OptimalControlProblem) -> None:
     """Return the move of a robot in space by four jets in 12 s, with least propellant.
 
     Every jet is on or off (Sakawa, "Trajectory planning of a free-flying robot by using the optimal
     control", Optimal Control Applications and Methods 20, 1999; Betts, 2010, section 6.13:
     7.9101).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, 12))
     x = phase.state("x", initial=-10, final=0, lower=-15, upper=15)
     y = phase.state("y", initial=-10, final=0, lower=-15, upper=15)
@@ -281,4 +241,3 @@ def free_flying_robot(name: str = "optimal-control/free-flying-robot") -> Optima
     phase.path(jets[0] + jets[1], upper=1, name="one side")
     phase.path(jets[2] + jets[3], upper=1, name="other side")
     ocp.minimise(phase.integral(casadi.sum1(jets)))
-    return ocp

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from ...models.optimal_control.model import OptimalControlProblem
+from .benchmark import benchmark
 
 __all__ = [
     "goddard",
@@ -16,22 +17,15 @@ __all__ = [
 ]
 
 
-def linear_tangent_steering(
-    name: str = "optimal-control/linear-tangent-steering",
-) -> OptimalControlProblem:
+@benchmark
+def linear_tangent_steering(ocp: OptimalControlProblem) -> None:
     """Return the quickest way to height 5 and speed 45 level, at a constant acceleration of 100.
 
     The tangent of the optimal angle falls linearly in time (Bryson and Ho, 1975, section 2.4; the
     numbers are those of "particle steering" in COPS 3.0, 2004).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (0.1, 5)))
     x = phase.state("x", initial=0, lower=0, upper=100)
     y = phase.state("y", initial=0, final=5, lower=0, upper=20)
@@ -41,7 +35,6 @@ def linear_tangent_steering(
     phase.dynamics({x: vx, y: vy, vx: 100 * casadi.cos(angle), vy: 100 * casadi.sin(angle)})
     phase.guess(time=[0, 0.3, 0.6], x=[0, 3, 12], vy=[0, 20, 0], angle=[1, 0, -1])
     ocp.minimise(phase.end)
-    return ocp
 
 
 #: Two stages: thrust (t km/s²), propellant flow (t/s), mass at ignition and at burn-out (t). The
@@ -51,21 +44,16 @@ STAGES = ((1.8, 0.64, 120.0, 40.0), (0.35, 0.08, 30.0, 4.0))
 GRAVITY, ORBIT_HEIGHT, ORBIT_SPEED = 0.00981, 200.0, 7.8
 
 
-def two_stage_ascent(name: str = "optimal-control/two-stage-ascent") -> OptimalControlProblem:
+@benchmark
+def two_stage_ascent(ocp: OptimalControlProblem) -> None:
     """Return the ascent of a rocket of two stages into orbit with most mass left.
 
     Two phases, linked in position and velocity, while the mass falls at the staging by the empty
     first stage. The Earth is flat and airless, so that the linear-tangent law holds through both
     stages (Bryson and Ho, 1975, section 2.4).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     burn = (STAGES[0][2] - STAGES[0][3]) / STAGES[0][1]
     longest = (STAGES[1][2] - STAGES[1][3]) / STAGES[1][1]
     phases = []
@@ -101,24 +89,18 @@ def two_stage_ascent(name: str = "optimal-control/two-stage-ascent") -> OptimalC
     )  # fmt: skip
     ocp.link(boost, sustain, "x", "y", "vx", "vy")
     ocp.minimise(-sustain.final(m), unit="t")
-    return ocp
 
 
-def orbit_raising(name: str = "optimal-control/orbit-raising") -> OptimalControlProblem:
+@benchmark
+def orbit_raising(ocp: OptimalControlProblem) -> None:
     """Return the transfer from a circular orbit to the largest that a low thrust reaches in 3.32.
 
     In units of the first orbit; the thrust of 0.1405 burns 0.0749 of the mass a time unit. From the
     Earth's orbit that is nearly the orbit of Mars, 1.525, in 193 days (Bryson and Ho, 1975, section
     2.5, after Moyer and Pinkham).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, 3.32))
     r = phase.state("r", initial=1, lower=0.5, upper=3)
     radial = phase.state("radial", initial=0, final=0, lower=-2, upper=2)
@@ -142,7 +124,6 @@ def orbit_raising(name: str = "optimal-control/orbit-raising") -> OptimalControl
         angle=lambda t: 0.5 + 5.2 * t / 3.32,
     )
     ocp.minimise(-phase.final(r))
-    return ocp
 
 
 #: Goddard's rocket in units of its first height, mass and weight: largest thrust, drag, the inverse
@@ -150,21 +131,16 @@ def orbit_raising(name: str = "optimal-control/orbit-raising") -> OptimalControl
 THRUST, DRAG, AIR, EXHAUST, EMPTY = 3.5, 310.0, 500.0, 0.5, 0.6
 
 
-def goddard(name: str = "optimal-control/goddard") -> OptimalControlProblem:
+@benchmark
+def goddard(ocp: OptimalControlProblem) -> None:
     """Return Goddard's rocket: how to burn the propellant so as to rise highest.
 
     Full thrust, then a singular arc on which thrust balances drag against gravity loss, then none:
     h = 1.0128369 (Goddard, "A method of reaching extreme altitudes", 1919; the numbers are those of
     Dolan, Moré and Munson, COPS 3.0, 2004, problem 10).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (0.05, 1)))
     h = phase.state("h", initial=1, lower=1, upper=1.1, scale=0.01)
     v = phase.state("v", initial=0, lower=0, upper=0.5, scale=0.1)
@@ -174,27 +150,21 @@ def goddard(name: str = "optimal-control/goddard") -> OptimalControlProblem:
     phase.dynamics({h: v, v: (thrust - drag) / m - 1 / h**2, m: -thrust / EXHAUST})
     phase.guess(time=[0, 0.1, 0.2], h=[1, 1.006, 1.01], v=[0, 0.1, 0], thrust=[THRUST, 1, 0])
     ocp.minimise(-phase.final(h))
-    return ocp
 
 
-def goddard_phases(name: str = "optimal-control/goddard-phases") -> OptimalControlProblem:
+@benchmark
+def goddard_phases(ocp: OptimalControlProblem) -> None:
     """Return Goddard's rocket in three phases: full thrust, singular arc, coasting.
 
     With its structure declared the problem is smooth in each phase. On the singular arc
     m g - (1 + v / c) D stays at 0 (Betts, 2010, section 4.14.1); here it is only told to stay, and
     the optimum finds the level. The empty rocket coasts, so that phase has no mass and no control.
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
     import casadi
 
     def drag(h: Any, v: Any) -> Any:
         return DRAG * v**2 * casadi.exp(-AIR * (h - 1))
 
-    ocp = OptimalControlProblem(name)
     wide: dict[str, dict[str, Any]] = {
         "h": {"lower": 1, "upper": 1.1, "scale": 0.01},
         "v": {"lower": 0, "upper": 0.5},
@@ -228,4 +198,3 @@ def goddard_phases(name: str = "optimal-control/goddard-phases") -> OptimalContr
     ocp.link(boost, arc)
     ocp.link(arc, coast)
     ocp.minimise(-coast.final(h))
-    return ocp

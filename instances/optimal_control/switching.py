@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from ...models.optimal_control.model import OptimalControlProblem
+from .benchmark import benchmark
 
 __all__ = ["catalyst_mixing", "double_integrator", "double_integrator_fuel", "moon_lander"]
 
 
-def double_integrator(name: str = "optimal-control/double-integrator") -> OptimalControlProblem:
+@benchmark
+def double_integrator(ocp: OptimalControlProblem) -> None:
     """Return the quickest move of a unit mass by 1, from rest to rest, by a force of at most 1.
 
     The optimum pushes for 1 and brakes for 1: 2 in all.
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (0.1, 10)))
     x = phase.state("x", initial=0, final=1, lower=-2, upper=2)
     v = phase.state("v", initial=0, final=0, lower=-2, upper=2)
@@ -25,12 +21,10 @@ def double_integrator(name: str = "optimal-control/double-integrator") -> Optima
     phase.dynamics({x: v, v: u})
     phase.guess(time=[0, 3])
     ocp.minimise(phase.end)
-    return ocp
 
 
-def double_integrator_fuel(
-    name: str = "optimal-control/double-integrator-fuel", *, duration: float = 2.5
-) -> OptimalControlProblem:
+@benchmark
+def double_integrator_fuel(ocp: OptimalControlProblem, *, duration: float = 2.5) -> None:
     """Return the same move in a given time with least ∫ ``|u|`` dt: push, coast, brake.
 
     Two jets that only push stand for ``|u|``. With the duration T >= 2 the speed of coasting is
@@ -38,12 +32,9 @@ def double_integrator_fuel(
 
     Parameters
     ----------
-    name : str
-        Name of the problem.
     duration : float
         T.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, duration))
     x = phase.state("x", initial=0, final=1, lower=-2, upper=2)
     v = phase.state("v", initial=0, final=0, lower=-2, upper=2)
@@ -51,23 +42,17 @@ def double_integrator_fuel(
     backward = phase.control("backward", lower=0, upper=1)
     phase.dynamics({x: v, v: forward - backward})
     ocp.minimise(phase.integral(forward + backward))
-    return ocp
 
 
-def moon_lander(name: str = "optimal-control/moon-lander") -> OptimalControlProblem:
+@benchmark
+def moon_lander(ocp: OptimalControlProblem) -> None:
     """Return a soft landing on the Moon with least ∫ u dt: fall freely, then brake at full thrust.
 
     From height 10 and rate -2, under gravity 1.5 with thrust of at most 3, the two parabolas meet
     where h = 17/3 and v = -√17; braking from there takes √17 / 1.5 and costs 2 √17 (Meditch, "On
     the problem of optimal thrust programming for a lunar soft landing", IEEE Transactions on
     Automatic Control, 1964).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, (1, 20)))
     height = phase.state("height", initial=10, final=0, lower=0, upper=20)
     rate = phase.state("rate", initial=-2, final=0, lower=-20, upper=20)
@@ -75,23 +60,17 @@ def moon_lander(name: str = "optimal-control/moon-lander") -> OptimalControlProb
     phase.dynamics({height: rate, rate: thrust - 1.5})
     phase.guess(time=[0, 5], thrust=1.5)
     ocp.minimise(phase.integral(thrust))
-    return ocp
 
 
-def catalyst_mixing(name: str = "optimal-control/catalyst-mixing") -> OptimalControlProblem:
+@benchmark
+def catalyst_mixing(ocp: OptimalControlProblem) -> None:
     """Return the mixing of two catalysts along a reactor that yields most of the end product.
 
     S1 ⇄ S2 under the first catalyst, S2 → S3 under the second: pure first, then a constant mixture
     on a singular arc, then pure second (Gunn and Thomas, "Mass transport and chemical reaction in
     multifunctional catalyst systems", Chemical Engineering Science 20, 1965; problem 14 of COPS
     3.0, 2004).
-
-    Parameters
-    ----------
-    name : str
-        Name of the problem.
     """
-    ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, 1), unit="")
     first = phase.state("first", initial=1, lower=0, upper=1)
     second = phase.state("second", initial=0, lower=0, upper=1)
@@ -101,4 +80,3 @@ def catalyst_mixing(name: str = "optimal-control/catalyst-mixing") -> OptimalCon
     phase.guess(first=[1, 0.9], second=[0, 0.1], mixture=[1, 0])
     # The end product is what is neither of the other two.
     ocp.minimise(phase.final(first) + phase.final(second) - 1)
-    return ocp

@@ -6,7 +6,7 @@ bounds and path constraints are searched between the nodes, integrals are found 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,6 +56,23 @@ class _Sides:
         """Return a violation in units of the entry."""
         scale = float(self.scale[column])
         return _Found(share * scale if share > 0.0 else 0.0, scale, unit, where, equation)
+
+    def worst(
+        self, values: Floats, units: Sequence[str], places: Sequence[str], equation: str = ""
+    ) -> list[_Found]:
+        """Return the worst of some values, (entries,), with their units and places; none unbounded."""
+        if not self.entry.size:
+            return []
+        _, column, share = _largest(self(values)[None])
+        entry = int(self.entry[column])
+        return [self.found(share, column, units[entry], places[entry], equation)]
+
+
+def _largest(share: Floats) -> tuple[int, int, float]:
+    """Return row, column and value of the largest entry; what is no number is larger than all."""
+    share = np.where(np.isnan(share), np.inf, share)
+    row, column = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
+    return row, column, float(share[row, column])
 
 
 def motion(problem: Any, plan: ControlPlan, phase: int | str = 0) -> Reintegration:
@@ -117,7 +134,14 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
             ("final values", _ends(phases, motions, 1)),
             ("bounds of states", _bounds(phases, "states")),
             ("bounds of controls", _bounds(phases, "controls")),
-            ("bounds of parameters", _parameters(definition, phases[0].parameters)),
+            (
+                "bounds of parameters",
+                _Sides(*definition.bounds("parameters")).worst(
+                    phases[0].parameters,
+                    _units(definition, "parameters"),
+                    definition.parameter_names,
+                ),
+            ),
             *_paths(phases),
             *_boundaries(definition, boundary),
             *_invariants(phases, motions),
@@ -146,8 +170,8 @@ def _labels(phases: tuple[Course, ...]) -> list[str]:
     return [f" of phase {one.phase.name!r}" if len(phases) > 1 else "" for one in phases]
 
 
-def _units(phase: Phase, what: str) -> list[str]:
-    return [one.unit for one in getattr(phase, what) for _ in range(one.size)]
+def _units(of: Phase | Definition, what: str) -> list[str]:
+    return [one.unit for one in getattr(of, what) for _ in range(one.size)]
 
 
 def _place(name: str, course: Course, time: float, label: str) -> str:
@@ -160,9 +184,7 @@ def _place(name: str, course: Course, time: float, label: str) -> str:
 
 
 def _motion(course: Course, found: Reintegration, label: str) -> _Found:
-    share = np.abs(found.deviation) / course.state_scale
-    share = np.where(np.isnan(share), np.inf, share)
-    row, state = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
+    row, state, share = _largest(np.abs(found.deviation) / course.state_scale)
     place = _place(course.phase.state_names[state], course, found.times[row], label)
     if found.windows > 1:
         place += f", in {found.windows} windows"
@@ -170,7 +192,7 @@ def _motion(course: Course, found: Reintegration, label: str) -> _Found:
         place += f": {found.failure}"
     scale = float(course.state_scale[state])
     unit = _units(course.phase, "states")[state]
-    return _Found(share[row, state] * scale, scale, unit, place, course.phase.dynamics_equation)
+    return _Found(share * scale, scale, unit, place, course.phase.dynamics_equation)
 
 
 def _continuity(course: Course, label: str) -> _Found:
@@ -179,11 +201,11 @@ def _continuity(course: Course, label: str) -> _Found:
     unit = _units(course.phase, "states")
     if not new.size:
         return _Found(0.0, 1.0, unit[0], "")
-    share = np.abs(grid.states[new + 1] - grid.states[new]) / course.state_scale
-    row, state = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
+    jumps = np.abs(grid.states[new + 1] - grid.states[new])
+    row, state, share = _largest(jumps / course.state_scale)
     scale = float(course.state_scale[state])
     place = _place(course.phase.state_names[state], course, grid.times[new[row]], label)
-    return _Found(share[row, state] * scale, scale, unit[state], place)
+    return _Found(share * scale, scale, unit[state], place)
 
 
 def _invariants(
@@ -201,18 +223,13 @@ def _invariants(
             at += one.size
             scale = np.maximum(1.0, np.maximum(one.scale, np.abs(begin[entries])))
             found = []
-            for table, times, whose in zip(
-                tables,
-                (course.dense.times, moved.times),
-                ("", " (integrated)"),
-                strict=True,
-            ):
-                share = np.abs(table["invariant"][:, entries] - begin[entries]) / scale
-                share = np.where(np.isnan(share), np.inf, share)
-                row, entry = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
+            grids = (course.dense.times, ""), (moved.times, " (integrated)")
+            for table, (times, whose) in zip(tables, grids, strict=True):
+                strays = np.abs(table["invariant"][:, entries] - begin[entries])
+                row, entry, share = _largest(strays / scale)
                 place = _place(_entry(one, entry), course, times[row], label) + whose
                 size = float(scale[entry])
-                found.append(_Found(share[row, entry] * size, size, one.unit, place, one.equation))
+                found.append(_Found(share * size, size, one.unit, place, one.equation))
             yield one.name, found
 
 
@@ -226,7 +243,7 @@ def _entry(one: Restriction, entry: int) -> str:
 def _bounds(phases: tuple[Course, ...], what: str) -> Iterator[_Found]:
     """Yield the worst against the bounds of states or controls, between the nodes as well."""
     for course, label in zip(phases, _labels(phases), strict=True):
-        sides = _Sides(course.phase.stacked(what, "lower"), course.phase.stacked(what, "upper"))
+        sides = _Sides(*course.phase.bounds(what))
         if not sides.entry.size:
             continue
         worst = course.largest(
@@ -270,47 +287,23 @@ def _times(phases: tuple[Course, ...]) -> Iterator[_Found]:
             np.array([phase.start_lower, phase.end_lower]),
             np.array([phase.start_upper, phase.end_upper]),
         )
-        share = sides(np.array([plan.start, plan.end]))
-        worst = int(share.argmax())
-        what = f"{('start', 'end')[int(sides.entry[worst])]}{label}"
-        yield sides.found(float(share[worst]), worst, phase.time_unit, what, "")
+        places = f"start{label}", f"end{label}"
+        yield from sides.worst(np.array([plan.start, plan.end]), [phase.time_unit] * 2, places)
 
 
 def _ends(phases: tuple[Course, ...], motions: list[Reintegration], end: int) -> Iterator[_Found]:
     """Yield the worst of the states at one end, which are measured in the size of the motion."""
     for course, label, moved in zip(phases, _labels(phases), motions, strict=True):
         word = ("initial", "final")[end]
-        sides = _Sides(
-            course.phase.stacked("states", f"{word}_lower"),
-            course.phase.stacked("states", f"{word}_upper"),
-            course.state_scale,
-        )
-        if not sides.entry.size:
-            continue
+        sides = _Sides(*course.phase.bounds("states", word), course.state_scale)
         values = [(course.dense.states[-end], "")]
         if end and moved.windows == 1:
             values.append((moved.states[-1], " (integrated)"))
+        time = (course.plan.start, course.plan.end)[end]
+        places = [_place(name, course, time, label) for name in course.phase.state_names]
         for state, whose in values:
-            share = np.where(np.isnan(state[sides.entry]), np.inf, sides(state))
-            worst = int(share.argmax())
-            entry = int(sides.entry[worst])
-            time = (course.plan.start, course.plan.end)[end]
-            place = _place(course.phase.state_names[entry], course, time, label) + whose
-            yield sides.found(
-                float(share[worst]), worst, _units(course.phase, "states")[entry], place, ""
-            )
-
-
-def _parameters(definition: Definition, values: Floats) -> Iterator[_Found]:
-    sides = _Sides(
-        definition.stacked("parameters", "lower"), definition.stacked("parameters", "upper")
-    )
-    if sides.entry.size:
-        share = sides(values)
-        worst = int(share.argmax())
-        entry = int(sides.entry[worst])
-        unit = [one.unit for one in definition.parameters for _ in range(one.size)][entry]
-        yield sides.found(float(share[worst]), worst, unit, definition.parameter_names[entry], "")
+            own = [place + whose for place in places]
+            yield from sides.worst(state, _units(course.phase, "states"), own)
 
 
 def _at_ends(definition: Definition, ends: Floats, parameters: Floats) -> tuple[float, Floats]:
@@ -323,14 +316,9 @@ def _boundaries(definition: Definition, values: Floats) -> Iterator[tuple[str, l
     begin = 0
     for one in definition.boundaries:
         sides = _Sides(one.lower, one.upper, one.scale)
-        share = sides(values[begin : begin + one.size])
+        own, places = values[begin : begin + one.size], [_entry(one, k) for k in range(one.size)]
         begin += one.size
-        if not sides.entry.size:
-            continue
-        share = np.where(np.isnan(share), np.inf, share)
-        worst = int(share.argmax())
-        where = _entry(one, int(sides.entry[worst]))
-        yield one.name, [sides.found(float(share[worst]), worst, one.unit, where, one.equation)]
+        yield one.name, sides.worst(own, [one.unit] * one.size, places, one.equation)
 
 
 def _objective(

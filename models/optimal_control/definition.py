@@ -196,8 +196,22 @@ class Guess(Declared):
             )
 
 
+class _Stacked(Declared):
+    """What holds tuples of quantities and restrictions, and gives them as vectors."""
+
+    def stacked(self, what: str, field: str) -> Floats:
+        """Return `field` of all quantities or restrictions in `what`, such as states, as a vector."""
+        parts = [getattr(one, field) for one in getattr(self, what)]
+        return np.concatenate([*parts, np.empty(0)])
+
+    def bounds(self, what: str, side: str = "") -> tuple[Floats, Floats]:
+        """Return both bounds of all in `what`; `side` may be ``"initial"`` or ``"final"``."""
+        low, high = (f"{side}_{edge}".lstrip("_") for edge in ("lower", "upper"))
+        return self.stacked(what, low), self.stacked(what, high)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Phase(Declared):
+class Phase(_Stacked):
     """One phase: a stretch of time with its own states, controls and dynamics.
 
     Parameters
@@ -283,11 +297,6 @@ class Phase(Declared):
         """One name a control."""
         return entry_names(self.controls)
 
-    def stacked(self, what: str, field: str) -> Floats:
-        """Return `field` of all quantities or restrictions in `what`, such as states, as a vector."""
-        parts = [getattr(one, field) for one in getattr(self, what)]
-        return np.concatenate([*parts, np.empty(0)])
-
     @property
     def end_size(self) -> int:
         """Entries that the phase has in the endpoint vector: t0, tf, x0, xf and the integrals."""
@@ -295,7 +304,7 @@ class Phase(Declared):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Definition(Declared):
+class Definition(_Stacked):
     """An optimal control problem in Bolza form, over one or several phases.
 
     Parameters
@@ -343,11 +352,6 @@ class Definition(Declared):
     def parameter_names(self) -> tuple[str, ...]:
         """One name a parameter."""
         return entry_names(self.parameters)
-
-    def stacked(self, what: str, field: str) -> Floats:
-        """Return `field` of all parameters or boundaries as a vector."""
-        parts = [getattr(one, field) for one in getattr(self, what)]
-        return np.concatenate([*parts, np.empty(0)])
 
     @cached_property
     def text(self) -> str:

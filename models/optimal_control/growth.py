@@ -11,7 +11,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from .sampling import Course
+from .sampling import Course, scalar_form
 
 __all__ = ["GROWTH", "Stretch", "stretches"]
 
@@ -73,14 +73,8 @@ def _slope(function: casadi.Function) -> casadi.Function:
     """Return the function of (t, x, u, p) that gives ∂f/∂x, dense."""
     arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
     rate = function.call(arguments)[0]
-    found = casadi.Function(
-        "slope", arguments, [casadi.densify(casadi.jacobian(rate, arguments[1]))]
-    )
-    try:
-        return found.expand()
-    except RuntimeError:
-        # An interpolant or an external function has no scalar form; it works as it is.
-        return found
+    slope = casadi.densify(casadi.jacobian(rate, arguments[1]))
+    return scalar_form(casadi.Function("slope", arguments, [slope]))
 
 
 def _exponentials(matrices: Floats) -> _Scaled:

@@ -19,7 +19,7 @@ from scipy.integrate import DOP853, Radau
 
 from .growth import stretches
 from .lagrange import barycentric_weights
-from .sampling import Course, Instants
+from .sampling import Course, Instants, scalar_form
 
 __all__ = ["Reintegration", "integrate_anew"]
 
@@ -75,12 +75,8 @@ def _flat(function: casadi.Function) -> casadi.Function:
     """Return the function of (t, x, u, p) that gives rates and integrands in one dense column."""
     arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
     rate, _, integrand, _ = function.call(arguments)
-    found = casadi.Function("motion", arguments, [casadi.densify(casadi.vertcat(rate, integrand))])
-    try:
-        return found.expand()
-    except RuntimeError:
-        # An interpolant or an external function has no scalar form; it works as it is.
-        return found
+    rates = casadi.densify(casadi.vertcat(rate, integrand))
+    return scalar_form(casadi.Function("motion", arguments, [rates]))
 
 
 class _Rate:

@@ -69,11 +69,11 @@ class OptimalControlProblem(Model[ControlPlan]):
 
     kind: ClassVar[str] = "optimal-control"
     formulations: ClassVar[dict[str, Any]] = {
-        "paper": ".models.optimal_control.transcription.gauss:PaperGauss",
-        "gauss": ".models.optimal_control.transcription.gauss:Gauss",
-        "radau": ".models.optimal_control.transcription.radau:Radau",
-        "hermite-simpson": ".models.optimal_control.transcription.low_order:HermiteSimpson",
-        "trapezoid": ".models.optimal_control.transcription.low_order:Trapezoid",
+        "paper": ".models.optimal_control.transcription.methods:PaperGauss",
+        "gauss": ".models.optimal_control.transcription.methods:Gauss",
+        "radau": ".models.optimal_control.transcription.methods:Radau",
+        "hermite-simpson": ".models.optimal_control.transcription.methods:HermiteSimpson",
+        "trapezoid": ".models.optimal_control.transcription.methods:Trapezoid",
     }
     default_formulation: ClassVar[str] = "gauss"
 

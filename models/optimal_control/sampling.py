@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import casadi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +20,7 @@ from ..fields import show
 from .definition import Definition, Phase
 from .plan import ControlPlan, PhasePlan
 
-__all__ = ["Course", "Extreme", "Instants", "courses", "endpoint"]
+__all__ = ["Course", "Extreme", "Instants", "courses", "endpoint", "scalar_form"]
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -229,6 +230,15 @@ class Course:
             low = tau[peaks, np.maximum(column - 1, 0)]
             high = tau[peaks, np.minimum(column + 1, SPREAD - 1)]
         return best._replace(time=float(best.time))
+
+
+def scalar_form(function: casadi.Function) -> casadi.Function:
+    """Return `function` in scalar operations, or as it is where it has no such form."""
+    try:
+        return function.expand()
+    except RuntimeError:
+        # An interpolant or an external function has no scalar form; it works as it is.
+        return function
 
 
 def courses(definition: Definition, plan: ControlPlan) -> tuple[Course, ...]:

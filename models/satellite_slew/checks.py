@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,6 +126,12 @@ def _sample(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
     intervals = phase.states.intervals
     count = max(POINTS, int(np.ceil(ALL_POINTS / intervals)))
     even = np.linspace(-1.0, 1.0, count + 1)
+    weights = model.rate_weight
+
+    def rates(place: float, x: Floats, interval: int, half: float) -> list[float]:
+        u = phase.controls.on(interval, [min(max(place, -1.0), 1.0)])[0]
+        return [half * rate for rate in (*motion.rate(x[:11], u), 1.0 + float(weights @ u**2))]
+
     times, states, controls, anew = [], [], [], []
     x: Floats | None = np.append(phase.states.on(0, [-1.0])[0], 0.0)
     for k in range(intervals):
@@ -136,9 +141,15 @@ def _sample(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
         states.append(phase.states.on(k, points))
         controls.append(phase.controls.on(k, points))
         if x is not None:
-            path = _integrate(_law(model, motion, phase, k), x, points, end - begin)
-            x = None if path is None else path[-1]
-            anew.append(np.empty((0, 12)) if path is None else path)
+            half = 0.5 * (end - begin)
+            with np.errstate(all="ignore"):
+                found = solve_ivp(
+                    rates, (-1.0, 1.0), x, "DOP853", points, args=(k, half),
+                    rtol=RELATIVE, atol=ABSOLUTE, first_step=min(2.0, 0.5 / half),
+                )  # fmt: skip
+            sound = found.success and np.isfinite(found.y).all()
+            x = found.y[:, -1] if sound else None
+            anew.append(found.y.T)
     return _Samples(
         np.concatenate(times),
         np.concatenate(states),
@@ -146,34 +157,6 @@ def _sample(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
         None if x is None else np.concatenate(anew)[:, :11],
         None if x is None else float(x[11]),
     )
-
-
-def _law(
-    model: SlewData, motion: SlewMotion, phase: PhasePlan, interval: int
-) -> Callable[[float, Floats], list[float]]:
-    weights = model.rate_weight
-
-    def law(place: float, x: Floats) -> list[float]:
-        u = phase.controls.on(interval, [min(max(place, -1.0), 1.0)])[0]
-        return [*motion.rate(x[:11], u), 1.0 + float(weights @ u**2)]
-
-    return law
-
-
-def _integrate(
-    law: Callable[[float, Floats], list[float]], x: Floats, points: Floats, length: float
-) -> Floats | None:
-    """Return the states at `points` of an interval from `x` at its begin; None where that fails."""
-    half = 0.5 * length
-    with np.errstate(all="ignore"):
-        found = solve_ivp(
-            lambda place, y: [half * rate for rate in law(place, y)],
-            (-1.0, 1.0), x, "DOP853", points,
-            rtol=RELATIVE, atol=ABSOLUTE, first_step=min(2.0, 0.5 / half),
-        )  # fmt: skip
-    if not found.success or not np.isfinite(found.y).all():
-        return None
-    return np.asarray(found.y.T)
 
 
 def _motion(samples: _Samples, tolerance: float) -> list[Check]:

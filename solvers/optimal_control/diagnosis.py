@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,15 +50,8 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
     assert isinstance(program, NonlinearProgram)
     rows, columns = _giving(general, program)
     method = f"least widening of limits, {INTERVALS} Radau intervals of {DEGREE} nodes, with ipopt"
-    began = time.perf_counter()
-
-    def widen(
-        program: NonlinearProgram, rows: list[Block], columns: list[Block], most: int
-    ) -> tuple[Answer, list[_Widening]]:
-        left = None if time_limit is None else time_limit - (time.perf_counter() - began)
-        return _widen(program, rows, columns, left, most)
-
-    answer, needed = widen(program, rows, columns, MOST)
+    whole = Request(time_limit=time_limit)
+    answer, needed = _widen(whole, program, rows, columns, MOST)
     ended = answer.termination
     if ended is not Termination.LOCALLY_OPTIMAL:
         return Diagnosis(model.name, None, method, f"not settled: ipopt ended with {ended}")
@@ -79,11 +71,10 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
     program = replace(program, guess=np.asarray(answer.point)[: program.size])
     alone: list[_Widening] = []
     for number, block in enumerate([*rows, *columns]):
-        if time_limit is not None and time.perf_counter() - began > time_limit:
+        if whole.left() == 0.0:
             break
-        on_rows = number < len(rows)
-        own = ([block], []) if on_rows else ([], [block])
-        answer, found = widen(program, *own, ALONE)
+        own = ([block], []) if number < len(rows) else ([], [block])
+        answer, found = _widen(whole, program, *own, ALONE)
         if answer.termination is Termination.LOCALLY_OPTIMAL:
             alone += found
     if alone:
@@ -106,19 +97,11 @@ class _Widening:
 
 
 def _widen(
-    program: NonlinearProgram,
-    rows: list[Block],
-    columns: list[Block],
-    time_limit: float | None,
-    most: int,
+    whole: Request, program: NonlinearProgram, rows: list[Block], columns: list[Block], most: int
 ) -> tuple[Answer, list[_Widening]]:
     """Return how the search for the least widening ended, and the limits that give in it."""
     made = elastic(program, rows, columns)
-    backend = find_backend("ipopt")
-    backend.require()
-    left = None if time_limit is None else max(time_limit, 1e-3)
-    request = Request(time_limit=left, options=backend.checked_options({"max_iter": most}))
-    answer = backend.run(made.program, request)
+    answer = whole.within(find_backend("ipopt"), made.program, options={"max_iter": most})
     if answer.point is None:
         return answer, []
     slack = np.asarray(answer.point)[program.size :]

@@ -64,20 +64,10 @@ class Flight:
     def plan(self, most: float) -> ControlPlan:
         """Return the flight as a plan whose gimbal rates saturate at `most`, rad/s."""
         mesh, limit = np.array(self.knots), np.full(4, most)
-        phase = PhasePlan(
-            "slew",
-            Piecewise(mesh, (STATES_AT,) * len(self.steps), tuple(step[2] for step in self.steps)),
-            Piecewise(
-                mesh,
-                tuple(step[0] for step in self.steps),
-                tuple(step[1] for step in self.steps),
-                -limit,
-                limit,
-            ),
-            STATES,
-            CONTROLS,
-        )
-        return ControlPlan((phase,))
+        nodes, rates, states = zip(*self.steps, strict=True)
+        flown = Piecewise(mesh, (STATES_AT,) * len(states), states)
+        steered = Piecewise(mesh, nodes, rates, -limit, limit)
+        return ControlPlan((PhasePlan("slew", flown, steered, STATES, CONTROLS),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,10 +150,10 @@ class ClosedLoop:
         model, motion = self.model, SlewMotion.of(self.model)
         x = np.concatenate([model.initial_attitude, np.zeros(3), model.initial_gimbals])
         earliest = float(model.time_range[0])
-        stops = [t for t in (*self.profile.breaks[1:].tolist(), earliest) if 0.0 < t < latest]
-        stops = sorted(stops)
-        flown = _Log(model)
-        now, settled = 0.0, False
+        stops = sorted(t for t in (*self.profile.breaks[1:].tolist(), earliest) if 0.0 < t < latest)
+        knots, loads = [0.0], [(0.0, 0.0)]
+        steps: list[tuple[Floats, Floats, Floats]] = []
+        now, settled, measure, fastest = 0.0, False, np.inf, 0.0
         while not settled and now < latest - 1e-9:
             following = next((t for t in stops if t > now + 1e-9), latest)
             left = following - now
@@ -174,12 +164,25 @@ class ClosedLoop:
             if not np.isfinite(x).all():
                 break
             now = following if abs(following - now - long) < 1e-9 else now + long
-            flown.add(now, nodes, rates, states, load)
-            if flown.measure < least_measure:
+            knots.append(now)
+            loads.append(load)
+            steps.append((nodes, rates, states))
+            measure = min(measure, float(singularity_measure(states[:, 7:], model.beta).min()))
+            fastest = max(fastest, float(np.abs(states[:, 4:7]).max()))
+            if measure < least_measure:
                 break
             turned = now >= max(self.profile.duration, earliest) - 1e-9
             settled = turned and self.distance(x) <= self.tolerance
-        return flown.flight(settled)
+        gimbal_rate, torque = (max(column) for column in zip(*loads, strict=True))
+        return Flight(
+            tuple(knots),
+            tuple(steps),
+            measure,
+            fastest / model.rate_limit,
+            gimbal_rate / model.planned_gimbal_rate,
+            torque / model.planned_torque,
+            settled,
+        )
 
     def _sample(
         self, motion: SlewMotion, now: float, long: float, x: Floats
@@ -225,38 +228,3 @@ def _follow(motion: SlewMotion, x: Floats, nodes: Floats, rates: Floats, long: f
         x = x + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
         found.append(x)
     return np.array(found)
-
-
-class _Log:
-    """What a flight leaves behind, step by step."""
-
-    def __init__(self, model: SatelliteSlew) -> None:
-        self.model = model
-        self.knots = [0.0]
-        self.steps: list[tuple[Floats, Floats, Floats]] = []
-        self.measure, self.rate, self.gimbal_rate, self.torque = np.inf, 0.0, 0.0, 0.0
-
-    def add(
-        self, now: float, nodes: Floats, rates: Floats, states: Floats, load: tuple[float, float]
-    ) -> None:
-        """Take down a step that ends at time `now`."""
-        self.knots.append(now)
-        self.steps.append((nodes, rates, states))
-        measure = float(singularity_measure(states[:, 7:], self.model.beta).min())
-        self.measure = min(self.measure, measure)
-        self.rate = max(self.rate, float(np.abs(states[:, 4:7]).max()))
-        self.gimbal_rate = max(self.gimbal_rate, load[0])
-        self.torque = max(self.torque, load[1])
-
-    def flight(self, settled: bool) -> Flight:
-        """Return the flight."""
-        model = self.model
-        return Flight(
-            tuple(self.knots),
-            tuple(self.steps),
-            self.measure,
-            self.rate / model.rate_limit,
-            self.gimbal_rate / model.planned_gimbal_rate,
-            self.torque / model.planned_torque,
-            settled,
-        )

@@ -8,20 +8,17 @@ singularities; verification says so.
 from __future__ import annotations
 
 import time
-from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ...models.satellite_slew.model import SatelliteSlew
 from ...models.satellite_slew.profile import EigenaxisProfile
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
-
-if TYPE_CHECKING:
-    from .closed_loop import ClosedLoop, Flight
-    from .steering import SteeringLaw
+from .closed_loop import ClosedLoop, Flight
+from .steering import GeneralisedInverse, PseudoInverse, RobustInverse, SteeringLaw
 
 __all__ = ["Generalised", "PseudoInverseSteering", "SingularityRobust"]
 
@@ -87,14 +84,15 @@ class EigenaxisSteering(Backend):
         ),
     }  # fmt: skip
 
-    @abstractmethod
-    def law(self, options: Mapping[str, Any]) -> SteeringLaw:
-        """Return the steering law."""
+    #: The steering law, made of the backend's further options in their order.
+    law: ClassVar[type[SteeringLaw]]
 
     def run(self, problem: SatelliteSlew, request: Request) -> Answer:
         """Search for the fastest turn, fly it, and return its plan."""
         begin = time.perf_counter()
-        search = _Search(problem, self.law(request.options), request)
+        own = [name for name in self.options if name not in EigenaxisSteering.options]
+        law = self.law(*(request.options[name] for name in own))
+        search = _Search(problem, law, request)
         given = request.options["peak_rate"]
         found = search.fastest() if given is None else search.flown(given, search.most, 0.0)
         statistics: dict[str, float | int | str] = {"flights": search.flights}
@@ -152,11 +150,6 @@ class _Search:
             / float(np.abs(model.inertia @ self.axis).max())
         )
 
-    @property
-    def stopped(self) -> bool:
-        """Whether the run was asked to stop."""
-        return self.request.control.stopped
-
     def fastest(self) -> _Found | None:
         """Return the fastest turn that keeps all limits, or the slowest tried where none does.
 
@@ -196,7 +189,7 @@ class _Search:
         top, push, too_hard = self.most, self.most, np.inf
         best: _Found | None = None
         for _ in range(ATTEMPTS):
-            if self.stopped:
+            if self.request.control.stopped:
                 return None
             found = self.flown(share, push, self.model.singularity_limit)
             load = found.flight.load
@@ -219,8 +212,6 @@ class _Search:
 
         It is broken off where the measure of singularity falls below `least`.
         """
-        from .closed_loop import ClosedLoop
-
         self.flights += 1
         model = self.model
         peak = share * model.rate_limit / float(np.abs(self.axis).max())
@@ -242,12 +233,7 @@ class PseudoInverseSteering(EigenaxisSteering):
 
     name = "slew-pseudo-inverse"
     summary = "eigenaxis turn, gyros steered by the pseudo-inverse; ours"
-
-    def law(self, options: Mapping[str, Any]) -> SteeringLaw:
-        """Return the pseudo-inverse."""
-        from .steering import PseudoInverse
-
-        return PseudoInverse()
+    law = PseudoInverse
 
 
 _DAMPED: Mapping[str, Option] = {
@@ -263,12 +249,7 @@ class SingularityRobust(EigenaxisSteering):
     name = "slew-singularity-robust"
     options: ClassVar[Mapping[str, Option]] = _DAMPED
     summary = "eigenaxis turn, gyros steered by the singularity-robust inverse; ours"
-
-    def law(self, options: Mapping[str, Any]) -> SteeringLaw:
-        """Return the singularity-robust inverse."""
-        from .steering import RobustInverse
-
-        return RobustInverse(options["damping"], options["decay"])
+    law = RobustInverse
 
 
 class Generalised(EigenaxisSteering):
@@ -285,11 +266,4 @@ class Generalised(EigenaxisSteering):
         ),
     }
     summary = "eigenaxis turn, gyros steered by the generalised robust inverse; ours"
-
-    def law(self, options: Mapping[str, Any]) -> SteeringLaw:
-        """Return the generalised singularity-robust inverse."""
-        from .steering import GeneralisedInverse
-
-        return GeneralisedInverse(
-            options["damping"], options["decay"], options["amplitude"], options["frequency"]
-        )
+    law = GeneralisedInverse

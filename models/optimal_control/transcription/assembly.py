@@ -6,7 +6,6 @@ automatic differentiation of the whole program, whose cost would grow with the m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from ...programs.blocks import Block
 from ...programs.nonlinear import NonlinearProgram
 from ...programs.triplets import Triplets, dm
-from .derivatives import NodeFunctions, functions_of
+from .derivatives import functions_of
 from .layout import Layout, PhaseLayout
 
 __all__ = ["Assembly"]
@@ -29,22 +28,6 @@ Whole = NDArray[np.int64]
 
 #: Least length of a phase whose times are free, as a share of the time it may take.
 SHORTEST = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class _PhaseRows:
-    """How a phase's node functions enter the rows.
-
-    Parameters
-    ----------
-    spread : sparse array, shape (rows, entries × visits)
-        Adds multiples of the node functions' entries, visit by visit, to the rows.
-    linear : sparse array, shape (rows, columns)
-        The rows' linear part.
-    """
-
-    spread: sp.csr_array
-    linear: sp.csr_array
 
 
 class Assembly:
@@ -61,8 +44,9 @@ class Assembly:
         self.definition = layout.definition
         self.functions = functions_of(self.definition)
         starts = [0]
-        for one, node in zip(layout.phases, self.functions.nodes, strict=True):
-            starts.append(starts[-1] + self._rows_of(one, node))
+        for one in layout.phases:
+            rows = one.nx * one.defects + one.paths * one.collocated + one.phase.integrals
+            starts.append(starts[-1] + rows)
         #: The first row of each phase, then of the boundary constraints.
         self.row_starts = starts
         self.boundaries = self.functions.endpoint.entries - 1
@@ -76,10 +60,6 @@ class Assembly:
             + len(self.free_lengths)
             + sum(rows.shape[0] for rows in self.calm)
         )
-
-    @staticmethod
-    def _rows_of(one: PhaseLayout, node: NodeFunctions) -> int:
-        return one.nx * one.defects + node.paths * one.collocated + node.integrals
 
     def _calm(self, one: PhaseLayout) -> sp.csr_array:
         """Return the rows that hold a phase's controls to half the degree where they must be calm."""
@@ -102,110 +82,73 @@ class Assembly:
 
     # -- structure -------------------------------------------------------------------------------
 
-    def _phase_rows(self, number: int) -> _PhaseRows:
-        one, node = self.layout.phases[number], self.functions.nodes[number]
-        first = self.row_starts[number]
-        linear, spread = Triplets(), Triplets()
-        states, entries = np.arange(one.nx), node.entries
+    @cached_property
+    def _rows(self) -> tuple[sp.csr_array, tuple[sp.csr_array, ...]]:
+        """The rows' linear part, (rows, columns), and how each phase's node functions enter.
+
+        The latter adds multiples of their entries, visit by visit: (rows, entries × visits).
+        """
+        linear = Triplets()
+        spreads = tuple(self._spread(k, linear) for k in range(len(self.layout.phases)))
+        at = self.row_starts[-1] + self.boundaries
+        for one in self.free_lengths:
+            linear.add(at, one.time_columns, [-1.0, 1.0])
+            at += 1
+        for calm in self.calm:
+            coo = calm.tocoo()
+            linear.add(at + coo.row, coo.col, coo.data)
+            at += calm.shape[0]
+        r, c, value, _ = linear.joined()
+        return sp.csr_array((value, (r, c)), shape=(self.row_count, self.layout.size)), spreads
+
+    def _spread(self, number: int, linear: Triplets) -> sp.csr_array:
+        """Return how a phase's node functions enter, and add the linear part of its rows."""
+        one, integrals = self.layout.phases[number], self.layout.phases[number].phase.integrals
+        first, spread = self.row_starts[number], Triplets()
+        states, entries = np.arange(one.nx), self.functions.nodes[number].entries
 
         def source(entry: Any, visit: Any) -> Any:
             return np.asarray(visit) * entries + np.asarray(entry)
 
         for k, scheme in enumerate(one.schemes):
+            begin = first + states[:, None] * one.defects + one.row_starts[k]
             r, c = np.nonzero(scheme.left)
-            rows = first + states[:, None] * one.defects + one.row_starts[k] + r
-            columns = one.state_columns[:, one.starts[k] + c]
-            linear.add(rows, columns, scheme.left[r, c])
+            linear.add(begin + r, one.state_columns[:, one.starts[k] + c], scheme.left[r, c])
             r, c = np.nonzero(scheme.right)
-            rows = first + states[:, None] * one.defects + one.row_starts[k] + r
-            spread.add(
-                rows, 0, -scheme.right[r, c], source(states[:, None], one.visit_starts[k] + c)
-            )
+            places = source(states[:, None], one.visit_starts[k] + c)
+            spread.add(begin + r, 0, -scheme.right[r, c], places)
         at = first + one.nx * one.defects
-        if node.paths:
-            paths = np.arange(node.paths)[:, None]
-            spread.add(
-                at + paths * one.collocated + np.arange(one.collocated),
-                0,
-                1.0,
-                source(one.nx + node.integrals + paths, one.owners),
-            )
-        at += node.paths * one.collocated
+        paths = np.arange(one.paths)[:, None]
+        rows = at + paths * one.collocated + np.arange(one.collocated)
+        spread.add(rows, 0, 1.0, source(one.nx + integrals + paths, one.owners))
+        at += one.paths * one.collocated
         weights = np.concatenate([scheme.weights for scheme in one.schemes])
-        for k in range(node.integrals):
+        for k in range(integrals):
             linear.add(at + k, one.integral_columns[k], 1.0)
             spread.add(at + k, 0, -weights, source(one.nx + k, np.arange(one.visits)))
-        shape = (self.row_count, entries * one.visits)
         r, _, factor, place = spread.joined()
-        r2, c2, value, _ = linear.joined()
-        return _PhaseRows(
-            sp.csr_array((factor, (r, place)), shape=shape),
-            sp.csr_array((value, (r2, c2)), shape=(self.row_count, self.layout.size)),
-        )
-
-    @cached_property
-    def _phases(self) -> tuple[_PhaseRows, ...]:
-        return tuple(self._phase_rows(k) for k in range(len(self.layout.phases)))
-
-    def _lengths(self) -> sp.csr_array:
-        rows = Triplets()
-        begin = self.row_starts[-1] + self.boundaries
-        for k, one in enumerate(self.free_lengths):
-            rows.add(begin + k, one.time_columns, [-1.0, 1.0])
-        r, c, value, _ = rows.joined()
-        calm = sp.vstack([sp.csr_array((0, self.layout.size)), *self.calm]).tocoo()
-        first = begin + len(self.free_lengths)
-        return sp.csr_array(
-            (
-                np.concatenate([value, calm.data]),
-                (np.concatenate([r, first + calm.row]), np.concatenate([c, calm.col])),
-            ),
-            shape=(self.row_count, self.layout.size),
-        )
+        shape = (self.row_count, entries * one.visits)
+        return sp.csr_array((factor, (r, place)), shape=shape)
 
     # -- functions -------------------------------------------------------------------------------
 
     def _arguments(self, number: int, x: Any) -> list[Any]:
         """Return what the node functions of a phase take, a column a visit."""
-        one = self.layout.phases[number]
-        visits = one.visits
+        columns = self.layout.visit_columns(number)
+        # CasADi reshapes column by column: one visit after the other.
+        given = casadi.reshape(x[columns.T.reshape(-1).tolist()], *columns.shape)
+        return [given, casadi.DM(self.layout.phases[number].visit_places)]
 
-        def gathered(columns: Whole) -> Any:
-            # CasADi reshapes column by column: one visit after the other.
-            return casadi.reshape(x[columns.T.reshape(-1).tolist()], columns.shape[0], visits)
-
-        states = gathered(one.state_columns[:, one.visit_point])
-        if one.nu:
-            controls = gathered(one.control_columns[:, one.visit_control])
-        else:
-            controls = casadi.MX(0, visits)
-        times = casadi.repmat(x[one.time_columns.tolist()], 1, visits)
-        parameters = casadi.repmat(x[self.layout.parameter_columns.tolist()], 1, visits)
-        return [states, controls, times, parameters, casadi.DM(one.visit_places)]
-
-    def _local_columns(self, number: int) -> Whole:
-        """Return the global column of each local argument x, u, T, p, (local, visits)."""
-        one = self.layout.phases[number]
-        visits = one.visits
-        shared = np.concatenate([one.time_columns, self.layout.parameter_columns])
-        parts = [
-            one.state_columns[:, one.visit_point],
-            one.control_columns[:, one.visit_control].reshape(one.nu, visits),
-            np.repeat(shared[:, None], visits, axis=1),
-        ]
-        return np.concatenate(parts)
-
-    def _values(self, x: Any) -> tuple[Any, Any]:
-        ends = self.functions.endpoint.twice.value(x[self.layout.end_columns.tolist()])
-        linear = self._lengths()
-        for part in self._phases:
-            linear = linear + part.linear
+    def values(self, x: Any) -> tuple[Any, Any]:
+        """Return the objective and the rows."""
+        ends = self.functions.endpoint.value(x[self.layout.end_columns.tolist()])
+        linear, spreads = self._rows
         rows = casadi.mtimes(casadi.MX(dm(linear)), x)
-        for number, part in enumerate(self._phases):
-            node = self.functions.nodes[number].twice.value
+        for number, spread in enumerate(spreads):
+            node = self.functions.nodes[number].value
             visits = self.layout.phases[number].visits
             entries = casadi.vec(node.map(visits)(*self._arguments(number, x)))
-            rows = rows + casadi.mtimes(casadi.MX(dm(part.spread)), entries)
+            rows = rows + casadi.mtimes(casadi.MX(dm(spread)), entries)
         if self.boundaries:
             begin = self.row_starts[-1]
             pad = casadi.MX(casadi.DM(begin, 1))
@@ -213,24 +156,37 @@ class Assembly:
             rows = rows + casadi.vertcat(pad, ends[1:], after)
         return ends[0], casadi.densify(rows)
 
-    def _first(self, x: Any) -> tuple[Any, Any]:
+    def first(self, x: Any) -> tuple[Any, Any]:
         """Return the gradient of the objective and the Jacobian of the rows."""
         entries = Triplets()
-        linear = self._lengths()
+        linear, spreads = self._rows
         given, count = [], 0
-        for number, part in enumerate(self._phases):
-            linear = linear + part.linear
-            twice = self.functions.nodes[number].twice
+        for number, spread in enumerate(spreads):
+            twice = self.functions.nodes[number]
             visits = self.layout.phases[number].visits
-            nonzeros = twice.first_at[0].size
-            if nonzeros:
-                values = twice.first.map(visits)(*self._arguments(number, x))
-                given.append(casadi.vec(values))
-                self._chain(number, part, twice.first_at, count, entries)
-                count += nonzeros * visits
+            row, column = twice.first_at
+            if not row.size:
+                continue
+            given.append(casadi.vec(twice.first.map(visits)(*self._arguments(number, x))))
+            # Nonzeros of the node's Jacobian entry by entry, each as often as `spread` takes it.
+            order = np.argsort(row, kind="stable")
+            begins = np.searchsorted(row[order], np.arange(twice.entries + 1))
+            coo = spread.tocoo()
+            visit, entry = np.divmod(coo.col, twice.entries)
+            many = np.diff(begins)[entry]
+            which = np.repeat(np.arange(coo.nnz), many)
+            within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+            nonzero = order[begins[entry[which]] + within]
+            entries.add(
+                coo.row[which],
+                self.layout.visit_columns(number)[column[nonzero], visit[which]],
+                coo.data[which],
+                count + visit[which] * row.size + nonzero,
+            )
+            count += row.size * visits
         coo = linear.tocoo()
         entries.add(coo.row, coo.col, coo.data)
-        twice = self.functions.endpoint.twice
+        twice = self.functions.endpoint
         row, column = twice.first_at
         given.append(twice.first(x[self.layout.end_columns.tolist()]))
         below = row > 0
@@ -252,50 +208,21 @@ class Assembly:
             entries.matrix((self.row_count, size), stacked, count),
         )
 
-    def _chain(
-        self,
-        number: int,
-        part: _PhaseRows,
-        at: tuple[Whole, Whole],
-        offset: int,
-        into: Triplets,
-    ) -> None:
-        """Add the node functions' Jacobians, which `part.spread` combines, to the rows' Jacobian."""
-        node = self.functions.nodes[number]
-        local = self._local_columns(number)
-        nonzeros = at[0].size
-        # Nonzeros of the node's Jacobian, entry by entry.
-        order = np.argsort(at[0], kind="stable")
-        begins = np.searchsorted(at[0][order], np.arange(node.entries + 1))
-        coo = part.spread.tocoo()
-        visit, entry = np.divmod(coo.col, node.entries)
-        many = np.diff(begins)[entry]
-        which = np.repeat(np.arange(coo.nnz), many)
-        within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-        nonzero = order[begins[entry[which]] + within]
-        into.add(
-            coo.row[which],
-            local[at[1][nonzero], visit[which]],
-            coo.data[which],
-            offset + visit[which] * nonzeros + nonzero,
-        )
-
     def _second(self, x: Any, scale: Any, duals: Any) -> Any:
         """Return the upper triangle of the Hessian of ``scale f + duals·g``."""
         entries = Triplets()
         given, count = [], 0
-        for number, part in enumerate(self._phases):
-            twice = self.functions.nodes[number].twice
-            node = self.functions.nodes[number]
+        for number, spread in enumerate(self._rows[1]):
+            twice = self.functions.nodes[number]
             visits = self.layout.phases[number].visits
             row, column = twice.second_at
             if not row.size:
                 continue
-            multipliers = casadi.mtimes(casadi.MX(dm(part.spread.T)), duals)
-            multipliers = casadi.reshape(casadi.densify(multipliers), node.entries, visits)
+            multipliers = casadi.mtimes(casadi.MX(dm(spread.T)), duals)
+            multipliers = casadi.reshape(casadi.densify(multipliers), twice.entries, visits)
             values = twice.second.map(visits)(*self._arguments(number, x), multipliers)
             given.append(casadi.vec(values))
-            local = self._local_columns(number)
+            local = self.layout.visit_columns(number)
             visit = np.arange(visits)
             entries.add(
                 local[row],
@@ -304,7 +231,7 @@ class Assembly:
                 count + visit * row.size + np.arange(row.size)[:, None],
             )
             count += row.size * visits
-        twice = self.functions.endpoint.twice
+        twice = self.functions.endpoint
         row, column = twice.second_at
         begin = self.row_starts[-1]
         multipliers = casadi.vertcat(scale, duals[begin : begin + self.boundaries])
@@ -324,13 +251,13 @@ class Assembly:
         size = self.layout.size
         x, scale = casadi.MX.sym("x", size), casadi.MX.sym("lam_f")
         duals = casadi.MX.sym("lam_g", self.row_count)
-        value = casadi.Function("program", [x], list(self._values(x)), ["x"], ["f", "g"])
-        first = casadi.Function("first", [x], list(self._first(x)), ["x"], ["grad_f", "jac_g"])
+        value = casadi.Function("program", [x], list(self.values(x)), ["x"], ["f", "g"])
+        first = casadi.Function("first", [x], list(self.first(x)), ["x"], ["grad_f", "jac_g"])
         second = casadi.Function(
             "second", [x, scale, duals], [self._second(x, scale, duals)],
             ["x", "lam_f", "lam_g"], ["hess"],
         )  # fmt: skip
-        lower, upper, column_scale = self._column_bounds()
+        lower, upper, column_scale = self.column_bounds()
         row_lower, row_upper, row_scale = self._row_bounds()
         return NonlinearProgram(
             name=name,
@@ -348,59 +275,47 @@ class Assembly:
             rows=self._row_blocks(),
         )
 
-    def _column_bounds(self) -> tuple[Floats, Floats, Floats]:
+    def column_bounds(self) -> tuple[Floats, Floats, Floats]:
+        """Return the columns' lower and upper bounds and their typical sizes."""
         size = self.layout.size
         lower, upper, scale = np.full(size, -np.inf), np.full(size, np.inf), np.ones(size)
         for one in self.layout.phases:
-            phase, x, u = one.phase, one.state_columns, one.control_columns
-            for what, columns in (("states", x), ("controls", u)):
-                lower[columns] = phase.stacked(what, "lower")[:, None]
-                upper[columns] = phase.stacked(what, "upper")[:, None]
-                scale[columns] = phase.stacked(what, "scale")[:, None]
+            phase, x = one.phase, one.state_columns
+            for what, columns in (("states", x), ("controls", one.control_columns)):
+                lower[columns.T], upper[columns.T] = phase.bounds(what)
+                scale[columns.T] = phase.stacked(what, "scale")
             for side, end in (("initial", 0), ("final", -1)):
-                lower[x[:, end]] = phase.stacked("states", f"{side}_lower")
-                upper[x[:, end]] = phase.stacked("states", f"{side}_upper")
-            t0, tf = one.time_columns
-            lower[t0], upper[t0] = phase.start_lower, phase.start_upper
-            lower[tf], upper[tf] = phase.end_lower, phase.end_upper
-            scale[[t0, tf]] = max(phase.guess.end - phase.guess.start, 1e-12)
+                lower[x[:, end]], upper[x[:, end]] = phase.bounds("states", side)
+            times = one.time_columns
+            lower[times] = phase.start_lower, phase.end_lower
+            upper[times] = phase.start_upper, phase.end_upper
+            scale[times] = max(phase.guess.end - phase.guess.start, 1e-12)
         p = self.layout.parameter_columns
-        if p.size:
-            lower[p] = self.definition.stacked("parameters", "lower")
-            upper[p] = self.definition.stacked("parameters", "upper")
-            scale[p] = self.definition.stacked("parameters", "scale")
+        lower[p], upper[p] = self.definition.bounds("parameters")
+        scale[p] = self.definition.stacked("parameters", "scale")
         return lower, upper, scale
 
     def _row_bounds(self) -> tuple[Floats, Floats, Floats]:
-        lower, upper, scale = [], [], []
-        for one, node in zip(self.layout.phases, self.functions.nodes, strict=True):
+        parts: list[tuple[Any, Any, Any]] = []  # lower, upper and scale of some rows
+        for one in self.layout.phases:
             phase = one.phase
-            none = np.zeros(one.nx * one.defects)
             sizes = np.repeat(phase.stacked("states", "scale"), one.defects)
-            lower.append(none)
-            upper.append(none)
-            scale.append(sizes)
-            lower.append(np.repeat(phase.stacked("paths", "lower"), one.collocated))
-            upper.append(np.repeat(phase.stacked("paths", "upper"), one.collocated))
-            scale.append(np.repeat(phase.stacked("paths", "scale"), one.collocated))
-            lower.append(np.zeros(node.integrals))
-            upper.append(np.zeros(node.integrals))
-            scale.append(np.ones(node.integrals))
-        lower.append(self.definition.stacked("boundaries", "lower"))
-        upper.append(self.definition.stacked("boundaries", "upper"))
-        scale.append(self.definition.stacked("boundaries", "scale"))
+            paths = (*phase.bounds("paths"), phase.stacked("paths", "scale"))
+            parts.append((0.0, 0.0, sizes))
+            parts.append(tuple(np.repeat(part, one.collocated) for part in paths))  # type: ignore[arg-type]
+            parts.append((0.0, 0.0, np.ones(phase.integrals)))
+        boundaries = self.definition.bounds("boundaries")
+        parts.append((*boundaries, self.definition.stacked("boundaries", "scale")))
         for one in self.free_lengths:
             most = one.phase.end_upper - one.phase.start_lower
-            lower.append(np.array([SHORTEST * most]))
-            upper.append(np.array([np.inf]))
-            scale.append(np.array([most]))
+            parts.append((SHORTEST * most, np.inf, np.array([most])))
         for one, rows in zip(self.layout.phases, self.calm, strict=True):
-            none = np.zeros(rows.shape[0])
-            lower.append(none)
-            upper.append(none)
             # As long as the coefficients' rows are the controls' own scale will do.
-            scale.append(none + (one.phase.stacked("controls", "scale").max() if one.nu else 1.0))
-        return np.concatenate(lower), np.concatenate(upper), np.concatenate(scale)
+            size = one.phase.stacked("controls", "scale").max() if one.nu else 1.0
+            parts.append((0.0, 0.0, np.full(rows.shape[0], size)))
+        wide = [np.broadcast_arrays(*part) for part in parts]
+        lower, upper, scale = (np.concatenate(column) for column in zip(*wide, strict=True))
+        return lower, upper, scale
 
     def _column_blocks(self) -> tuple[Block, ...]:
         several = len(self.layout.phases) > 1

@@ -18,6 +18,7 @@ from ..hamiltonian import hamiltonian_spread
 from ..model import OptimalControlProblem
 from ..plan import ControlPlan, PhasePlan, Piecewise
 from .assembly import Assembly
+from .dependence import treat_dependent
 from .derivatives import functions_of
 from .layout import Layout, PhaseLayout
 from .mesh import Mesh, even, read_mesh
@@ -101,8 +102,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     @staticmethod
     @abstractmethod
-    def scheme(degree: int) -> Scheme:
-        """Return the collocation scheme of an interval with `degree` nodes."""
+    def scheme(count: int) -> Scheme:
+        """Return the collocation scheme of an interval with `count` nodes."""
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -161,14 +162,11 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def build(self) -> NonlinearProgram:
         """Return the program on the present mesh, started where the last one ended."""
-        from .dependence import treat_dependent
-
         assembly = Assembly(self.layout)
         start = self._start if self._history is None else self._history.plan
         guess = self._guess() if start is None else self.encode(start)
         program = assembly.program(guess, self.model.name)
-        first = assembly.row_starts[-1]
-        return treat_dependent(self.model.definition, self.layout, program, first, self.dependent)
+        return treat_dependent(assembly, program, self.dependent)
 
     def _guess(self) -> Floats:
         columns = np.zeros(self.layout.size)
@@ -188,29 +186,19 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def _with_integrals(self, columns: Floats) -> Floats:
         """Return `columns` with the integrals that their states and controls give."""
-        functions = functions_of(self.model.definition)
-        p = columns[self.layout.parameter_columns]
-        for one, node in zip(self.layout.phases, functions.nodes, strict=True):
-            if not node.integrals:
-                continue
-            values = self._visited(columns, one, node.twice.value, p)
-            weights = np.concatenate([scheme.weights for scheme in one.schemes])
-            found = values[one.nx : one.nx + node.integrals] @ weights
-            columns[one.integral_columns] = np.where(np.isfinite(found), found, 0.0)
+        for number, one in enumerate(self.layout.phases):
+            if one.phase.integrals:
+                values = self._visited(columns, number)
+                weights = np.concatenate([scheme.weights for scheme in one.schemes])
+                found = values[one.nx : one.nx + one.phase.integrals] @ weights
+                columns[one.integral_columns] = np.where(np.isfinite(found), found, 0.0)
         return columns
 
-    @staticmethod
-    def _visited(columns: Floats, one: PhaseLayout, function: Any, p: Floats) -> Floats:
-        """Return what a node function gives at every visit, (entries, visits)."""
-        visits = one.visits
-        found = function.map(visits)(
-            columns[one.state_columns[:, one.visit_point]],
-            columns[one.control_columns[:, one.visit_control]].reshape(one.nu, visits),
-            np.repeat(columns[one.time_columns][:, None], visits, axis=1),
-            np.repeat(p[:, None], visits, axis=1),
-            one.visit_places,
-        )
-        values: Floats = np.array(found, float)
+    def _visited(self, columns: Floats, number: int) -> Floats:
+        """Return what a phase's node functions give at every visit, (entries, visits)."""
+        one, own = self.layout.phases[number], self.layout.visit_columns(number)
+        function = functions_of(self.model.definition).nodes[number].value.map(one.visits)
+        values: Floats = np.array(function(columns[own], one.visit_places), float)
         return values
 
     # -- plans -----------------------------------------------------------------------------------
@@ -259,11 +247,10 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def _decode(self, columns: Floats, duals: Floats | None = None) -> ControlPlan:
         definition = self.model.definition
-        functions = functions_of(definition)
         p = columns[self.layout.parameter_columns]
         phases = []
         row = 0
-        for one, node in zip(self.layout.phases, functions.nodes, strict=True):
+        for number, one in enumerate(self.layout.phases):
             t0, tf = columns[one.time_columns]
             if not tf > t0:
                 raise InvalidData(
@@ -272,7 +259,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
                 )
             knots = t0 + one.mesh.fractions * (tf - t0)
             knots[-1] = tf
-            states = self._state_polynomials(columns, one, node.twice.value, p)
+            states = self._state_polynomials(columns, number)
             at = (
                 columns[one.control_columns].reshape(one.nu, one.collocated)[:, one.visit_control].T
             )
@@ -281,14 +268,13 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
                 knots,
                 tuple(scheme.control_points for scheme in one.schemes),
                 tuple(np.split(at, cuts)),
-                one.phase.stacked("controls", "lower"),
-                one.phase.stacked("controls", "upper"),
+                *one.phase.bounds("controls"),
             )
             costates = None
             if duals is not None:
                 own = duals[row : row + one.nx * one.defects].reshape(one.nx, one.defects).T
                 costates = _costates(one, own, knots)
-            row += one.nx * one.defects + node.paths * one.collocated + node.integrals
+            row += one.nx * one.defects + one.paths * one.collocated + one.phase.integrals
             phases.append(
                 PhasePlan(
                     one.phase.name, states, controls, one.phase.state_names,
@@ -301,13 +287,12 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             used += quantity.size
         return ControlPlan(tuple(phases), parameters)
 
-    def _state_polynomials(
-        self, columns: Floats, one: PhaseLayout, function: Any, p: Floats
-    ) -> Piecewise:
+    def _state_polynomials(self, columns: Floats, number: int) -> Piecewise:
+        one = self.layout.phases[number]
         x = columns[one.state_columns]
         rates = None
         if any(scheme.from_rates.any() for scheme in one.schemes):
-            rates = self._visited(columns, one, function, p)[: one.nx]
+            rates = self._visited(columns, number)[: one.nx]
         values = []
         for k, scheme in enumerate(one.schemes):
             table = scheme.from_states @ x[:, one.starts[k] : one.starts[k + 1] + 1].T

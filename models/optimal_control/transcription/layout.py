@@ -135,6 +135,11 @@ class PhaseLayout:
         """Number of controls."""
         return len(self.phase.control_names)
 
+    @property
+    def paths(self) -> int:
+        """Number of path expressions."""
+        return sum(one.size for one in self.phase.paths)
+
     @cached_property
     def state_columns(self) -> Whole:
         """Columns of the states, (states, points)."""
@@ -183,20 +188,16 @@ class PhaseLayout:
 
     # -- words -----------------------------------------------------------------------------------
 
-    def _at_points(self) -> Whole:
-        interval = np.repeat(
-            np.arange(len(self.schemes)), [s.points.size - 1 for s in self.schemes]
-        )
-        node = np.concatenate([np.arange(s.points.size - 1) for s in self.schemes])
-        last = [[self.number, len(self.schemes), self.schemes[-1].points.size - 1]]
-        table = np.stack([np.full(interval.size, self.number), interval + 1, node], axis=1)
-        return np.vstack([table, last]).astype(np.int64)
+    def _at(self, points: Whole, interval: Whole | None = None) -> Whole:
+        """Return phase, interval and node of points, of the interval that begins there if any."""
+        if interval is None:
+            found = np.searchsorted(self.starts, points, side="right") - 1
+            interval = np.minimum(found, len(self.schemes) - 1)
+        number = np.full(points.size, self.number)
+        return np.stack([number, interval + 1, points - self.starts[interval]], axis=1)
 
     def _at_owners(self) -> Whole:
-        interval = self.visit_interval[self.owners]
-        node = self.visit_point[self.owners] - self.starts[interval]
-        number = np.full(interval.size, self.number)
-        return np.stack([number, interval + 1, node], axis=1).astype(np.int64)
+        return self._at(self.visit_point[self.owners], self.visit_interval[self.owners])
 
     def column_blocks(self, several: bool) -> list[Block]:
         """Return the blocks of the phase's columns; names carry the phase where there are several."""
@@ -212,7 +213,7 @@ class PhaseLayout:
 
         units = _units(self.phase.states), _units(self.phase.controls)
         for name, unit in zip(self.phase.state_names, units[0], strict=True):
-            add(name, self.points, self._at_points(), unit)
+            add(name, self.points, self._at(np.arange(self.points)), unit)
         for name, unit in zip(self.phase.control_names, units[1], strict=True):
             add(name, self.collocated, self._at_owners(), unit)
         for k in range(self.phase.integrals):
@@ -302,6 +303,17 @@ class Layout:
         """Columns of the parameters."""
         begin = self.phases[-1].first + self.phases[-1].size
         return begin + np.arange(len(self.definition.parameter_names))
+
+    def visit_columns(self, number: int) -> Whole:
+        """Return the columns that a phase's node functions see, x, u, T and p: (…, visits)."""
+        one = self.phases[number]
+        shared = np.concatenate([one.time_columns, self.parameter_columns])
+        parts = [
+            one.state_columns[:, one.visit_point],
+            one.control_columns[:, one.visit_control].reshape(one.nu, one.visits),
+            np.repeat(shared[:, None], one.visits, axis=1),
+        ]
+        return np.concatenate(parts)
 
     @property
     def size(self) -> int:

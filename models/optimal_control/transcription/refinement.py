@@ -180,17 +180,15 @@ def _decide(
     cut = report.cuts[k]
     if rules.fixed_degree is not None:
         if cut is not None:
-            return _around(cut), [degree] * (len(_around(cut)) + 1)
+            return [cut], [degree] * 2
         parts = int(np.clip(np.ceil(ratio ** (1.0 / rules.order)), 2, 5))
         return np.linspace(-1.0, 1.0, parts + 1)[1:-1].tolist(), [degree] * parts
     if not rules.split:
         more = max(2, int(np.ceil(0.25 * degree)))
         return [], [min(degree + more, rules.most_degree)]
-    if cut is not None:
-        low = max(rules.least_degree, min(degree, 5))
-        inner = _around(cut)
-        return inner, [low] * (len(inner) + 1)
     low = max(rules.least_degree, min(degree, 5))
+    if cut is not None:
+        return [cut], [low] * 2
     windows = report.windows[k]
     if windows and (degree > rules.least_degree + 1 or report.decays[k] < SMOOTH):
         # Where a constraint begins or ceases to bind, some derivative of the motion jumps.
@@ -209,11 +207,6 @@ def _decide(
     inner = [c for c in (place - gap, place + gap) if abs(c) < 1.0 - 0.5 * gap]
     inner = inner or [0.0]
     return inner, [low] * (len(inner) + 1)
-
-
-def _around(cut: float) -> list[float]:
-    """Return the cut at a switch, moved off the ends."""
-    return [float(np.clip(cut, -0.995, 0.995))]
 
 
 def _merge(mesh: Mesh, touched: list[bool], part: PhasePlan, limit: float) -> Mesh:

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from ..definition import Phase
 from ..lagrange import interpolation
 from ..plan import PhasePlan
+from ..sampling import Course, Instants
 from .schemes import gauss_points, integration
 
-__all__ = ["ALLOWED", "SHARE", "Report", "evaluate_nodes", "examine"]
+__all__ = ["ALLOWED", "SHARE", "Report", "examine"]
 
 Floats = NDArray[np.float64]
 
@@ -84,87 +85,64 @@ def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
     decays, chatters = np.zeros(count), np.zeros(count, bool)
     cuts: list[float | None] = []
     windows: list[tuple[tuple[float, float], ...]] = []
-    quadrature = _quadrature(phase, part, parameters)
+    course = Course(phase, part, parameters)
+    quadrature = _quadrature(course)
     whole = np.maximum(1.0, sum((size for _, size in quadrature), np.zeros(phase.integrals)))
     for k in range(count):
         degree = part.controls.nodes[k].size
         fine, onto = integration(max(part.states.nodes[k].size, degree) + FINER)
         half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
-        t = part.states.knots[k] + half * (fine + 1.0)
-        x, u = part.states.on(k, fine), part.controls.on(k, fine)
-        rate, _, integrand = evaluate_nodes(phase, t, x, u, parameters)
+        values = _look(course, k, fine)[1]
         begin = part.states.on(k, [-1.0])
-        moved = begin + half * (onto @ rate.T)
+        moved = begin + half * (onto @ values["rate"])
         there = part.states.on(k, np.append(fine, 1.0))
         off = (np.abs(moved - there) / size).max(axis=1)
         errors[k] = off.max()
-        if integrand.size:
-            gap = np.abs(quadrature[k][0] - half * (integrand @ gauss_points(fine.size)[1]))
+        if quadrature:
+            again = half * (gauss_points(fine.size)[1] @ values["integrand"])
+            gap = np.abs(quadrature[k][0] - again)
             errors[k] = max(errors[k], float((gap / whole).max()))
         # The residual between two neighbours on the fine grid shows where the motion is wrong.
         steps = np.abs(np.diff(np.append(0.0, off[:-1])))
         places[k] = fine[int(steps.argmax())]
-        violations[k], where = _violated(phase, part, parameters, k)
+        violations[k], where = _violated(course, k)
         if violations[k] > errors[k]:
             places[k] = where
         decays[k] = _decay(part.controls.nodes[k], part.controls.values[k], phase)
         cuts.append(_switch(phase, part, k))
-        windows.append(_windows(phase, part, parameters, k))
+        windows.append(_windows(course, k))
         chatters[k] = _chatters(phase, part.controls.values[k])
     bad = ~np.isfinite(errors)
     errors[bad] = np.inf
     return Report(errors, violations, decays, tuple(cuts), tuple(windows), chatters, places)
 
 
-def evaluate_nodes(
-    phase: Phase, t: Floats, x: Floats, u: Floats, p: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Return rates, path expressions and integrands at many instants, one column each.
-
-    Parameters
-    ----------
-    phase : Phase
-        Whose function is evaluated.
-    t : ndarray, shape (instants,)
-        Times.
-    x, u : ndarray, shape (instants, states) and (instants, controls)
-        States and controls.
-    p : ndarray, shape (parameters,)
-        Parameters.
-    """
-    count = t.size
-    found = phase.function.map(count)(
-        t[None, :], x.T, u.T.reshape(u.shape[1], count), np.repeat(p[:, None], count, axis=1)
-    )
-    rate, path, integrand = (np.array(part, float) for part in found[:3])
-    return rate, path, integrand
+def _look(course: Course, k: int, tau: Floats) -> tuple[Instants, dict[str, Floats]]:
+    """Return states and controls, and the declared functions, at places of interval k."""
+    at = course.at(np.full(len(tau), k), tau)
+    return at, course.values(at)
 
 
-def _quadrature(phase: Phase, part: PhasePlan, p: Floats) -> list[tuple[Floats, Floats]]:
+def _quadrature(course: Course) -> list[tuple[Floats, Floats]]:
     """Return the integrals over each interval as its own nodes give them, and of the magnitudes."""
-    if not phase.integrals:
+    if not course.phase.integrals:
         return []
     found = []
-    for k in range(part.states.intervals):
-        at, weights = gauss_points(part.controls.nodes[k].size)
-        half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
-        t = part.states.knots[k] + half * (at + 1.0)
-        values = evaluate_nodes(phase, t, part.states.on(k, at), part.controls.on(k, at), p)[2]
-        found.append((half * (values @ weights), half * (np.abs(values) @ weights)))
+    for k, half in enumerate(0.5 * np.diff(course.plan.states.knots)):
+        tau, weights = gauss_points(course.plan.controls.nodes[k].size)
+        values = _look(course, k, tau)[1]["integrand"]
+        found.append((half * (weights @ values), half * (weights @ np.abs(values))))
     return found
 
 
-def _violated(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[float, float]:
+def _violated(course: Course, k: int) -> tuple[float, float]:
     """Return the largest relative violation between the nodes of interval k, and where it lies."""
-    count = 3 * part.states.nodes[k].size + 8
+    count = 3 * course.plan.states.nodes[k].size + 8
     tau = -np.cos(np.pi * np.arange(count) / (count - 1))
-    half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
-    t = part.states.knots[k] + half * (tau + 1.0)
-    x = part.states.on(k, tau)
-    tables = [(x.T, phase.stacked("states", "lower"), phase.stacked("states", "upper"))]
-    if phase.paths:
-        path = evaluate_nodes(phase, t, x, part.controls.on(k, tau), p)[1]
-        tables.append((path, phase.stacked("paths", "lower"), phase.stacked("paths", "upper")))
+    at, functions = _look(course, k, tau)
+    tables = [(at.states.T, *course.phase.bounds("states"))]
+    if course.phase.paths:
+        tables.append((functions["path"].T, *course.phase.bounds("paths")))
     worst, where = 0.0, 0.0
     for values, low, high in tables:
         for edge, sign in ((low, -1.0), (high, 1.0)):
@@ -174,9 +152,9 @@ def _violated(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[float, 
                 off = (sign * (values[known] - edge[known, None]) / scale[:, None]).max(axis=0)
                 if np.isnan(off).any():
                     return np.inf, 0.0
-                at = int(off.argmax())
-                if off[at] > worst:
-                    worst, where = float(off[at]), float(tau[at])
+                row = int(off.argmax())
+                if off[row] > worst:
+                    worst, where = float(off[row]), float(tau[row])
     return worst, where
 
 
@@ -204,30 +182,25 @@ def _decay(nodes: Floats, values: Floats, phase: Phase) -> float:
     return slowest
 
 
-def _windows(phase: Phase, part: PhasePlan, p: Floats, k: int) -> tuple[tuple[float, float], ...]:
+def _windows(course: Course, k: int) -> tuple[tuple[float, float], ...]:
     """Return the pairs of neighbouring nodes between which a constraint begins or ceases to bind."""
-    tau = part.controls.nodes[k]
-    half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
-    t = part.states.knots[k] + half * (tau + 1.0)
-    x, u = part.states.on(k, tau), part.controls.on(k, tau)
-    tables = [("states", x.T), ("controls", u.T)]
-    if phase.paths:
-        tables.append(("paths", evaluate_nodes(phase, t, x, u, p)[1]))
-    changes = np.zeros(max(tau.size - 1, 0), bool)
+    phase, tau = course.phase, course.plan.controls.nodes[k]
+    at, functions = _look(course, k, tau)
+    tables = [("states", at.states.T), ("controls", at.controls.T), ("paths", functions["path"].T)]
+    changes = np.zeros(tau.size - 1, bool)
     for what, values in tables:
         scale = BINDING * phase.stacked(what, "scale")[:, None]
         for side in ("lower", "upper"):
             edge = phase.stacked(what, side)[:, None]
             with np.errstate(invalid="ignore"):
                 binds = np.abs(values - edge) <= scale
-            if tau.size > 1:
-                changes |= (binds[:, 1:] != binds[:, :-1]).any(axis=0)
+            changes |= (binds[:, 1:] != binds[:, :-1]).any(axis=0)
     return tuple((float(tau[j]), float(tau[j + 1])) for j in np.flatnonzero(changes))
 
 
 def _chatters(phase: Phase, values: Floats) -> bool:
     """Return whether a control goes to and fro from node to node."""
-    low, high = phase.stacked("controls", "lower"), phase.stacked("controls", "upper")
+    low, high = phase.bounds("controls")
     for c in range(values.shape[1]):
         width = high[c] - low[c]
         if not np.isfinite(width) or width <= 0.0:
@@ -241,7 +214,7 @@ def _chatters(phase: Phase, values: Floats) -> bool:
 
 def _switch(phase: Phase, part: PhasePlan, k: int) -> float | None:
     """Return where within interval k a control goes from one bound to the other, None if nowhere."""
-    low, high = phase.stacked("controls", "lower"), phase.stacked("controls", "upper")
+    low, high = phase.bounds("controls")
     count = part.controls.intervals
     for c in range(part.controls.size):
         width = high[c] - low[c]
@@ -261,5 +234,5 @@ def _switch(phase: Phase, part: PhasePlan, k: int) -> float | None:
         fine, weights = gauss_points(nodes.size + 2)
         mean = 0.5 * float(weights @ (interpolation(nodes, fine) @ own))
         share = mean if falls else 1.0 - mean
-        return float(np.clip(2.0 * share - 1.0, -0.999, 0.999))
+        return float(np.clip(2.0 * share - 1.0, -0.995, 0.995))
     return None

@@ -73,6 +73,12 @@ class Scheme:
     from_rates: Floats
     shared: bool = False
 
+    def __post_init__(self) -> None:
+        # Made once and handed to all: none may change them.
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
     @property
     def control_points(self) -> Floats:
         """Where the controls stand, in [-1, 1]."""
@@ -145,17 +151,8 @@ def gauss(count: int) -> Scheme:
     left[:count, : count + 1] = differentiation(base)[1:]
     left[count, 0], left[count, -1] = -1.0, 1.0
     right = np.vstack([np.eye(count), weights])
-    return _Gauss(
-        "gauss",
-        frozen(points),
-        frozen(np.arange(1, count + 1)),
-        frozen(left),
-        frozen(right),
-        frozen(weights),
-        frozen(points),
-        frozen(np.eye(count + 2)),
-        frozen(np.zeros((count + 2, count))),
-    )
+    onto = np.eye(count + 2), np.zeros((count + 2, count))
+    return _Gauss("gauss", points, np.arange(1, count + 1), left, right, weights, points, *onto)
 
 
 @cache
@@ -168,22 +165,15 @@ def radau(count: int) -> Scheme:
     """
     nodes, weights = radau_points(count)
     points = np.concatenate([[-1.0], nodes])
+    left, onto = differentiation(points)[1:], (np.eye(count + 1), np.zeros((count + 1, count)))
     return _Radau(
-        "radau",
-        frozen(points),
-        frozen(np.arange(1, count + 1)),
-        frozen(differentiation(points)[1:]),
-        frozen(np.eye(count)),
-        weights,
-        frozen(points),
-        frozen(np.eye(count + 1)),
-        frozen(np.zeros((count + 1, count))),
+        "radau", points, np.arange(1, count + 1), left, np.eye(count), weights, points, *onto
     )
 
 
 @cache
-def hermite_simpson() -> Scheme:
-    """Return the separated Hermite-Simpson scheme (Betts 2010, section 4.6.6)."""
+def hermite_simpson(count: int = 3) -> Scheme:
+    """Return the separated Hermite-Simpson scheme, of 3 nodes (Betts 2010, section 4.6.6)."""
     left = np.array([[-0.5, 1.0, -0.5], [-1.0, 0.0, 1.0]])
     right = np.array([[0.25, 0.0, -0.25], [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]])
     # The cubic through both ends with their slopes, at four even nodes.
@@ -195,35 +185,22 @@ def hermite_simpson() -> Scheme:
     rates = np.zeros((4, 3))
     rates[:, 0] = 2.0 * (s - 2.0 * s**2 + s**3)
     rates[:, 2] = 2.0 * (s**3 - s**2)
+    points, weights = np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 3.0
     return Scheme(
-        "hermite-simpson",
-        frozen(np.array([-1.0, 0.0, 1.0])),
-        frozen(np.arange(3)),
-        frozen(left),
-        frozen(right),
-        frozen(np.array([1.0, 4.0, 1.0]) / 3.0),
-        frozen(t),
-        frozen(states),
-        frozen(rates),
-        shared=True,
+        "hermite-simpson", points, np.arange(3), left, right, weights, t, states, rates, shared=True
     )
 
 
 @cache
-def trapezoid() -> Scheme:
-    """Return the trapezoidal scheme (Betts 2010, section 4.6.5)."""
+def trapezoid(count: int = 2) -> Scheme:
+    """Return the trapezoidal scheme, of 2 nodes (Betts 2010, section 4.6.5)."""
     # The quadratic that begins at the first state with both slopes; it ends at the second by the rule.
+    states = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
+    rates = np.array([[0.0, 0.0], [0.25, -0.25], [0.0, 0.0]])
+    points, nodes = np.array([-1.0, 1.0]), np.array([-1.0, 0.0, 1.0])
+    left, right, weights = np.array([[-1.0, 1.0]]), np.ones((1, 2)), np.ones(2)
     return Scheme(
-        "trapezoid",
-        frozen(np.array([-1.0, 1.0])),
-        frozen(np.arange(2)),
-        frozen(np.array([[-1.0, 1.0]])),
-        frozen(np.ones((1, 2))),
-        frozen(np.ones(2)),
-        frozen(np.array([-1.0, 0.0, 1.0])),
-        frozen(np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])),
-        frozen(np.array([[0.0, 0.0], [0.25, -0.25], [0.0, 0.0]])),
-        shared=True,
+        "trapezoid", points, np.arange(2), left, right, weights, nodes, states, rates, shared=True
     )
 
 
@@ -233,12 +210,10 @@ def integration(count: int) -> tuple[Floats, Floats]:
 
     Shape (count + 1, count): exact for polynomials through the values at the nodes.
     """
-    nodes, _ = gauss_points(count)
-    inner, weights = gauss_points(count)
-    ends = np.append(nodes, 1.0)
+    nodes, weights = gauss_points(count)
     matrix = np.empty((count + 1, count))
     own = barycentric_weights(nodes)
-    for row, end in enumerate(ends):
+    for row, end in enumerate(np.append(nodes, 1.0)):
         half = 0.5 * (end + 1.0)
-        matrix[row] = half * weights @ interpolation(nodes, -1.0 + half * (inner + 1.0), own)
+        matrix[row] = half * weights @ interpolation(nodes, -1.0 + half * (nodes + 1.0), own)
     return frozen(nodes), frozen(matrix)

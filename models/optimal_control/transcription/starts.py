@@ -31,7 +31,7 @@ def draw_start(definition: Definition, guess: ControlPlan, seed: int) -> Control
         knots[-1] = end
         made = []
         for what, source in (("states", part.states), ("controls", part.controls)):
-            low, high = phase.stacked(what, "lower"), phase.stacked(what, "upper")
+            low, high = phase.bounds(what)
             scale = phase.stacked(what, "scale")
             both = np.isfinite(low) & np.isfinite(high)
             with np.errstate(invalid="ignore"):

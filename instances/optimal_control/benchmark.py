@@ -1,0 +1,53 @@
+"""What makes a function that declares a benchmark problem into one that returns it."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, Concatenate, ParamSpec, Protocol
+
+from ...models.optimal_control.model import OptimalControlProblem
+
+__all__ = ["Benchmark", "benchmark"]
+
+P = ParamSpec("P")
+
+_NAME = "    name : str\n        Name of the problem.\n"
+_HEAD = "    Parameters\n    ----------\n"
+
+
+class Benchmark(Protocol[P]):
+    """A function that returns a problem of a name, which says by default what the function is called."""
+
+    __name__: str
+
+    def __call__(
+        self, name: str = ..., *args: P.args, **options: P.kwargs
+    ) -> OptimalControlProblem: ...
+
+
+def benchmark(declare: Callable[Concatenate[OptimalControlProblem, P], None]) -> Benchmark[P]:
+    """Return the function of a name, and of the options of `declare`, that returns the problem."""
+    default = f"optimal-control/{declare.__name__.replace('_', '-')}"
+
+    @functools.wraps(declare)
+    def problem(name: str = default, *args: Any, **options: Any) -> OptimalControlProblem:
+        ocp = OptimalControlProblem(name)
+        declare(ocp, *args, **options)
+        return ocp
+
+    text = declare.__doc__ or ""
+    where = text.find(_HEAD)
+    if where < 0:
+        problem.__doc__ = f"{text.rstrip()}\n\n{_HEAD}{_NAME}    "
+    else:
+        problem.__doc__ = text[: where + len(_HEAD)] + _NAME + text[where + len(_HEAD) :]
+    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+    first = inspect.Parameter("name", kind, default=default, annotation="str")
+    known = inspect.signature(declare)
+    problem.__signature__ = known.replace(  # type: ignore[attr-defined]
+        parameters=[first, *list(known.parameters.values())[1:]],
+        return_annotation="OptimalControlProblem",
+    )
+    return problem
