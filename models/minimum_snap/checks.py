@@ -263,19 +263,13 @@ def _bounded(model: PathData, plan: Trajectory, bound: Bound, tolerance: float) 
     where, worst, size, noise = "everywhere inside", 0.0, 1.0, 0.0
     if rows.size:
         found = plan.extremes(order, segments=rows)
-        low_scale, high_scale = (side[rows] for side in model.bound_scale(bound))
-        best = -np.inf
-        for off, times, sizes, edge in (
-            (bound.lower[rows] - found.least, found.least_time, low_scale, bound.lower[rows]),
-            (found.largest - bound.upper[rows], found.largest_time, high_scale, bound.upper[rows]),
-        ):
-            share = off / sizes
-            row, axis = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
-            if share[row, axis] > best:
-                best = float(share[row, axis])
-                worst, size = float(off[row, axis]), float(sizes[row, axis])
-                noise = _ULPS * abs(float(edge[row, axis]))
-                where = f"segment {int(rows[row])}, axis {axis} (t = {times[row, axis]:.6g} s)"
+        edges = np.stack([bound.lower, bound.upper])[:, rows]
+        off = np.stack([edges[0] - found.least, found.largest - edges[1]])
+        sizes = np.stack(model.bound_scale(bound))[:, rows]
+        at = side, row, axis = np.unravel_index(int((off / sizes).argmax()), off.shape)
+        worst, size, noise = float(off[at]), float(sizes[at]), _ULPS * abs(float(edges[at]))
+        time = (found.least_time, found.largest_time)[int(side)][row, axis]
+        where = f"segment {int(rows[row])}, axis {axis} (t = {time:.6g} s)"
     return Check(
         bound.name, "", max(worst, 0.0), derivative_unit(order), tolerance * size + noise, where,
         ROUNDING * size + noise,

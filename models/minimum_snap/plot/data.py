@@ -204,30 +204,18 @@ class Scene:
     def _of_bound(self, check: Check, bound: Bound) -> Violation:
         plan = self._planned()
         found = plan.extremes(bound.derivative)
-        best = (-np.inf, 0, 0.0, 0.0)
-        sides = (
-            (bound.lower - found.least, bound.lower, found.least_time, found.least),
-            (found.largest - bound.upper, bound.upper, found.largest_time, found.largest),
-        )
-        for off, edge, times, values in sides:
-            # As large as the check would find it: relative to the bound, where that is above 1.
-            share = off / np.maximum(1.0, np.where(np.isfinite(edge), np.abs(edge), 1.0))
-            row, axis = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
-            if share[row, axis] > best[0]:
-                place = (float(times[row, axis]), float(values[row, axis]))
-                best = (float(share[row, axis]), axis, *place)
-        _, axis, time, value = best
+        edges = np.stack([bound.lower, bound.upper])
+        off = np.stack([bound.lower - found.least, found.largest - bound.upper])
+        # As large as the check would find it: relative to the bound, where that is above 1.
+        share = off / np.maximum(1.0, np.where(np.isfinite(edges), np.abs(edges), 1.0))
+        side, row, axis = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
+        time = float((found.least_time, found.largest_time)[side][row, axis])
+        value = float((found.least, found.largest)[side][row, axis])
         return Violation(check, bound.derivative, axis, time, value, plan(time))
 
     def _of_halfspaces(self, spaces: Halfspaces) -> float:
-        plan, rows = self._planned(), spaces.segments
-        # A segment has several half-spaces, so it comes several times in a path made for this.
-        starts = np.concatenate([[0.0], np.cumsum(plan.durations[rows])])
-        found = Trajectory(starts, plan.coefficients[rows]).extremes(0, direction=spaces.normals)
-        size = np.maximum(1.0, np.abs(spaces.offsets))
-        at = int(((found.largest[:, 0] - spaces.offsets) / size).argmax())
-        time = plan.times[rows[at]] + found.largest_time[at, 0] - starts[at]
-        return float(np.clip(time, plan.times[0], plan.times[-1]))
+        found = self._planned().extremes(0, direction=spaces.normals, segments=spaces.segments)
+        return float(found.largest_time[(found.largest[:, 0] - spaces.offsets).argmax(), 0])
 
 
 def scene_of(model: Any, plan: Any, names: Any) -> Scene:
