@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
+import re
 import secrets
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -17,10 +19,13 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidData
+from ..models.fields import show
 from ..models.model import Model, parse_json
 from ..models.problems import resolve, table
 
 __all__ = [
+    "NUMBER",
+    "number",
     "read_model",
     "read_plan",
     "read_text",
@@ -29,6 +34,9 @@ __all__ = [
     "write_model",
     "write_text",
 ]
+
+#: Numbers as files may write them.
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 #: Puts the content of referenced files into the ``data`` of an instance: (data, folder) -> data.
 References = Callable[[Mapping[str, Any], Path], dict[str, Any]]
@@ -191,3 +199,13 @@ def writable(path: str | os.PathLike[str], suffixes: Sequence[str] = ()) -> Path
     if file.is_dir() or not os.access(file if file.exists() else file.parent, os.W_OK):
         raise InvalidData(f"{file}: cannot be written", field="file")
     return file
+
+
+def number(text: str, where: str, field: str) -> float:
+    """Return the finite number that `text` writes; `where` and `field` go into the message."""
+    # float() alone would take nan, inf, 1_000 and the digits of every script.
+    stripped = text.strip()
+    value = float(stripped) if NUMBER.fullmatch(stripped) else math.nan
+    if not math.isfinite(value):
+        raise InvalidData(f"{where}: must be a finite number, got {show(text)}", field=field)
+    return value

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -23,7 +22,7 @@ from ...errors import InvalidData
 from ...models.error_correction.model import ErrorCorrectionRouting
 from ...models.error_correction.points import kind_word
 from ...models.fields import show
-from ..storage import pretty, read_text, write_model, write_text
+from ..storage import number, pretty, read_text, write_model, write_text
 
 __all__ = ["PointTable", "read_csv", "read_points", "resolve_references", "write_csv", "write_json"]
 
@@ -31,8 +30,6 @@ _COLUMNS = ("id", "x", "y", "z", "kind")
 
 #: A whole number written the one way that Python writes it, so that "007" stays a word.
 _WHOLE = re.compile(r"0|-?[1-9][0-9]*")
-
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +147,9 @@ def _parse(text: str, file: str) -> PointTable:
                 field="ids",
             )
         ids[label] = line
-        points.append([_number(row[places[axis]], f"{where}, column {axis}") for axis in "xyz"])
+        points.append(
+            [number(row[places[axis]], f"{where}, column {axis}", "points") for axis in "xyz"]
+        )
         word = kind_word(row[places["kind"]].strip(), f"{where}, column kind:")
         if word in ("A", "B"):
             if word in ends:
@@ -196,15 +195,6 @@ def _header(header: list[str], where: str) -> dict[str, int]:
                 field=column,
             )
     return {column: names.index(column) for column in _COLUMNS}
-
-
-def _number(text: str, where: str) -> float:
-    # float() alone would take nan, inf, 1_000 and the digits of every script.
-    stripped = text.strip()
-    number = float(stripped) if _NUMBER.fullmatch(stripped) else math.nan
-    if not math.isfinite(number):
-        raise InvalidData(f"{where}: must be a finite number, got {show(text)}", field="points")
-    return number
 
 
 def _labels(words: list[str]) -> tuple[int | str, ...] | None:

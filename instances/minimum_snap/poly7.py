@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...models.minimum_snap.bounds import derivative_name, derivative_unit
 from ...models.minimum_snap.trajectory import Trajectory
 from ..storage import write_text
 from .pieces import Poly7, Precision
@@ -42,7 +43,8 @@ PIECE_BYTES = 4 * (4 * 8 + 1)
 #: Pieces that fit uncompressed.
 PIECES_THAT_FIT = MEMORY_BYTES // PIECE_BYTES
 
-_WORDS = ("position", "velocity", "acceleration", "jerk")
+#: Derivatives whose jumps are reported: position to jerk.
+_ORDERS = range(4)
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,8 @@ class Poly7Report:
             f"{self.path}: {memory}"
             + ("" if self.fits else f": TOO MANY, the firmware holds {PIECES_THAT_FIT}")
         ]
-        for order, word in enumerate(_WORDS):
-            unit = "m" if not order else "m/s" if order == 1 else f"m/s^{order}"
+        for order in _ORDERS:
+            word, unit = derivative_name(order), derivative_unit(order)
             whole, caused = max(self.jumps[order][:3]), max(self.rounding_jumps[order][:3])
             lines.append(f"  largest jump of {word}: {whole:.2e} {unit} ({caused:.1e} by rounding)")
         drift = max(map(abs, self.end_drift[:3]))
@@ -201,9 +203,8 @@ def _report(exact: Poly7, stored: Poly7, path: str) -> Poly7Report:
     def largest(jumps: Floats) -> tuple[float, ...]:
         return tuple(np.abs(jumps).max(axis=0, initial=0.0).tolist())
 
-    orders = range(len(_WORDS))
-    after = [stored.jumps(order) for order in orders]
-    caused = [after[order] - exact.jumps(order) for order in orders]
+    after = [stored.jumps(order) for order in _ORDERS]
+    caused = [after[order] - exact.jumps(order) for order in _ORDERS]
     drift = stored.at_ends(0)[1][-1] - exact.at_ends(0)[1][-1]
     return Poly7Report(
         path=path,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,11 +14,10 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ...models.fields import show
 from ...models.minimum_snap.trajectory import Trajectory
-from ..storage import read_text, write_text
+from ..storage import NUMBER, number, read_text, write_text
 
 __all__ = [
     "Samples",
-    "number",
     "numeric_rows",
     "read_samples",
     "read_waypoints",
@@ -30,23 +28,11 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-
 _AXES = ("x", "y", "z", "yaw")
 _PREFIXES = ("", "v", "a", "j", "s")
 
 
 # -- rows ------------------------------------------------------------------------------------------
-
-
-def number(text: str, where: str, field: str) -> float:
-    """Return the finite number that `text` writes; `where` and `field` go into the message."""
-    # float() alone would take nan, inf, 1_000 and the digits of every script.
-    stripped = text.strip()
-    value = float(stripped) if _NUMBER.fullmatch(stripped) else math.nan
-    if not math.isfinite(value):
-        raise InvalidData(f"{where}: must be a finite number, got {show(text)}", field=field)
-    return value
 
 
 def numeric_rows(text: str) -> Iterator[tuple[int, list[str]]]:
@@ -213,7 +199,7 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
         where = f"{file}, line {line}"
         if not names:
             found = [value.lstrip("# ").casefold() for value in values]
-            words = not any(_NUMBER.fullmatch(value) for value in values)
+            words = not any(NUMBER.fullmatch(value) for value in values)
             if words and ("t" in found or "time" in found or "duration" in found):
                 raise InvalidData(
                     f"{where}: a column of times, where only coordinates are allowed (x,y,z)",
