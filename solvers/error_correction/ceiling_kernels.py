@@ -13,16 +13,17 @@ grid. Where the ceiling is reached without B, it rises; the last search alone co
 
 from __future__ import annotations
 
+from heapq import heappop, heappush
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import MOST_LABELS, kernel
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, build, near
-from .heap import pop, push
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
 from .reach_kernels import least_errors
-from .steps import REFUSED, arrive, distances_to, radius_of, trace
+from .steps import REFUSED, arrive, distances_to, radius_of, trace, widened
 
 __all__ = ["climb"]
 
@@ -61,29 +62,19 @@ def climb(
     """
     points = space.points
     n = len(points)
-    from_start = np.empty(n)
-    to_end = np.empty(n)
-    for i in range(n):
-        a = b = 0.0
-        for axis in range(3):
-            a += (points[i, axis] - points[space.start, axis]) ** 2
-            b += (points[i, axis] - points[space.end, axis]) ** 2
-        from_start[i] = np.sqrt(a)
-        to_end[i] = np.sqrt(b)
+    from_start = np.sqrt(((points - points[space.start]) ** 2).sum(axis=1))
+    to_end = np.sqrt(((points - points[space.end]) ** 2).sum(axis=1))
     straight = from_start[space.end]
     share = FIRST
     made = settled = 0
     reached = False
     bound = straight
-    keep = np.empty(n, np.bool_)
     while True:
         ceiling = straight * (1.0 + share) if straight > 0.0 else np.inf
         if share > 4.0 or ceiling >= cutoff:
             ceiling = cutoff
-        left_out = 0
-        for i in range(n):
-            keep[i] = from_start[i] + to_end[i] <= ceiling
-            left_out += not keep[i]
+        keep = from_start + to_end <= ceiling
+        left_out = n - keep.sum()
         grid = build(space, keep)
         status, route, length, labels, gone, pruned = under(space, grid, ceiling, flag)
         made += labels
@@ -132,15 +123,12 @@ def under(
     parents = np.empty(room, np.int64)
     lengths = np.empty(room)
     errors = np.empty(room)
-    keys = np.empty(room)
-    items = np.empty(room, np.int64)
     slots[0], parents[0], lengths[0], errors[0] = start, -1, 0.0, 0.0
     labels, settled, pruned = 1, 0, 0
-    size = push(keys, items, 0, to_end[start], 0)
+    heap = [(to_end[start], 0)]
     nothing = np.empty(0, np.int64)
-    while size > 0:
-        key, label = keys[0], items[0]
-        size = pop(keys, items, size)
+    while len(heap) > 0:
+        key, label = heappop(heap)
         here = slots[label]
         if here == end:
             return (
@@ -165,19 +153,15 @@ def under(
             return FULL, nothing, key, labels, settled, pruned
         if labels + count >= room:
             room = 2 * (labels + count)
-            slots = _grown(slots, room)
-            parents = _grown(parents, room)
-            items = _grown(items, room)
-            lengths = _grown_floats(lengths, room)
-            errors = _grown_floats(errors, room)
-            keys = _grown_floats(keys, room)
+            slots, parents = widened(slots, room), widened(parents, room)
+            lengths, errors = widened(lengths, room), widened(errors, room)
         # B first: its label is one among the others.
         if arrive(space, kind, END, error, to_end[here]) != REFUSED:
             total = length + to_end[here]
             if total <= ceiling:
                 slots[labels], parents[labels] = end, label
                 lengths[labels], errors[labels] = total, 0.0
-                size = push(keys, items, size, total, labels)
+                heappush(heap, (total, labels))
                 labels += 1
             else:
                 pruned += 1
@@ -204,20 +188,6 @@ def under(
                     continue
                 slots[labels], parents[labels] = there, label
                 lengths[labels], errors[labels] = total, left
-                size = push(keys, items, size, total + to_end[there], labels)
+                heappush(heap, (total + to_end[there], labels))
                 labels += 1
     return NOTHING, nothing, np.inf, labels, settled, pruned
-
-
-@kernel
-def _grown(array: NDArray[np.int64], room: int) -> NDArray[np.int64]:
-    grown = np.empty(room, np.int64)
-    grown[: len(array)] = array
-    return grown
-
-
-@kernel
-def _grown_floats(array: NDArray[np.float64], room: int) -> NDArray[np.float64]:
-    grown = np.empty(room)
-    grown[: len(array)] = array
-    return grown

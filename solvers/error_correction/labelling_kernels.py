@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from heapq import heappop, heappush
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import kernel
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
-from .heap import pop, push, widened
 from .outcomes import FOUND, NOTHING, STOPPED
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
@@ -55,17 +56,13 @@ def label_once(
     done = np.zeros(count, np.bool_)
     found = np.empty(count, np.int64)
     away = np.empty(count)
-    room = 4 * count + 64
-    keys = np.empty(room)
-    items = np.empty(room, np.int64)
     nothing = np.empty(0, np.int64)
     key_of[start], length_of[start] = 0.0, 0.0
-    size = push(keys, items, 0, 0.0, start)
+    heap = [(0.0, start)]
     made = 1
     best, last = np.inf, -1
-    while size > 0:
-        here = items[0]
-        size = pop(keys, items, size)
+    while len(heap) > 0:
+        _, here = heappop(heap)
         if done[here]:
             continue
         if flag[0] != 0:
@@ -78,9 +75,6 @@ def label_once(
             and arrive(space, kind, END, error, to_end[here]) != REFUSED
         ):
             best, last = length + to_end[here], here
-        if size + count >= room:
-            room = 2 * (size + count)
-            keys, items = widened(keys, items, size, room)
         for head in (HORIZONTAL, VERTICAL):
             rate = space.rates[0] if head == HORIZONTAL else space.rates[1]
             k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
@@ -96,12 +90,9 @@ def label_once(
                 if key < key_of[there]:
                     key_of[there], length_of[there] = key, length + away[m]
                     error_of[there], parent[there] = left, here
-                    size = push(keys, items, size, key, there)
+                    heappush(heap, (key, there))
                     made += 1
     if last < 0:
         return NOTHING, nothing, np.inf, made
-    inner = trace(np.arange(count), parent, grid.ids, last)
-    route = np.empty(len(inner) + 1, np.int64)
-    route[:-1] = inner
-    route[-1] = grid.ids[end]
+    route = np.append(trace(np.arange(count), parent, grid.ids, last), grid.ids[end])
     return FOUND, route, best, made

@@ -93,18 +93,23 @@ def visited(labels: Labels, label: int, bit: int) -> bool:
 
 
 @kernel
+def beats(labels: Labels, one: int, other: int) -> bool:
+    """Whether label `one` dominates label `other` of the same slot."""
+    if labels.length[one] > labels.length[other] or labels.error[one] > labels.error[other]:
+        return False
+    for word in range(labels.visited.shape[1]):
+        if labels.visited[one, word] & ~labels.visited[other, word] != np.uint64(0):
+            return False
+    return True
+
+
+@kernel
 def dominated(labels: Labels, first: int, at: int) -> bool:
     """Whether a label in the list that begins with `first` dominates label `at`."""
     other = first
     while other >= 0:
-        if labels.length[other] <= labels.length[at] and labels.error[other] <= labels.error[at]:
-            subset = True
-            for word in range(labels.visited.shape[1]):
-                if labels.visited[other, word] & ~labels.visited[at, word] != np.uint64(0):
-                    subset = False
-                    break
-            if subset:
-                return True
+        if beats(labels, other, at):
+            return True
         other = labels.following[other]
     return False
 
@@ -118,15 +123,7 @@ def link(labels: Labels, heads: NDArray[np.int64], at: int) -> int:
     other = heads[slot]
     while other >= 0:
         following = labels.following[other]
-        worse = (
-            labels.length[at] <= labels.length[other] and labels.error[at] <= labels.error[other]
-        )
-        if worse:
-            for word in range(labels.visited.shape[1]):
-                if labels.visited[at, word] & ~labels.visited[other, word] != np.uint64(0):
-                    worse = False
-                    break
-        if worse:
+        if beats(labels, at, other):
             dropped += 1
             # A label out of its list is marked by its error, so that a queue can pass it over.
             labels.error[other] = np.inf

@@ -36,11 +36,11 @@ class Pulse(RoutingBackend):
         from .grid import build
         from .outcomes import FULL, STOPPED
         from .pulse_kernels import pulse
-        from .slots import critical_bits, way_to_end
+        from .slots import critical_bits, shortest_ways
 
         flag = request.control.flag
         grid = build(space, np.ones(len(space.points), np.bool_))
-        ahead = way_to_end(space, grid, flag)
+        ahead = shortest_ways(space, grid, flag)
         least = float(ahead[-2])
         if not np.isfinite(least):
             return Found(0, np.empty(0, np.int64), np.inf, np.inf, 0, 0), {}

@@ -17,7 +17,7 @@ from .grid import Grid, near
 from .labels import add, dominated, grown, link, make, visited
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
 from .reach_kernels import least_errors
-from .steps import REFUSED, arrive, distances_to, radius_of, trace
+from .steps import REFUSED, arrive, distances_to, radius_of, trace, widened
 
 __all__ = ["pulse"]
 
@@ -80,20 +80,13 @@ def pulse(
                 if arrive(space, kind, END, error, to_end[here]) != REFUSED:
                     best, any_route = total, True
                     inner = trace(labels.slot, labels.parent, grid.ids, label)
-                    route = np.empty(len(inner) + 1, np.int64)
-                    route[:-1] = inner
-                    route[-1] = grid.ids[end]
+                    route = np.append(inner, grid.ids[end])
             begin = marks[depth]
             top = begin
             if begin + count >= len(next_slot):
                 wide = 2 * (begin + count)
-                slots, totals, errors = np.empty(wide, np.int64), np.empty(wide), np.empty(wide)
-                slots[:begin], totals[:begin], errors[:begin] = (
-                    next_slot[:begin],
-                    next_total[:begin],
-                    next_error[:begin],
-                )
-                next_slot, next_total, next_error = slots, totals, errors
+                next_slot = widened(next_slot, wide)
+                next_total, next_error = widened(next_total, wide), widened(next_error, wide)
             for head in (HORIZONTAL, VERTICAL):
                 k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
                 for m in range(k):
@@ -136,7 +129,8 @@ def pulse(
         link(labels, heads, used)
         depth += 1
         if depth + 1 >= len(marks):
-            marks, ends, way = _longer(marks), _longer(ends), _longer(way)
+            wide = 2 * len(marks)
+            marks, ends, way = widened(marks, wide), widened(ends, wide), widened(way, wide)
         way[depth] = used
         used += 1
         marks[depth] = ends[depth - 1]
@@ -144,10 +138,3 @@ def pulse(
     if not any_route:
         return NOTHING, route, np.inf, ceiling, used, settled
     return FOUND, route, best, best, used, settled
-
-
-@kernel
-def _longer(array: NDArray[np.int64]) -> NDArray[np.int64]:
-    longer = np.zeros(2 * len(array), np.int64)
-    longer[: len(array)] = array
-    return longer

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from heapq import heappop, heappush
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import kernel
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
-from .heap import pop, push, widened
 from .steps import REFUSED, arrive, distances_to, radius_of
 
 __all__ = ["least_errors"]
@@ -29,22 +30,15 @@ def least_errors(space: Airspace, grid: Grid, flag: NDArray[np.int8]) -> NDArray
     found = np.empty(count, np.int64)
     away = np.empty(count)
     to_end = distances_to(grid, end)
-    room = 4 * count + 64
-    keys = np.empty(room)
-    items = np.empty(room, np.int64)
     least[start] = 0.0
-    size = push(keys, items, 0, 0.0, start)
-    while size > 0 and flag[0] == 0:
-        error, here = keys[0], items[0]
-        size = pop(keys, items, size)
+    heap = [(0.0, start)]
+    while len(heap) > 0 and flag[0] == 0:
+        error, here = heappop(heap)
         if error > least[here]:
             continue
         kind = grid.kinds[here]
         if arrive(space, kind, END, error, to_end[here]) != REFUSED:
             least[end] = 0.0
-        if size + count >= room:
-            room = 2 * (size + count)
-            keys, items = widened(keys, items, size, room)
         for head in (HORIZONTAL, VERTICAL):
             k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
             for m in range(k):
@@ -52,5 +46,5 @@ def least_errors(space: Airspace, grid: Grid, flag: NDArray[np.int8]) -> NDArray
                 left = arrive(space, kind, head, error, away[m])
                 if left != REFUSED and left < least[there]:
                     least[there] = left
-                    size = push(keys, items, size, left, there)
+                    heappush(heap, (left, there))
     return least

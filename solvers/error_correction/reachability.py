@@ -8,11 +8,16 @@ smallest surviving error alone settles what can be reached.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.error_correction.model import END, HORIZONTAL, VERTICAL, ErrorCorrectionRouting
+
+if TYPE_CHECKING:
+    from .airspace import Airspace
+    from .grid import Grid
 
 __all__ = ["Refusal", "onward", "reachable", "refusals"]
 
@@ -74,14 +79,20 @@ def reachable(model: ErrorCorrectionRouting) -> NDArray[np.float64]:
 
     It is inf where no walk arrives, and 0 at B where one does.
     """
-    from .airspace import airspace
-    from .grid import build
     from .reach_kernels import least_errors
 
-    grid = build(airspace(model), np.ones(len(model.points), np.bool_))
+    space, grid = _laid_out(model)
     least = np.full(len(model.points), np.inf)
-    least[grid.ids] = least_errors(airspace(model), grid, np.zeros(1, np.int8))
+    least[grid.ids] = least_errors(space, grid, np.zeros(1, np.int8))
     return least
+
+
+def _laid_out(model: ErrorCorrectionRouting) -> tuple[Airspace, Grid]:
+    from .airspace import airspace
+    from .grid import build
+
+    space = airspace(model)
+    return space, build(space, np.ones(len(model.points), np.bool_))
 
 
 def onward(model: ErrorCorrectionRouting) -> NDArray[np.bool_]:
@@ -90,22 +101,13 @@ def onward(model: ErrorCorrectionRouting) -> NDArray[np.bool_]:
     Only steps into these can matter: whoever enters another point is lost. Above a few thousand
     points, where finding them takes long, all points are returned.
     """
-    n = len(model.points)
-    marked = np.zeros(n, bool)
-    if n > _MANY:
-        return ~marked
-    limit = model.rounded_limits[model.codes]
-    marked[model.end] = True
-    todo = [model.end]
-    while todo:
-        head = todo.pop()
-        length = np.linalg.norm(model.points - model.points[head], axis=1)
-        enters = (model.horizontal_rate * length <= limit[head, 0]) & (
-            model.vertical_rate * length <= limit[head, 1]
-        )
-        fresh = np.flatnonzero(enters & ~marked)
-        marked[fresh] = True
-        todo.extend(fresh.tolist())
+    if len(model.points) > _MANY:
+        return np.ones(len(model.points), bool)
+    from .steps import remaining
+
+    space, grid = _laid_out(model)
+    marked = np.zeros(len(model.points), bool)
+    marked[grid.ids] = np.isfinite(remaining(space, grid, False, np.zeros(1, np.int8)))
     return marked
 
 

@@ -9,7 +9,7 @@ from .airspace import Airspace
 from .grid import Grid
 from .steps import distances_to, remaining
 
-__all__ = ["critical_bits", "way_from_start", "way_to_end"]
+__all__ = ["critical_bits", "shortest_ways"]
 
 #: Above so many slots, the quadratic search for the way that remains does not pay.
 _MANY = 20_000
@@ -32,23 +32,16 @@ def critical_bits(grid: Grid, critical: NDArray[np.int64]) -> tuple[NDArray[np.i
     return bits.astype(np.int64), (critical.size + 63) // 64
 
 
-def way_to_end(space: Airspace, grid: Grid, flag: NDArray[np.int8]) -> NDArray[np.float64]:
-    """Return a lower bound on the length from every slot to B.
+def shortest_ways(
+    space: Airspace, grid: Grid, flag: NDArray[np.int8], *, forward: bool = False
+) -> NDArray[np.float64]:
+    """Return a lower bound on the length from every slot to B, or with `forward` from A to it.
 
     The shortest way over arcs that the thresholds alone allow; for very many points, where finding
     it takes longer than it saves, the straight line.
     """
     if len(grid.x) > _MANY:
-        line: NDArray[np.float64] = distances_to(grid, len(grid.x) - 1)
+        line: NDArray[np.float64] = distances_to(grid, len(grid.x) - (2 if forward else 1))
         return line
-    way: NDArray[np.float64] = remaining(space, grid, False, flag)
-    return way
-
-
-def way_from_start(space: Airspace, grid: Grid, flag: NDArray[np.int8]) -> NDArray[np.float64]:
-    """Return a lower bound on the length from A to every slot; see :func:`way_to_end`."""
-    if len(grid.x) > _MANY:
-        line: NDArray[np.float64] = distances_to(grid, len(grid.x) - 2)
-        return line
-    way: NDArray[np.float64] = remaining(space, grid, True, flag)
+    way: NDArray[np.float64] = remaining(space, grid, forward, flag)
     return way

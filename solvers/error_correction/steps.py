@@ -6,6 +6,8 @@ horizontal point the vertical error survives, at a vertical point the horizontal
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,7 @@ from ..jit import kernel
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, near, reach
 
-__all__ = ["REFUSED", "arrive", "distances_to", "radius_of", "remaining", "trace"]
+__all__ = ["REFUSED", "arrive", "distances_to", "radius_of", "remaining", "trace", "widened"]
 
 #: What :func:`arrive` returns where the head's thresholds refuse the arc.
 REFUSED = -1.0
@@ -131,3 +133,11 @@ def trace(
         route[count] = ids[slots[at]]
         at = parents[at]
     return route
+
+
+@kernel
+def widened(array: NDArray[Any], room: int) -> NDArray[Any]:
+    """Return an array with room for `room` entries, which begins with those of `array`."""
+    wider = np.empty(room, array.dtype)
+    wider[: len(array)] = array
+    return wider

@@ -7,13 +7,14 @@ differ in the order and in what they prune: :func:`best_first` by a lower bound 
 
 from __future__ import annotations
 
+from heapq import heappop, heappush
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import MOST_LABELS, kernel
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
-from .heap import pop, push, widened
 from .labels import add, dominated, grown, link, make, visited
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
@@ -71,16 +72,14 @@ def best_first(
     to_end = distances_to(grid, end)
     room = 2 * count + 1024
     labels = make(room, words)
-    keys = np.empty(room)
-    items = np.empty(room, np.int64)
     add(labels, 0, start, -1, 0.0, 0.0, -1)
-    used, settled, size = 1, 0, 0
+    used, settled = 1, 0
     nothing = np.empty(0, np.int64)
-    if ahead[start] <= ceiling:
-        size = push(keys, items, size, ahead[start], 0)
-    while size > 0:
-        key, label = keys[0], items[0]
-        size = pop(keys, items, size)
+    heap = [(ahead[start], 0)]
+    if ahead[start] > ceiling:
+        heap.clear()
+    while len(heap) > 0:
+        key, label = heappop(heap)
         here = labels.slot[label]
         if here == end:
             route = trace(labels.slot, labels.parent, grid.ids, label)
@@ -96,12 +95,11 @@ def best_first(
         if used + count >= room:
             room = 2 * (used + count)
             labels = grown(labels, used, room)
-            keys, items = widened(keys, items, size, room)
         kind, error, length = grid.kinds[here], labels.error[label], labels.length[label]
         if length + to_end[here] <= ceiling:
             if arrive(space, kind, END, error, to_end[here]) != REFUSED:
                 add(labels, used, end, label, length + to_end[here], 0.0, -1)
-                size = push(keys, items, size, labels.length[used], used)
+                heappush(heap, (labels.length[used], used))
                 used += 1
         for head in (HORIZONTAL, VERTICAL):
             k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
@@ -116,7 +114,7 @@ def best_first(
                 add(labels, used, there, label, total, left, bits[there])
                 if dominated(labels, heads[there], used):
                     continue
-                size = push(keys, items, size, total + ahead[there], used)
+                heappush(heap, (total + ahead[there], used))
                 used += 1
     return NOTHING, nothing, np.inf, ceiling, used, settled
 

@@ -40,7 +40,7 @@ class TwoStage(RoutingBackend):
         from .elementary import Found, elementary
         from .grid import build
         from .outcomes import FULL, STOPPED
-        from .slots import critical_bits, way_from_start, way_to_end
+        from .slots import critical_bits, shortest_ways
         from .sweep_kernels import best_first
 
         flag = request.control.flag
@@ -50,9 +50,9 @@ class TwoStage(RoutingBackend):
         # The route found must stay below its own ceiling whatever rounding does.
         ceiling = min(ceiling, length * (1 + 1e-12))
         between = time.perf_counter()
-        ahead = way_to_end(space, grid, flag)
+        ahead = shortest_ways(space, grid, flag)
         least = float(ahead[-2])
-        through = ahead + way_from_start(space, grid, flag)
+        through = ahead + shortest_ways(space, grid, flag, forward=True)
         keep = np.zeros(len(space.points), np.bool_)
         keep[grid.ids[np.isfinite(through) & (through <= ceiling * (1 + 1e-12))]] = True
         smaller = build(space, keep)

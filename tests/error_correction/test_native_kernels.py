@@ -1,6 +1,5 @@
 """The compiled searches: their plain-Python meaning, stops, ties, many critical points."""
 
-import heapq
 import json
 import math
 import os
@@ -21,7 +20,6 @@ from crosstrack.solvers.backend import Limit
 from crosstrack.solvers.error_correction.airspace import airspace
 from crosstrack.solvers.error_correction.elementary import Found, elementary
 from crosstrack.solvers.error_correction.grid import build, near
-from crosstrack.solvers.error_correction.heap import pop, push
 from crosstrack.solvers.error_correction.reachability import reachable, refusals
 from crosstrack.solvers.error_correction.slots import critical_bits
 from crosstrack.solvers.error_correction.steps import distances_to, remaining
@@ -263,21 +261,6 @@ def test_the_grid_finds_what_is_near(seed):
                 expected = np.flatnonzero((distance <= radius) & (model.codes == kind))
                 assert near_points == set(expected.tolist()) - {int(grid.ids[slot])}
                 assert np.allclose(np.sort(away[:count]), np.sort(distance[sorted(near_points)]))
-
-
-def test_the_heap_is_sorted_and_stable():
-    draw = np.random.default_rng(0)
-    keys, items = np.empty(500), np.empty(500, np.int64)
-    values = draw.integers(0, 40, 400).astype(float)
-    size = 0
-    for item, value in enumerate(values):
-        size = push(keys, items, size, value, item)
-    expected = [(value, item) for item, value in enumerate(values)]
-    heapq.heapify(expected)
-    while size:
-        assert (keys[0], items[0]) == heapq.heappop(expected)
-        size = pop(keys, items, size)
-    assert not expected
 
 
 @pytest.mark.parametrize("search", ["best first", "first in"])
