@@ -25,13 +25,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData, UnsupportedOption
+from ...errors import InvalidData
 from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
 from .arcs import Arcs, least_errors, possible_arcs
 from .model import HORIZONTAL, START, VERTICAL, ErrorCorrectionRouting, Route
-from .routes import follow, refuse_revisits, require_route
+from .routes import follow, refuse_revisits, require_positive, require_route
 
 __all__ = ["ArcFlowFormulation"]
 
@@ -63,12 +63,7 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
 
     def __post_init__(self) -> None:
         refuse_revisits(self.model, self.name)
-        value = self.length_bound
-        positive = isinstance(value, int | float) and not isinstance(value, bool) and value > 0
-        if value is not None and not positive:
-            raise UnsupportedOption(
-                f"formulation 'arc-flow': length_bound must be a number > 0, got {value!r}"
-            )
+        require_positive(self.name, length_bound=self.length_bound)
 
     def bounded(self, objective: float) -> ArcFlowFormulation:
         """Leave out arcs through which every route is longer than a verified one."""

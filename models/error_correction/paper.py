@@ -14,13 +14,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData, UnsupportedOption
+from ...errors import InvalidData
 from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
 from .arcs import Arcs, all_arcs, possible_arcs
 from .model import END, HORIZONTAL, VERTICAL, ErrorCorrectionRouting, Route
-from .routes import follow, refuse_revisits, require_route
+from .routes import follow, refuse_revisits, require_positive, require_route
 
 __all__ = ["PaperFormulation"]
 
@@ -59,13 +59,7 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
 
     def __post_init__(self) -> None:
         refuse_revisits(self.model, self.name)
-        for option in ("big_m", "length_bound"):
-            value = getattr(self, option)
-            positive = isinstance(value, int | float) and not isinstance(value, bool) and value > 0
-            if value is not None and not positive:
-                raise UnsupportedOption(
-                    f"formulation 'paper': {option} must be a number > 0, got {value!r}"
-                )
+        require_positive(self.name, big_m=self.big_m, length_bound=self.length_bound)
 
     def bounded(self, objective: float) -> PaperFormulation:
         """Bound the length by that of a verified route."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData, UnsupportedFormulation
+from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption
 from .model import ErrorCorrectionRouting, Route
 
-__all__ = ["follow", "refuse_revisits", "require_route"]
+__all__ = ["follow", "refuse_revisits", "require_positive", "require_route"]
 
 
 def refuse_revisits(model: ErrorCorrectionRouting, formulation: str) -> None:
@@ -18,6 +20,16 @@ def refuse_revisits(model: ErrorCorrectionRouting, formulation: str) -> None:
             f"formulation {formulation!r} visits a point at most once, but the model has revisits=True; "
             "set revisits=False or use a native backend"
         )
+
+
+def require_positive(formulation: str, **options: Any) -> None:
+    """Raise :class:`UnsupportedOption` unless each option is None or a number above 0."""
+    for name, value in options.items():
+        positive = isinstance(value, int | float) and not isinstance(value, bool) and value > 0
+        if value is not None and not positive:
+            raise UnsupportedOption(
+                f"formulation {formulation!r}: {name} must be a number > 0, got {value!r}"
+            )
 
 
 def require_route(model: ErrorCorrectionRouting, plan: Route) -> tuple[int, ...]:
