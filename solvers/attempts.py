@@ -48,11 +48,17 @@ POLL = 0.02
 class Ended(StrEnum):
     """How a solver ended, before anybody asks what that proves."""
 
+    #: With an optimum within the gap.
     PROVEN = "proven"
+    #: With a claim that no point satisfies the rows.
     INFEASIBLE = "infeasible"
+    #: With a claim that the objective falls without end.
     UNBOUNDED = "unbounded"
+    #: With a claim of one of both; presolve does not say which.
     UNCLEAR = "infeasible or unbounded"
+    #: At a limit, or because it was asked to.
     STOPPED = "stopped"
+    #: With an error, or with a point that it does not vouch for.
     FAILED = "failed"
 
 

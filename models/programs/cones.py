@@ -20,18 +20,15 @@ Vector = NDArray[np.float64]
 
 
 class ConeKind(StrEnum):
-    """The cones that rows may lie in, each in one convention.
+    """The cones that rows may lie in, each in one convention."""
 
-    ``SECOND_ORDER``: ``(t, y)`` with ``t >= |y|`` in the Euclidean norm, of any dimension.
-    ``EXPONENTIAL``: ``(x, y, z)`` with ``y exp(x / y) <= z`` and ``y > 0``, and the limit
-    ``x <= 0, y = 0, z >= 0``.
-    ``SEMIDEFINITE``: the lower triangle of a positive semidefinite matrix, row by row (which is its
-    upper triangle column by column), entries off the diagonal times ``sqrt(2)``: the inner product
-    of two vectors is then that of the matrices.
-    """
-
+    #: ``(t, y)`` with ``t >= |y|`` in the Euclidean norm, of any dimension.
     SECOND_ORDER = "second-order"
+    #: ``(x, y, z)`` with ``y exp(x / y) <= z`` and ``y > 0``, and the limit ``x <= 0, y = 0, z >= 0``.
     EXPONENTIAL = "exponential"
+    #: The lower triangle of a positive semidefinite matrix, row by row (which is its upper triangle
+    #: column by column), entries off the diagonal times ``sqrt(2)``: the inner product of two vectors
+    #: is then that of the matrices.
     SEMIDEFINITE = "semidefinite"
 
 

@@ -29,8 +29,11 @@ __all__ = ["CaseResult", "Matrix", "Status", "all_cases", "cases_for", "run_case
 class Status(StrEnum):
     """How a backend fared in a case."""
 
+    #: It answered as it must.
     PASS = "pass"
+    #: It answered otherwise, or failed.
     FAIL = "fail"
+    #: It declares that it does not take what the case asks for.
     UNSUPPORTED = "unsupported"
 
 

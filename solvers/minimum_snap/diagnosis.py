@@ -79,18 +79,15 @@ def _ends(
     from .interior_solver import Settings, solve_chain
 
     settings = Settings(gap=1e-6, tolerance=1e-9, between=1e-7)
+    whole = Control()
 
     def ends(model: MinimumDerivative) -> tuple[Termination, frozenset[int]]:
         results = []
-        control = Control()
-        control.arm(time_limit)
-        try:
+        with whole.stage(time_limit) as control:
             for chain in chains(model):
                 results.append(solve_chain(chain, settings, control.flag))
                 if results[-1].status == "infeasible":
                     return Termination.INFEASIBLE, frozenset(results[-1].conflict.tolist())
-        finally:
-            control.disarm()
         if control.stopped:
             return Termination.NO_SOLUTION, frozenset()
         # Any trajectory will do, be it the best or not.
