@@ -123,14 +123,14 @@ def test_native_backends_equal_brute_force_where_it_takes_long():
     check(models, truth, ct.compare(models, NATIVE, time_limit=60))
 
 
-@pytest.mark.parametrize("formulation", ["paper", "arc-flow"])
+@pytest.mark.parametrize("formulation", [pytest.param("paper", marks=pytest.mark.slow), "arc-flow"])
 def test_programs_equal_brute_force(formulation, truth):
     check(SIMPLE, truth, simple_answers(f"highs:{formulation}"))
 
 
 @pytest.mark.parametrize("formulation", ["paper", "arc-flow"])
 @pytest.mark.parametrize("step", [10, pytest.param(1, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("backend", ["scip", "scipy", "ortools", "cvxpy"])
+@pytest.mark.parametrize("backend", ["highs", "scip", "scipy", "ortools", "cvxpy"])
 def test_other_solvers_equal_brute_force(backend, step, formulation, truth):
     """The programs are the same for all: what is left to test is how each solver takes them."""
     models = SIMPLE[::step]

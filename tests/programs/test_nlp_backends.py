@@ -58,8 +58,8 @@ KNOWN = {
 }
 #: SLEQP's build in CasADi's wheel was seen to spend seconds, at random, on formatting statistics that
 #: nobody prints: its padding is a width that was never set (``sleqp_timer_display``). SciPy's
-#: trust-constr takes ten seconds.
-SLOW = {"sleqp", "trust-constr"}
+#: trust-constr and CasADi's sqpmethod take eight seconds and more.
+SLOW = {"sleqp", "sqpmethod", "trust-constr"}
 
 
 def asked_of(name: str, choice: dict[str, Any]) -> list[str]:
