@@ -47,6 +47,7 @@ class Control:
         self.stages = 0
         self.criterion = criterion
         self._forward = forward
+        self._whole: Control | None = None
         self._best, self._improved = math.inf, self.started
         self._timer: threading.Timer | None = None
         self._stages: list[Control] = []
@@ -104,6 +105,8 @@ class Control:
         """Count evaluations of the objective; return whether the run may go on."""
         self.evaluations += count
         self.check()
+        if self._whole is not None:
+            self._whole.evaluated(count)  # which stops this stage where its own budget is used up
         return not self.stopped
 
     @contextmanager
@@ -112,6 +115,7 @@ class Control:
     ) -> Iterator[Control]:
         """Yield the control of a part of the run, which stops with it or after `seconds`."""
         part = Control(forward=forward)
+        part._whole = self
         self._stages.append(part)
         self.stages += 1
         part.arm(seconds)
@@ -122,4 +126,3 @@ class Control:
         finally:
             part.disarm()
             self._stages.remove(part)
-            self.evaluations += part.evaluations

@@ -231,8 +231,8 @@ def multistart(
             one = replace(job, seed=first + start, starts=1, time_limit=left)
             with whole.stage(left) as part:
                 results.append(run(one, control=part))
-            if results[-1].limit is Limit.INTERRUPTED:
-                whole.stop(Limit.INTERRUPTED)
+            if results[-1].limit in (Limit.INTERRUPTED, Limit.TARGET):
+                whole.stop(results[-1].limit)
     finally:
         whole.disarm()
     best = min(

@@ -335,6 +335,22 @@ def test_a_stage_runs_under_the_clock_the_flag_and_the_seeds_of_its_run():
     assert len(seen) == 4, "a stopped run begins no stage"
 
 
+def test_stages_share_the_evaluations_of_their_run():
+    request = Request(control=Control(Evaluations(30)))
+    first = request.within(Counting(), GUESS, seed=1)
+    assert first.statistics["evaluations"] == 30
+    assert first.limit is Limit.EVALUATIONS
+    second = request.within(Counting(), GUESS, seed=2)
+    assert second.termination is Termination.NO_SOLUTION
+    assert second.limit is Limit.EVALUATIONS
+
+
+def test_a_target_ends_the_starts_that_would_follow():
+    found = ct.solve(GUESS, Counting(), target=10.0, starts=4, seed=1, evaluations=5)
+    assert found.limit is Limit.TARGET
+    assert len(found.starts) == 1
+
+
 def test_stopping_a_run_stops_its_stages():
     control = Control()
     with control.stage(60.0) as part, part.stage(None) as inner:
