@@ -58,14 +58,17 @@ __all__ = [
     "verify",
 ]
 
+#: Sub-packages, loaded when they are asked for.
+_PACKAGES = ("errors", "instances", "models", "solvers")
+
 
 def __getattr__(name: str) -> Any:
     if name == "backends":
         return importlib.import_module(".solvers.registry", __name__).backend_states
-    if name in ("errors", "instances", "models", "solvers"):
+    if name in _PACKAGES:
         return importlib.import_module(f".{name}", __name__)
     return _get(name)
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted([*__all__, *_PACKAGES])

@@ -67,7 +67,6 @@ def solve(
     from ..instances.catalogue import load
     from ..instances.storage import read_plan, writable, write_text
     from ..solvers import dispatch
-    from ..solvers.report.tables import solutions_table, verification_table
     from ..solvers.report.terminal import emit, progress, say, show
 
     picture, record = picture_path(plot), None if output is None else writable(output)
@@ -88,13 +87,7 @@ def solve(
     if as_json:
         emit(solution.to_dict())
     else:
-        show(solutions_table([solution], solution.instance))
-        if solution.plan is not None:
-            show(f"plan: {solution.plan}")
-        if solution.verification is not None:
-            show(verification_table(solution.verification))
-        if solution.message:
-            show(f"message: {solution.message}")
+        show(*solution.parts())
         if solution.termination in ("infeasible", "locally_infeasible"):
             show(f"crosstrack diagnose {instance} says why")
     if record is not None:

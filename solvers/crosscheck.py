@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cloudpickle
 
@@ -25,9 +25,12 @@ from .execution import GRACE
 from .isolation import Worker
 from .job import Job
 from .registry import find_backend
-from .report.tables import render
+from .report.tables import frame, markup, render
 from .solution import Solution
 from .verdict import Outcome, Verdict, judge
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 __all__ = ["Comparison", "compare", "rejudged"]
 
@@ -80,8 +83,19 @@ class Comparison:
             parts.append("interrupted: what is missing was not run")
         return parts
 
-    def __str__(self) -> str:
+    def summary(self) -> str:
+        """Return the verdicts with their tables as text."""
         return render(*self.parts(), width=140)
+
+    def to_frame(self) -> DataFrame:
+        """Return the answers as a pandas frame, one a row; needs pandas."""
+        return frame(self.solutions)
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def _repr_html_(self) -> str:
+        return markup(*self.parts())
 
 
 @dataclass

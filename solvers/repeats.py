@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from .report.fitting import FittedTable
+from .report.tables import number, seconds_text, table
 from .solution import Solution
 
-__all__ = ["Spread", "spreads"]
+__all__ = ["Spread", "spreads", "spreads_table"]
 
 Quartiles = tuple[float, float, float]
 
@@ -73,3 +75,24 @@ def spreads(solutions: Sequence[Solution[Any]]) -> tuple[Spread, ...]:
                 Spread(backend, formulation, len(runs), len(values), objective, _quartiles(seconds))
             )
     return tuple(found)
+
+
+def spreads_table(spreads: Sequence[Spread]) -> FittedTable:
+    """Return a table of repeated runs: successes, and quartiles of objective and seconds."""
+    rows = [
+        (
+            spread.backend + (f" : {spread.formulation}" if spread.formulation else ""),
+            f"{spread.successes} of {spread.runs}",
+            *(number(value) for value in spread.objective or (None,) * 3),
+            *(seconds_text(value) for value in spread.seconds),
+        )
+        for spread in spreads
+    ]
+    quartiles = ("quarter", "median", "three quarters")
+    columns = (
+        "repeated",
+        "verified",
+        *(f"objective\n{word}" for word in quartiles),
+        *(f"seconds\n{word}" for word in quartiles),
+    )
+    return table("", columns, rows, right=columns[1:])

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,10 @@ from ..errors import InvalidData
 from ..models.model import Model
 from ..models.verification import Verification
 from .enums import Guarantee, Limit, Termination
+from .report.tables import frame, markup, render, solutions_table, verification_table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 __all__ = ["Incumbent", "Solution", "relative_gap"]
 
@@ -234,6 +238,26 @@ class Solution(Generic[PlanT]):
             starts=tuple(cls.from_dict(start, model) for start in data["starts"]),
             duals=None if data.get("duals") is None else np.array(data["duals"], float),
         )
+
+    def parts(self) -> list[Any]:
+        """Return what to print: a table of the answer, the plan, its checks, and the message."""
+        return [
+            solutions_table([self], self.instance),
+            *([f"plan: {self.plan}"] if self.plan is not None else []),
+            *([verification_table(self.verification)] if self.verification is not None else []),
+            *([f"message: {self.message}"] if self.message else []),
+        ]
+
+    def summary(self) -> str:
+        """Return the answer, the plan and every check as text."""
+        return render(*self.parts())
+
+    def to_frame(self) -> DataFrame:
+        """Return the answer as a pandas frame of one row; needs pandas."""
+        return frame([self])
+
+    def _repr_html_(self) -> str:
+        return markup(*self.parts())
 
     def __str__(self) -> str:
         head = f"{self.instance or self.model}: {self.backend}"

@@ -6,16 +6,19 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import CrosstrackError
 from ..models.model import Model
 from ..models.verification import ROUNDING
 from .enums import PROVING, Guarantee, Termination
 from .registry import find_backend
-from .repeats import Spread, spreads
-from .report.tables import render, solutions_table, spreads_table
+from .repeats import Spread, spreads, spreads_table
+from .report.tables import frame, markup, render, solutions_table
 from .solution import Solution
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 __all__ = ["Outcome", "Verdict", "judge"]
 
@@ -98,8 +101,19 @@ class Verdict:
             "\n".join(lines),
         ]
 
-    def __str__(self) -> str:
+    def summary(self) -> str:
+        """Return the answers and the verdict as text."""
         return render(*self.parts(), width=140)
+
+    def to_frame(self) -> DataFrame:
+        """Return the answers as a pandas frame, one a row; needs pandas."""
+        return frame(self.solutions)
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def _repr_html_(self) -> str:
+        return markup(*self.parts())
 
 
 def _clean(solution: Solution[Any]) -> bool:

@@ -7,7 +7,7 @@ Integrated Manufacturing Systems, 2022, doi 10.13196/j.cims.2022.04.003.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import InitVar, dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -26,7 +26,7 @@ __all__ = ["END", "HORIZONTAL", "START", "VERTICAL", "ErrorCorrectionRouting", "
 
 @dataclass(frozen=True)
 class Route:
-    """A flight from point to point.
+    """A flight from point to point; a sequence of its points: ``len``, iteration, ``route[0]``.
 
     Parameters
     ----------
@@ -43,6 +43,15 @@ class Route:
     def corrections(self) -> int:
         """Number of corrections on the way."""
         return max(len(self.route) - 2, 0)
+
+    def __len__(self) -> int:
+        return len(self.route)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.route)
+
+    def __getitem__(self, place: int) -> int:
+        return self.route[place]
 
     def __str__(self) -> str:
         return "-".join(map(str, self.route))

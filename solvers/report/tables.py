@@ -1,29 +1,68 @@
-"""Tables of answers and verdicts, as text for ``print`` and as rich tables for a terminal."""
+"""Tables of answers and verdicts: text for ``print``, rich tables for a terminal, HTML for notebooks."""
 
 from __future__ import annotations
 
+import html
 import io
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
+from ...errors import BackendMissing
 from ...models.problems import model_type, model_types
 from ...models.verification import Verification
-from ..backend import Limit, Termination
-from ..solution import Solution
+from ..enums import Limit, Termination
 from .fitting import FittedTable
 
 if TYPE_CHECKING:
-    from ..repeats import Spread
+    from pandas import DataFrame
 
 __all__ = [
+    "frame",
+    "markup",
     "number",
     "render",
     "seconds_text",
     "solutions_table",
-    "spreads_table",
     "table",
     "verification_table",
 ]
+
+
+class Answered(Protocol):
+    """What these tables show of a :class:`~crosstrack.solvers.solution.Solution`.
+
+    A protocol, for a solution draws its own tables: its module imports this one.
+    """
+
+    @property
+    def model(self) -> str: ...
+    @property
+    def instance(self) -> str: ...
+    @property
+    def backend(self) -> str: ...
+    @property
+    def formulation(self) -> str | None: ...
+    @property
+    def termination(self) -> Termination: ...
+    @property
+    def limit(self) -> Limit | None: ...
+    @property
+    def primal_bound(self) -> float | None: ...
+    @property
+    def dual_bound(self) -> float | None: ...
+    @property
+    def gap(self) -> float | None: ...
+    @property
+    def verified(self) -> bool: ...
+    @property
+    def verification(self) -> Verification | None: ...
+    @property
+    def seconds(self) -> Mapping[str, float]: ...
+    @property
+    def seed(self) -> int | None: ...
+    @property
+    def message(self) -> str: ...
+
 
 #: Seconds of compilation below which nobody would notice it.
 _NOTICEABLE = 0.05
@@ -87,6 +126,60 @@ def render(*parts: Any, width: int = 120) -> str:
     return "\n".join(line.rstrip() for line in output.getvalue().splitlines())
 
 
+def markup(*parts: Any) -> str:
+    """Return tables and text as HTML, in which whatever a model or a solver says is text."""
+    return "\n".join(
+        _table_markup(part)
+        if isinstance(part, FittedTable)
+        else f"<p>{'<br>'.join(html.escape(line) for line in str(part).splitlines())}</p>"
+        for part in parts
+    )
+
+
+def _table_markup(found: FittedTable) -> str:
+    def row(tag: str, cells: Iterable[Any]) -> str:
+        sides = ("right" if k in found.right else "left" for k in range(len(found.columns)))
+        return "".join(
+            f'<{tag} style="text-align: {side}">{html.escape(str(cell))}</{tag}>'
+            for side, cell in zip(sides, cells, strict=True)
+        )
+
+    title = f"<caption>{html.escape(found.title)}</caption>" if found.title else ""
+    body = "\n".join(f"<tr>{row('td', cells)}</tr>" for cells in found.rows)
+    head = row("th", found.columns)
+    return f"<table>{title}<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>"
+
+
+def frame(solutions: Sequence[Answered]) -> DataFrame:
+    """Return a pandas frame of answers, one a row; seconds stand in columns of their own.
+
+    Raises
+    ------
+    BackendMissing
+        pandas is not installed.
+    """
+    try:
+        import pandas as pd
+    except ModuleNotFoundError as error:
+        raise BackendMissing(
+            "to_frame needs pandas, which is not installed: pip install 'crosstrack[pandas]'"
+        ) from error
+    columns = (
+        "instance", "model", "backend", "formulation", "termination", "limit", "primal_bound",
+        "dual_bound", "gap", "verified", "seed", "message",
+    )  # fmt: skip
+    rows = [
+        {
+            **{name: getattr(s, name) for name in columns},
+            "termination": str(s.termination),
+            "limit": None if s.limit is None else str(s.limit),
+            **{f"seconds_{part}": value for part, value in s.seconds.items()},
+        }
+        for s in solutions
+    ]
+    return pd.DataFrame(rows, columns=None if rows else columns)
+
+
 def number(value: float | None, digits: int = 3) -> str:
     """Return a bound for people: fixed decimals, six digits at least, an empty cell for None."""
     if value is None:
@@ -107,7 +200,7 @@ def seconds_text(value: float | None) -> str:
     return ""
 
 
-def _ended(solution: Solution[Any]) -> Any:
+def _ended(solution: Answered) -> Any:
     from rich.text import Text
 
     text = str(solution.termination)
@@ -116,7 +209,7 @@ def _ended(solution: Solution[Any]) -> Any:
     return Text(text, style=_STYLES.get(solution.termination, ""))
 
 
-def solutions_table(solutions: Sequence[Solution[Any]], title: str = "") -> FittedTable:
+def solutions_table(solutions: Sequence[Answered], title: str = "") -> FittedTable:
     """Return a table of answers: objective, bound, gap, seconds and verification of each.
 
     Compilation, which only a first call on a machine pays for, has a column of its own where it
@@ -179,24 +272,3 @@ def verification_table(verification: Verification) -> FittedTable:
         )
     columns = ("constraint", "eq.", "state", "worst", "tolerance", "where")
     return table("", columns, rows, whole=columns[2:5], drop=("tolerance", "eq."))
-
-
-def spreads_table(spreads: Sequence[Spread]) -> FittedTable:
-    """Return a table of repeated runs: successes, and quartiles of objective and seconds."""
-    rows = [
-        (
-            spread.backend + (f" : {spread.formulation}" if spread.formulation else ""),
-            f"{spread.successes} of {spread.runs}",
-            *(number(value) for value in spread.objective or (None,) * 3),
-            *(seconds_text(value) for value in spread.seconds),
-        )
-        for spread in spreads
-    ]
-    quartiles = ("quarter", "median", "three quarters")
-    columns = (
-        "repeated",
-        "verified",
-        *(f"objective\n{word}" for word in quartiles),
-        *(f"seconds\n{word}" for word in quartiles),
-    )
-    return table("", columns, rows, right=columns[1:])

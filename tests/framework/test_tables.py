@@ -1,9 +1,13 @@
 """Tables fit their terminal: columns fold or go by rank, and a number is never cut."""
 
+import sys
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings, strategies as st
 
 import crosstrack as ct
+from crosstrack.errors import BackendMissing
 from crosstrack.solvers.report.tables import render, solutions_table, table
 
 NUMBERS = ("124250.503", "0.000123", "1e+09")
@@ -63,3 +67,59 @@ def test_any_table_keeps_its_numbers(cells, width):
     text = render(made, width=width)
     for _, number, _ in cells:
         assert number in text
+
+
+# -- what a notebook and a script see ----------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    return ct.compare(ct.load("error-correction/example-1"), ["label-setting", "pulse"])
+
+
+def test_answers_show_themselves_as_text(comparison):
+    solution = comparison.solutions[0]
+    for text in (solution.summary(), comparison.verdicts[0].summary(), comparison.summary()):
+        assert "label-setting" in text
+        assert "optimal" in text
+    assert f"plan: {solution.plan_data['route'][0]}" in solution.summary()
+    assert str(comparison.outcome) in comparison.summary()
+
+
+def test_answers_show_themselves_as_html(comparison):
+    from xml.etree import ElementTree
+
+    solution = comparison.solutions[0]
+    for shown in (solution, comparison.verdicts[0], comparison):
+        tree = ElementTree.fromstring(f"<div>{shown._repr_html_().replace('<br>', '<br/>')}</div>")
+        cells = ["".join(cell.itertext()) for cell in tree.iter("td")]
+        assert "label-setting" in cells
+    told = replace(solution, message="<script>alert(1)</script>")
+    assert "<script>" not in told._repr_html_()
+
+
+def test_answers_as_a_frame(comparison):
+    pytest.importorskip("pandas", reason="pandas is an extra")
+    frame = comparison.to_frame()
+    assert list(frame["backend"]) == ["label-setting", "pulse"]
+    assert frame["primal_bound"].tolist() == [s.primal_bound for s in comparison.solutions]
+    assert frame["verified"].all()
+    assert (frame["seconds_total"] > 0).all()
+    assert comparison.solutions[0].to_frame().shape[0] == 1
+
+
+def test_without_pandas_it_says_what_to_install(comparison, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(BackendMissing, match=r"crosstrack\[pandas\]"):
+        comparison.to_frame()
+
+
+def test_a_route_is_a_sequence_of_points(comparison):
+    solution = ct.solve(ct.load("error-correction/example-1"))
+    route = solution.plan
+    assert len(route) == len(list(route)) == len(route.route)
+    assert (route[0], route[-1]) == (route.route[0], route.route[-1])
+
+
+def test_the_packages_are_listed():
+    assert {"models", "solvers", "instances", "errors", "solve"} <= set(dir(ct))
