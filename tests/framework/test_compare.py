@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from commands import run
 from fakes import Counting, Fixed, Hanging, Killed, Raising
 
 import crosstrack as ct
@@ -209,6 +210,45 @@ def test_damaged_record_is_refused_and_kept(tmp_path, model):
     assert record.read_text() == "no json\n"
     with pytest.raises(InvalidData, match="folder does not exist"):
         ct.compare(model, [Fixed()], record=tmp_path / "no" / "record.jsonl")
+
+
+def test_two_campaigns_do_not_share_a_record(tmp_path, model):
+    """One in this process, one in another; a lock of a process that is gone is none."""
+    record = tmp_path / "record.jsonl"
+    script = f"""
+import os
+from crosstrack.solvers.campaign import Record
+held = Record({str(record)!r}).__enter__()
+print("mine", flush=True)
+input()
+os.kill(os.getpid(), 9)
+"""
+    holder = subprocess.Popen(
+        [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    with holder:
+        assert holder.stdout.readline() == "mine\n"
+        with pytest.raises(InvalidData, match=r"record\.jsonl is in use by another campaign"):
+            ct.compare(model, [Fixed()], record=record, resume=True)
+        refused = run(
+            "compare", "error-correction/example-1", "--jsonl", record, "--resume", code=2
+        )
+        assert "is in use" in refused.stderr
+        holder.communicate("die\n", timeout=60)
+    assert record.read_bytes() == b""
+
+    def again(solution):
+        with pytest.raises(InvalidData, match="in use"):
+            ct.compare(model, [Fixed()], record=record, resume=True)
+
+    ct.compare(model, [Fixed()], record=record, on_solution=again)
+    assert len(record.read_text().splitlines()) == 1
+    assert ct.compare(model, [Fixed()], record=record, resume=True).outcome == "AGREED"
+
+
+def test_a_record_is_a_regular_file(model):
+    with pytest.raises(InvalidData, match="no regular file"):
+        ct.compare(model, [Fixed()], record="/dev/null")
 
 
 def test_interrupted_campaign_goes_on(tmp_path):
