@@ -41,9 +41,18 @@ def show(value: Any) -> str:
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """Return `array` made read-only."""
-    array.setflags(write=False)
-    return array
+    """Return `array` over memory that nobody can write to: a copy, unless it is one already.
+
+    A write flag that is only cleared can be set again, and a verification must not read what a
+    backend has changed.
+    """
+    base: Any = array
+    while isinstance(base, np.ndarray) and not base.flags.writeable:
+        base = base.base
+    if isinstance(base, bytes):
+        return array
+    # An empty buffer is refused where the shape holds no entry.
+    return np.ndarray(array.shape, array.dtype, array.tobytes() or bytes(array.itemsize))
 
 
 class Spec(ABC):
@@ -229,12 +238,12 @@ class Array(Spec):
             if self.infinity:
                 bad &= array != self.infinity * math.inf
             self._refuse(name, array, bad, "must be finite")
-            array = array + 0.0  # a copy, with -0.0 made 0.0
+            array += 0.0  # -0.0 becomes 0.0
         if self.lower is not None:
             self._refuse(name, array, array < self.lower, f"must be >= {self.lower:g}")
         if self.upper is not None:
             self._refuse(name, array, array > self.upper, f"must be <= {self.upper:g}")
-        return frozen(np.ascontiguousarray(array))
+        return frozen(array)
 
     def _numbers(self, name: str, value: Any) -> NDArray[Any]:
         if isinstance(value, str | bytes | dict | set):

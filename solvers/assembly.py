@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidData
+from ..models.fields import frozen
 from ..models.verification import Verification
 from ..version import __version__
 from .enums import Guarantee, Limit, Termination
@@ -91,6 +92,7 @@ def assemble(job: Job, claim: Claim) -> Solution[Any]:
     elif plan is None and termination in CLAIMS_PLAN:
         messages.append(f"claims {termination} without a point")
         termination = Termination.FAILED
+    plan = _kept(plan)
     if plan is not None:
         begin = time.perf_counter()
         try:
@@ -152,8 +154,14 @@ def assemble(job: Job, claim: Claim) -> Solution[Any]:
         statistics=dict(claim.statistics),
         message="; ".join(text for text in messages if text),
         rejected_plan=rejected,
-        duals=None if plan is None else claim.duals,
+        duals=None if plan is None else _kept(claim.duals),
     )
+
+
+def _kept(value: Any) -> Any:
+    """Return an array of numbers as one that its backend, which may still hold it, cannot change."""
+    numbers = isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
+    return frozen(value) if numbers else value
 
 
 def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:

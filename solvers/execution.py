@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import logging
 import signal
 import threading
 import time
@@ -14,11 +16,13 @@ from typing import Any
 from ..errors import InvalidData
 from .assembly import Claim, assemble
 from .backend import Answer, Control, Request
-from .enums import Feature, Limit
+from .enums import Feature, Limit, Termination
 from .job import GAP, Job
 from .refinement import CLAIMS_NONE, proven_bound, proves, refine
 from .running import GRACE, Listener, Run
 from .solution import Solution
+
+log = logging.getLogger("crosstrack")
 
 __all__ = ["GRACE", "claim", "execute", "multistart", "warm_objective"]
 
@@ -46,7 +50,12 @@ def execute(
     if job.starts > 1:
         return multistart(job, partial(execute, listener=listener), control)
     begin = time.perf_counter()
-    solution = assemble(job, claim(job, listener=listener, on_prepare=on_prepare, control=control))
+    job = job.resolved()
+    asked = job.model.digest
+    found = claim(job, listener=listener, on_prepare=on_prepare, control=control)
+    if type(job.backend).__module__.partition(".")[0] != __name__.partition(".")[0]:
+        job, found = _as_asked(job, asked, found)
+    solution = assemble(job, found)
     return replace(solution, seconds={**solution.seconds, "total": time.perf_counter() - begin})
 
 
@@ -78,6 +87,22 @@ def claim(
     if control.reason is Limit.INTERRUPTED and answer.limit is None:
         answer = replace(answer, limit=Limit.INTERRUPTED)  # asked for when all was done but this
     return _claim(run, answer, problem)
+
+
+def _as_asked(job: Job, digest: str, found: Claim) -> tuple[Job, Claim]:
+    """Return the job with its model made anew from its fields, and a claim that may be judged by it.
+
+    Arrays cannot be written to, but a backend that is not ours may have replaced a field, a sparse
+    part or a derived value: the digest is computed from the fields again.
+    """
+    try:
+        model = copy.deepcopy(job.model)
+        if model.digest == digest:
+            return replace(job, model=model), found
+    except Exception as error:  # whatever stands in a field's place now
+        log.debug("the digest cannot be computed again", exc_info=error)
+    text = f"the model was changed during the run (digest {digest[:12]} before it): nothing is judged by it, make it anew"
+    return job, Claim(Termination.FAILED, seconds=found.seconds, messages=(*found.messages, text))
 
 
 def _build(run: Run, control: Control) -> tuple[Any, Request]:

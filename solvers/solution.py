@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidData
+from ..models.fields import frozen
 from ..models.model import Model
 from ..models.verification import Verification
 from .enums import Guarantee, Limit, Termination
@@ -236,7 +237,7 @@ class Solution(Generic[PlanT]):
             else Verification.from_dict(data["verification"]),
             incumbents=tuple(Incumbent(i["seconds"], i["objective"]) for i in data["incumbents"]),
             starts=tuple(cls.from_dict(start, model) for start in data["starts"]),
-            duals=None if data.get("duals") is None else np.array(data["duals"], float),
+            duals=None if data.get("duals") is None else frozen(np.array(data["duals"], float)),
         )
 
     def parts(self) -> list[Any]:

@@ -167,14 +167,14 @@ class PathData(Model[Trajectory]):
         found = []
         if self.corridor_lower is not None or self.corridor_upper is not None:
             free = np.full((self.segments, self.dimensions), np.inf)
-            lower = -free if self.corridor_lower is None else self.corridor_lower
-            upper = free if self.corridor_upper is None else self.corridor_upper
+            lower = frozen(-free) if self.corridor_lower is None else self.corridor_lower
+            upper = frozen(free) if self.corridor_upper is None else self.corridor_upper
             found.append(Bound("corridor", 0, lower, upper))
         for order, limit in enumerate(
             (self.velocity_limit, self.acceleration_limit, self.jerk_limit), start=1
         ):
             if limit is not None:
-                found.append(Bound(f"{derivative_name(order)} limit", order, -limit, limit))
+                found.append(Bound(f"{derivative_name(order)} limit", order, frozen(-limit), limit))
         return tuple(b for b in found if np.isfinite(b.lower).any() or np.isfinite(b.upper).any())
 
     @cached_property

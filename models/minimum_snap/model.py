@@ -100,7 +100,7 @@ class MinimumDerivative(PathData):
         rest = np.zeros((self.order - 1, self.dimensions))
         for name in ("start", "end"):
             if getattr(self, name) is None:
-                object.__setattr__(self, name, frozen(rest.copy()))
+                object.__setattr__(self, name, frozen(rest))
         if self.weights is not None:
             if self.weights.size != self.order or self.weights[-1] <= 0:
                 raise InvalidData(

@@ -100,7 +100,10 @@ class Piecewise:
     @cached_property
     def _weights(self) -> tuple[Floats, ...]:
         known: dict[int, Floats] = {}
-        return tuple(known.setdefault(id(at), barycentric_weights(at)) for at in self.nodes)
+        for at in self.nodes:
+            if id(at) not in known:
+                known[id(at)] = frozen(barycentric_weights(at))
+        return tuple(known[id(at)] for at in self.nodes)
 
     def _cut(self, values: Floats) -> Floats:
         if self.lower is None and self.upper is None:

@@ -44,6 +44,10 @@ class Block:
     index: NDArray[np.int64] | None = None
     unit: str = ""
 
+    def __post_init__(self) -> None:
+        if self.index is not None:
+            object.__setattr__(self, "index", frozen(self.index))
+
     @property
     def slice(self) -> slice:
         """The entries as a slice."""
@@ -123,6 +127,9 @@ class Blocks(Spec):
             for block in value
         ]
 
+    def refreeze(self, value: tuple[Block, ...]) -> tuple[Block, ...]:
+        return tuple(replace(block) for block in value)
+
 
 @dataclass(frozen=True)
 class Sparse(Spec):
@@ -181,6 +188,6 @@ class Sparse(Spec):
         yield value.data.tobytes()
 
     def refreeze(self, value: sp.csr_array) -> sp.csr_array:
-        for part in (value.data, value.indices, value.indptr):
-            frozen(part)
+        for part in ("data", "indices", "indptr"):
+            setattr(value, part, frozen(getattr(value, part)))
         return value

@@ -164,12 +164,13 @@ class SlewData(Declared):
     def target(self) -> Floats:
         """The final attitude with the sign that is nearer to the initial one, shape (4,)."""
         q = self.final_attitude
-        return frozen(-q if q @ self.initial_attitude < 0.0 else q.copy())
+        return frozen(-q if q @ self.initial_attitude < 0.0 else q)
 
     @cached_property
     def turn(self) -> tuple[Floats, float]:
         """Axis, shape (3,), and angle (rad) of the rotation from the initial to the final attitude."""
-        return axis_and_angle(product(conjugate(self.initial_attitude), self.final_attitude))
+        axis, angle = axis_and_angle(product(conjugate(self.initial_attitude), self.final_attitude))
+        return frozen(axis), angle
 
     @cached_property
     def total_momentum(self) -> Floats:

@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.fields import frozen
+
 __all__ = ["Table", "moment_tables", "table_of"]
 
 Floats = NDArray[np.float64]
@@ -145,14 +147,11 @@ def _table(weights: tuple[float, ...]) -> Table:
             rows.append([float(value * common) for value in row])
             factors.append(weight * float(Fraction(2 * i + 1, common * common)))
             orders.append(j)
-    table = Table(
-        np.array(rows),
-        np.array(factors),
-        np.array(orders, np.int64),
+    return Table(
+        frozen(np.array(rows)),
+        frozen(np.array(factors)),
+        frozen(np.array(orders, np.int64)),
     )
-    for array in table:
-        array.setflags(write=False)
-    return table
 
 
 def table_of(weights: Floats) -> Table:

@@ -49,8 +49,8 @@ class Mesh:
                 f"a mesh of {fractions.size - 1} intervals needs as many degrees >= 1, "
                 f"got {show(degrees.tolist())}"
             )
-        object.__setattr__(self, "fractions", frozen(fractions.copy()))
-        object.__setattr__(self, "degrees", frozen(degrees.copy()))
+        object.__setattr__(self, "fractions", frozen(fractions))
+        object.__setattr__(self, "degrees", frozen(degrees))
         calm = np.zeros(degrees.size, bool) if self.calm is None else np.array(self.calm, bool)
         object.__setattr__(self, "calm", frozen(calm))
 

@@ -75,9 +75,9 @@ class Scheme:
 
     def __post_init__(self) -> None:
         # Made once and handed to all: none may change them.
-        for value in vars(self).values():
+        for name, value in tuple(vars(self).items()):
             if isinstance(value, np.ndarray):
-                value.setflags(write=False)
+                object.__setattr__(self, name, frozen(value))
 
     @property
     def control_points(self) -> Floats:
