@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["ROUNDING", "TOLERANCE", "Check", "Verification"]
+from ..errors import UnsupportedOption
+from .fields import show
+
+__all__ = ["ROUNDING", "TOLERANCE", "Check", "Verification", "check_number", "check_tolerance"]
 
 #: Largest violation that rounding explains, for a constraint whose right-hand side is 1 or less.
 ROUNDING = 1e-9
@@ -14,6 +18,51 @@ ROUNDING = 1e-9
 TOLERANCE = 1e-6
 #: Checks that a one-line summary names.
 SHOWN = 3
+
+
+def check_number(
+    name: str, value: Any, *, lower: float = 0.0, strict: bool = True, below: float = math.inf
+) -> float:
+    """Return the option called `name`, or raise where it is no finite number in its range.
+
+    Parameters
+    ----------
+    name : str
+        The option, for the message.
+    value : object
+        Its value; booleans and strings are no numbers.
+    lower : float
+        The least value allowed, itself excluded when `strict`.
+    strict : bool
+        Whether `lower` is excluded.
+    below : float
+        The value must be less.
+
+    Raises
+    ------
+    UnsupportedOption
+        Naming option, value and what is allowed.
+    """
+    try:
+        plain = isinstance(value, int | float) and not isinstance(value, bool)
+        number = float(value) if plain else math.nan
+    except OverflowError:  # a whole number beyond all floats
+        number = math.nan
+    above = number > lower if strict else number >= lower
+    if not (math.isfinite(number) and above and number < below):
+        most = "" if below == math.inf else f" and < {below:g}"
+        raise UnsupportedOption(
+            f"{name} must be a number {'>' if strict else '>='} {lower:g}{most}, got {show(value)}"
+        )
+    return number
+
+
+def check_tolerance(value: Any) -> float:
+    """Return a tolerance, or raise :class:`UnsupportedOption` where it is no number > 0 and < 1.
+
+    At 1, a violation as large as the limit itself would be accepted.
+    """
+    return check_number("tolerance", value, below=1.0)
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,8 @@ class Control:
         """Restart the clock and stop the run after `seconds` (never, when None)."""
         self.started = self._improved = time.perf_counter()
         if seconds is not None:
-            self._timer = threading.Timer(max(seconds, 0.0), self.stop, (Limit.TIME,))
+            wait = min(max(seconds, 0.0), threading.TIMEOUT_MAX)
+            self._timer = threading.Timer(wait, self.stop, (Limit.TIME,))
             self._timer.daemon = True
             self._timer.start()
 

@@ -18,6 +18,7 @@ import cloudpickle
 
 from ..errors import CrosstrackError, InvalidData, UnknownName, UnsupportedOption
 from ..models.model import Model, as_model
+from ..models.verification import check_number
 from .assembly import Claim, assemble
 from .backend import Backend, Feature, Limit, Termination
 from .campaign import Record
@@ -192,6 +193,11 @@ def compare(
     for name, value in (("workers", workers), ("repeats", repeats)):
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
             raise UnsupportedOption(f"{name} must be a whole number >= 1, got {value!r}")
+    check_number("grace", grace)
+    if pool is not None and not isinstance(pool, Executor):
+        raise UnsupportedOption(
+            f"pool must be a concurrent.futures.Executor, got {type(pool).__name__}"
+        )
     if resume and record is None:
         raise UnsupportedOption("resume needs a record to go on with")
     models = [as_model(model) for model in models]

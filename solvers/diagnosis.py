@@ -13,7 +13,7 @@ from ..models.problems import resolve, table
 from ..models.programs.base import RowProgram
 from ..models.programs.conic import ConicProgram
 from ..models.programs.linear import QuadraticProgram
-from ..models.verification import TOLERANCE
+from ..models.verification import TOLERANCE, check_number
 from .backend import Backend, Guarantee, Termination
 from .dispatch import solve
 from .registry import find_backend, recommended
@@ -133,6 +133,8 @@ def diagnose(
         The backend is not exact, or takes no program.
     """
     model = as_model(model)
+    if time_limit is not None:
+        check_number("time_limit", time_limit)
     searches = table(__package__, "DIAGNOSES")
     if backend is None and formulation is None and model.kind in searches:
         native: Callable[[Any, float | None], Diagnosis] = resolve(searches[model.kind])

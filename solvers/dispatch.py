@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from ..errors import UnsupportedOption
 from ..models.model import Model, as_model
-from ..models.verification import TOLERANCE, Verification
+from ..models.verification import TOLERANCE, Verification, check_tolerance
 from .backend import Backend
 from .execution import execute, multistart
 from .isolation import in_worker
@@ -176,6 +176,7 @@ def verify(
         The plan is none for this model, or cannot be encoded.
     """
     model = as_model(model)
+    check_tolerance(tolerance)
     checked = model.as_plan(plan)
     found = model.verify(checked, tolerance=tolerance)
     if formulation is None:

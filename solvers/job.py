@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 from ..errors import UnsupportedFormulation, UnsupportedOption
 from ..models.formulation import Formulation
 from ..models.model import Model
-from ..models.verification import TOLERANCE
+from ..models.verification import TOLERANCE, check_number, check_tolerance
 from . import stopping
 from .backend import Backend, Feature, Guarantee
 from .registry import accepted, default_formulation, find_backend, recommended
@@ -55,15 +54,12 @@ class Job:
     backend_options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name, strict in (("time_limit", True), ("gap", False), ("tolerance", True)):
-            value = getattr(self, name)
-            if value is None:
-                continue
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not number or not math.isfinite(value) or value < 0 or (strict and value == 0):
-                raise UnsupportedOption(
-                    f"{name} must be a number {'>' if strict else '>='} 0, got {value!r}"
-                )
+        if self.time_limit is not None:
+            check_number("time_limit", self.time_limit)
+        if self.gap is not None:
+            check_number("gap", self.gap, strict=False)
+        if self.tolerance is not None:
+            check_tolerance(self.tolerance)
         for name, lower in (("seed", 0), ("threads", 1), ("evaluations", 1), ("starts", 1)):
             value = getattr(self, name)
             if value is None and name != "starts":

@@ -117,7 +117,7 @@ def write_samples(
     Raises
     ------
     InvalidData
-        A rate that is not > 0, derivatives that are no whole number >= 0, or a file that cannot
+        A rate that is no number > 0 or gives too many samples, derivatives that are no whole number >= 0, or a file that cannot
         be written.
     """
     rows = trajectory.sampled(rate, derivatives)

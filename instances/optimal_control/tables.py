@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import os
 from pathlib import Path
 
 import numpy as np
 
-from ...errors import InvalidData
 from ...models.optimal_control.plan import ControlPlan
+from ...models.sampling import sample_count
 from ..exports import ExportFormat
 from ..storage import write_text
 
@@ -36,16 +35,15 @@ def write_control_samples(
     Raises
     ------
     InvalidData
-        A rate that is not > 0, or a file that cannot be written.
+        A rate that is no number > 0 or gives too many samples, or a file that cannot be written.
     """
-    if not (math.isfinite(rate) and rate > 0):
-        raise InvalidData(f"rate must be a number > 0, got {rate!r}", field="rate")
     names = list(
         dict.fromkeys(n for one in plan.phases for n in (*one.state_names, *one.control_names))
     )
     lines = [",".join(["phase", "t", *names])]
+    sample_count(sum(one.duration for one in plan.phases), rate)
     for number, one in enumerate(plan.phases, start=1):
-        count = math.floor(one.duration * rate * (1.0 + 1e-12))
+        count = sample_count(one.duration, rate)
         times = one.start + np.arange(count + 1) / rate
         times = np.append(times[times < one.end - 1e-9 * one.duration], one.end)
         columns = dict(zip(one.state_names, one.states(times).T.tolist(), strict=True))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import Array, Flag, Optional, Real, declared, frozen, show
 from ..model import Model
-from ..verification import ROUNDING, TOLERANCE, Check, Verification
+from ..verification import ROUNDING, TOLERANCE, Check, Verification, check_tolerance
 from .points import END, HORIZONTAL, KIND_WORDS, START, VERTICAL, Ids, Kinds
 
 __all__ = ["END", "HORIZONTAL", "START", "VERTICAL", "ErrorCorrectionRouting", "Route"]
@@ -308,6 +308,7 @@ class ErrorCorrectionRouting(Model[Route]):
 
     def verify(self, plan: Route, *, tolerance: float = TOLERANCE) -> Verification:
         """Walk the route from the raw data: its length, and every constraint of the paper."""
+        check_tolerance(tolerance)
         if not isinstance(plan, Route):
             raise InvalidData(f"plan must be a Route, got {show(plan)}", field="plan")
         stops = self.walk(plan)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..verification import ROUNDING, TOLERANCE, Check, Verification
+from ..verification import ROUNDING, TOLERANCE, Check, Verification, check_tolerance
 from .bounds import Bound, PathData, derivative_name, derivative_unit
 from .polynomials import bernstein_matrix, derived, factorials
 from .trajectory import Trajectory
@@ -146,6 +146,7 @@ def verify_trajectory(
     model: PathData, plan: Trajectory, tolerance: float = TOLERANCE
 ) -> Verification:
     """Return the objective and every condition of `model`, measured on `plan`."""
+    check_tolerance(tolerance)
     if not isinstance(plan, Trajectory):
         raise InvalidData(f"plan must be a Trajectory, got {type(plan).__name__}", field="plan")
     if plan.segments != model.segments or plan.dimensions != model.dimensions:

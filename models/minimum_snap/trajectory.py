@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, frozen, show
+from ..sampling import sample_count
 from .polynomials import (
     bernstein_matrix,
     critical_points,
@@ -317,10 +318,13 @@ class Trajectory:
             Samples a second.
         derivatives : int
             The highest derivative in the rows.
+
+        Raises
+        ------
+        InvalidData
+            A rate that is no number > 0, or that gives too many samples.
         """
-        if not np.isfinite(rate) or rate <= 0:
-            raise InvalidData(f"rate must be > 0, got {rate!r}", field="rate")
-        count = int(np.floor(self.duration * rate * (1 + 1e-12)))
+        count = sample_count(self.duration, rate)
         t = self.times[0] + np.arange(count + 1) / rate
         if t[-1] < self.times[-1] - 1e-9 / rate:
             t = np.append(t, self.times[-1])

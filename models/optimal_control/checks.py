@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import show
-from ..verification import ROUNDING, Check, Verification
+from ..verification import ROUNDING, Check, Verification, check_tolerance
 from .definition import Definition, Phase, Restriction
 from .integration import Reintegration, integrate_anew
 from .plan import ControlPlan
@@ -122,6 +122,7 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
     InvalidData
         The plan's phases, names or parameters are not the problem's, or it is not finite.
     """
+    check_tolerance(tolerance)
     phases = courses(definition, plan)
     with np.errstate(all="ignore"):
         motions = [integrate_anew(one) for one in phases]

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedOption
 from ..plots.curves import Curve, Limit, Mark, Panel, Span
-from ..plots.options import check_flags, check_list, check_option, check_tolerance, is_whole
+from ..plots.options import check_flags, check_list, check_option, is_whole
 from ..plots.panels import panel_sheet
 from ..plots.style import number, pretty_unit, title_of
-from ..verification import TOLERANCE, Verification
+from ..verification import TOLERANCE, Verification, check_tolerance
 from .definition import Definition, Guess, Phase, Quantity, Restriction, entry_names
 from .plan import ControlPlan, PhasePlan, Piecewise
 from .sampling import Course, courses

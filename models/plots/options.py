@@ -11,8 +11,7 @@ from ...errors import UnsupportedOption
 from ..fields import show
 
 __all__ = [
-    "check_flags", "check_list", "check_option", "check_size", "check_tolerance", "is_number",
-    "is_whole",
+    "check_flags", "check_list", "check_option", "check_size", "is_number", "is_whole",
 ]  # fmt: skip
 
 
@@ -39,11 +38,6 @@ def check_flags(**flags: Any) -> None:
     """Raise where one of the options is neither True nor False."""
     for name, value in flags.items():
         check_option(name, value, isinstance(value, bool), "be True or False")
-
-
-def check_tolerance(tolerance: Any) -> None:
-    """Raise where the tolerance is no number above 0."""
-    check_option("tolerance", tolerance, is_number(tolerance) and tolerance > 0, "be a number > 0")
 
 
 def check_list(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import Array
 from ..model import Model
-from ..verification import ROUNDING, TOLERANCE, Check, Verification
+from ..verification import ROUNDING, TOLERANCE, Check, Verification, check_tolerance
 from .blocks import Block, without
 
 if TYPE_CHECKING:
@@ -130,6 +130,7 @@ class BlockProgram(Program):
         self, point: Vector, rows: Vector, largest: Vector, tolerance: float
     ) -> tuple[Check, ...]:
         """Return the worst violation of every block, where `largest` is the size of each row."""
+        check_tolerance(tolerance)
         found = []
         for value, lower, upper, size, blocks in (
             (rows, self.row_lower, self.row_upper, largest, self._rows),

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from ...errors import InvalidData
 from ..fields import show
 from ..optimal_control.plan import ControlPlan, PhasePlan
-from ..verification import ROUNDING, Check, Verification
+from ..verification import ROUNDING, Check, Verification, check_tolerance
 from .data import SlewData
 from .dynamics import CONTROLS, STATES, SlewMotion
 from .gyros import singularity_measure
@@ -60,6 +60,7 @@ class _Samples:
 
 def verify_slew(model: SlewData, plan: ControlPlan, tolerance: float) -> Verification:
     """Return the objective and all checks of a plan for `model`; see :meth:`SatelliteSlew.verify`."""
+    check_tolerance(tolerance)
     phase = slew_phase(plan)
     motion = SlewMotion.of(model)
     samples = _sample(model, motion, phase)

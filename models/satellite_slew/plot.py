@@ -17,10 +17,10 @@ from ...errors import InvalidData, UnsupportedOption
 from ..optimal_control.plan import ControlPlan
 from ..optimal_control.plot import curves_of, guessed, nodes_of, sampled
 from ..plots.curves import Limit, Panel, Span
-from ..plots.options import check_flags, check_option, check_tolerance
+from ..plots.options import check_flags, check_option
 from ..plots.panels import panel_sheet
 from ..plots.style import number, title_of
-from ..verification import TOLERANCE, Verification
+from ..verification import TOLERANCE, Verification, check_tolerance
 from .checks import slew_phase
 from .dynamics import SlewMotion
 from .gyros import singularity_measure

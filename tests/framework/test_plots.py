@@ -94,8 +94,6 @@ def test_numbers_and_units_for_people():
         (lambda: options.check_size("big", (1, 1)), "size must be width .* got 'big'"),
         (lambda: options.check_size((1, 101), (1, 1)), "each > 0 and <= 100"),
         (lambda: options.check_flags(mesh=True, paths=1), "paths must be True or False, got 1"),
-        (lambda: options.check_tolerance(0), "tolerance must be a number > 0, got 0"),
-        (lambda: options.check_tolerance(True), "tolerance must be .* got True"),
         (lambda: options.check_list("axes", "xy", str.isalpha, "hold x"), "axes must hold x"),
         (lambda: options.check_list("axes", 0, bool, "hold x"), "got 0"),
         (lambda: options.check_list("axes", [1, 1], bool, "hold x"), r"got \[1, 1\]"),
