@@ -31,13 +31,23 @@ __all__ = [
     "declared",
     "frozen",
     "show",
+    "unwritable",
 ]
 
 
 def show(value: Any) -> str:
     """Return `value` for an error message, cut to a readable length."""
-    text = repr(value)
+    try:
+        text = repr(value)
+        text.encode()
+    except Exception:  # too deep, too many digits, no UTF-8, or a stranger's own fault
+        text = f"a value of type {type(value).__name__}"
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def unwritable(text: str) -> bool:
+    """Return whether `text` holds half a character (a lone surrogate), which no file can hold."""
+    return any("\ud800" <= character <= "\udfff" for character in text)
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
@@ -91,17 +101,25 @@ def declared(spec: Spec, *, hidden: bool = False, **options: Any) -> Any:
     return dataclasses.field(metadata={"spec": spec, "hidden": hidden}, **options)
 
 
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool | np.bool_ | str | bytes) or not isinstance(
-        value, int | float | np.number | np.ndarray
-    ):
-        raise InvalidData(f"{name} must be a number, got {show(value)}", field=name)
-    if isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "iuf"):
-        raise InvalidData(f"{name} must be a single number, got {show(value)}", field=name)
+#: What counts as a number; a truth value, which Python takes for one, is refused beside it.
+_NUMBER = int | float | np.integer | np.floating
+
+
+def _number(name: str, value: Any, field: str | None = None) -> float:
+    """Return the number that `value` is; `field` is at fault where it is not `name`."""
+    field = name if field is None else field
+    if isinstance(value, np.ndarray):
+        if value.ndim or value.dtype.kind not in "iuf" or np.ma.is_masked(value):
+            raise InvalidData(f"{name} must be a single number, got {show(value)}", field=field)
+        value = value[()]
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, _NUMBER):
+        raise InvalidData(f"{name} must be a number, got {show(value)}", field=field)
     try:
         return float(value)
-    except (TypeError, OverflowError):
-        raise InvalidData(f"{name} must be a real number, got {show(value)}", field=name) from None
+    except OverflowError:
+        raise InvalidData(
+            f"{name} must be within the range of floats, got {show(value)}", field=field
+        ) from None
 
 
 @dataclass(frozen=True)
@@ -161,7 +179,7 @@ class Whole(Spec):
             raise InvalidData(f"{name} must be >= {self.lower}, got {number:g}", field=name)
         if self.upper is not None and number > self.upper:
             raise InvalidData(f"{name} must be <= {self.upper}, got {number:g}", field=name)
-        return int(number)
+        return int(number) if isinstance(value, float | np.floating | np.ndarray) else int(value)
 
 
 @dataclass(frozen=True)
@@ -183,7 +201,9 @@ class Text(Spec):
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> str:
         if not isinstance(value, str):
             raise InvalidData(f"{name} must be a string, got {show(value)}", field=name)
-        return value
+        if unwritable(value):
+            raise InvalidData(f"{name} holds half a character: it is no UTF-8", field=name)
+        return str(value)
 
 
 @dataclass(frozen=True)
@@ -248,35 +268,49 @@ class Array(Spec):
     def _numbers(self, name: str, value: Any) -> NDArray[Any]:
         if isinstance(value, str | bytes | dict | set):
             raise InvalidData(f"{name} must be an array of numbers, got {show(value)}", field=name)
+        if np.ma.is_masked(value):
+            raise InvalidData(f"{name} must not hold masked entries", field=name)
         try:
             raw = np.asarray(value)
-        except (ValueError, TypeError):
+        except Exception:  # ragged, too deep, or what a stranger's own conversion raises
             raise InvalidData(f"{name} {self._ragged(value)}", field=name) from None
-        kinds = {float: "iuf", int: "iu", bool: "b"}[self.dtype]
         if self.dtype is not bool and isinstance(value, list | tuple):
             _refuse_truth(name, value, ())
-        if raw.dtype.kind in kinds or raw.size == 0:
-            return np.array(raw, dtype=self.dtype)
-        if self.dtype is bool and raw.dtype.kind in "iu":
-            self._refuse(name, raw, (raw != 0) & (raw != 1), "must be true or false")
-            return raw.astype(bool)
-        if self.dtype is int and raw.dtype.kind == "f":
-            with np.errstate(invalid="ignore"):
-                whole = np.isfinite(raw) & (raw == np.floor(raw))
-            self._refuse(name, raw, ~whole, "must be whole numbers")
-            return raw.astype(int)
+        if raw.size == 0:
+            return np.empty(raw.shape, self.dtype)
+        if self.dtype is bool:
+            return self._truths(name, raw)
         # Strings turn a whole array into strings: find the entry at fault among the originals.
+        numbers = raw if raw.dtype.kind in "iuf" else self._objects(name, value)
+        if self.dtype is int:
+            whole = np.isfinite(numbers) & (numbers == np.floor(numbers))
+            whole &= (numbers >= -(2.0**63)) & (numbers < 2.0**63)
+            self._refuse(name, numbers, ~whole, "must be a whole number of 64 bits")
+            return numbers.astype(int)
+        with np.errstate(over="ignore"):  # only numbers longer than floats can overflow
+            found = np.array(numbers, dtype=float)
+        if numbers.dtype.itemsize > found.itemsize:
+            beyond = np.isinf(found) & np.isfinite(numbers)
+            self._refuse(name, numbers, beyond, "must be within the range of floats")
+        return found
+
+    def _truths(self, name: str, raw: NDArray[Any]) -> NDArray[Any]:
+        if raw.dtype.kind in "iu":
+            self._refuse(name, raw, (raw != 0) & (raw != 1), "must be true or false")
+        elif raw.dtype.kind != "b":
+            raise InvalidData(f"{name} must hold true or false, got {show(raw)}", field=name)
+        return raw.astype(bool)
+
+    def _objects(self, name: str, value: Any) -> NDArray[Any]:
+        """Return the numbers of a mixed array, None made infinite where that is allowed."""
         objects = np.asarray(value, dtype=object)
         for place in np.ndindex(objects.shape):
             entry = objects[place]
             if entry is None and self.infinity:
                 objects[place] = self.infinity * math.inf
-                continue
-            if not isinstance(entry, int | float | np.number) or isinstance(entry, bool):
-                raise InvalidData(
-                    f"{_at(name, place)} must be a number, got {show(entry)}", field=name
-                )
-        return objects.astype(self.dtype)
+            else:
+                objects[place] = _number(_at(name, place), entry, name)
+        return objects.astype(float)
 
     def _ragged(self, value: Any) -> str:
         if len(self.shape) == 2 and isinstance(value, list | tuple):

@@ -9,6 +9,7 @@ import dataclasses
 import hashlib
 import json
 import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ import numpy as np
 
 from ..errors import HiddenData, InvalidData, UnknownName, UnsupportedFormulation
 from .declaration import Declared
-from .fields import Text, show
+from .fields import Text, show, unwritable
 from .problems import model_type, resolve
 from .verification import TOLERANCE, Verification
 
@@ -176,6 +177,15 @@ class Model(Declared, ABC, Generic[PlanT]):
                     hasher.update(chunk)
         return hasher.hexdigest()
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether `other` is a model of the same type and content; names do not count."""
+        if not isinstance(other, Model):
+            return NotImplemented
+        return self is other or (type(self) is type(other) and self.digest == other.digest)
+
+    def __hash__(self) -> int:
+        return hash((self.kind, self.digest))
+
     def renamed(self, name: str) -> Self:
         """Return the same model under another name."""
         return dataclasses.replace(self, name=name)
@@ -304,12 +314,20 @@ def as_model(value: Any) -> Model[Any]:
         found = value.build()
     if not isinstance(found, Model):
         hint = "; load it first: crosstrack.load(…)" if isinstance(value, str) else ""
-        raise InvalidData(f"model must be a Model, got {value!r}{hint}", field="model")
+        raise InvalidData(f"model must be a Model, got {show(value)}{hint}", field="model")
     return found
 
 
 def parse_json(text: str) -> Any:
-    """Return the JSON value in `text`; NaN, infinities and doubled keys raise ``InvalidData``."""
+    """Return the JSON value in `text`.
+
+    Raises
+    ------
+    InvalidData
+        The text is no JSON; a NaN, an infinity or a number beyond the range of floats; a key that
+        stands twice; half a character (a lone surrogate); more levels than Python can follow.
+    """
+    beyond: list[str] = []
 
     def constant(word: str) -> Any:
         raise InvalidData(f"{word} is no JSON number: write null where infinity is meant")
@@ -322,7 +340,60 @@ def parse_json(text: str) -> Any:
             found[key] = value
         return found
 
+    def real(digits: str) -> float:
+        found = float(digits)
+        if math.isinf(found):
+            beyond.append(digits)
+        return found
+
+    def whole(digits: str) -> int | float:
+        try:
+            return int(digits)
+        except ValueError:  # more digits than Python converts
+            return real(digits)
+
+    # Looked for only where the text may hold some, for texts may be long.
+    suspect = _SUSPECT.search(text) is not None
+    hooks = {"parse_float": real, "parse_int": whole} if suspect else {}
     try:
-        return json.loads(text, parse_constant=constant, object_pairs_hook=pairs)
+        found = json.loads(text, parse_constant=constant, object_pairs_hook=pairs, **hooks)
+        if suspect:
+            _refuse_unwritten(found, (), beyond)
     except json.JSONDecodeError as error:
         raise InvalidData(f"no valid JSON: {error}") from None
+    except RecursionError:
+        raise InvalidData("no valid JSON: nested too deeply") from None
+    return found
+
+
+#: Half a character, written out or as JSON's escape of it, or a number that may be beyond floats.
+_SUSPECT = re.compile(r"[\ud800-\udfff]|\\u[dD][89a-fA-F]|[0-9][eE]\+?0*[1-9][0-9]{2}|[0-9]{300}")
+
+
+def _refuse_unwritten(value: Any, at: tuple[Any, ...], beyond: list[str]) -> None:
+    """Raise where the tree of JSON data holds half a character, or a number `beyond` all floats."""
+    field = next((str(key) for key in at if isinstance(key, str) and key != "data"), None)
+    if isinstance(value, float) and math.isinf(value):
+        raise InvalidData(
+            f"{_place(at)} is beyond the range of numbers, got {show(beyond[0])}: write null where "
+            "infinity is meant",
+            field=field,
+        )
+    if isinstance(value, str) and unwritable(value):
+        raise InvalidData(
+            f"{_place(at)} holds half a character (a lone surrogate), got {ascii(value)[:60]}",
+            field=field,
+        )
+    if isinstance(value, dict):
+        for key, part in value.items():
+            _refuse_unwritten(key, at, beyond)
+            _refuse_unwritten(part, (*at, key), beyond)
+    elif isinstance(value, list):
+        for k, part in enumerate(value):
+            _refuse_unwritten(part, (*at, k), beyond)
+
+
+def _place(at: tuple[Any, ...]) -> str:
+    """Return a place in JSON data as messages name it, such as ``points[0][2]``."""
+    words = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in at)
+    return words.removeprefix(".data").lstrip(".") or "the data"

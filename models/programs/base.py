@@ -116,15 +116,7 @@ class BlockProgram(Program):
 
     def _point(self, plan: Vector) -> Vector:
         """Return `plan` as a column vector of this program; ``InvalidData`` where it is none."""
-        point = np.asarray(plan, float)
-        if point.shape != (self.size,):
-            raise InvalidData(
-                f"point must have shape ({self.size},), got {point.shape}", field="point"
-            )
-        if not np.isfinite(point).all():
-            place = int(np.flatnonzero(~np.isfinite(point))[0])
-            raise InvalidData(f"point[{place}] must be finite, got {point[place]}", field="point")
-        return point
+        return Array((self.size,)).coerce("point", plan, {})
 
     def _checks(
         self, point: Vector, rows: Vector, largest: Vector, tolerance: float

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from string import Formatter
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Spec, frozen, show
+from ..fields import Array, Optional, Spec, Text, Whole, frozen, show
 
 __all__ = ["Block", "Blocks", "Sparse", "without"]
 
@@ -45,8 +47,10 @@ class Block:
     unit: str = ""
 
     def __post_init__(self) -> None:
-        if self.index is not None:
-            object.__setattr__(self, "index", frozen(self.index))
+        for field, spec in _BLOCK.items():
+            value = spec.coerce(field, getattr(self, field), {})
+            object.__setattr__(self, field, value)
+        _check_template(self.template, 0 if self.index is None else self.index.shape[1])
 
     @property
     def slice(self) -> slice:
@@ -69,6 +73,33 @@ class Block:
         if self.index is None:
             return f"{self.title} {entry}" if self.size > 1 else self.title
         return f"{self.title} {self.place(entry)}"
+
+
+#: How the fields of a block are checked.
+_BLOCK: dict[str, Spec] = {
+    "name": Text(),
+    "equation": Text(),
+    "start": Whole(0),
+    "size": Whole(0),
+    "template": Text(),
+    "index": Optional(Array(("entries", "numbers"), int)),
+    "unit": Text(),
+}
+
+
+def _check_template(template: str, count: int) -> None:
+    """Raise where a template asks for anything but the numbers 0 … `count` - 1, in braces."""
+    try:
+        parts = [part for part in Formatter().parse(template) if part[1] is not None]
+    except ValueError:
+        parts = [("", "", "", None)]
+    known = set(map(str, range(count)))
+    if count and any(field not in known or spec or turn for _, field, spec, turn in parts):
+        raise InvalidData(
+            f"template must hold {', '.join(f'{{{k}}}' for k in range(count))} and text, "
+            f"got {show(template)}",
+            field="template",
+        )
 
 
 SomeBlock = TypeVar("SomeBlock", bound=Block)
@@ -95,8 +126,11 @@ class Blocks(Spec):
     content: bool = False
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> tuple[Block, ...]:
+        if not isinstance(value, list | tuple):
+            raise InvalidData(f"{name} must be a list of blocks, got {show(value)}", field=name)
         blocks = tuple(
-            block if isinstance(block, Block) else self._read(name, block) for block in value
+            block if isinstance(block, Block) else self._read(f"{name}[{k}]", block)
+            for k, block in enumerate(value)
         )
         at = 0
         for block in blocks:
@@ -111,15 +145,21 @@ class Blocks(Spec):
             raise InvalidData(f"{name}: two blocks bear one name: {names}", field=name)
         return blocks
 
-    @staticmethod
-    def _read(name: str, data: Any) -> Block:
-        keys = {"name", "equation", "start", "size", "template", "index", "unit"}
+    kind: ClassVar[type[Block]] = Block
+
+    @classmethod
+    def _read(cls, name: str, data: Any) -> Block:
+        keys = {field.name for field in dataclasses.fields(cls.kind)}
+        field = name.partition("[")[0]
         if not isinstance(data, Mapping) or set(data) != keys:
             raise InvalidData(
-                f"{name}: a block has the keys {sorted(keys)}, got {show(data)}", field=name
+                f"{name}: a block has the keys {', '.join(sorted(keys))}, got {show(data)}",
+                field=field,
             )
-        index = None if data["index"] is None else np.asarray(data["index"], np.int64)
-        return Block(**{**data, "index": index})
+        try:
+            return cls.kind(**data)
+        except InvalidData as error:
+            raise InvalidData(f"{name}: {error}", field=field) from None
 
     def encode(self, value: tuple[Block, ...]) -> Any:
         return [
@@ -129,6 +169,15 @@ class Blocks(Spec):
 
     def refreeze(self, value: tuple[Block, ...]) -> tuple[Block, ...]:
         return tuple(replace(block) for block in value)
+
+
+#: How the parts of a matrix in compressed rows are checked, in the order that SciPy takes them.
+_SPARSE = {
+    "data": Array(("entries",)),
+    "indices": Array(("entries",), int, lower=0),
+    "indptr": Array(("rows + 1",), int, lower=0),
+    "shape": Array((2,), int, lower=0),
+}
 
 
 @dataclass(frozen=True)
@@ -142,8 +191,14 @@ class Sparse(Spec):
             value = self._read(name, value)
         elif not sp.issparse(value):
             value = Array(self.shape).coerce(name, value, dict(sizes))
+        if value.ndim != 2 or value.dtype.kind not in "iufb":
+            raise InvalidData(
+                f"{name} must be a matrix of numbers, got {value.ndim} dimensions of {value.dtype}",
+                field=name,
+            )
         matrix = sp.csr_array(value, dtype=float, copy=True)
-        matrix.sum_duplicates()
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrix.sum_duplicates()
         matrix.eliminate_zeros()
         for have, want in zip(matrix.shape, self.shape, strict=True):
             known, source = sizes.setdefault(want, (have, name))
@@ -151,8 +206,13 @@ class Sparse(Spec):
                 raise InvalidData(
                     f"{name} has shape {matrix.shape}, but {source} has {known} entries", field=name
                 )
-        if not np.isfinite(matrix.data).all():
-            raise InvalidData(f"{name} must hold finite numbers only", field=name)
+        bad = np.flatnonzero(~np.isfinite(matrix.data))
+        if bad.size:
+            row = int(np.searchsorted(matrix.indptr, bad[0], side="right")) - 1
+            raise InvalidData(
+                f"{name}[{row}, {matrix.indices[bad[0]]}] must be finite, got {matrix.data[bad[0]]}",
+                field=name,
+            )
         return self.refreeze(matrix)
 
     @staticmethod
@@ -160,16 +220,18 @@ class Sparse(Spec):
         if set(data) != {"shape", "indptr", "indices", "data"}:
             raise InvalidData(f"{name} needs the keys shape, indptr, indices, data", field=name)
         try:
-            matrix = sp.csr_array(
-                (
-                    np.asarray(data["data"], float),
-                    np.asarray(data["indices"], np.int64),
-                    np.asarray(data["indptr"], np.int64),
-                ),
-                shape=tuple(data["shape"]),
-            )
+            parts = {
+                key: spec.coerce(key, data[key], {})
+                for key, spec in _SPARSE.items()
+            }
+            if parts["indptr"].size and parts["indptr"][-1] != parts["data"].size:
+                raise InvalidData(
+                    f"indptr ends at {parts['indptr'][-1]}, {parts['data'].size} entries are given"
+                )
+            shape = tuple(parts.pop("shape").tolist())
+            matrix = sp.csr_array(tuple(parts.values()), shape=shape)
             matrix.check_format()
-        except (ValueError, TypeError) as error:
+        except (ValueError, TypeError, OverflowError) as error:
             raise InvalidData(f"{name} is no sparse matrix: {error}", field=name) from None
         return matrix
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import show
+from ..fields import Whole, show
 from .blocks import Block, Blocks
 
 __all__ = ["ConeBlock", "ConeKind", "Cones", "inside_dual", "missing", "symmetric", "triangle"]
@@ -49,6 +49,8 @@ class ConeBlock(Block):
     dimension: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "dimension", Whole(0).coerce("dimension", self.dimension, {}))
         try:
             object.__setattr__(self, "kind", ConeKind(self.kind))
         except ValueError:
@@ -96,15 +98,7 @@ class Cones(Blocks):
                 raise InvalidData(f"{name}: {block.name!r} is no ConeBlock", field=name)
         return blocks
 
-    @classmethod
-    def _read(cls, name: str, data: Any) -> Block:
-        if not isinstance(data, Mapping) or not {"kind", "dimension"} <= set(data):
-            raise InvalidData(
-                f"{name}: a block of cones has a kind and a dimension, got {show(data)}", field=name
-            )
-        plain = {key: entry for key, entry in data.items() if key not in ("kind", "dimension")}
-        block = vars(Blocks._read(name, plain))
-        return ConeBlock(**block, kind=data["kind"], dimension=data["dimension"])
+    kind: ClassVar[type[Block]] = ConeBlock
 
     def encode(self, value: tuple[Any, ...]) -> Any:
         return [

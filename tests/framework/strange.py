@@ -1,0 +1,275 @@
+"""Files and calls that nobody makes on purpose: instances and plans damaged at random, by a seed.
+
+Every case follows from its number alone, so that one that fails can be made again.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+Tree = Any
+
+
+class Raw:
+    """Text that stands in JSON as it is, for what Python's encoder would not write."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+
+#: Put in the place of any part of a file.
+VALUES: tuple[Any, ...] = (
+    None, True, False, 0, 1, -1, 2, 3, 7, 0.5, -0.0, 1e-300, 5e-324, 1e150, 1e308, -1.7e308, 2**31, 2**53, 2**63,
+    2**64, -(2**63) - 1, 10**30, 10**400, -(10**400), "", "0", "1.5", "nan", "\ud800", "a\udfff", "\0", "é" * 3, "x" * 50_000,
+    [], {}, [[]], [[], []], [None], [1], [1, 2, 3], [[1, 2], [3]], [True, 1], [1, "a"], [1, None], [10**400], [0.5, 10**30],
+    {"a": 1}, {"": None}, {"0": 0}, {"shape": [1, 1]}, {"kind": "x"}, {"size": -1, "start": 0},
+    Raw("1e400"), Raw("-1e400"), Raw("9" * 5000), Raw("-" + "9" * 5000), Raw("1" + "0" * 350), Raw("NaN"), Raw("Infinity"),
+    Raw("-Infinity"), Raw("[" * 200 + "]" * 200), Raw("[" * 30_000 + "]" * 30_000), Raw('{"a":' * 300 + "1" + "}" * 300),
+    Raw('{"a": 1, "a": 2}'), Raw("[1e400]"), Raw("[1e308, -1e308]"), Raw("01"), Raw("'a'"), Raw("0x10"), Raw("1_000"),
+)  # fmt: skip
+
+
+def written(tree: Tree) -> str:
+    """Return `tree` as JSON text, :class:`Raw` parts as they stand."""
+    raw: list[str] = []
+
+    def plain(value: Any) -> str:
+        raw.append(value.text)
+        return f"@raw{len(raw) - 1}@"
+
+    # Numbers beyond what Python turns into text are written by way of Raw only.
+    text = json.dumps(tree, default=plain)
+    return re.sub('"@raw([0-9]+)@"', lambda found: raw[int(found[1])], text)
+
+
+def places(tree: Tree, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Return the path of every part of `tree`, its own first."""
+    found = [at]
+    if isinstance(tree, dict):
+        for key, value in tree.items():
+            found += places(value, (*at, key))
+    elif isinstance(tree, list):
+        # Of a long list, both ends and the middle: else its entries would be all that is ever hit.
+        chosen = {*range(min(len(tree), 3)), len(tree) // 2, len(tree) - 1} if tree else ()
+        for key in sorted(chosen):
+            found += places(tree[key], (*at, key))
+    return found
+
+
+def mutated(tree: Tree, draw: random.Random) -> Tree:
+    """Return `tree` with one part changed in a way that is drawn."""
+    tree = json.loads(json.dumps(tree))
+    everywhere = places(tree)
+    at = draw.choice(everywhere[1:] or everywhere)
+    if not at:
+        return draw.choice(VALUES)
+    holder = tree
+    for key in at[:-1]:
+        holder = holder[key]
+    key, value = at[-1], holder[at[-1]]
+    ways = ["replace"] * 4 + ["drop", "wrap", "twice"]
+    if isinstance(value, list):
+        ways += ["shorter", "longer", "shuffle", "every", "empty"] * 2
+    elif isinstance(value, dict):
+        ways += ["more", "rename", "less"]
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        ways += ["scale", "negate", "shift", "word"]
+    # What CasADi wrote is replaced as a whole: how its damaged text is read is tested elsewhere.
+    way = draw.choice(ways)
+    if way == "replace":
+        holder[key] = draw.choice(VALUES)
+    elif way == "drop":
+        del holder[key]
+    elif way == "wrap":
+        holder[key] = draw.choice([[value], {"0": value}, [[value]]])
+    elif way == "twice":
+        if isinstance(holder, list):
+            holder.insert(key, value)
+        else:
+            holder[draw.choice([key + "2", key.upper(), "\ud800", "x" * 10_000, ""])] = value
+    elif way == "shorter":
+        holder[key] = value[: draw.randrange(len(value) + 1)]
+    elif way == "longer":
+        holder[key] = value + draw.choice([value, [0], [None], [-1], [[0]]])
+    elif way == "shuffle":
+        draw.shuffle(value)
+    elif way == "every":
+        holder[key] = [draw.choice(VALUES)] * len(value)
+    elif way == "empty":
+        holder[key] = draw.choice([[], [[]], {}])
+    elif way == "more":
+        value[draw.choice(["x", "", "name", "\ud800"])] = draw.choice(VALUES)
+    elif way in ("rename", "less"):
+        if value:
+            name = draw.choice(list(value))
+            taken = value.pop(name)
+            if way == "rename":
+                value[name[::-1] + "_"] = taken
+    elif way == "scale":
+        holder[key] = draw.choice([value * 10**9, value * 1e150 if abs(value) < 1e150 else 0, value + 0.5])
+    elif way == "negate":
+        holder[key] = -value
+    elif way == "shift":
+        holder[key] = value + draw.choice([-1, 1, 1000, 10**6])
+    else:
+        holder[key] = str(value)
+    return tree
+
+
+def damaged(text: bytes, draw: random.Random) -> bytes:
+    """Return the bytes of a file with something done to them that no encoder does."""
+    at = draw.randrange(max(1, len(text)))
+    other = draw.randrange(max(1, len(text)))
+    low, high = min(at, other), max(at, other)
+    ways = (
+        lambda: text[:at],
+        lambda: text[at:],
+        lambda: text[:low] + text[high:],
+        lambda: text[:high] + text[low:],
+        lambda: b"\xef\xbb\xbf" + text,
+        lambda: text.replace(b",", b",\r\n"),
+        lambda: text[:at] + bytes([draw.randrange(256)]) + text[at + 1 :],
+        lambda: text[:at] + draw.choice([b"\xff", b"\0", b"\xed\xa0\x80", b'"', b"[", b"{", b"}", b"\\"]) + text[at:],
+        lambda: text.decode().encode("utf-16"),
+        lambda: re.sub(rb"[0-9.]+", lambda m: m[0] if draw.random() < 0.9 else b"1e400", text),
+        lambda: re.sub(rb"[0-9.]+", lambda m: m[0] if draw.random() < 0.8 else draw.choice([b"1e200", b"-1", b"0", b"null", b"99999999"]), text),
+        lambda: draw.choice([b"", b" ", b"null", b"1", b'"a"', b"[]", b"{}", b"\xff\xfe", b"NaN", b"[" * 100_000]),
+    )  # fmt: skip
+    return draw.choice(ways)()
+
+
+# -- what is damaged ------------------------------------------------------------------------------
+
+
+@cache
+def examples() -> tuple[tuple[str, str], ...]:
+    """Return small instances of every kind with a plan each, as JSON texts."""
+    return tuple(
+        (model.to_json(), json.dumps(model.plan_to_data(plan))) for model, plan in _examples()
+    )
+
+
+def _examples() -> list[tuple[Any, Any]]:
+    from carts import braking, cruising, relay, relayed
+
+    from crosstrack.models import (
+        ConeBlock, ConeKind, ConicProgram, ErrorCorrectionRouting, MinimumDerivative, MinimumSnap, MixedIntegerProgram,
+        NonlinearProgram, PhasePlan, ControlPlan, QuadraticProgram, Route, SatelliteSlew, TimeAllocation, Trajectory,
+        ProgramBuilder,
+    )  # fmt: skip
+    from crosstrack.models.optimal_control.plan import Piecewise
+
+    import casadi
+
+    points = [[0, 0, 0], [1.0, 0, 0], [1.5, 0, 0], [9, 9, 9], [3.5, 0, 0]]
+    kinds = ["A", "horizontal", "vertical", "horizontal", "B"]
+    routing = ErrorCorrectionRouting(points, kinds, 0.3, 0.3, 0.3, 0.3, 0.3, delta=0.1)
+    named = ErrorCorrectionRouting(
+        points, kinds, 0.3, 0.3, 0.3, 0.3, 0.3, 0.1, 0.2, True, ids=("a", 1, "c", "d", "e"), name="named",
+    )  # fmt: skip
+
+    through = [[0.0, 0.0], [1.0, 2.0], [3.0, 2.0]]
+    path = Trajectory([0.0, 1.0, 3.0], np.arange(32.0).reshape(2, 8, 2) % 3)
+    full = {
+        "derivatives": [[[None, None]], [[0.5, None]], [[None, None]]],
+        "corridor_lower": -9.0, "corridor_upper": [[9.0, 9.0], [9.0, 9.0]], "velocity_limit": [8.0, 9.0],
+        "acceleration_limit": 50.0, "jerk_limit": [[80.0], [90.0]], "polytope_segments": [0, 1],
+        "polytope_normals": [[1.0, 0.0], [0.0, 1.0]], "polytope_offsets": [5.0, 5.0], "degree": 9, "continuity": 3,
+    }  # fmt: skip
+
+    builder = ProgramBuilder()
+    x = builder.columns("x", 2, upper=[4.0, np.inf], cost=[1.0, 2.0], integral=True, template="item {0}", index=[0, 1])
+    y = builder.columns("y", 1, lower=-np.inf, cost=1.0)
+    builder.rows("cover", 2, ([0, 1], x, 1.0), ([0, 1], y, [1.0, 2.0]), lower=1.5, equation="3", unit="m")
+    builder.rows("cap", 1, (0, x, 1.0), upper=9.0)
+    mixed = builder.build(name="mixed")
+    hessian = [[2.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    rows = {
+        "cost": [1.0, -1.0, 0.0], "matrix": [[1.0, 1.0, 0.0], [0.0, 1.0, -1.0]], "row_lower": [1.0, -np.inf],
+        "row_upper": [1.0, 5.0], "column_lower": [-np.inf, 0.0, 0.0], "column_upper": [9.0, 9.0, np.inf],
+    }  # fmt: skip
+    quadratic = QuadraticProgram(hessian=hessian, **rows, offset=1.0, columns=mixed.columns)
+    conic = ConicProgram(
+        **rows, hessian=hessian,
+        cone_matrix=np.vstack([np.eye(3), np.eye(3), np.eye(3)]), cone_offset=np.arange(9.0),
+        cones=(
+            ConeBlock("soc", "4", 0, 3, kind=ConeKind.SECOND_ORDER),
+            ConeBlock("exp", "", 3, 3, kind=ConeKind.EXPONENTIAL),
+            ConeBlock("psd", "", 6, 3, "pair {0}", np.array([[0]]), kind=ConeKind.SEMIDEFINITE),
+        ),
+    )  # fmt: skip
+    v = casadi.MX.sym("x", 2)
+    rosenbrock = casadi.Function(
+        "rosenbrock", [v], [(1 - v[0]) ** 2 + 100 * (v[1] - v[0] ** 2) ** 2, casadi.vertcat(v[0] * v[1])],
+        ["x"], ["f", "g"],
+    )  # fmt: skip
+    nonlinear = NonlinearProgram(
+        rosenbrock, [0.5], [np.inf], [-np.inf, -2.0], [2.0, 2.0], [0.5, 1.0], [1.0, 2.0], [3.0], 10.0,
+    )  # fmt: skip
+
+    slew = SatelliteSlew.about("roll", 45.0, margin=0.1)
+    still = np.concatenate([slew.initial_attitude, np.zeros(7)])
+    nodes, knots = (np.array([-1.0, 0.0, 1.0]),), np.array([0.0, 20.0])
+    resting = ControlPlan(
+        (
+            PhasePlan(
+                "slew",
+                Piecewise(knots, nodes, (np.tile(still, (3, 1)),)),
+                Piecewise(knots, nodes, (np.zeros((3, 4)),), [-1.0] * 4, [1.0] * 4),
+                tuple(_slew_names("states")), tuple(_slew_names("controls")),
+            ),
+        )
+    )  # fmt: skip
+    vector = np.array([2.0, 0.0, 1.0])
+    return [
+        (routing, Route((0, 1, 2, 4))), (named, Route((0, 1, 2, 4))),
+        (MinimumSnap(through, [0.0, 1.0, 3.0]), path),
+        (MinimumSnap(through, [0.0, 1.0, 3.0], **full), path),
+        (MinimumDerivative(through, [0.0, 1.0, 3.0], order=3, weights=[1.0, 0.0, 2.0]), path),
+        (TimeAllocation(through, time_weight=100.0), path),
+        (TimeAllocation(through, total_time=5.0, order=3, velocity_limit=3.0), path),
+        (mixed, vector), (quadratic, vector), (conic, vector), (nonlinear, np.array([1.0, 1.0])),
+        (braking(bound=9.0, mixed_path={"upper": 9.0}).build(), cruising(costates=True)), (relay().build(), relayed()),
+        (slew, resting),
+    ]  # fmt: skip
+
+
+def _slew_names(what: str) -> list[str]:
+    from crosstrack.models import SatelliteSlew
+
+    phase = SatelliteSlew.about("roll", 45.0).lower().definition.phases[0]
+    return list(phase.state_names if what == "states" else phase.control_names)
+
+
+def strange_file(number: int) -> tuple[bytes, bytes]:
+    """Return the bytes of an instance and of a plan for it, one of them damaged or both."""
+    draw = random.Random(f"file {number}")
+    known = examples()
+    instance, plan = known[number % len(known)]
+    which = draw.random()
+    return _strange(instance, draw, which < 0.75), _strange(plan, draw, which > 0.65)
+
+
+def _strange(text: str, draw: random.Random, damage: bool) -> bytes:
+    if not damage:
+        return text.encode()
+    if draw.random() < 0.25:
+        return damaged(text.encode(), draw)
+    tree = json.loads(text)
+    for _ in range(draw.choice([1, 1, 1, 2, 3])):
+        tree = mutated(tree, draw) if not isinstance(tree, Raw) and not _holds_raw(tree) else tree
+    return written(tree).encode("utf-8", "surrogatepass")
+
+
+def _holds_raw(tree: Tree) -> bool:
+    if isinstance(tree, dict):
+        return any(map(_holds_raw, tree.values()))
+    if isinstance(tree, list):
+        return any(map(_holds_raw, tree))
+    return isinstance(tree, Raw)
