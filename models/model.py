@@ -354,9 +354,11 @@ def parse_json(text: str) -> Any:
 
     # Looked for only where the text may hold some, for texts may be long.
     suspect = _SUSPECT.search(text) is not None
-    hooks = {"parse_float": real, "parse_int": whole} if suspect else {}
     try:
-        found = json.loads(text, parse_constant=constant, object_pairs_hook=pairs, **hooks)
+        found = json.loads(
+            text, parse_constant=constant, object_pairs_hook=pairs,
+            parse_float=real if suspect else None, parse_int=whole if suspect else None,
+        )  # fmt: skip
         if suspect:
             _refuse_unwritten(found, (), beyond)
     except json.JSONDecodeError as error:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import UnsupportedOption
-from .fields import show
+from .fields import Optional, Real, Spec, Text, show
+from .records import Sequence, recorded
 
 __all__ = ["ROUNDING", "TOLERANCE", "Check", "Verification", "check_number", "check_tolerance"]
 
@@ -18,6 +19,23 @@ ROUNDING = 1e-9
 TOLERANCE = 1e-6
 #: Checks that a one-line summary names.
 SHOWN = 3
+
+
+#: What stored checks and verifications hold; null stands for infinity.
+_CHECK: dict[str, Spec] = {
+    "name": Text(),
+    "equation": Text(),
+    "worst": Optional(Real()),
+    "unit": Text(),
+    "tolerance": Optional(Real()),
+    "where": Text(),
+    "rounding": Optional(Real()),
+}
+_VERIFICATION: dict[str, Spec] = {
+    "objective": Optional(Real()),
+    "checks": Sequence(),
+    "spread": Real(0.0),
+}
 
 
 def check_number(
@@ -98,7 +116,7 @@ class Check:
     @property
     def ok(self) -> bool:
         """Whether the violation is accepted (never, when it is not a number)."""
-        return bool(self.worst <= self.tolerance)
+        return bool(self.worst <= self.tolerance < math.inf)
 
     @property
     def within_tolerance(self) -> bool:
@@ -115,25 +133,20 @@ class Check:
             "equation": self.equation,
             "worst": self.worst if self.worst < float("inf") else None,
             "unit": self.unit,
-            "tolerance": self.tolerance,
+            "tolerance": self.tolerance if self.tolerance < float("inf") else None,
             "where": self.where,
             "ok": self.ok,
             "within_tolerance": self.within_tolerance,
-            "rounding": self.rounding,
+            "rounding": self.rounding if self.rounding < float("inf") else None,
         }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Check:
-        """Return the check that :meth:`to_dict` wrote."""
-        return cls(
-            name=data["name"],
-            equation=data["equation"],
-            worst=float("inf") if data["worst"] is None else data["worst"],
-            unit=data["unit"],
-            tolerance=data["tolerance"],
-            where=data["where"],
-            rounding=data.get("rounding", ROUNDING),
-        )
+        """Return the check that :meth:`to_dict` wrote; bad data raises ``InvalidData``."""
+        found = recorded("a check", data, _CHECK, {"rounding": ROUNDING})
+        for key in ("worst", "tolerance", "rounding"):
+            found[key] = math.inf if found[key] is None else found[key]
+        return cls(**found)
 
     def __str__(self) -> str:
         state = "within tolerance" if self.within_tolerance else "ok" if self.ok else "VIOLATED"
@@ -162,6 +175,10 @@ class Verification:
     checks: tuple[Check, ...]
     spread: float = 0.0
 
+    def __post_init__(self) -> None:
+        if self.objective is not None and not math.isfinite(self.objective):
+            object.__setattr__(self, "objective", None)
+
     @property
     def ok(self) -> bool:
         """Whether the plan has an objective and every check is accepted."""
@@ -188,9 +205,9 @@ class Verification:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Verification:
-        """Return the verification that :meth:`to_dict` wrote."""
-        checks = tuple(Check.from_dict(check) for check in data["checks"])
-        return cls(data["objective"], checks, data.get("spread", 0.0))
+        """Return the verification that :meth:`to_dict` wrote; bad data raises ``InvalidData``."""
+        found = recorded("a verification", data, _VERIFICATION, {"spread": 0.0})
+        return cls(**{**found, "checks": tuple(map(Check.from_dict, found["checks"]))})
 
     def summary(self) -> str:
         """Return one word and, where it is not plain ok, the checks that say why."""

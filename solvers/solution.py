@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidData
-from ..models.fields import frozen
+from ..models.fields import Array, Optional, Real, Spec, Text, Whole
 from ..models.model import Model
+from ..models.records import Anything, Member, Sequence, Table, recorded
 from ..models.verification import Verification
 from .enums import Guarantee, Limit, Termination
 from .report.tables import frame, markup, render, solutions_table, verification_table
@@ -37,6 +38,27 @@ def relative_gap(primal: float | None, dual: float | None) -> float | None:
         return None
     gap = max(0.0, primal - dual) / max(abs(primal), abs(dual), 1e-10)
     return gap if gap > 1e-12 else 0.0
+
+
+_WORD, _NUMBER, _TABLE = Text(), Optional(Real()), Table()
+#: What a stored solution holds, as :meth:`Solution.to_dict` writes it.
+_RECORD: dict[str, Spec] = {
+    **dict.fromkeys(("model", "instance", "digest", "backend", "version", "message"), _WORD),
+    **dict.fromkeys(("formulation", "backend_version"), Optional(_WORD)),
+    "problem": _WORD,
+    "guarantee": Optional(Member(Guarantee)),
+    "termination": Member(Termination),
+    "limit": Optional(Member(Limit)),
+    **dict.fromkeys(("primal_bound", "dual_bound"), _NUMBER),
+    **dict.fromkeys(("plan", "rejected_plan", "verification"), Anything()),
+    **dict.fromkeys(("seconds", "options", "formulation_options", "statistics"), _TABLE),
+    **dict.fromkeys(("incumbents", "starts"), Sequence()),
+    "seed": Optional(Whole()),
+    "duals": Optional(Array(("rows",))),
+}
+#: What earlier versions did not write.
+_LATER = {"problem": "", "guarantee": None, "duals": None}
+_INCUMBENT: dict[str, Spec] = {"seconds": Real(), "objective": Real()}
 
 
 @dataclass(frozen=True)
@@ -206,38 +228,25 @@ class Solution(Generic[PlanT]):
         The plan comes back as an object where `model` is given, and only as :attr:`plan_data`
         otherwise.
         """
-        if not isinstance(data, Mapping) or "termination" not in data or "backend" not in data:
+        found = recorded("a solution", data, _RECORD, _LATER)
+        if model is not None and found["digest"] != model.digest:
             raise InvalidData(
-                "a solution needs the keys model, backend, termination …", field="solution"
-            )
-        if model is not None and data["digest"] != model.digest:
-            raise InvalidData(
-                f"the solution is for digest {data['digest'][:12]}, the model has {model.digest[:12]}",
+                f"the solution is for digest {found['digest'][:12]}, the model has {model.digest[:12]}",
                 field="digest",
             )
-        known = {
-            name: data[name]
-            for name in (
-                "model", "instance", "digest", "backend", "formulation", "primal_bound", "dual_bound",
-                "seconds", "backend_version", "version", "options", "formulation_options", "seed",
-                "statistics", "message", "rejected_plan",
-            )
-        }  # fmt: skip
-        plan = None if model is None or data["plan"] is None else model.plan_from_data(data["plan"])
+        plan, checked = found["plan"], found["verification"]
         return cls(
-            **known,
-            termination=Termination(data["termination"]),
-            problem=data.get("problem", ""),
-            guarantee=None if data.get("guarantee") is None else Guarantee(data["guarantee"]),
-            limit=None if data["limit"] is None else Limit(data["limit"]),
-            plan=plan,
-            stored_plan=data["plan"],
-            verification=None
-            if data["verification"] is None
-            else Verification.from_dict(data["verification"]),
-            incumbents=tuple(Incumbent(i["seconds"], i["objective"]) for i in data["incumbents"]),
-            starts=tuple(cls.from_dict(start, model) for start in data["starts"]),
-            duals=None if data.get("duals") is None else frozen(np.array(data["duals"], float)),
+            **{
+                **found,
+                "plan": None if model is None or plan is None else model.plan_from_data(plan),
+                "stored_plan": plan,
+                "verification": None if checked is None else Verification.from_dict(checked),
+                "incumbents": tuple(
+                    Incumbent(**recorded("an incumbent", one, _INCUMBENT, {}))
+                    for one in found["incumbents"]
+                ),
+                "starts": tuple(cls.from_dict(start, model) for start in found["starts"]),
+            }
         )
 
     def parts(self) -> list[Any]:

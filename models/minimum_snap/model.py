@@ -128,6 +128,7 @@ class MinimumDerivative(PathData):
 
     # -- plans -----------------------------------------------------------------------------------
 
+    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
     def verify(self, plan: Trajectory, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective by quadrature, and every condition at the knots and in between.
 

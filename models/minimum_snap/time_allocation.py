@@ -233,6 +233,7 @@ continuity
         price = self.time_weight * plan.duration
         return float(abs(price - total) / max(price, total))
 
+    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
     def verify(self, plan: Trajectory, *, tolerance: float = TOLERANCE) -> Verification:
         """Return J + ρ ΣT, and every constraint of the problem at the plan's own times.
 

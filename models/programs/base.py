@@ -175,6 +175,7 @@ class RowProgram(BlockProgram):
 
     kind: ClassVar[str] = "linearly-constrained-program"
 
+    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective and the worst violation of every block of rows and columns.
 

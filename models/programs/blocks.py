@@ -50,7 +50,24 @@ class Block:
         for field, spec in _BLOCK.items():
             value = spec.coerce(field, getattr(self, field), {})
             object.__setattr__(self, field, value)
-        _check_template(self.template, 0 if self.index is None else self.index.shape[1])
+        self._check()
+
+    def _check(self) -> None:
+        """Raise where the index does not fit the entries, or the template the index."""
+        if self.index is None:
+            return
+        if len(self.index) != self.count:
+            raise InvalidData(
+                f"index must have a row for each of {self.count} entries, got {len(self.index)}",
+                field="index",
+            )
+        if self.count:
+            _check_template(self.template, self.index.shape[1])
+
+    @property
+    def count(self) -> int:
+        """Number of entries, those that `index` has rows for."""
+        return self.size
 
     @property
     def slice(self) -> slice:
@@ -94,7 +111,7 @@ def _check_template(template: str, count: int) -> None:
     except ValueError:
         parts = [("", "", "", None)]
     known = set(map(str, range(count)))
-    if count and any(field not in known or spec or turn for _, field, spec, turn in parts):
+    if any(field not in known or spec or turn for _, field, spec, turn in parts):
         raise InvalidData(
             f"template must hold {', '.join(f'{{{k}}}' for k in range(count))} and text, "
             f"got {show(template)}",
@@ -220,10 +237,7 @@ class Sparse(Spec):
         if set(data) != {"shape", "indptr", "indices", "data"}:
             raise InvalidData(f"{name} needs the keys shape, indptr, indices, data", field=name)
         try:
-            parts = {
-                key: spec.coerce(key, data[key], {})
-                for key, spec in _SPARSE.items()
-            }
+            parts = {key: spec.coerce(key, data[key], {}) for key, spec in _SPARSE.items()}
             if parts["indptr"].size and parts["indptr"][-1] != parts["data"].size:
                 raise InvalidData(
                     f"indptr ends at {parts['indptr'][-1]}, {parts['data'].size} entries are given"

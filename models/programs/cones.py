@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Whole, show
+from ..fields import Whole
+from ..records import Member
 from .blocks import Block, Blocks
 
 __all__ = ["ConeBlock", "ConeKind", "Cones", "inside_dual", "missing", "symmetric", "triangle"]
@@ -48,14 +49,9 @@ class ConeBlock(Block):
     kind: ConeKind
     dimension: int = 0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         object.__setattr__(self, "dimension", Whole(0).coerce("dimension", self.dimension, {}))
-        try:
-            object.__setattr__(self, "kind", ConeKind(self.kind))
-        except ValueError:
-            allowed = ", ".join(ConeKind)
-            raise InvalidData(f"a cone is {allowed}, not {show(self.kind)}", field="kind") from None
+        object.__setattr__(self, "kind", Member(ConeKind).coerce("kind", self.kind, {}))
         object.__setattr__(self, "dimension", self.dimension or self.size)
         wrong = self.size < 1 or self.dimension < 1 or self.size % self.dimension
         if self.kind == ConeKind.EXPONENTIAL:
@@ -70,6 +66,7 @@ class ConeBlock(Block):
                 f"{self.dimension} rows",
                 field="cones",
             )
+        super()._check()
 
     @property
     def count(self) -> int:

@@ -77,9 +77,13 @@ class ConicProgram(RowProgram):
     kind: ClassVar[str] = "conic-program"
 
     def __post_init__(self) -> None:
-        size = np.size(self.cost)
-        bounds = [bound for bound in (self.row_lower, self.row_upper) if bound is not None]
-        rows = np.size(bounds[0]) if bounds else 0
+        # What these two are is what the others have by default.
+        given = {"cost": Array(("n",)).coerce("cost", self.cost, {})}
+        for name, sign in (("row_lower", -1), ("row_upper", 1)):
+            if getattr(self, name) is not None:
+                given[name] = Array(("m",), infinity=sign).coerce(name, getattr(self, name), {})
+        size = given.pop("cost").size
+        rows = next((bound.size for bound in given.values()), 0)
         for name, nothing in (
             ("hessian", sp.csr_array((size, size))),
             ("matrix", sp.csr_array((0, size))),
@@ -142,6 +146,7 @@ class ConicProgram(RowProgram):
         rows: Vector = self.cone_matrix @ point + self.cone_offset
         return rows
 
+    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective and the worst violation of every block of rows, columns and cones.
 

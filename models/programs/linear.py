@@ -84,6 +84,7 @@ class MixedIntegerProgram(RowProgram):
         """Return the objective at `point`."""
         return float(self.cost @ point + self.offset)
 
+    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective and the worst violation of every block, integrality included."""
         found = super().verify(plan, tolerance=tolerance)

@@ -122,6 +122,7 @@ class NonlinearProgram(BlockProgram):
         """Return the objective at `point`."""
         return self.values(point)[0]
 
+    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective and the worst violation of every block of rows and columns.
 

@@ -151,6 +151,7 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
     def _problem(self) -> OptimalControlProblem:
         return slew_problem(self, self.name)
 
+    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
     def verify(self, plan: ControlPlan, *, tolerance: float = TOLERANCE) -> Verification:
         """Return J by quadrature and every condition, the motion integrated anew.
 

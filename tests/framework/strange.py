@@ -112,7 +112,9 @@ def mutated(tree: Tree, draw: random.Random) -> Tree:
             if way == "rename":
                 value[name[::-1] + "_"] = taken
     elif way == "scale":
-        holder[key] = draw.choice([value * 10**9, value * 1e150 if abs(value) < 1e150 else 0, value + 0.5])
+        holder[key] = draw.choice(
+            [value * 10**9, value * 1e150 if abs(value) < 1e150 else 0, value + 0.5]
+        )
     elif way == "negate":
         holder[key] = -value
     elif way == "shift":
@@ -184,9 +186,19 @@ def _examples() -> list[tuple[Any, Any]]:
     }  # fmt: skip
 
     builder = ProgramBuilder()
-    x = builder.columns("x", 2, upper=[4.0, np.inf], cost=[1.0, 2.0], integral=True, template="item {0}", index=[0, 1])
+    x = builder.columns(
+        "x",
+        2,
+        upper=[4.0, np.inf],
+        cost=[1.0, 2.0],
+        integral=True,
+        template="item {0}",
+        index=[0, 1],
+    )
     y = builder.columns("y", 1, lower=-np.inf, cost=1.0)
-    builder.rows("cover", 2, ([0, 1], x, 1.0), ([0, 1], y, [1.0, 2.0]), lower=1.5, equation="3", unit="m")
+    builder.rows(
+        "cover", 2, ([0, 1], x, 1.0), ([0, 1], y, [1.0, 2.0]), lower=1.5, equation="3", unit="m"
+    )
     builder.rows("cap", 1, (0, x, 1.0), upper=9.0)
     mixed = builder.build(name="mixed")
     hessian = [[2.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 1.0]]

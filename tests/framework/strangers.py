@@ -76,7 +76,12 @@ def _files(numbers: range, report: Any) -> None:
                     outcome = "traceback"
                 elif "Warning:" in said:
                     outcome = "warning"
-                report("end", number, outcome, said[-1500:] if not outcome.startswith("exit") or codes[-1] == 1 else "")
+                report(
+                    "end",
+                    number,
+                    outcome,
+                    said[-1500:] if not outcome.startswith("exit") or codes[-1] == 1 else "",
+                )
 
 
 def _calls(numbers: range, report: Any) -> None:
@@ -105,7 +110,9 @@ def _calls(numbers: range, report: Any) -> None:
                 import traceback
 
                 frames = traceback.extract_tb(error.__traceback__)
-                where = " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in reversed(frames[-5:]))
+                where = " < ".join(
+                    f"{Path(f.filename).name}:{f.lineno}" for f in reversed(frames[-5:])
+                )
                 said = f"{name}: {type(error).__name__}: {str(error)[:200]} [{where}] {calls.shown(positional, named)}"
             faulthandler.cancel_dump_traceback_later()
             report("end", number, outcome, said)
@@ -156,7 +163,9 @@ def run(what: str, begin: int, end: int, workers: int = 2) -> tuple[Counter[str]
                 else:
                     counts[rest[0]] += 1
                     if rest[1]:
-                        faults.append(f"{what} {number} {last[1] if last else ''}: {rest[0]}: {rest[1]}")
+                        faults.append(
+                            f"{what} {number} {last[1] if last else ''}: {rest[0]}: {rest[1]}"
+                        )
             done.wait()
             reader.join()
             if done.returncode == 0:
@@ -164,7 +173,9 @@ def run(what: str, begin: int, end: int, workers: int = 2) -> tuple[Counter[str]
             assert last is not None, errors
             hung = "Timeout (" in errors[0]
             counts["hang" if hung else "crash"] += 1
-            faults.append(f"{what} {last}: {'hang' if hung else f'crash {done.returncode}'}: {errors[0][-1500:]}")
+            faults.append(
+                f"{what} {last}: {'hang' if hung else f'crash {done.returncode}'}: {errors[0][-1500:]}"
+            )
             first = last[0] + workers
 
     threads = [threading.Thread(target=share, args=(begin + k,)) for k in range(workers)]
