@@ -1,14 +1,16 @@
 """The command line: it parses, calls the public face and prints.
 
-Exit codes: 0 verified; 1 internal error; 2 usage or bad data; 3 proven infeasible or unbounded;
+Exit codes: 0 verified; 1 internal error; 2 usage, bad data, or an output that
+cannot be written; 3 proven infeasible or unbounded;
 4 no answer within limits, or an inconclusive comparison; 5 backend missing or broken; 6 verification
 failed, or a contradiction; 130 interrupted with the incumbent kept.
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import importlib
-import os
 import sys
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,9 +19,12 @@ from typing import Any, NoReturn, cast
 import click
 
 from .cli.options import INTERNAL, INTERRUPTED, MISSING, USAGE, VERIFIED
-from .errors import BackendBroken, BackendMissing, CrosstrackError
-from .solvers.report.terminal import emit, say
+from .errors import BackendBroken, BackendMissing, CrosstrackError, InvalidData
+from .solvers.report.terminal import discard, emit, prepare, say
 from .version import __version__
+
+#: How writing fails on a full disk or a closed stream.
+_UNWRITABLE = {getattr(errno, name) for name in ("EBADF", "EDQUOT", "EFBIG", "EIO", "ENOSPC")}
 
 #: The module below `cli` that holds each command.
 _HOMES = {
@@ -63,10 +68,15 @@ def cli() -> None:
 
 def fail(code: int, error: BaseException, as_json: bool) -> NoReturn:
     """Report an error on standard error, as JSON on standard output where that was asked, and exit."""
+    message = error.format_message() if isinstance(error, click.ClickException) else str(error)
     if as_json:
         field = getattr(error, "field", None)
-        emit({"error": {"type": type(error).__name__, "message": str(error), "field": field}})
-    say(f"error: {error}")
+        with contextlib.suppress(InvalidData):  # standard error says it as well
+            emit({"error": {"type": type(error).__name__, "message": message, "field": field}})
+    if isinstance(error, click.ClickException):
+        error.show()
+    else:
+        say(f"error: {message}")
     sys.exit(code)
 
 
@@ -74,21 +84,11 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit with its code."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     as_json = "--json" in arguments
+    prepare()
     try:
         code = cli.main(arguments, prog_name="crosstrack", standalone_mode=False)
     except click.ClickException as error:
-        if as_json:
-            emit(
-                {
-                    "error": {
-                        "type": type(error).__name__,
-                        "message": error.format_message(),
-                        "field": None,
-                    }
-                }
-            )
-        error.show()
-        sys.exit(USAGE)
+        fail(USAGE, error, as_json)
     except (BackendMissing, BackendBroken) as error:
         fail(MISSING, error, as_json)
     except CrosstrackError as error:
@@ -96,14 +96,20 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except (KeyboardInterrupt, click.Abort):
         say("interrupted")
         sys.exit(INTERRUPTED)
-    except BrokenPipeError:
-        # The reader closed the pipe; Python must not try to flush into it at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(INTERNAL)
+    except OSError as error:  # of click's own output; what else is written has errors of its own
+        if error.errno not in _UNWRITABLE:
+            _report_bug(error, as_json)
+        discard(sys.stdout)
+        say(f"error: cannot write: {error.strerror}")
+        sys.exit(USAGE)
     except Exception as error:
-        traceback.print_exc()
-        fail(INTERNAL, RuntimeError(f"internal error: {type(error).__name__}: {error}"), as_json)
+        _report_bug(error, as_json)
     sys.exit(code if isinstance(code, int) else VERIFIED)
+
+
+def _report_bug(error: Exception, as_json: bool) -> NoReturn:
+    traceback.print_exc()
+    fail(INTERNAL, RuntimeError(f"internal error: {type(error).__name__}: {error}"), as_json)
 
 
 if __name__ == "__main__":

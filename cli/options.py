@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -100,19 +101,26 @@ def numbers(text: str) -> set[int]:
 
 
 def picture_path(value: str | None) -> Path | None:
-    """Return where a picture goes; a name that no picture has raises."""
+    """Return where a picture goes; a name that no picture has, or no matplotlib, raises now."""
+    if value is None:
+        return None
     from ..instances.storage import writable
+    from ..models.plots import require_matplotlib
 
-    return None if value is None else writable(value, _PLOT_SUFFIXES)
+    require_matplotlib()
+    return writable(value, _PLOT_SUFFIXES)
 
 
 def draw(model: Model[Any], plan: Any, path: Path, tolerance: float | None = None) -> None:
     """Write the picture of a plan or solution, held to `tolerance` where the picture has one."""
+    from ..instances.storage import write_bytes
     from ..models.plots import picture_options, plot
     from ..solvers.report.terminal import say
 
     options = only(tolerance=tolerance) if "tolerance" in picture_options(model.kind) else {}
-    plot(model, plan, **options).savefig(path, dpi=150)
+    picture = io.BytesIO()
+    plot(model, plan, **options).savefig(picture, dpi=150, format=path.suffix[1:].lower())
+    write_bytes(path, picture.getvalue())
     say(f"picture: {path}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from typing import Any
 
@@ -50,6 +51,8 @@ def check(
     model = load(instance)
     found = read_plan(model, plan)
     verification = verify(model, found, formulation=formulation, **only(tolerance=tolerance))
+    if picture is not None:
+        draw(model, found, picture, tolerance)
     if as_json:
         emit({"model": model.kind, "instance": model.name, "verification": verification.to_dict()})
     else:
@@ -58,8 +61,6 @@ def check(
         )
         show(f"{model.name}: {'verified' if verification.ok else 'NOT verified'}{objective}")
         show(verification_table(verification))
-    if picture is not None:
-        draw(model, found, picture, tolerance)
     return VERIFIED if verification.ok else VIOLATED
 
 
@@ -67,7 +68,9 @@ def check(
 @click.argument("instance")
 @click.argument("plan", metavar="PLAN.json")
 @click.option("--format", "form", help="A format of the problem (default: its first).")
-@click.option("--output", metavar="FILE", required=True, help="The file to write.")
+@click.option(
+    "--output", metavar="FILE", required=True, help="The file to write; - is standard output."
+)
 @click.option("--rate", type=float, help="Samples a unit of time, for samples (default: 100).")
 @click.option(
     "--precision",
@@ -97,27 +100,43 @@ def export(
     """
     from ..instances.catalogue import load
     from ..instances.exports import choose_format, export_plan
-    from ..instances.storage import read_plan, writable
+    from ..instances.storage import read_plan, read_text, writable
     from ..solvers.dispatch import verify
-    from ..solvers.report.tables import verification_table
-    from ..solvers.report.terminal import emit, show
+    from ..solvers.report.tables import render, verification_table
+    from ..solvers.report.terminal import emit, say, show, write
 
     asked = only(rate=rate, precision=precision) | pairs(options, "--option")
     model = load(instance)
     name, chosen = choose_format(model, form, asked)
-    writable(output, (chosen.suffix,))
+    streamed = output == "-"
+    if streamed and as_json:
+        raise click.UsageError("--json and --output - both want standard output for themselves")
+    if not streamed:
+        writable(output, (chosen.suffix,))
     found = read_plan(model, plan)
     verification = verify(model, found, **only(tolerance=tolerance))
     if not verification.ok:
-        show(f"{model.name}: NOT verified, nothing written")
-        show(verification_table(verification))
+        parts = f"{model.name}: NOT verified, nothing written", verification_table(verification)
+        if as_json:
+            emit({"format": name, "path": None, "verification": verification.to_dict()})
+        elif streamed:
+            say(render(*parts))
+        else:
+            show(*parts)
         return VIOLATED
-    report = export_plan(model, found, output, name, **asked)
+    with tempfile.TemporaryDirectory() as folder:
+        path = f"{folder}/plan{chosen.suffix}" if streamed else output
+        report = export_plan(model, found, path, name, **asked)
+        if streamed:
+            write(read_text(path))
     says_more = hasattr(report, "to_dict")
+    words = str(report).replace(path, output) if says_more else f"{output}: {found}"
     if as_json:
         emit({"format": name, "path": output, **(report.to_dict() if says_more else {})})
+    elif streamed:
+        say(words)
     else:
-        show(str(report) if says_more else f"{output}: {found}")
+        show(words)
     return VERIFIED
 
 

@@ -58,7 +58,11 @@ __all__ = ["compare", "reproduce", "solve"]
     "--isolate/--no-isolate", default=None, help="Run in a worker process, or in this one."
 )
 @plot
-@click.option("--output", metavar="FILE", help="Write the solution as JSON.")
+@click.option(
+    "--output",
+    metavar="FILE",
+    help="Write the solution as JSON; - is standard output, and nothing else goes there.",
+)
 def solve(
     instance: str, backend: str, options: Sequence[str], formulation_options: Sequence[str], as_json: bool,
     plot: str | None, output: str | None, warm_start: str | None, starts: int, isolate: bool | None, **asked: Any,
@@ -69,7 +73,9 @@ def solve(
     from ..solvers import dispatch
     from ..solvers.report.terminal import emit, progress, say, show
 
-    picture, record = picture_path(plot), None if output is None else writable(output)
+    as_json = as_json or output == "-"
+    picture = picture_path(plot)
+    record = None if output in (None, "-") else writable(output)
     model = load(instance)
     start = None if warm_start is None else read_plan(model, warm_start)
     with progress(f"{instance}: {backend}") as news:
@@ -84,12 +90,7 @@ def solve(
             formulation_options=pairs(formulation_options, "--formulation-option"),
             **only(**asked),
         )
-    if as_json:
-        emit(solution.to_dict())
-    else:
-        show(*solution.parts())
-        if solution.termination in ("infeasible", "locally_infeasible"):
-            show(f"crosstrack diagnose {instance} says why")
+    # Files first: a reader that closes the pipe must not cost the answer.
     if record is not None:
         write_text(record, solution.to_json(indent=2) + "\n")
     if picture is not None:
@@ -97,6 +98,12 @@ def solve(
             say("no plan, no picture")
         else:
             draw(model, solution, picture)
+    if as_json:
+        emit(solution.to_dict())
+    else:
+        show(*solution.parts())
+        if solution.termination in ("infeasible", "locally_infeasible"):
+            show(f"crosstrack diagnose {instance} says why")
     return _solve_code(solution)
 
 
@@ -151,6 +158,8 @@ def compare(
 
     if resume and jsonl is None:
         raise click.UsageError("--resume needs --jsonl FILE")
+    if jsonl == "-":
+        raise click.UsageError("--jsonl takes a file, for --resume reads it; --json prints")
     models = [load(instance) for instance in instances]
     chosen = (
         [name.strip() for name in names.split(",") if name.strip()]

@@ -13,6 +13,7 @@ import math
 import os
 import re
 import secrets
+import stat
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -31,6 +32,7 @@ __all__ = [
     "read_text",
     "register_references",
     "writable",
+    "write_bytes",
     "write_model",
     "write_text",
 ]
@@ -119,28 +121,46 @@ def read_text(path: str | os.PathLike[str]) -> str:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InvalidData(f"{file}: cannot be read: {reason}") from None
+    return _decoded(raw, file)
+
+
+def _decoded(raw: bytes, file: str | Path) -> str:
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         raise InvalidData(
-            f"{file}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8: "
-            "save the file as UTF-8"
+            f"{file}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8: save it as UTF-8"
         ) from None
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> Path:
-    """Write `text` as UTF-8 in one step: whoever reads sees the old content or the new."""
-    file = Path(path)
+    """Write `text` as UTF-8 in one step: whoever reads sees the old content or the new.
+
+    Raises
+    ------
+    InvalidData
+        The text or the file cannot be written, or the path leads to no regular file.
+    """
     try:
         raw = text.encode()
     except UnicodeEncodeError as error:
-        raise InvalidData(f"{file}: {text[error.start]!r} cannot be written as UTF-8") from None
+        raise InvalidData(f"{path}: {text[error.start]!r} cannot be written as UTF-8") from None
+    return write_bytes(path, raw)
+
+
+def write_bytes(path: str | os.PathLike[str], raw: bytes) -> Path:
+    """Write `raw` in one step, as :func:`write_text` does; an existing file keeps its mode."""
+    file = Path(path)
     # A link stays a link: what it points at is replaced.
     target = Path(os.path.realpath(file))
     partial = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
+        old = target.stat() if target.exists() else None
+        _require_regular(file, old)
         with partial.open("xb") as stream:
+            if old is not None:
+                os.fchmod(stream.fileno(), stat.S_IMODE(old.st_mode))
             stream.write(raw)
             stream.flush()
             os.fsync(stream.fileno())
@@ -151,6 +171,12 @@ def write_text(path: str | os.PathLike[str], text: str) -> Path:
         with contextlib.suppress(OSError):
             partial.unlink()
     return file
+
+
+def _require_regular(file: Path, found: os.stat_result | None) -> None:
+    """Raise where `found` is no regular file: a device or a pipe must not be replaced by a file."""
+    if found is not None and not stat.S_ISREG(found.st_mode):
+        raise InvalidData(f"{file}: is no regular file, and only such are written", field="file")
 
 
 def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
@@ -169,7 +195,9 @@ def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
     InvalidData
         The file cannot be read, holds no plan, or none of this model.
     """
-    text = sys.stdin.read() if source == "-" else read_text(source)
+    text = (
+        _decoded(sys.stdin.buffer.read(), "standard input") if source == "-" else read_text(source)
+    )
     data = parse_json(text)
     if isinstance(data, Mapping) and "plan" in data:
         if data["plan"] is None:
@@ -196,7 +224,11 @@ def writable(path: str | os.PathLike[str], suffixes: Sequence[str] = ()) -> Path
         )
     if not file.parent.is_dir():
         raise InvalidData(f"{file}: folder {file.parent} does not exist", field="file")
-    if file.is_dir() or not os.access(file if file.exists() else file.parent, os.W_OK):
+    exists = file.exists()
+    _require_regular(file, file.stat() if exists else None)
+    # What replaces the file is written beside it first.
+    folder = Path(os.path.realpath(file)).parent
+    if not os.access(folder, os.W_OK) or (exists and not os.access(file, os.W_OK)):
         raise InvalidData(f"{file}: cannot be written", field="file")
     return file
 

@@ -117,11 +117,12 @@ class Record:
         trace: TracebackType | None,
     ) -> None:
         if self._file is not None:
-            if fcntl is not None:
-                # A process forked meanwhile holds the file, and its lock, open.
-                with contextlib.suppress(OSError):  # where it could not be locked
+            with contextlib.suppress(OSError):  # no lock, or what `add` has told already
+                if fcntl is not None:
+                    # A process forked meanwhile holds the file, and its lock, open.
                     fcntl.flock(self._file, fcntl.LOCK_UN)
-            self._file.close()
+            with contextlib.suppress(OSError):
+                self._file.close()
 
     def find(self, job: Job, model: Model[Any]) -> Solution[Any] | None:
         """Return the recorded solution of `job`, None where it must be run."""
@@ -133,7 +134,12 @@ class Record:
         assert self._file is not None, "a record is written inside a with statement"
         data = {**solution.to_dict(), "key": job.key()}
         line = json.dumps(data, allow_nan=False, ensure_ascii=False).encode() + b"\n"
-        self._file.write(line)
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        try:
+            self._file.write(line)
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise InvalidData(
+                f"record {self.path} cannot be written: {error.strerror}", field="record"
+            ) from None
         self._done[data["key"]] = data

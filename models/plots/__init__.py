@@ -14,7 +14,7 @@ from ..verification import TOLERANCE
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["picture_options", "plot", "register_plot"]
+__all__ = ["picture_options", "plot", "register_plot", "require_matplotlib"]
 
 #: Functions (model, plan, **options) -> Figure that users registered, by model kind.
 _REGISTERED: dict[str, Any] = {}
@@ -74,11 +74,8 @@ def picture_options(kind: str) -> tuple[str, ...]:
     return tuple(inspect.signature(_picture(kind)).parameters)[2:]
 
 
-def _picture(kind: str) -> Callable[..., Figure]:
-    """Return the function that draws models of `kind`, or raise what :func:`plot` raises."""
-    pictures = {**table(__package__.rpartition(".")[0], "PICTURES"), **_REGISTERED}
-    if kind not in pictures:
-        raise UnknownName("picture of the model", kind, pictures)
+def require_matplotlib() -> None:
+    """Raise :class:`BackendMissing`, saying what to install, where matplotlib is not there."""
     try:
         import matplotlib.figure  # noqa: F401
     except ModuleNotFoundError as error:
@@ -86,6 +83,14 @@ def _picture(kind: str) -> Callable[..., Figure]:
             f"pictures need matplotlib, which is not installed ({error}): "
             "pip install 'crosstrack[plot]'"
         ) from error
+
+
+def _picture(kind: str) -> Callable[..., Figure]:
+    """Return the function that draws models of `kind`, or raise what :func:`plot` raises."""
+    pictures = {**table(__package__.rpartition(".")[0], "PICTURES"), **_REGISTERED}
+    if kind not in pictures:
+        raise UnknownName("picture of the model", kind, pictures)
+    require_matplotlib()
     found: Callable[..., Figure] = resolve(pictures[kind])
     return found
 

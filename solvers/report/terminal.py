@@ -2,33 +2,91 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TextIO
 
-__all__ = ["emit", "progress", "say", "show"]
+from ...errors import InvalidData
+
+__all__ = ["discard", "emit", "prepare", "progress", "say", "show", "write"]
+
+
+@contextmanager
+def _writing() -> Iterator[None]:
+    """Raise ``InvalidData`` where standard output cannot be written: full, closed, or a broken pipe."""
+    try:
+        yield
+        sys.stdout.flush()  # what cannot be written must fail here, not when Python ends
+    except OSError as error:
+        discard(sys.stdout)
+        raise InvalidData(
+            f"standard output cannot be written: {error.strerror}", field="standard output"
+        ) from None
 
 
 def show(*parts: Any) -> None:
     """Print tables and text to standard output, with colours on a terminal only."""
     from rich.console import Console
 
+    class Whole(Console):
+        def on_broken_pipe(self) -> None:
+            raise  # the error that is being handled; rich would end the process with code 1
+
     # A pipe has no width of its own: tables must not fold at 80 columns there.
-    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
-    for part in parts:
-        console.print(part, markup=False, soft_wrap=isinstance(part, str))
+    console = Whole(width=None if sys.stdout.isatty() else 160, highlight=False)
+    with _writing():
+        for part in parts:
+            console.print(part, markup=False, soft_wrap=isinstance(part, str))
 
 
 def emit(data: Any) -> None:
-    """Print JSON to standard output."""
-    sys.stdout.write(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+    """Print JSON to standard output, with escapes for what its encoding cannot write."""
+    text = json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False)
+    try:
+        text.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:
+        text = json.dumps(data, indent=2, allow_nan=False)
+    write(text + "\n")
+
+
+def write(text: str) -> None:
+    """Print text to standard output as it is."""
+    with _writing():
+        sys.stdout.write(text)
 
 
 def say(text: str) -> None:
-    """Print a message to standard error."""
-    sys.stderr.write(text + "\n")
+    """Print a message to standard error; where even that cannot be written, nobody can be told."""
+    try:
+        sys.stderr.write(text + "\n")
+        sys.stderr.flush()
+    except OSError:
+        discard(sys.stderr)
+
+
+def prepare() -> None:
+    """Make the standard streams usable whatever they are: closed, or with an encoding of few letters."""
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            # A closed descriptor would be taken by the next file that is opened, into which whatever
+            # prints would write. Standard output must fail when written to, so it is open to read.
+            how = os.O_RDONLY if name == "stdout" else os.O_RDWR
+            os.set_inheritable(os.open(os.devnull, how), True)
+            mode = "r" if name == "stdin" else "w"
+            setattr(sys, name, os.fdopen(descriptor, mode, closefd=False))
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+
+
+def discard(stream: TextIO) -> None:
+    """Let `stream` lead nowhere, so that Python does not fail at its end on what could not be written."""
+    with contextlib.suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 @contextmanager
