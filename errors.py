@@ -28,7 +28,15 @@ __all__ = [
     "UnknownName",
     "UnsupportedFormulation",
     "UnsupportedOption",
+    "suggestion",
 ]
+
+
+def suggestion(name: object, known: Iterable[str]) -> str:
+    """Return ``"did you mean …? "`` with the names nearest to `name`, empty where none is near."""
+    folded = {one.casefold(): one for one in known}
+    near = difflib.get_close_matches(str(name).casefold(), folded, n=3)
+    return f"did you mean {' or '.join(repr(folded[one]) for one in near)}? " if near else ""
 
 
 class CrosstrackError(Exception):
@@ -66,10 +74,8 @@ class UnknownName(CrosstrackError, LookupError):
 
     def __init__(self, what: str, name: str, known: Iterable[str]) -> None:
         names = sorted(known)
-        near = difflib.get_close_matches(name, names, n=3)
-        hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
         listed = ", ".join(names) if names else "none"
-        super().__init__(f"unknown {what} {name!r}: {hint}known: {listed}")
+        super().__init__(f"unknown {what} {name!r}: {suggestion(name, names)}known: {listed}")
         self.what = what
         self.name = name
 

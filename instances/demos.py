@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..errors import UnknownName, UnsupportedOption
+from ..errors import UnknownName, UnsupportedOption, suggestion
 from ..models.model import Model
 from ..models.problems import loadable
 from .catalogue import entry
@@ -88,6 +88,7 @@ def build_demo(problem: str, given: Mapping[str, Any]) -> Model[Any]:
         if name not in demo.options:
             raise UnsupportedOption(
                 f"the demonstration of {problem!r} has no option {name!r}; "
+                f"{suggestion(name, demo.options)}"
                 f"its options: {', '.join(demo.options) or 'none'}"
             )
     if demo.build is None or not given:

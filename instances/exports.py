@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import UnknownName, UnsupportedFormulation, UnsupportedOption
+from ..errors import UnknownName, UnsupportedFormulation, UnsupportedOption, suggestion
 from ..models.model import Model
 from ..models.problems import declared_in, problem_of, resolve
 
@@ -68,7 +68,8 @@ def choose_format(
         if option not in chosen.options:
             known = ", ".join(chosen.options) or "none"
             raise UnsupportedOption(
-                f"export format {name!r} has no option {option!r}; its options: {known}"
+                f"export format {name!r} has no option {option!r}; "
+                f"{suggestion(option, chosen.options)}its options: {known}"
             )
     return name, chosen
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from ..errors import InvalidData
+from ..errors import InvalidData, suggestion
 from .fields import Spec, show
 
 __all__ = ["Declared", "Listed", "Nested"]
@@ -75,9 +75,10 @@ class Declared:
         extra = cls.input_names()
         for key in data:
             if key not in known and key not in extra:
-                allowed = ", ".join(sorted({*known, *extra}))
+                allowed = sorted({*known, *extra})
                 raise InvalidData(
-                    f"unknown key {key!r} in the data of {cls._label()}; allowed: {allowed}",
+                    f"unknown key {key!r} in the data of {cls._label()}; "
+                    f"{suggestion(key, allowed)}allowed: {', '.join(allowed)}",
                     field=str(key),
                 )
         for key, field in known.items():

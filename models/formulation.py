@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UnsupportedOption
+from ..errors import UnsupportedOption, suggestion
 
 if TYPE_CHECKING:
     from .model import Model
@@ -60,7 +60,7 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
             if name not in known:
                 raise UnsupportedOption(
                     f"formulation {cls.name!r} has no option {name!r}; "
-                    f"its options: {', '.join(known) or 'none'}"
+                    f"{suggestion(name, known)}its options: {', '.join(known) or 'none'}"
                 )
         return cls(model, **options)
 

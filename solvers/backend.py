@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import BackendMissing, UnsupportedOption
+from ..errors import BackendMissing, UnsupportedOption, suggestion
 from ..models.model import Model
 from ..version import __version__
 from .control import Control
@@ -312,7 +312,8 @@ class Backend(ABC):
             if name not in self.options:
                 known = ", ".join(sorted(self.options)) or "none"
                 raise UnsupportedOption(
-                    f"backend {self.name!r} has no option {name!r}; its own options: {known}"
+                    f"backend {self.name!r} has no option {name!r}; "
+                    f"{suggestion(name, self.options)}its own options: {known}"
                 )
         return {
             name: option.check(f"backend {self.name!r}", name, given[name])

@@ -25,7 +25,7 @@ from .campaign import Record
 from .execution import GRACE
 from .isolation import Worker
 from .job import Job
-from .registry import find_backend
+from .registry import find_backend, recommended
 from .report.tables import frame, markup, render
 from .solution import Solution
 from .verdict import Outcome, Verdict, judge
@@ -142,7 +142,8 @@ def compare(
     models : sequence of Model
         What is asked.
     backends : sequence of str or Backend
-        Names, ``"name:formulation"`` for one on a certain formulation, or backend objects.
+        Names, ``"name:formulation"`` for one on a certain formulation, ``"auto"`` for the one that
+        :func:`crosstrack.solve` takes, or backend objects.
     formulation, formulation_options : optional
         For the backends that take programs.
     time_limit : float, optional
@@ -223,7 +224,7 @@ def compare(
                 tasks.append(
                     _task(
                         (row, column, turn), model, backend, wanted, common, warm[row],
-                        backend_options or {},
+                        (backend_options or {}).get(_name_of(asked), {}),
                     )
                 )  # fmt: skip
             common["seed"] = seed
@@ -274,8 +275,9 @@ def _named(
 ) -> tuple[Backend, str | None]:
     """Return the backend and the formulation that ``"name:formulation"`` asks for."""
     if isinstance(backend, str) and ":" in backend:
-        name, _, formulation = backend.partition(":")
-        return find_backend(name, model), formulation
+        backend, _, formulation = backend.partition(":")
+    if backend == "auto":
+        return recommended(model, formulation), formulation
     return find_backend(backend, model), formulation
 
 
@@ -298,7 +300,7 @@ def _task(
     formulation: str | None,
     common: Mapping[str, Any],
     warm_start: Any,
-    own: Mapping[str, Mapping[str, Any]],
+    own: Mapping[str, Any],
 ) -> _Task:
     """Return the task with the common options that the backend knows."""
     asked = dict(common)
@@ -320,7 +322,7 @@ def _task(
         backend=backend,
         formulation=None if native else formulation,
         warm_start=warm_start if usable else None,
-        backend_options=dict(own.get(backend.name, {})),
+        backend_options=dict(own),
         **asked,
     )
     backend.checked_options(job.backend_options)

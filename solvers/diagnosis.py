@@ -116,7 +116,7 @@ def diagnose(
     model : Model
         What is asked.
     backend : str or Backend, optional
-        An exact backend for programs; the deletion filter is used.
+        An exact backend for programs, or ``"auto"``; the deletion filter is used.
     formulation : str, optional
         The formulation to filter; ``"paper"`` unless another is named.
     time_limit : float, optional
@@ -160,7 +160,10 @@ def filtered(
         if not isinstance(written.program, RowProgram):
             raise UnsupportedFormulation(f"formulation {written.name!r} has no linear rows")
         program = written.program
-    solver = recommended(program) if backend is None else find_backend(backend, program)
+    if backend is None or backend == "auto":
+        solver = recommended(program)
+    else:
+        solver = find_backend(backend, program)
     if solver.guarantee is not Guarantee.EXACT or not isinstance(program, solver.accepts):
         raise UnsupportedFormulation(
             f"the deletion filter needs an exact backend for a {program.kind}; "

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from ...errors import BackendMissing, UnknownName, UnsupportedOption
+from ...errors import BackendMissing, UnknownName, UnsupportedOption, suggestion
 from ..model import Model, as_model
 from ..problems import resolve, table
 from ..verification import TOLERANCE
@@ -104,5 +104,5 @@ def _refuse_unknown(kind: str, draw: Callable[..., Any], options: dict[str, Any]
         if name not in known:
             raise UnsupportedOption(
                 f"the picture of {kind!r} has no option {name!r}; "
-                f"its options: {', '.join(known) or 'none'}"
+                f"{suggestion(name, known)}its options: {', '.join(known) or 'none'}"
             )

@@ -83,6 +83,20 @@ def test_solve_in_words(instance):
         (["solve", "error-correction/1", "--option", "x"], 2, "KEY=VALUE"),
         (["solve", "error-correction/1", "--plot", "picture.doc"], 2, "picture"),
         (["solve", "error-correction/1", "--plot", "no/such/folder/a.png"], 2, "folder"),
+        (["solve", "error-correction/1", "--backend", "HIGHS"], 2, "did you mean 'highs'?"),
+        (["solve", "ERROR-CORRECTION/7"], 2, "did you mean 'error-correction/7'"),
+        (["solve", "error-correction/1", "--tim-limit", "1"], 2, "Did you mean '--time-limit'?"),
+        (["slove", "error-correction/1"], 2, "Did you mean 'solve'?"),
+        (
+            ["solve", "error-correction/1", "--backend", "highs", "--formulation", "Paper"],
+            2,
+            "did you mean 'paper'?",
+        ),
+        (
+            ["solve", "error-correction/1", "--backend", "highs", "--option", "Presolv=on"],
+            2,
+            "did you mean 'presolve'?",
+        ),
         (["compare", "error-correction/1", "--resume"], 2, "--jsonl"),
         (["reproduce", "nonsense"], 2, "unknown problem"),
     ],
@@ -203,6 +217,10 @@ def test_compare_verdicts_and_resume(instance, tmp_path):
     assert "AGREED" in run(*arguments, "--resume").stdout
     assert record.read_text() == before
     run("compare", one, "--backends", "labelling", code=4)
+    auto = json.loads(run("compare", one, "--backends", "auto,highs", "--json").stdout)
+    names = [answer["backend"] for answer in auto["instances"][0]["solutions"]]
+    assert names == ["label-setting", "highs"]
+    assert run("diagnose", one, "--backend", "auto").stdout
 
 
 def test_interrupted_is_130_with_the_incumbent(tmp_path):
