@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.programs.linear import QuadraticProgram
-from ...models.verification import ROUNDING
+from ...models.verification import ROUNDING, TOLERANCE
 
 __all__ = ["Quality", "measured"]
 
@@ -95,8 +95,10 @@ def measured(program: QuadraticProgram, point: Vector, duals: Vector | None) -> 
     if duals is not None and np.isfinite(duals).all():
         y = program.signed(duals)
     with np.errstate(over="ignore", invalid="ignore"):
-        found = program.verify(x, tolerance=1.0)
-        violation = max((check.worst / check.tolerance for check in found.checks), default=0.0)
+        found = program.verify(x)
+        violation = max(
+            (check.worst / check.tolerance * TOLERANCE for check in found.checks), default=0.0
+        )
         objective = program.objective(x)
         linear = float(program.cost @ x)
         terms = (
