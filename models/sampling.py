@@ -26,7 +26,7 @@ def sample_count(duration: float, rate: Any) -> int:
     plain = isinstance(rate, int | float) and not isinstance(rate, bool)
     if not plain or not 0 < rate <= sys.float_info.max:
         raise InvalidData(f"rate must be > 0 and finite, got {show(rate)}", field="rate")
-    steps = duration * rate * (1.0 + 1e-12)
+    steps = duration * float(rate) * (1.0 + 1e-12)
     if not steps < MOST_SAMPLES:
         raise InvalidData(
             f"rate must give at most {MOST_SAMPLES} samples, got {show(rate)}: {steps:.3g} samples in "
