@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 from ..errors import UnsupportedOption
 from .fields import Optional, Real, Spec, Text, show
@@ -13,10 +13,12 @@ from .records import Sequence, recorded
 
 __all__ = ["ROUNDING", "TOLERANCE", "Check", "Verification", "check_number", "check_tolerance"]
 
-#: Largest violation that rounding explains, for a constraint whose right-hand side is 1 or less.
+#: Largest violation that rounding explains, relative to the scale of the constraint.
 ROUNDING = 1e-9
 #: Largest violation that a solver's feasibility tolerance excuses, scaled alike.
 TOLERANCE = 1e-6
+#: Share of a limit that its tolerance must not exceed without a word.
+NEAR = 0.1
 #: Checks that a one-line summary names.
 SHOWN = 3
 
@@ -30,6 +32,8 @@ _CHECK: dict[str, Spec] = {
     "tolerance": Optional(Real()),
     "where": Text(),
     "rounding": Optional(Real()),
+    "scale": Optional(Real()),
+    "limit": Optional(Real()),
 }
 _VERIFICATION: dict[str, Spec] = {
     "objective": Optional(Real()),
@@ -96,13 +100,18 @@ class Check:
     worst : float
         Largest violation, in `unit`; 0 when the constraint holds everywhere.
     unit : str
-        Unit of `worst` and `tolerance`.
+        Unit of `worst`, `tolerance`, `rounding`, `scale` and `limit`.
     tolerance : float
         Largest violation accepted.
     where : str
         The place of the largest violation, or of the least slack.
     rounding : float
         Largest violation that rounding alone explains.
+    scale : float
+        Magnitude of the constraint's data, in `unit`, which tolerances are relative to.
+    limit : float, optional
+        The limit that was checked, or the least where there are several; None where it is 0 or
+        where there is none.
     """
 
     name: str
@@ -112,6 +121,45 @@ class Check:
     tolerance: float
     where: str
     rounding: float = ROUNDING
+    scale: float = 1.0
+    limit: float | None = None
+
+    @classmethod
+    def scaled(
+        cls,
+        name: str,
+        equation: str,
+        worst: float,
+        unit: str,
+        where: str,
+        tolerance: float,
+        scale: float,
+        *,
+        noise: float = 0.0,
+        limit: float | None = None,
+    ) -> Self:
+        """Return the check of a constraint whose data have the magnitude `scale`.
+
+        Parameters
+        ----------
+        name, equation, worst, unit, where, limit
+            As in the class.
+        tolerance : float
+            Largest violation accepted, relative to `scale`.
+        scale : float
+            Magnitude of the constraint's data, in `unit`: the limit itself where there is one.
+        noise : float
+            What the digits of the plan cannot resolve, in `unit`; it is excused besides.
+        """
+        return cls(
+            name, equation, float(worst), unit, float(tolerance * scale + noise), where,
+            float(ROUNDING * scale + noise), float(scale), limit or None,
+        )  # fmt: skip
+
+    @property
+    def near(self) -> bool:
+        """Whether the limit lies near the tolerance: a tenth of it or more may be broken."""
+        return self.limit is not None and self.tolerance >= NEAR * abs(self.limit)
 
     @property
     def ok(self) -> bool:
@@ -138,13 +186,16 @@ class Check:
             "ok": self.ok,
             "within_tolerance": self.within_tolerance,
             "rounding": self.rounding if self.rounding < float("inf") else None,
+            "scale": self.scale if self.scale < float("inf") else None,
+            "limit": self.limit,
         }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Check:
         """Return the check that :meth:`to_dict` wrote; bad data raises ``InvalidData``."""
-        found = recorded("a check", data, _CHECK, {"rounding": ROUNDING})
-        for key in ("worst", "tolerance", "rounding"):
+        older = {"rounding": ROUNDING, "scale": 1.0, "limit": None}
+        found = recorded("a check", data, _CHECK, older)
+        for key in ("worst", "tolerance", "rounding", "scale"):
             found[key] = math.inf if found[key] is None else found[key]
         return cls(**found)
 
@@ -190,6 +241,11 @@ class Verification:
         return tuple(check for check in self.checks if check.within_tolerance)
 
     @property
+    def near(self) -> tuple[Check, ...]:
+        """The checks whose limit lies near the tolerance, so that they say little."""
+        return tuple(check for check in self.checks if check.near)
+
+    @property
     def violated(self) -> tuple[Check, ...]:
         """The checks that are not accepted."""
         return tuple(check for check in self.checks if not check.ok)
@@ -211,10 +267,11 @@ class Verification:
 
     def summary(self) -> str:
         """Return one word and, where it is not plain ok, the checks that say why."""
-        if self.ok:
-            near = self.within_tolerance
-            return "ok" if not near else "within tolerance: " + _listed(near)
-        return "violated: " + (_listed(self.violated) or "no objective")
+        if not self.ok:
+            return "violated: " + (_listed(self.violated) or "no objective")
+        over, near = self.within_tolerance, self.near
+        found = "ok" if not over else "within tolerance: " + _listed(over)
+        return found + (f"; limits near the tolerance: {_listed(near)}" if near else "")
 
     def __str__(self) -> str:
         head = "verified" if self.ok else "NOT verified"

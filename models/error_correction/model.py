@@ -225,7 +225,7 @@ class ErrorCorrectionRouting(Model[Route]):
     @cached_property
     def rounded_limits(self) -> NDArray[np.float64]:
         """:attr:`limits` with what rounding excuses added, as searches compare; shape (4, 2)."""
-        return frozen(self.limits + ROUNDING * np.maximum(1.0, self.limits))
+        return frozen(self.limits + ROUNDING * self.limits)
 
     def label(self, point: int) -> str:
         """Return the name of `point` in its file."""
@@ -373,5 +373,7 @@ class ErrorCorrectionRouting(Model[Route]):
         if arrivals:
             error, stop = max(arrivals, key=lambda pair: pair[0])
             worst, where = max(error - limit, 0.0), f"point {self.label(stop.point)}"
-        scale = max(1.0, limit)
-        return Check(name, equation, worst, "error", tolerance * scale, where, ROUNDING * scale)
+        # Sums of errors round relative to themselves, and they meet the threshold there.
+        return Check.scaled(
+            name, equation, worst, "error", where, tolerance, limit, limit=limit
+        )

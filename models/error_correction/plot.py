@@ -124,7 +124,7 @@ def violated_stops(model: ErrorCorrectionRouting, stops: list[Stop]) -> list[int
     A or end at B or passes through either, and a point visited again where that is forbidden.
     """
     last = len(stops) - 1
-    allowed = model.limits + TOLERANCE * np.maximum(1.0, model.limits)
+    allowed = model.limits * (1.0 + TOLERANCE)
     bad = []
     seen: set[int] = set()
     for place, stop in enumerate(stops):
