@@ -20,7 +20,7 @@ import click
 
 from .cli.options import INTERNAL, INTERRUPTED, MISSING, USAGE, VERIFIED
 from .errors import BackendBroken, BackendMissing, CrosstrackError, InvalidData
-from .solvers.report.terminal import discard, emit, prepare, say
+from .solvers.report.terminal import discard, emit, prepare, reserve, say
 from .version import __version__
 
 #: How writing fails on a full disk or a closed stream.
@@ -85,6 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     as_json = "--json" in arguments
     prepare()
+    reserve()
     try:
         code = cli.main(arguments, prog_name="crosstrack", standalone_mode=False)
     except click.ClickException as error:
@@ -94,8 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except CrosstrackError as error:
         fail(USAGE, error, as_json)
     except (KeyboardInterrupt, click.Abort):
-        say("interrupted")
-        sys.exit(INTERRUPTED)
+        fail(INTERRUPTED, KeyboardInterrupt("interrupted"), as_json)
     except OSError as error:  # of click's own output; what else is written has errors of its own
         if error.errno not in _UNWRITABLE:
             _report_bug(error, as_json)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..solvers.report.terminal import reserved
+
 if TYPE_CHECKING:
     from ..models.model import Model
     from ..solvers.crosscheck import Comparison
@@ -38,13 +40,25 @@ INTERRUPTED = 130
 
 _PLOT_SUFFIXES = (".png", ".pdf", ".svg")
 
+
 #: The options that commands share one by one.
-as_json = click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
+def as_json(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--json``, and leave standard output to what the command answers."""
+    option = click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
+    found: Callable[..., Any] = option(reserved()(command))
+    return found
+
+
+in_process = click.option(
+    "--in-process",
+    is_flag=True,
+    help="Run solvers in this process, where one that crashes ends the command.",
+)
 plot = click.option("--plot", metavar="FILE", help="Write a picture of the plan (png, pdf, svg).")
 tolerance = click.option(
     "--tolerance", type=float, help="Largest violation accepted, relative to max(1, limit)."
 )
-_COMMON = [
+_COMMON: list[Callable[..., Any]] = [
     click.option("--formulation", help="Formulation for backends that take programs."),
     click.option("--time-limit", type=float, help="Seconds for a run, building included."),
     click.option("--gap", type=float, help="Relative gap at which an exact backend may stop."),

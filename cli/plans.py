@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import click
@@ -15,6 +16,7 @@ from .options import (
     VIOLATED,
     as_json,
     draw,
+    in_process,
     only,
     pairs,
     picture_path,
@@ -151,18 +153,34 @@ def export(
     show_default=True,
     help="Seconds for each program solved.",
 )
+@in_process
 @as_json
 def diagnose(
-    instance: str, backend: str | None, formulation: str | None, time_limit: float, as_json: bool
+    instance: str,
+    backend: str | None,
+    formulation: str | None,
+    time_limit: float,
+    in_process: bool,
+    as_json: bool,
 ) -> int:
     """Say why INSTANCE has no plan, in the paper's words (exit code 3), or that it has one (0)."""
     from ..instances.catalogue import load
     from ..solvers import diagnosis
+    from ..solvers.isolation import Worker
     from ..solvers.report.terminal import emit, progress, show
 
     model = load(instance)
     with progress(f"{instance}: looking for the reason"):
-        found = diagnosis.diagnose(model, backend, formulation=formulation, time_limit=time_limit)
+        search = partial(
+            diagnosis.diagnose, model, backend, formulation=formulation, time_limit=time_limit
+        )
+        if in_process:
+            found = search()
+        else:
+            with Worker() as worker:
+                found = diagnosis.Diagnosis.from_dict(
+                    worker.call(lambda: search().to_dict(), deadline=float("inf"))
+                )
     if as_json:
         emit(found.to_dict())
     else:

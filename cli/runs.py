@@ -18,6 +18,7 @@ from .options import (
     common,
     compare_code,
     draw,
+    in_process,
     numbers,
     only,
     pairs,
@@ -54,9 +55,8 @@ __all__ = ["compare", "reproduce", "solve"]
     metavar="KEY=VALUE",
     help="An option of the formulation.",
 )
-@click.option(
-    "--isolate/--no-isolate", default=None, help="Run in a worker process, or in this one."
-)
+@in_process
+@click.option("--verbose", is_flag=True, help="Show the solver's own log on standard error.")
 @plot
 @click.option(
     "--output",
@@ -65,12 +65,13 @@ __all__ = ["compare", "reproduce", "solve"]
 )
 def solve(
     instance: str, backend: str, options: Sequence[str], formulation_options: Sequence[str], as_json: bool,
-    plot: str | None, output: str | None, warm_start: str | None, starts: int, isolate: bool | None, **asked: Any,
+    plot: str | None, output: str | None, warm_start: str | None, starts: int, in_process: bool, verbose: bool, **asked: Any,
 ) -> int:  # fmt: skip
     """Solve INSTANCE and verify the answer."""
     from ..instances.catalogue import load
     from ..instances.storage import read_plan, writable, write_text
     from ..solvers import dispatch
+    from ..solvers.registry import find_backend, is_plain, recommended
     from ..solvers.report.terminal import emit, progress, say, show
 
     as_json = as_json or output == "-"
@@ -78,13 +79,16 @@ def solve(
     record = None if output in (None, "-") else writable(output)
     model = load(instance)
     start = None if warm_start is None else read_plan(model, warm_start)
+    auto = backend == "auto"
+    chosen = recommended(model, asked["formulation"]) if auto else find_backend(backend, model)
     with progress(f"{instance}: {backend}") as news:
         solution = dispatch.solve(
             model,
-            backend,
+            chosen,
             warm_start=start,
             starts=starts,
-            isolate=isolate,
+            isolate=False if in_process else None if is_plain(chosen) else True,
+            verbose=verbose,
             on_incumbent=lambda i: news(f"incumbent {i.objective:.10g} after {i.seconds:.1f} s"),
             backend_options=pairs(options, "--option"),
             formulation_options=pairs(formulation_options, "--formulation-option"),

@@ -65,6 +65,8 @@ class Request:
         Evaluations of the objective that are granted, counted with :meth:`Control.evaluated`.
     target : float, optional
         The objective of a plan that is good enough to stop at.
+    verbose : bool
+        Whether the solver is to print its own log, which is then read from its process's output.
     options : mapping
         The backend's own options, checked, defaults filled in.
     control : Control
@@ -80,6 +82,7 @@ class Request:
     cutoff: float | None = None
     evaluations: int | None = None
     target: float | None = None
+    verbose: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
     control: Control = field(default_factory=Control)
 

@@ -32,12 +32,23 @@ class Control:
         Stops the run beside the deadline.
     forward : callable, optional
         ``(objective, point)``: told of every incumbent, as the run that this one is a stage of is.
+    patience : float, optional
+        Seconds after which a run in a process of its own, which can be killed, is given up when it
+        does not stop.
+
+    Attributes
+    ----------
+    bound : float, optional
+        The lower bound that the backend has proven so far; what is given up keeps it.
+    abandoned : bool
+        Whether a backend was given up; its thread may still run.
     """
 
     def __init__(
         self,
         criterion: Criterion | None = None,
         forward: Callable[[float, Any], None] | None = None,
+        patience: float | None = None,
     ) -> None:
         self.flag: NDArray[np.int8] = np.zeros(1, np.int8)
         self.reason: Limit | None = None
@@ -46,6 +57,9 @@ class Control:
         self.evaluations = 0
         self.stages = 0
         self.criterion = criterion
+        self.patience = patience
+        self.bound: float | None = None
+        self.abandoned = False
         self._forward = forward
         self._whole: Control | None = None
         self._best, self._improved = math.inf, self.started
@@ -70,6 +84,12 @@ class Control:
         self.flag[0] = 1
         for stage in self._stages:
             stage.stop(reason)
+
+    def abandon(self) -> None:
+        """Note that the run was given up, and with it all that it is a stage of."""
+        self.abandoned = True
+        if self._whole is not None:
+            self._whole.abandon()
 
     def check(self) -> None:
         """Stop the run where its criterion is reached."""
@@ -115,7 +135,7 @@ class Control:
         self, seconds: float | None, forward: Callable[[float, Any], None] | None = None
     ) -> Iterator[Control]:
         """Yield the control of a part of the run, which stops with it or after `seconds`."""
-        part = Control(forward=forward)
+        part = Control(forward=forward, patience=self.patience)
         part._whole = self
         self._stages.append(part)
         self.stages += 1

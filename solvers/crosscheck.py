@@ -23,10 +23,12 @@ from .assembly import Claim, assemble
 from .backend import Backend, Feature, Limit, Termination
 from .campaign import Record
 from .execution import GRACE
+from .interrupts import on_interrupt
 from .isolation import Worker
 from .job import Job
 from .registry import find_backend, recommended
 from .report.tables import frame, markup, render
+from .running import PATIENCE
 from .solution import Solution
 from .verdict import Outcome, Verdict, judge
 
@@ -372,7 +374,9 @@ def _by_threads(tasks: deque[_Task], count: int, grace: float, finished: Finishe
 
     A worker serves one backend only, and lives while that backend has jobs left.
     """
-    results: queue.SimpleQueue[tuple[_Task, Solution[Any] | BaseException]] = queue.SimpleQueue()
+    # None for each thread that has ended.
+    results: queue.SimpleQueue[tuple[_Task, Solution[Any] | BaseException] | None]
+    results = queue.SimpleQueue()
     lock = threading.Lock()
     idle: dict[int, list[Worker]] = {}
     busy: set[Worker] = set()
@@ -380,9 +384,14 @@ def _by_threads(tasks: deque[_Task], count: int, grace: float, finished: Finishe
     stop = threading.Event()
     for task in tasks:
         left[task.column] = left.get(task.column, 0) + 1
-    total = len(tasks)
 
     def work() -> None:
+        try:
+            drive()
+        finally:
+            results.put(None)
+
+    def drive() -> None:
         while True:
             with lock:
                 if stop.is_set() or not tasks:
@@ -411,79 +420,92 @@ def _by_threads(tasks: deque[_Task], count: int, grace: float, finished: Finishe
                             other.close()
             results.put((task, outcome))
 
+    def interrupt() -> None:
+        interrupted.append(True)
+        stop.set()
+        with lock:
+            for worker in busy:
+                worker.interrupt()
+
+    interrupted: list[bool] = []
     threads = [
         threading.Thread(target=work, name="crosstrack-compare", daemon=True) for _ in range(count)
     ]
-    interrupted = False
-
-    def receive() -> None:
-        task, outcome = results.get()
-        if isinstance(outcome, BaseException):
-            raise outcome
-        finished(task, outcome)
-
+    running = count
     try:
         for thread in threads:
             thread.start()
-        try:
-            for _ in range(total):
-                receive()
-        except KeyboardInterrupt:
-            interrupted = True
-            stop.set()
-            with lock:
-                running = list(busy)
-            for worker in running:
-                worker.interrupt()
-            for thread in threads:
-                thread.join()
-            while not results.empty():
-                receive()
+        with on_interrupt(interrupt):
+            while running:
+                received = results.get()
+                if received is None:
+                    running -= 1
+                    continue
+                task, outcome = received
+                if isinstance(outcome, BaseException):
+                    raise outcome
+                finished(task, outcome)
     finally:
         stop.set()
         with lock:
             tasks.clear()
             for worker in [*busy, *(w for group in idle.values() for w in group)]:
                 worker.close()
-    return interrupted
+    return bool(interrupted)
 
 
 def _by_pool(tasks: deque[_Task], pool: Executor, grace: float, finished: Finished) -> bool:
     """Run the tasks in an executor whose tasks only launch workers; return whether Ctrl-C ended it."""
     futures: dict[Future[bytes], _Task] = {}
-    for task in tasks:
-        if task.refusal is not None:
-            finished(task, _refused(task))
-        else:
-            futures[pool.submit(_launch, cloudpickle.dumps((task.job, grace)))] = task
-    open_futures = set(futures)
-    try:
-        while open_futures:
+    interrupted: list[float] = []
+
+    def interrupt() -> None:
+        interrupted.append(time.monotonic())
+        for worker in _launched.copy():
+            worker.interrupt()
+
+    with on_interrupt(interrupt):
+        for task in tasks:
+            if interrupted:
+                break
+            if task.refusal is not None:
+                finished(task, _refused(task))
+            else:
+                futures[pool.submit(_launch, cloudpickle.dumps((task.job, grace)))] = task
+        while futures:
+            if interrupted:
+                futures = {f: task for f, task in futures.items() if not f.cancel()}
+                if time.monotonic() - interrupted[0] > 3 * PATIENCE:
+                    break  # it runs elsewhere, where nobody was told
             # Polled, for executors of other libraries do not fit concurrent.futures.wait.
-            done = {future for future in open_futures if future.done()}
+            done = [future for future in futures if future.done()]
             if not done:
                 time.sleep(0.02)
-                continue
-            open_futures -= done
             for future in done:
-                task = futures[future]
+                task = futures.pop(future)
                 try:
                     data = cloudpickle.loads(future.result())
+                except KeyboardInterrupt:  # Ctrl-C reached the executor's processes as well
+                    interrupted.append(time.monotonic())
                 except Exception as error:  # the executor lost the task: its row, no other
                     log.error("the executor lost a task", exc_info=error)
                     finished(task, failed(task.job, f"executor: {type(error).__name__}: {error}"))
                 else:
                     finished(task, Solution.from_dict(data, task.job.model))
-    except KeyboardInterrupt:
-        for future in open_futures:
-            future.cancel()
-        return True
-    return False
+    return bool(interrupted)
 
 
 def _launch(request: bytes) -> bytes:
     """Run one job in a fresh worker; executed inside an executor's process or thread."""
     job, grace = cloudpickle.loads(request)
     with Worker() as worker:
-        message = cloudpickle.dumps(_run(worker, job, grace).to_dict())
+        _launched.add(worker)
+        try:
+            message = cloudpickle.dumps(_run(worker, job, grace).to_dict())
+        finally:
+            _launched.discard(worker)
     return bytes(message)
+
+
+#: The workers that an executor's threads in this process have launched.
+_launched: set[Worker] = set()

@@ -90,6 +90,21 @@ class Diagnosis:
             "findings": [finding.to_dict() for finding in self.findings],
         }
 
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Diagnosis:
+        """Return the diagnosis that :meth:`to_dict` wrote."""
+        words = ("text", "equation", "where")
+        findings = tuple(
+            Finding(
+                one["text"],
+                one["equation"],
+                one["where"],
+                {key: value for key, value in one.items() if key not in words} or None,
+            )
+            for one in data["findings"]
+        )
+        return cls(**{**data, "findings": findings})
+
     def __str__(self) -> str:
         head = f"{self.instance}: {self.summary}" if self.instance else self.summary
         shown = [f"  - {finding.text}" for finding in self.findings[:_SHOWN]]

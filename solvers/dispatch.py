@@ -13,6 +13,7 @@ from .backend import Backend
 from .execution import execute, multistart
 from .isolation import in_worker
 from .job import Job
+from .output import shown
 from .registry import rivals
 from .solution import Incumbent, Solution
 from .stopping import Criterion
@@ -40,6 +41,7 @@ def solve(
     starts: int = 1,
     on_incumbent: Callable[[Incumbent[PlanT]], None] | None = None,
     isolate: bool | None = None,
+    verbose: bool = False,
     backend_options: Mapping[str, Any] | None = None,
 ) -> Solution[PlanT]:
     """Solve `model` and verify the answer.
@@ -83,6 +85,9 @@ def solve(
     isolate : bool, optional
         Run in a worker process. By default only where the backend cannot be interrupted, or where
         a library that clashes with it is loaded.
+    verbose : bool
+        Show the solver's own log, and each incumbent, while it runs: as ``INFO`` of the log
+        ``crosstrack.output``, which goes to standard error where no handler is set up.
     backend_options : mapping, optional
         The backend's own options; they win over the common ones.
 
@@ -114,20 +119,30 @@ def solve(
         stop=stop,
         warm_start=None if warm_start is None else model.as_plan(warm_start),
         starts=starts,
+        verbose=verbose,
         backend_options=dict(backend_options or {}),
     ).resolved()
+    with shown(verbose):
+        return _run(job, isolate, on_incumbent)
+
+
+def _run(
+    job: Job, isolate: bool | None, listener: Callable[[Incumbent[Any]], None] | None
+) -> Solution[Any]:
+    """Run `job`, whose backend is resolved, in this process or in a worker."""
+    model = job.model
     hides = bool(model.hidden_fields())
     if hides and isolate is False:
         raise UnsupportedOption(
             f"model {model.kind!r} hides data from backends, which run in a worker: isolate=False"
         )
-    if hides and starts > 1:
+    if hides and job.starts > 1:
         job.target()
-        return multistart(job, lambda one, **_: in_worker(one, listener=on_incumbent))
+        return multistart(job, lambda one, **_: in_worker(one, listener=listener))
     if hides or (needs_worker(job) if isolate is None else isolate):
         job.target()  # what cannot be had raises here, before a process starts
-        return in_worker(job, listener=on_incumbent)
-    return execute(job, listener=on_incumbent)
+        return in_worker(job, listener=listener)
+    return execute(job, listener=listener)
 
 
 def needs_worker(job: Job) -> bool:

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import copy
 import logging
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -17,6 +14,7 @@ from ..errors import InvalidData
 from .assembly import Claim, assemble
 from .backend import Answer, Control, Request
 from .enums import Feature, Limit, Termination
+from .interrupts import on_interrupt
 from .job import GAP, Job
 from .refinement import CLAIMS_NONE, proven_bound, proves, refine
 from .running import GRACE, Listener, Run
@@ -52,10 +50,12 @@ def execute(
     begin = time.perf_counter()
     job = job.resolved()
     asked = job.model.digest
+    control = control or Control()
     found = claim(job, listener=listener, on_prepare=on_prepare, control=control)
     if type(job.backend).__module__.partition(".")[0] != __name__.partition(".")[0]:
         job, found = _as_asked(job, asked, found)
-    solution = assemble(job, found)
+    with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # what was found is verified
+        solution = assemble(job, found)
     return replace(solution, seconds={**solution.seconds, "total": time.perf_counter() - begin})
 
 
@@ -82,11 +82,13 @@ def claim(
     if job.time_limit is not None:
         left = max(job.time_limit - (time.perf_counter() - started), 1e-3)
         request = replace(request, time_limit=left)
-    with _interrupt(control):
+    with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):
         answer, problem = refine(run, problem, request)
-    if control.reason is Limit.INTERRUPTED and answer.limit is None:
-        answer = replace(answer, limit=Limit.INTERRUPTED)  # asked for when all was done but this
-    return _claim(run, answer, problem)
+        if control.reason is Limit.INTERRUPTED and answer.limit is None:
+            answer = replace(
+                answer, limit=Limit.INTERRUPTED
+            )  # asked for when all was done but this
+        return _claim(run, answer, problem)
 
 
 def _as_asked(job: Job, digest: str, found: Claim) -> tuple[Job, Claim]:
@@ -136,6 +138,7 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
         cutoff=cutoff if Feature.CUTOFF in features else None,
         evaluations=job.evaluations,
         target=job.target_value,
+        verbose=job.verbose,
         options=run.target.backend.checked_options(job.backend_options),
         control=control,
     )
@@ -155,29 +158,6 @@ def warm_objective(job: Job) -> float | None:
             f"warm_start is no plan of the model: {checked.summary()}", field="warm_start"
         )
     return None if checked.within_tolerance else checked.objective
-
-
-@contextmanager
-def _interrupt(control: Control) -> Iterator[None]:
-    """Let Ctrl-C stop the run instead of losing it; a second one raises as usual."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    previous = signal.getsignal(signal.SIGINT)
-    if previous is not signal.default_int_handler:
-        yield  # the caller handles signals; it has its own way to stop us
-        return
-
-    def handler(number: int, frame: Any) -> None:
-        if control.reason is Limit.INTERRUPTED:
-            signal.default_int_handler(number, frame)
-        control.stop(Limit.INTERRUPTED)
-
-    signal.signal(signal.SIGINT, handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, previous)
 
 
 def _claim(run: Run, answer: Answer, problem: Any) -> Claim:

@@ -17,7 +17,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import TracebackType
@@ -30,8 +30,11 @@ from ..errors import CrosstrackError
 from .assembly import Claim, assemble, claim_from_data
 from .backend import Backend, Limit, Termination
 from .execution import GRACE, warm_objective
+from .interrupts import on_interrupt
 from .job import Job
+from .output import Lines
 from .registry import BackendState, rivals
+from .running import PATIENCE
 from .solution import Incumbent, Solution
 
 __all__ = ["Worker", "WorkerFailure", "in_worker", "probe"]
@@ -40,6 +43,10 @@ __all__ = ["Worker", "WorkerFailure", "in_worker", "probe"]
 PREPARATION = 300.0
 #: Seconds for a worker to start and to load a solver's library.
 START = 60.0
+#: Seconds between two looks at what a worker prints.
+POLL = 0.2
+#: Seconds for a worker's keeper to kill what it kept.
+KILLED = 5.0
 
 log = logging.getLogger("crosstrack")
 
@@ -53,16 +60,20 @@ class WorkerFailure(CrosstrackError, RuntimeError):
 class Worker:
     """A process of its own session that runs one job after another.
 
-    It is killed with its process group when a job passes its deadline, and replaced at the next.
-    Standard error is kept in a temporary file, whose end explains a crash.
+    It is killed with everything that it started when a job passes its deadline, and replaced at the
+    next: on Linux wherever those processes have moved, elsewhere its process group. What it prints
+    goes to the log ``crosstrack.output``, and the end of that explains a crash.
     """
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._lines: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
         self._errors: IO[bytes] | None = None
+        self._printed: Lines | None = None
         self._number = 0
+        self._level = logging.DEBUG
         self._interrupt = threading.Event()
+        self._closing = threading.RLock()
         #: Native modules that backends have loaded in the process.
         self.loaded: set[str] = set()
 
@@ -79,11 +90,12 @@ class Worker:
 
     @property
     def pid(self) -> int | None:
-        """The process, None while there is none."""
+        """The process that ends with the worker, None while there is none."""
         return None if self._process is None else self._process.pid
 
     def _start(self) -> None:
         self._errors = tempfile.TemporaryFile(prefix="crosstrack-worker-")  # noqa: SIM115 (closed with the worker)
+        self._printed = Lines(self._errors.fileno())
         # -P: a module in the working folder must not stand in for one of the standard library.
         command = [sys.executable, "-P", "-m", "crosstrack.solvers.worker"]
         self._process = subprocess.Popen(
@@ -103,19 +115,30 @@ class Worker:
         ).start()
 
     def close(self) -> None:
-        """Kill the process and everything it started."""
+        """Kill the process and everything it started; from any thread."""
+        with self._closing:
+            self._close()
+
+    def _close(self) -> None:
         process, self._process = self._process, None
         if process is not None:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+            if sys.platform == "linux":
+                # Its keeper kills whatever there is, and ends last.
+                process.terminate()
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(KILLED)
+            if process.poll() is None:
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
             for stream in (process.stdin, process.stdout):
                 if stream is not None:
                     with contextlib.suppress(OSError):  # unsent bytes for a dead process
                         stream.close()
-        if self._errors is not None:
+        if self._errors is not None and self._printed is not None:
+            self._printed.forward(self._level, rest=True)
             self._errors.close()
-            self._errors = None
+            self._errors = self._printed = None
 
     @property
     def interrupted(self) -> bool:
@@ -125,52 +148,68 @@ class Worker:
     def interrupt(self) -> None:
         """Ask the running job to stop and to return its incumbent; from any thread."""
         self._interrupt.set()
-        process = self._process
-        if process is not None:
-            with contextlib.suppress(ProcessLookupError):
-                process.send_signal(signal.SIGINT)
+        self._lines.put({"event": "interrupt"})  # wakes the thread that waits for the answer
 
     def _send(self, verb: str, payload: Any) -> int:
         if self._process is None or self._process.poll() is not None:
             self.close()
             self._start()
-        assert self._process is not None and self._process.stdin is not None
         self._number += 1
         body = cloudpickle.dumps((verb, payload))
-        # The path comes first: unpickling the rest may import what only the parent's path holds.
-        message = pickle.dumps((list(sys.path), self._number, body))
-        with contextlib.suppress(BrokenPipeError):  # its death is found when its answer is awaited
-            self._process.stdin.write(struct.pack("<Q", len(message)) + message)
-            self._process.stdin.flush()
+        self._write(self._number, body)
         return self._number
+
+    def _write(self, number: int, body: bytes | None) -> None:
+        """Send a job, or without one the word that job `number` is to stop."""
+        process = self._process
+        if process is None or process.stdin is None:
+            return  # closed by another thread
+        # The path comes first: unpickling the rest may import what only the parent's path holds.
+        message = pickle.dumps((list(sys.path), number, body))
+        # Its death, or that it was closed, is found when its answer is awaited.
+        with contextlib.suppress(BrokenPipeError, ValueError):
+            process.stdin.write(struct.pack("<Q", len(message)) + message)
+            process.stdin.flush()
 
     def _next(self, deadline: float) -> dict[str, Any] | None:
         """Return the next event, None at the deadline; a dead process gives ``event: died``."""
-        left = deadline - time.monotonic()
-        if left <= 0:
-            return None
-        try:
-            event = self._lines.get(timeout=left if left < 1e6 else None)
-        except queue.Empty:
-            return None
-        return {"event": "died"} if event is None else event
+        while (left := deadline - time.monotonic()) > 0:
+            try:
+                event = self._lines.get(timeout=min(left, POLL))
+            except queue.Empty:
+                event = {"event": "nothing"}
+            with self._closing:
+                if self._printed is not None:
+                    self._printed.forward(self._level)
+            if event is None:
+                return {"event": "died"}
+            if event["event"] == "log":
+                logging.getLogger(event["name"]).log(event["level"], "%s", event["text"])
+            elif event["event"] != "nothing":
+                return event
+        return None
+
+    def _buried(self) -> str:
+        """Close what has died, and return how it died."""
+        with self._closing:
+            cause = self._epitaph()
+            self._close()
+        return cause
 
     def _epitaph(self) -> str:
         """Return how the process died, with the end of what it wrote to standard error."""
-        assert self._process is not None and self._errors is not None
+        if self._process is None or self._errors is None:
+            return "worker closed"
         code = self._process.wait()
         how = f"exit code {code}"
-        if code < 0:
-            try:
-                how = f"signal {-code} ({signal.Signals(-code).name})"
-            except ValueError:
-                how = f"signal {-code}"
-        self._errors.seek(max(0, self._errors.seek(0, os.SEEK_END) - 2000))
-        lines = [
-            line
-            for line in self._errors.read().decode(errors="replace").splitlines()
-            if line.strip()
-        ]
+        number = -code if code < 0 else code - 128  # the second is how its keeper says it
+        if number > 0:
+            how = f"signal {number}"
+            with contextlib.suppress(ValueError):
+                how += f" ({signal.Signals(number).name})"
+        size = os.fstat(self._errors.fileno()).st_size
+        end = os.pread(self._errors.fileno(), 2000, max(0, size - 2000))
+        lines = [line for line in end.decode(errors="replace").splitlines() if line.strip()]
         said = f"; it said: {' | '.join(lines[-4:])}" if lines else ""
         return f"worker died: {how}{said}"
 
@@ -180,18 +219,17 @@ class Worker:
         Raises
         ------
         WorkerFailure
-            It raised, killed the worker, or took more than `deadline` seconds.
+            It raised, killed the worker, or took more than `deadline` seconds. A
+            :class:`~crosstrack.errors.CrosstrackError` that it raised is raised here.
         """
         number = self._send("call", (function, arguments))
         end = time.monotonic() + deadline
         while (event := self._next(end)) is not None:
             if event["event"] == "died":
-                cause = self._epitaph()
-                self.close()
-                raise WorkerFailure(cause)
+                raise WorkerFailure(self._buried())
             if event.get("number") == number:
                 if event["event"] == "error":
-                    raise WorkerFailure(f"{event['type']}: {event['message']}")
+                    raise _raised(event) or WorkerFailure(f"{event['type']}: {event['message']}")
                 return event["result"]
         self.close()
         raise WorkerFailure(f"no answer within {deadline:g} s; the worker was killed")
@@ -210,8 +248,14 @@ class Worker:
         listener : callable, optional
             Called with every incumbent, in this thread.
         """
+        try:
+            return self._solve(job, grace, listener)
+        finally:
+            self._interrupt.clear()
+
+    def _solve(self, job: Job, grace: float, listener: Listener | None) -> Solution[Any]:
         begin = time.monotonic()
-        self._interrupt.clear()
+        self._level = logging.INFO if job.verbose else logging.DEBUG
         hides = bool(job.model.hidden_fields())
         if hides and job.warm_start is not None:
             warm_objective(job)  # the worker, which lacks the hidden data, cannot verify it
@@ -226,12 +270,10 @@ class Worker:
         while True:
             if self._interrupt.is_set() and not asked:
                 asked = True
-                deadline = min(deadline, time.monotonic() + grace)
-            # Short waits, so that an interrupt from another thread moves the deadline in time.
-            event = self._next(min(deadline, time.monotonic() + 0.5))
+                deadline = min(deadline, time.monotonic() + min(grace, 2 * PATIENCE))
+                self._write(number, None)
+            event = self._next(deadline)
             if event is None:
-                if time.monotonic() < deadline:
-                    continue
                 self.close()
                 limit = Limit.INTERRUPTED if asked else Limit.TIME
                 why = "killed: did not stop when interrupted" if asked else (
@@ -241,14 +283,13 @@ class Worker:
                 return _salvage(job, Termination.NO_SOLUTION, limit, why, incumbents, best, begin)
             kind = event["event"]
             if kind == "died":
-                why = self._epitaph()
-                self.close()
+                why = self._buried()
                 return _salvage(job, Termination.FAILED, None, why, incumbents, best, begin)
             if event.get("number") != number:
                 continue
-            if kind == "preparing":
+            if kind == "preparing" and not asked:
                 paused, deadline = deadline - time.monotonic(), time.monotonic() + PREPARATION
-            elif kind == "prepared":
+            elif kind == "prepared" and not asked:
                 deadline = time.monotonic() + paused
             elif kind == "incumbent":
                 data = event["plan"]
@@ -257,23 +298,35 @@ class Worker:
                 incumbents.append(Incumbent(event["seconds"], event["objective"], plan))
                 if listener is not None:
                     listener(incumbents[-1])
-            elif kind == "claim":
-                solution = assemble(job, claim_from_data(job, event["claim"]))
+            elif kind in ("claim", "solution"):
+                with self._closing:
+                    if self._printed is not None:
+                        self._printed.forward(self._level, rest=True)
+                if event["last"]:
+                    self.close()
+                if kind == "claim":
+                    solution = assemble(job, claim_from_data(job, event["claim"]))
+                else:
+                    solution = Solution.from_dict(event["solution"], job.model)
                 total = {"total": time.monotonic() - begin}
                 return replace(solution, seconds={**solution.seconds, **total})
-            elif kind == "solution":
-                return Solution.from_dict(event["solution"], job.model)
             elif kind == "error":
-                known = getattr(errors, event["type"], None)
-                if isinstance(known, type) and issubclass(known, CrosstrackError):
-                    raise _rebuilt(known, event["message"])
+                known = _raised(event)
+                if known is not None:
+                    raise known
                 why = f"{event['type']}: {event['message']}"
                 return _salvage(job, Termination.FAILED, None, why, incumbents, best, begin)
 
 
-def _rebuilt(kind: type[CrosstrackError], message: str) -> CrosstrackError:
+def _raised(event: Mapping[str, Any]) -> CrosstrackError | None:
+    """Return the exception of ours that the worker has raised, None where it is another's."""
+    kind = getattr(errors, event["type"], None)
+    if not isinstance(kind, type) or not issubclass(kind, CrosstrackError):
+        return None
     error = kind.__new__(kind)
-    Exception.__init__(error, message)
+    Exception.__init__(error, event["message"])
+    if event["field"] is not None:
+        error.field = event["field"]  # type: ignore[attr-defined]
     return error
 
 
@@ -349,17 +402,10 @@ def in_worker(job: Job, *, listener: Listener | None = None) -> Solution[Any]:
 
     try:
         threading.Thread(target=work, name="crosstrack-worker", daemon=True).start()
-        while True:
-            try:
-                outcome = box.get()
-                if not isinstance(outcome, Incumbent):
-                    break
+        with on_interrupt(worker.interrupt):
+            while isinstance(outcome := box.get(), Incumbent):
                 assert listener is not None
                 listener(outcome)
-            except KeyboardInterrupt:
-                if worker.interrupted:
-                    raise
-                worker.interrupt()
     except BaseException:
         worker.close()
         raise

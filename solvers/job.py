@@ -51,6 +51,7 @@ class Job:
     stop: Criterion | None = None
     warm_start: Any = None
     starts: int = 1
+    verbose: bool = False
     backend_options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -68,6 +69,8 @@ class Job:
                 raise UnsupportedOption(f"{name} must be a whole number >= {lower}, got {value!r}")
         if self.target_value is not None:
             stopping.Target(self.target_value)  # raises for what is no number
+        if not isinstance(self.verbose, bool):
+            raise UnsupportedOption(f"verbose must be True or False, got {self.verbose!r}")
         if self.stop is not None and not isinstance(self.stop, Criterion):
             raise UnsupportedOption(f"stop must be a Criterion, got {self.stop!r}")
 

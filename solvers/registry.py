@@ -24,6 +24,7 @@ __all__ = [
     "default_formulation",
     "find_backend",
     "fitting",
+    "is_plain",
     "recommended",
     "register_backend",
     "rivals",
@@ -247,6 +248,12 @@ def _state(declared: _Declared) -> BackendState:
         problem=declared.problem,
         requires=tuple(backend.requires),
     )
+
+
+def is_plain(backend: Backend) -> bool:
+    """Return whether `backend` is ours and loads no solver: it prints nothing, and does not crash."""
+    ours = type(backend).__module__.partition(".")[0] == __name__.partition(".")[0]
+    return ours and not backend.requires and not backend.natives
 
 
 def rivals(backend: Backend) -> frozenset[str]:

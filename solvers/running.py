@@ -12,17 +12,21 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import CrosstrackError, InvalidData
-from .backend import Answer, Request
+from .backend import Answer, Control, Request
 from .enums import Limit, Termination
 from .job import Job, Target
+from .output import captured, log as output
+from .registry import is_plain
 from .solution import Incumbent
 
-__all__ = ["GRACE", "Listener", "Run"]
+__all__ = ["GRACE", "PATIENCE", "Listener", "Run"]
 
 log = logging.getLogger("crosstrack")
 
 #: Seconds that a run may take beyond its time limit before it is given up.
 GRACE = 10.0
+#: Seconds that a run in a worker may take to stop once it has a plan, or Ctrl-C was pressed.
+PATIENCE = 2.0
 #: Seconds between two looks at the criteria that stop a run.
 POLL = 0.25
 
@@ -74,14 +78,22 @@ class Run:
             except InvalidData as error:
                 name = self.target.backend.name
                 log.debug("incumbent %g of %s does not decode: %s", objective, name, error)
+        if self.job.verbose:
+            output.info("incumbent %.10g after %.2f s", objective, seconds)
         incumbent = Incumbent(seconds, objective, plan)
         self.incumbents.append(incumbent)
         if self.listener is not None:
             self.listener(incumbent)
 
+    def _patience(self, control: Control) -> float:
+        """Return the seconds that a run may take to stop."""
+        waits = control.reason is not Limit.INTERRUPTED and self.last_point is None
+        return GRACE if control.patience is None or waits else control.patience
+
     def attend(self, problem: Any, request: Request) -> Answer:
         """Run the backend in a thread, so that this one can hear incumbents, the clock and Ctrl-C."""
         control, backend = request.control, self.target.backend
+        printed = captured(request.verbose, quiet=is_plain(backend))
         box: list[Answer | BaseException] = []
 
         def work() -> None:
@@ -94,7 +106,7 @@ class Run:
             finally:
                 control.events.put(None)
 
-        with self.clock("run"):
+        with self.clock("run"), printed as forward:
             control.arm(request.time_limit)
             thread = threading.Thread(target=work, name=f"crosstrack-{backend.name}", daemon=True)
             thread.start()
@@ -105,10 +117,11 @@ class Run:
                     try:
                         event = control.events.get(timeout=POLL)
                     except queue.Empty:
+                        forward()
                         control.check()
                         if control.stopped:
                             stop_seen = stop_seen or time.perf_counter()
-                            given_up = time.perf_counter() - stop_seen > GRACE
+                            given_up = time.perf_counter() - stop_seen > self._patience(control)
                         if given_up:
                             break
                         continue
@@ -122,9 +135,13 @@ class Run:
             finally:
                 control.disarm()
         if given_up:
-            log.warning("backend %s does not stop; its thread is left behind", backend.name)
+            control.abandon()
+            log.info("backend %s does not stop; its thread is left behind", backend.name)
             return Answer(
-                Termination.NO_SOLUTION, control.reason, message="did not stop when asked; given up"
+                Termination.NO_SOLUTION,
+                control.reason,
+                dual_bound=control.bound,
+                message="did not stop when asked; given up",
             )
         thread.join()
         outcome = box[0]

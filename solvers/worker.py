@@ -1,25 +1,39 @@
 """A worker process: jobs in by cloudpickle, JSON lines out. ``python -m crosstrack.solvers.worker``.
 
 Each message in is eight bytes of length and a pickle of ``(path, number, (verb, payload))``, the
-inner pair pickled by itself; each line out is an object with ``event``: ``ready``, ``preparing``, ``prepared``, ``incumbent``,
-``solution``, ``result`` or ``error``. Whatever native code prints goes to standard error, so that
-it cannot garble the lines. The worker ends when its input does, even in the middle of a run.
+inner pair pickled by itself; without a pair it asks job `number` to stop. Each line out is an object
+with ``event``: ``ready``, ``preparing``, ``prepared``, ``incumbent``, ``log``, ``solution``,
+``claim``, ``result`` or ``error``. Whatever native code prints goes to standard error, so that it
+cannot garble the lines. The worker ends when its input does, even in the middle of a run.
+
+On Linux a keeper stands between the worker and its parent. Processes that a backend starts become
+the keeper's children when their own parents die, whatever session they have moved to; when the worker
+ends, or the parent is gone, the keeper kills them all before it ends itself.
 """
 
 from __future__ import annotations
 
+import ctypes
 import json
+import logging
 import os
 import pickle
 import queue
+import select
 import signal
 import struct
 import sys
 import threading
 import traceback
-from typing import Any, BinaryIO
+from pathlib import Path
+from typing import Any, BinaryIO, NoReturn
+
+from .output import by_lines, shown
 
 __all__ = ["main"]
+
+#: Of Linux's ``prctl``: what it does to this process.
+_DIE_WITH_PARENT, _ADOPT_ORPHANS = 1, 36
 
 
 def _read(stream: BinaryIO) -> bytes | None:
@@ -33,37 +47,146 @@ def _read(stream: BinaryIO) -> bytes | None:
 
 def main() -> None:
     """Serve jobs until the input ends."""
-    lines = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)
-    jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    lock = threading.Lock()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # stop requests come with the jobs
+    if sys.platform == "linux":
+        _keep()
+    _serve()
 
-    def send(message: dict[str, Any]) -> None:
-        with lock:
-            lines.write(json.dumps(message, ensure_ascii=False) + "\n")
-            lines.flush()
+
+def _keep() -> None:
+    """Return in a child process; in this one, end with it, and with all that either has started."""
+    system = ctypes.CDLL(None).prctl
+    system(_ADOPT_ORPHANS, 1, 0, 0, 0)
+    keeper = os.getpid()
+    worker = os.fork()
+    if not worker:
+        system(_DIE_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
+        if os.getppid() != keeper:
+            os._exit(1)
+        return
+
+    def kill(*_: Any) -> None:
+        os.kill(worker, signal.SIGKILL)
+
+    def watch() -> None:
+        parent = select.poll()
+        parent.register(0, 0)  # its hang-up only; what it writes is the worker's
+        parent.poll()
+        kill()
+
+    signal.signal(signal.SIGTERM, kill)
+    threading.Thread(target=watch, daemon=True).start()
+    ended, status = 0, 0
+    while ended != worker:
+        ended, status = os.wait()  # orphans, too, have to be waited for
+    _end(status)
+
+
+def _end(status: int) -> NoReturn:
+    """Kill all children, and those that come to this process as they die; exit as the worker did."""
+    while True:
+        for child in _children():
+            os.kill(child, signal.SIGKILL)
+        try:
+            os.wait()
+        except ChildProcessError:
+            break
+    code = os.waitstatus_to_exitcode(status)
+    os._exit(128 - code if code < 0 else code)
+
+
+def _children() -> list[int]:
+    """Return the children of this process."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                state = (entry / "stat").read_text("utf-8", "replace")
+            except OSError:
+                continue  # it has ended meanwhile
+            # The name in parentheses may hold anything; the parent is the second word after it.
+            if int(state.rpartition(")")[2].split()[1]) == os.getpid():
+                found.append(int(entry.name))
+    return found
+
+
+class _Stops:
+    """Which job runs, and which are to be stopped."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._number, self._asked = -1, -1
+        self._control: Any = None
+
+    def begin(self, number: int, control: Any) -> None:
+        """Have `control` hear what is asked of job `number`, even if it was asked already."""
+        with self._lock:
+            self._number, self._control = number, control
+        self.ask(self._asked)
+
+    def ask(self, number: int) -> None:
+        """Stop job `number`, now or when it begins."""
+        from .enums import Limit
+
+        with self._lock:
+            self._asked = number
+            if number == self._number and self._control is not None:
+                self._control.stop(Limit.INTERRUPTED)
+
+
+class _Send(logging.Handler):
+    """Writes the lines out; as a handler, what is logged."""
+
+    def __init__(self, lines: Any) -> None:
+        super().__init__()
+        self._lines = lines
+
+    def __call__(self, message: dict[str, Any]) -> None:
+        with self.lock:  # type: ignore[union-attr]
+            self._lines.write(json.dumps(message, ensure_ascii=False) + "\n")
+            self._lines.flush()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Send what is logged to the parent, whose handlers decide who reads it."""
+        text = record.getMessage()
+        if record.exc_info:
+            text += "\n" + "".join(traceback.format_exception(*record.exc_info)).rstrip()
+        self({"event": "log", "name": record.name, "level": record.levelno, "text": text})
+
+
+def _serve() -> None:
+    """Run one job after another."""
+    send = _Send(os.fdopen(os.dup(1), "w", encoding="utf-8"))
+    os.dup2(2, 1)
+    by_lines()
+    log = logging.getLogger("crosstrack")
+    log.addHandler(send)
+    log.propagate = False
+    jobs: queue.SimpleQueue[tuple[int, list[str], bytes]] = queue.SimpleQueue()
+    stops = _Stops()
 
     def listen() -> None:
-        while (body := _read(sys.stdin.buffer)) is not None:
-            jobs.put(body)
+        while (message := _read(sys.stdin.buffer)) is not None:
+            path, number, body = pickle.loads(message)
+            if body is None:
+                stops.ask(number)
+            else:
+                jobs.put((number, path, body))
         # The parent is gone or wants no more: nobody is left to hear an answer.
         os._exit(0)
 
     threading.Thread(target=listen, name="crosstrack-listen", daemon=True).start()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    send({"event": "ready", "pid": os.getpid()})
+    send({"event": "ready"})
     while True:
-        body = jobs.get()
-        number = -1
+        number, path, body = jobs.get()
         try:
-            path, number, body = pickle.loads(body)
             sys.path[:] = list(dict.fromkeys([*path, *sys.path]))
             verb, payload = pickle.loads(body)
             if verb == "call":
                 function, arguments = payload
                 send({"event": "result", "number": number, "result": function(*arguments)})
             else:
-                _solve(number, payload, send)
+                _solve(number, payload, send, stops)
         except Exception as error:
             send(
                 {
@@ -71,19 +194,21 @@ def main() -> None:
                     "number": number,
                     "type": type(error).__name__,
                     "message": str(error),
+                    "field": getattr(error, "field", None),
                     "trace": traceback.format_exc(),
                 }
             )
 
 
-def _solve(number: int, job: Any, send: Any) -> None:
+def _solve(number: int, job: Any, send: Any, stops: _Stops) -> None:
     from .assembly import claim_to_data
-    from .backend import Control, Limit
+    from .backend import Control
     from .execution import claim, execute
+    from .running import PATIENCE
 
     model = job.model
-    control = Control()
-    signal.signal(signal.SIGINT, lambda *_: control.stop(Limit.INTERRUPTED))
+    control = Control(patience=PATIENCE)
+    stops.begin(number, control)
 
     def heard(incumbent: Any) -> None:
         plan = None if incumbent.plan is None else model.plan_to_data(incumbent.plan)
@@ -101,17 +226,13 @@ def _solve(number: int, job: Any, send: Any) -> None:
         send({"event": "preparing" if begins else "prepared", "number": number})
 
     how: dict[str, Any] = {"listener": heard, "on_prepare": preparing, "control": control}
-    message: dict[str, Any]
-    try:
+    with shown(job.verbose):
         if model.is_blinded:
-            data = claim_to_data(job, claim(job, **how))
-            message = {"event": "claim", "number": number, "claim": data}
+            message = {"event": "claim", "claim": claim_to_data(job, claim(job, **how))}
         else:
-            data = execute(job, **how).to_dict()
-            message = {"event": "solution", "number": number, "solution": data}
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    send(message)
+            message = {"event": "solution", "solution": execute(job, **how).to_dict()}
+    # What was given up runs on in a thread: no other job may share its process.
+    send({**message, "number": number, "last": control.abandoned})
 
 
 if __name__ == "__main__":

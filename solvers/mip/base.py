@@ -20,7 +20,14 @@ from ...models.programs.linear import MixedIntegerProgram
 from ..attempts import Clock, Ended, Ending, above_cutoff, allowed, holds, limited, obvious, stopped
 from ..backend import Answer, Backend, Control, Feature, Guarantee, Limit, Request, Termination
 
-__all__ = ["CALLED_BACK", "Incumbents", "ProgramBackend", "with_cutoff_row", "with_offset_column"]
+__all__ = [
+    "CALLED_BACK",
+    "Incumbents",
+    "ProgramBackend",
+    "proven_bound",
+    "with_cutoff_row",
+    "with_offset_column",
+]
 
 Vector = NDArray[np.float64]
 
@@ -169,7 +176,7 @@ def _conclude(
         termination=Termination.FAILED,
         point=point,
         primal_bound=objective,
-        dual_bound=_proven_bound(program, request, ending, objective),
+        dual_bound=proven_bound(program, request, ending.bound, objective),
         duals=ending.duals if program.continuous else None,
         seconds=clock.seconds,
         statistics=ending.statistics,
@@ -195,11 +202,13 @@ def _conclude(
             return replace(answer, duals=None)
 
 
-def _proven_bound(
-    program: MixedIntegerProgram, request: Request, ending: Ending, objective: float | None
+def proven_bound(
+    program: MixedIntegerProgram,
+    request: Request,
+    bound: float | None,
+    objective: float | None = None,
 ) -> float | None:
-    """Return the bound that is proven, None where nothing is."""
-    bound = ending.bound
+    """Return what a solver's lower `bound` proves, None where it is nothing."""
     if bound is None or not np.isfinite(bound) or abs(bound) >= 1e20:
         return None
     if request.cutoff is not None and not program.continuous:

@@ -17,7 +17,7 @@ from ..backend import Answer, Feature, Option, Request
 from ..highs_library import meanings, run_highs
 from ..qp.base import POLISH, UNPOLISHED, answered
 from ..qp.highs import attempt as attempt_quadratic
-from .base import CALLED_BACK, Incumbents, ProgramBackend
+from .base import CALLED_BACK, Incumbents, ProgramBackend, proven_bound
 
 __all__ = ["Highs"]
 
@@ -92,6 +92,10 @@ def _listen(highs: Any, program: MixedIntegerProgram, request: Request) -> None:
         if control.stopped:
             event.interrupt()
 
+    def search(event: Any) -> None:
+        control.bound = proven_bound(program, request, float(event.data_out.mip_dual_bound))
+        stop(event)
+
     incumbents = Incumbents(program, control)
 
     def incumbent(event: Any) -> None:
@@ -99,7 +103,7 @@ def _listen(highs: Any, program: MixedIntegerProgram, request: Request) -> None:
 
     highs.cbSimplexInterrupt.subscribe(stop)
     highs.cbIpmInterrupt.subscribe(stop)
-    highs.cbMipInterrupt.subscribe(stop)
+    highs.cbMipInterrupt.subscribe(search)
     highs.cbMipImprovingSolution.subscribe(incumbent)
 
 

@@ -8,22 +8,56 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from typing import Any, TextIO
 
 from ...errors import InvalidData
 
-__all__ = ["discard", "emit", "prepare", "progress", "say", "show", "write"]
+__all__ = [
+    "discard",
+    "emit",
+    "prepare",
+    "progress",
+    "reserve",
+    "reserved",
+    "say",
+    "show",
+    "write",
+]
+
+#: Where answers go while a command runs, None while none does.
+_answers: TextIO | None = None
+
+
+def reserve() -> None:
+    """Turn what native code prints to standard output to standard error, for the whole process."""
+    from ..output import Diverted
+
+    with contextlib.suppress(OSError):  # one of the two is closed: there is nothing to keep apart
+        Diverted(2)
 
 
 @contextmanager
-def _writing() -> Iterator[None]:
-    """Raise ``InvalidData`` where standard output cannot be written: full, closed, or a broken pipe."""
+def reserved() -> Iterator[None]:
+    """Keep standard output for answers: whatever else prints meanwhile goes to standard error."""
+    global _answers
+    before, _answers = _answers, sys.stdout
     try:
-        yield
-        sys.stdout.flush()  # what cannot be written must fail here, not when Python ends
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        _answers = before
+
+
+@contextmanager
+def _writing() -> Iterator[TextIO]:
+    """Yield where answers go; ``InvalidData`` where that is full, closed, or a broken pipe."""
+    out = _answers or sys.stdout
+    try:
+        yield out
+        out.flush()  # what cannot be written must fail here, not when Python ends
     except OSError as error:
-        discard(sys.stdout)
+        discard(out)
         raise InvalidData(
             f"standard output cannot be written: {error.strerror}", field="standard output"
         ) from None
@@ -38,8 +72,8 @@ def show(*parts: Any) -> None:
             raise  # the error that is being handled; rich would end the process with code 1
 
     # A pipe has no width of its own: tables must not fold at 80 columns there.
-    console = Whole(width=None if sys.stdout.isatty() else 160, highlight=False)
-    with _writing():
+    with _writing() as out:
+        console = Whole(file=out, width=None if out.isatty() else 160, highlight=False)
         for part in parts:
             console.print(part, markup=False, soft_wrap=isinstance(part, str))
 
@@ -48,7 +82,7 @@ def emit(data: Any) -> None:
     """Print JSON to standard output, with escapes for what its encoding cannot write."""
     text = json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False)
     try:
-        text.encode(sys.stdout.encoding or "utf-8")
+        text.encode((_answers or sys.stdout).encoding or "utf-8")
     except UnicodeEncodeError:
         text = json.dumps(data, indent=2, allow_nan=False)
     write(text + "\n")
@@ -56,8 +90,8 @@ def emit(data: Any) -> None:
 
 def write(text: str) -> None:
     """Print text to standard output as it is."""
-    with _writing():
-        sys.stdout.write(text)
+    with _writing() as out:
+        out.write(text)
 
 
 def say(text: str) -> None:

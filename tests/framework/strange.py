@@ -158,16 +158,27 @@ def examples() -> tuple[tuple[str, str], ...]:
 
 
 def _examples() -> list[tuple[Any, Any]]:
+    import casadi
     from carts import braking, cruising, relay, relayed
 
     from crosstrack.models import (
-        ConeBlock, ConeKind, ConicProgram, ErrorCorrectionRouting, MinimumDerivative, MinimumSnap, MixedIntegerProgram,
-        NonlinearProgram, PhasePlan, ControlPlan, QuadraticProgram, Route, SatelliteSlew, TimeAllocation, Trajectory,
+        ConeBlock,
+        ConeKind,
+        ConicProgram,
+        ControlPlan,
+        ErrorCorrectionRouting,
+        MinimumDerivative,
+        MinimumSnap,
+        NonlinearProgram,
+        PhasePlan,
         ProgramBuilder,
+        QuadraticProgram,
+        Route,
+        SatelliteSlew,
+        TimeAllocation,
+        Trajectory,
     )  # fmt: skip
     from crosstrack.models.optimal_control.plan import Piecewise
-
-    import casadi
 
     points = [[0, 0, 0], [1.0, 0, 0], [1.5, 0, 0], [9, 9, 9], [3.5, 0, 0]]
     kinds = ["A", "horizontal", "vertical", "horizontal", "B"]

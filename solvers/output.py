@@ -1,0 +1,192 @@
+"""What solvers print: taken from the file descriptors and given to the log ``crosstrack.output``.
+
+Native code prints past Python, to the file descriptor of standard output, where a program may be
+writing its own answer. Lines that a user asked for (``verbose=True``) are logged as ``INFO``, all
+others as ``DEBUG``.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import io
+import logging
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import IO, Any
+
+__all__ = ["Diverted", "Lines", "by_lines", "captured", "shown"]
+
+log = logging.getLogger("crosstrack.output")
+
+_BLOCK = 1 << 16
+
+
+class Lines:
+    """The lines that others write to a file, logged as they come.
+
+    Parameters
+    ----------
+    descriptor : int
+        The open file; its position stays as it is.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._at = 0
+
+    def forward(self, level: int, *, rest: bool = False) -> None:
+        """Log the lines that are new, with `rest` also one without an end."""
+        if not log.isEnabledFor(level):
+            return
+        while block := os.pread(self._descriptor, _BLOCK, self._at):
+            size = block.rfind(b"\n") + 1
+            if not size:
+                if not rest and len(block) < _BLOCK:
+                    return
+                size = len(block)
+            self._at += size
+            for line in block[:size].decode(errors="replace").splitlines():
+                if line.strip():
+                    log.log(level, "%s", line)
+
+
+@contextmanager
+def shown(verbose: bool) -> Iterator[None]:
+    """Let ``INFO`` lines pass, and show them on standard error where no handler is set up."""
+    if not verbose:
+        yield
+        return
+    level, handler = log.level, logging.StreamHandler()
+    quiet = not log.hasHandlers()
+    log.setLevel(min(level or logging.INFO, logging.INFO))
+    if quiet:
+        log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+        log.removeHandler(handler)
+
+
+def by_lines() -> None:
+    """Have this process, whose parent reads what it prints, write line by line: a crash loses none."""
+    global _read_by_parent
+    _read_by_parent = True
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)
+    system, stream = _native_stdout()
+    system.setvbuf(stream, None, 1, 0)  # 1 is _IOLBF
+
+
+def _native_stdout() -> tuple[ctypes.CDLL, ctypes.c_void_p]:
+    """Return the C library and its stream of standard output."""
+    system = ctypes.CDLL(None)
+    name = "__stdoutp" if sys.platform == "darwin" else "stdout"
+    return system, ctypes.c_void_p.in_dll(system, name)
+
+
+class Diverted:
+    """File descriptor 1 turned to another file, while Python's own ``sys.stdout`` keeps its place.
+
+    Parameters
+    ----------
+    descriptor : int
+        Where native code then prints.
+
+    Raises
+    ------
+    OSError
+        Standard output is closed.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self.flush()
+        self._place = os.dup(1)
+        # The same objects, for others hold them: handlers of logs, say.
+        self._streams = []
+        for stream in {id(one): one for one in (sys.stdout, sys.__stdout__)}.values():
+            buffer: Any = getattr(stream, "buffer", None)
+            raw = getattr(buffer, "raw", buffer)
+            if isinstance(raw, io.FileIO) and not raw.closed and raw.fileno() == 1:
+                io.FileIO.__init__(raw, self._place, "w", closefd=False)
+                self._streams.append(raw)
+        os.dup2(descriptor, 1)
+
+    def end(self) -> None:
+        """Put everything back."""
+        self.flush()
+        os.dup2(self._place, 1)
+        for raw in self._streams:
+            io.FileIO.__init__(raw, 1, "w", closefd=False)
+        os.close(self._place)
+
+    def flush(self) -> None:
+        """Write out what native code has printed and the C library still holds."""
+        system, stream = _native_stdout()
+        system.fflush(stream)
+
+
+class _Capture:
+    """The file that takes what is printed, shared by all runs that go on at the same time."""
+
+    def __init__(self) -> None:
+        import tempfile  # a tenth of the command line's start
+
+        self.runs = 0
+        self.level = logging.DEBUG
+        self._file: IO[bytes] = tempfile.TemporaryFile(prefix="crosstrack-output-")  # noqa: SIM115 (closed with the last run)
+        self._lines = Lines(self._file.fileno())
+        self._diverted = Diverted(self._file.fileno())
+
+    def forward(self) -> None:
+        self._diverted.flush()
+        self._lines.forward(self.level)
+
+    def close(self) -> None:
+        self._diverted.end()
+        self._lines.forward(self.level, rest=True)
+        self._file.close()
+
+
+_lock = threading.RLock()
+_read_by_parent = False
+_capture: _Capture | None = None
+
+
+@contextmanager
+def captured(verbose: bool, *, quiet: bool) -> Iterator[Callable[[], None]]:
+    """Give what native code prints meanwhile to the log; yield a function that does so at once.
+
+    Nothing is done for what is `quiet`, nor in a worker, whose parent reads what it prints.
+    """
+    global _capture
+    if quiet or _read_by_parent:
+        yield lambda: None
+        return
+    shared: _Capture | None = None
+    with _lock:
+        try:
+            shared = _capture = _capture or _Capture()
+            shared.runs += 1
+            if verbose:
+                shared.level = logging.INFO
+        except OSError as error:  # standard output is closed, or there is no room for a file
+            log.debug("what solvers print is not captured: %s", error)
+
+    def forward() -> None:
+        with _lock:
+            if shared is not None:
+                shared.forward()
+
+    try:
+        yield forward
+    finally:
+        with _lock:
+            if shared is not None:
+                shared.runs -= 1
+                if not shared.runs:
+                    _capture = None
+                    shared.close()
