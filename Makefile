@@ -7,7 +7,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 INSTALL := PYTHONWARNINGS=ignore $(PIP) install --no-build-isolation -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint types check docs bench slow format pins clean
+.PHONY: help demo test bare lint types check docs bench slow format pins clean
 
 help:  ## Show this list
 	@sed -n 's/^\([a-z]*\):.*  ## /\1\t/p' $(MAKEFILE_LIST) | while IFS="$$(printf '\t')" read -r name text; do \
@@ -42,6 +42,14 @@ demo: .venv/runtime.stamp  ## Solve a 327-point instance with every algorithm, c
 	$(BIN)/crosstrack demo
 
 test: lint types check  ## Linter, formatter, type checker and all tests
+
+# From the wheel, as users install it, into an environment without any extra; the loops are not compiled.
+bare: .venv/runtime.stamp  ## Install without extras elsewhere, and run every command on every problem
+	rm -rf build/bare build/lib build/wheel
+	$(PIP) wheel --no-deps --no-build-isolation --wheel-dir build/wheel .
+	$(PYTHON) -m venv build/bare
+	build/bare/bin/pip --disable-pip-version-check --quiet install -c constraints.txt build/wheel/*.whl
+	build/bare/bin/python tests/bare.py
 
 lint: .venv/test.stamp  ## Linter and formatter only
 	$(BIN)/ruff check .

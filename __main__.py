@@ -92,6 +92,11 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         fail(USAGE, error, as_json)
     except (BackendMissing, BackendBroken) as error:
         fail(MISSING, error, as_json)
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("crosstrack"):
+            _report_bug(error, as_json)
+        missing = f"{error}: 'pip install crosstrack' brings all that crosstrack needs"
+        fail(MISSING, BackendMissing(missing), as_json)
     except CrosstrackError as error:
         fail(USAGE, error, as_json)
     except (KeyboardInterrupt, click.Abort):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..errors import BackendMissing
 from .options import as_json, compare_code, draw, picture_path
 
 if TYPE_CHECKING:
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
     from ..solvers.solution import Solution
 
 __all__ = ["demo"]
+
+#: The picture where no other is named.
+_PICTURE = "crosstrack-demo.png"
 
 
 @cache
@@ -50,15 +54,9 @@ class _DemoCommand(click.Command):
 @click.option(
     "--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run."
 )
-@click.option(
-    "--plot",
-    metavar="FILE",
-    default="crosstrack-demo.png",
-    show_default=True,
-    help="Where the picture goes.",
-)
+@click.option("--plot", metavar="FILE", help=f"Where the picture goes.  [default: {_PICTURE}]")
 @as_json
-def demo(problem: str, time_limit: float, plot: str, as_json: bool, **given: Any) -> int:
+def demo(problem: str, time_limit: float, plot: str | None, as_json: bool, **given: Any) -> int:
     """Solve an instance of PROBLEM with every backend, print the verdict, draw the plan.
 
     PROBLEM is error-correction where none is named: a route past 327 points.
@@ -66,9 +64,15 @@ def demo(problem: str, time_limit: float, plot: str, as_json: bool, **given: Any
     from ..instances.demos import build_demo
     from ..solvers.crosscheck import Comparison, compare, rejudged
     from ..solvers.registry import find_backend, fitting
-    from ..solvers.report.terminal import emit, progress, show
+    from ..solvers.report.terminal import emit, progress, say, show
 
-    picture = picture_path(plot)
+    try:
+        picture = picture_path(plot or _PICTURE)
+    except BackendMissing as error:
+        if plot is not None:
+            raise
+        picture = None
+        say(f"nothing is drawn: {error}")
     model: Model[Any] = build_demo(
         problem, {name: value for name, value in given.items() if value is not None}
     )
@@ -91,14 +95,12 @@ def demo(problem: str, time_limit: float, plot: str, as_json: bool, **given: Any
                 )
                 parts.append(part)
     result = rejudged(model, *parts)
+    best = result.verdicts[0].best
+    if best is not None and picture is not None:
+        draw(model, best, picture)
     if as_json:
         emit(result.to_dict())
     else:
-        show(*result.parts())
-    best = result.verdicts[0].best
-    if best is not None:
-        if not as_json:
-            show(f"best plan, by {best.backend}: {best.plan}")
-        if picture is not None:
-            draw(model, best, picture)
+        found = [] if best is None else [f"best plan, by {best.backend}: {best.plan}"]
+        show(*result.parts(), *found)
     return compare_code(result)

@@ -21,7 +21,7 @@ def require_casadi(what: str) -> None:
         import casadi  # noqa: F401
     except ModuleNotFoundError as error:
         raise BackendMissing(
-            f"{what} needs CasADi, which is not installed ({error}): pip install 'crosstrack[nlp]'"
+            f"{what} needs CasADi, which is not installed ({error}): pip install casadi"
         ) from error
 
 

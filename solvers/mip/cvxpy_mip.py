@@ -44,7 +44,6 @@ class CvxpyMip(ProgramBackend):
         }
     )
     requires = ("cvxpy",)
-    extra = "cvxpy"
     # CVXPY probes its solvers as it is imported and so loads highspy: see Highs.
     conflict_group = "highs"
     natives = ("highspy._core",)

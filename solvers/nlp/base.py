@@ -61,7 +61,6 @@ class NonlinearBackend(Backend):
     accepts = NonlinearProgram
     guarantee = Guarantee.LOCAL
     features = COMMON
-    extra = "nlp"
     prompt: ClassVar[bool] = True
 
     def interrupts(self, kind: type[Model[Any]]) -> bool:

@@ -128,7 +128,6 @@ class QuadraticBackend(Backend):
     guarantee = Guarantee.EXACT
     features = COMMON
     single_threaded = True
-    extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {"polish": POLISH}
 
     def comparison_options(self, kind: type[Model[Any]]) -> Mapping[str, Any]:

@@ -30,6 +30,7 @@ class Daqp(QuadraticBackend):
     name = "daqp"
     features = COMMON | {Feature.WARM_START}
     requires = ("daqp",)
+    extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "iter_limit": Option(100_000, "Iterations at most.", int, lower=1),

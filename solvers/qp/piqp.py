@@ -29,6 +29,7 @@ class Piqp(QuadraticBackend):
 
     name = "piqp"
     requires = ("piqp",)
+    extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "max_iter": Option(250, "Interior-point iterations at most.", int, lower=1),

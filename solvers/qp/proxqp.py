@@ -33,6 +33,7 @@ class Proxqp(QuadraticBackend):
     name = "proxqp"
     features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
     requires = ("proxsuite",)
+    extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "max_iter": Option(400, "Outer iterations at most.", int, lower=1),

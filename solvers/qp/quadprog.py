@@ -28,6 +28,7 @@ class Quadprog(QuadraticBackend):
 
     name = "quadprog"
     requires = ("quadprog",)
+    extra = "qp"
     summary = "quadprog: Goldfarb and Idnani's dual method, dense, strictly convex programs only"
 
     def refuses(self, problem: Any) -> str:

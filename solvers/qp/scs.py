@@ -28,6 +28,7 @@ class Scs(ConvexBackend):
     name = "scs"
     features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
     requires = ("scs",)
+    extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "eps": EPS,

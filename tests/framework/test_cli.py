@@ -151,19 +151,46 @@ def test_no_answer_is_4(instance):
     assert json.loads(done.stdout)["termination"] == "no_solution"
 
 
-def test_missing_backend_is_5(instance):
-    script = (
-        "import sys; sys.modules['pyscipopt'] = None; import importlib.util as u; find = u.find_spec\n"
-        "u.find_spec = lambda name, *a: None if name == 'pyscipopt' else find(name, *a)\n"
-        "from crosstrack.__main__ import main; main(sys.argv[1:])"
+def hidden(*modules):
+    """The start of a script for a Python that lacks `modules`."""
+    return (
+        f"import sys, importlib.util as u; find, gone = u.find_spec, {set(modules)!r}\n"
+        "sys.modules.update(dict.fromkeys(gone))\n"
+        "u.find_spec = lambda name, *a: None if name in gone else find(name, *a)\n"
+        "from crosstrack.__main__ import main\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments", "words"),
+    [
+        ("pyscipopt", ["solve", "INSTANCE", "--backend", "scip"], "'crosstrack[scip]'"),
+        ("matplotlib", ["solve", "INSTANCE", "--plot", "a.png"], "'crosstrack[plot]'"),
+        ("matplotlib", ["demo", "--plot", "a.png"], "'crosstrack[plot]'"),
+        ("casadi", ["solve", "optimal-control/bryson-denham"], "casadi"),
+        ("scipy", ["solve", "satellite-slew/paper"], "pip install crosstrack"),
+    ],
+)
+def test_what_is_missing_is_5_with_what_to_install(module, arguments, words, instance, tmp_path):
+    line = [str(instance()) if word == "INSTANCE" else word for word in arguments]
     done = subprocess.run(
-        [sys.executable, "-c", script, "solve", str(instance()), "--backend", "scip"],
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 5
-    assert "pip install 'crosstrack[scip]'" in done.stderr
+        [sys.executable, "-c", f"{hidden(module)}main({line!r})"],
+        capture_output=True, text=True, cwd=tmp_path, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 5, done.stderr
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+
+
+def test_demo_without_matplotlib_says_that_it_draws_nothing(monkeypatch, tmp_path):
+    monkeypatch.setattr("crosstrack.solvers.registry.fitting", lambda model: ("banded",))
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    done = run("demo", "minimum-snap", cwd=tmp_path)
+    assert "nothing is drawn" in done.stderr
+    assert "pip install 'crosstrack[plot]'" in done.stderr
+    assert "AGREED" in done.stdout
+    assert not list(tmp_path.iterdir())
 
 
 def test_check_verifies_somebody_elses_plan(instance, tmp_path):

@@ -1,6 +1,7 @@
 """The package as it is installed: its list of packages, its wheel, and how light it is to import."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -55,8 +56,6 @@ def test_version_is_the_same_everywhere(project, checkout):
 
 
 def test_constraints_pin_exact_versions_of_every_dependency(project, checkout):
-    import re
-
     lines = (checkout / "constraints.txt").read_text("utf-8").splitlines()
     pins = [line for line in lines if line and not line.startswith("#")]
     assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[0-9][A-Za-z0-9.!+-]*", line) for line in pins)
@@ -65,6 +64,45 @@ def test_constraints_pin_exact_versions_of_every_dependency(project, checkout):
     wanted = [*project["project"]["dependencies"], *(entry for extra in extras for entry in extra)]
     names = {re.match(r"[A-Za-z0-9._-]+", entry)[0].lower() for entry in wanted} - {"crosstrack"}
     assert names <= pinned
+
+
+def extras_of(project):
+    """The extras that are not for work on crosstrack itself: the words each brings."""
+    declared = project["project"]["optional-dependencies"]
+    return {
+        name: {
+            word
+            for entry in entries
+            for word in re.findall(
+                r"[a-z]+", entry.partition("[")[2] if "[" in entry else entry.split(">")[0]
+            )
+        }
+        for name, entries in declared.items()
+        if name not in {"test", "docs", "benchmark"}
+    }
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/getting-started.md"])
+def test_pages_list_every_extra_with_what_it_brings(page, project, checkout):
+    rows = re.findall(r"^\| `([a-z]+)` \| (.*) \|$", (checkout / page).read_text("utf-8"), re.M)
+    listed = {name: set(re.findall(r"`([a-z]+)`", text)) for name, text in rows}
+    assert listed == extras_of(project)
+
+
+def test_what_is_missing_is_brought_by_what_is_named(project, checkout):
+    """A backend's extra brings what it requires; one without an extra requires dependencies only."""
+    from crosstrack.models.problems import resolve
+    from crosstrack.solvers.registry import _SOLVERS
+
+    extras = extras_of(project)
+    own = {re.match(r"[a-z]+", entry)[0] for entry in project["project"]["dependencies"]}
+    for name, target in _SOLVERS.items():
+        backend = resolve("crosstrack" + target)
+        assert set(backend.requires) <= (extras[backend.extra] if backend.extra else own), name
+    for file in checkout.glob("[a-z]*/**/*.py"):
+        if file.relative_to(checkout).parts[0] in TOP:
+            for extra in re.findall(r"crosstrack\[([a-z]+)\]", file.read_text("utf-8")):
+                assert extra in {*extras, "extra"}, file
 
 
 def test_import_is_light(run_python, tmp_path):
