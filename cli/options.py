@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import json
 from collections.abc import Callable, Sequence
@@ -32,6 +33,7 @@ __all__ = [
     "only",
     "pairs",
     "picture_path",
+    "reading",
 ]
 
 #: The exit codes; ``crosstrack.__main__`` says what each means.
@@ -58,6 +60,18 @@ plot = click.option("--plot", metavar="FILE", help="Write a picture of the plan 
 tolerance = click.option(
     "--tolerance", type=float, help="Largest violation accepted, relative to max(1, limit)."
 )
+_READING: list[Callable[..., Any]] = [
+    click.option(
+        "--trusted",
+        is_flag=True,
+        help="You know who wrote INSTANCE: functions in CasADi's own text, which can run code, are read.",
+    ),
+    click.option(
+        "--folder",
+        metavar="FOLDER",
+        help="Where files may lie that INSTANCE refers to (default: below its own folder).",
+    ),
+]
 _COMMON: list[Callable[..., Any]] = [
     click.option("--formulation", help="Formulation for backends that take programs."),
     click.option("--time-limit", type=float, help="Seconds for a run, building included."),
@@ -72,6 +86,19 @@ _COMMON: list[Callable[..., Any]] = [
     click.option("--warm-start", metavar="PLAN.json", help="A plan to start from; verified first."),
     as_json,
 ]
+
+
+def reading(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of reading an instance file; the command gets them as ``reading``."""
+
+    @functools.wraps(command)
+    def called(*, trusted: bool, folder: str | None, **others: Any) -> Any:
+        return command(reading={"trusted": trusted, "folder": folder}, **others)
+
+    found: Callable[..., Any] = called
+    for option in reversed(_READING):
+        found = option(found)
+    return found
 
 
 def common(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -21,6 +21,7 @@ from .options import (
     pairs,
     picture_path,
     plot,
+    reading,
     tolerance,
 )
 
@@ -30,6 +31,7 @@ __all__ = ["check", "diagnose", "export"]
 @click.command(short_help="Verify somebody else's plan.")
 @click.argument("instance")
 @click.argument("plan", metavar="PLAN.json")
+@reading
 @click.option("--formulation", help="Check every row of this formulation as well.")
 @tolerance
 @as_json
@@ -37,6 +39,7 @@ __all__ = ["check", "diagnose", "export"]
 def check(
     instance: str,
     plan: str,
+    reading: dict[str, Any],
     formulation: str | None,
     tolerance: float | None,
     as_json: bool,
@@ -50,7 +53,7 @@ def check(
     from ..solvers.report.terminal import emit, show
 
     picture = picture_path(plot)
-    model = load(instance)
+    model = load(instance, **reading)
     found = read_plan(model, plan)
     verification = verify(model, found, formulation=formulation, **only(tolerance=tolerance))
     if picture is not None:
@@ -69,6 +72,7 @@ def check(
 @click.command(short_help="Write a plan for other software.")
 @click.argument("instance")
 @click.argument("plan", metavar="PLAN.json")
+@reading
 @click.option("--format", "form", help="A format of the problem (default: its first).")
 @click.option(
     "--output", metavar="FILE", required=True, help="The file to write; - is standard output."
@@ -87,6 +91,7 @@ def check(
 def export(
     instance: str,
     plan: str,
+    reading: dict[str, Any],
     form: str | None,
     output: str,
     rate: float | None,
@@ -108,7 +113,7 @@ def export(
     from ..solvers.report.terminal import emit, say, show, write
 
     asked = only(rate=rate, precision=precision) | pairs(options, "--option")
-    model = load(instance)
+    model = load(instance, **reading)
     name, chosen = choose_format(model, form, asked)
     streamed = output == "-"
     if streamed and as_json:
@@ -144,6 +149,7 @@ def export(
 
 @click.command(short_help="Say why an instance has no plan.")
 @click.argument("instance")
+@reading
 @click.option("--backend", help="Filter the blocks of a program with this backend instead.")
 @click.option("--formulation", help="The program whose rows are filtered (default: paper).")
 @click.option(
@@ -157,6 +163,7 @@ def export(
 @as_json
 def diagnose(
     instance: str,
+    reading: dict[str, Any],
     backend: str | None,
     formulation: str | None,
     time_limit: float,
@@ -169,7 +176,7 @@ def diagnose(
     from ..solvers.isolation import Worker
     from ..solvers.report.terminal import emit, progress, show
 
-    model = load(instance)
+    model = load(instance, **reading)
     with progress(f"{instance}: looking for the reason"):
         search = partial(
             diagnosis.diagnose, model, backend, formulation=formulation, time_limit=time_limit

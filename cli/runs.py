@@ -24,6 +24,7 @@ from .options import (
     pairs,
     picture_path,
     plot,
+    reading,
 )
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ __all__ = ["compare", "reproduce", "solve"]
 
 @click.command(short_help="Solve an instance and verify the answer.")
 @click.argument("instance")
+@reading
 @click.option(
     "--backend", default="auto", show_default=True, help="A name from 'crosstrack backends'."
 )
@@ -64,7 +66,7 @@ __all__ = ["compare", "reproduce", "solve"]
     help="Write the solution as JSON; - is standard output, and nothing else goes there.",
 )
 def solve(
-    instance: str, backend: str, options: Sequence[str], formulation_options: Sequence[str], as_json: bool,
+    instance: str, reading: dict[str, Any], backend: str, options: Sequence[str], formulation_options: Sequence[str], as_json: bool,
     plot: str | None, output: str | None, warm_start: str | None, starts: int, in_process: bool, verbose: bool, **asked: Any,
 ) -> int:  # fmt: skip
     """Solve INSTANCE and verify the answer."""
@@ -77,7 +79,7 @@ def solve(
     as_json = as_json or output == "-"
     picture = picture_path(plot)
     record = None if output in (None, "-") else writable(output)
-    model = load(instance)
+    model = load(instance, **reading)
     start = None if warm_start is None else read_plan(model, warm_start)
     auto = backend == "auto"
     chosen = recommended(model, asked["formulation"]) if auto else find_backend(backend, model)
@@ -128,6 +130,7 @@ def _solve_code(solution: Solution[Any]) -> int:
 
 @click.command(short_help="Solve with several backends and judge.")
 @click.argument("instances", nargs=-1, required=True, metavar="INSTANCE...")
+@reading
 @click.option(
     "--backends",
     "names",
@@ -150,7 +153,7 @@ def _solve_code(solution: Solution[Any]) -> int:
 )
 @click.option("--resume", is_flag=True, help="Go on with FILE, running only what it lacks.")
 def compare(
-    instances: Sequence[str], names: str | None, as_json: bool, jsonl: str | None, resume: bool,
+    instances: Sequence[str], reading: dict[str, Any], names: str | None, as_json: bool, jsonl: str | None, resume: bool,
     warm_start: str | None, grace: float, workers: int, repeats: int, **asked: Any,
 ) -> int:  # fmt: skip
     """Solve every INSTANCE with several backends, one process each, and judge the answers."""
@@ -164,7 +167,7 @@ def compare(
         raise click.UsageError("--resume needs --jsonl FILE")
     if jsonl == "-":
         raise click.UsageError("--jsonl takes a file, for --resume reads it; --json prints")
-    models = [load(instance) for instance in instances]
+    models = [load(instance, **reading) for instance in instances]
     chosen = (
         [name.strip() for name in names.split(",") if name.strip()]
         if names

@@ -131,7 +131,12 @@ def entry(name: str) -> CatalogueEntry:
     return found
 
 
-def load(source: str | os.PathLike[str]) -> Model[Any]:
+def load(
+    source: str | os.PathLike[str],
+    *,
+    trusted: bool = False,
+    folder: str | os.PathLike[str] | None = None,
+) -> Model[Any]:
     """Return an instance: by its name in the catalogue, or from a JSON file.
 
     Parameters
@@ -140,6 +145,11 @@ def load(source: str | os.PathLike[str]) -> Model[Any]:
         A catalogue name such as ``"error-correction/7"``, or the path of an instance file, whose
         model is named after it unless it names itself. A
         string that is both means the catalogue's: write ``"./error-correction/7"`` for the file.
+    trusted : bool
+        Whether you know who wrote the file, which may then hold functions in CasADi's own text:
+        reading those can run code. They are read by a process of their own first.
+    folder : path-like, optional
+        Where files may lie that the instance refers to; otherwise only below its own folder.
 
     Raises
     ------
@@ -161,7 +171,7 @@ def load(source: str | os.PathLike[str]) -> Model[Any]:
         raise InvalidData(_about_csv(file))
     from .storage import read_model
 
-    model = read_model(file)
+    model = read_model(file, trusted=trusted, folder=folder)
     return model if model.name else model.renamed(file.stem)
 
 

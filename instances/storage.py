@@ -25,7 +25,9 @@ from ..models.model import Model, parse_json
 from ..models.problems import resolve, table
 
 __all__ = [
+    "LARGEST_FILE",
     "NUMBER",
+    "Find",
     "number",
     "read_model",
     "read_plan",
@@ -40,8 +42,13 @@ __all__ = [
 #: Numbers as files may write them.
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
-#: Puts the content of referenced files into the ``data`` of an instance: (data, folder) -> data.
-References = Callable[[Mapping[str, Any], Path], dict[str, Any]]
+#: Bytes that a file may hold, and so may all files together that an instance refers to.
+LARGEST_FILE = 256 << 20
+
+#: Returns the path of a file that an instance refers to by name, where it may be read.
+Find = Callable[[str], Path]
+#: Puts the content of referenced files into the ``data`` of an instance: (data, find) -> data.
+References = Callable[[Mapping[str, Any], Find], dict[str, Any]]
 
 #: Functions of that type that users registered, by model kind.
 _REGISTERED: dict[str, References] = {}
@@ -55,15 +62,31 @@ def register_references(kind: str, function: References) -> References:
     kind : str
         The model's JSON name.
     function : callable
-        Takes ``data`` as it stands in the file and the file's folder; returns the ``data`` that
-        the model understands.
+        Takes ``data`` as it stands in the file, and a function ``find``; returns the ``data`` that
+        the model understands. ``find(name)`` returns the path of a file that the instance names,
+        and raises :class:`~crosstrack.errors.InvalidData` where it must not be read.
     """
     _REGISTERED[kind] = function
     return function
 
 
-def read_model(path: str | os.PathLike[str]) -> Model[Any]:
+def read_model(
+    path: str | os.PathLike[str],
+    *,
+    trusted: bool = False,
+    folder: str | os.PathLike[str] | None = None,
+) -> Model[Any]:
     """Return the model in a JSON file; file names in it are relative to its folder.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    trusted : bool
+        Whether you know who wrote it: functions in CasADi's own text, which can run code, are read
+        then alone, and messages quote the files that the instance refers to.
+    folder : path-like, optional
+        Where the files may lie that it refers to; otherwise only below its own folder.
 
     Raises
     ------
@@ -78,13 +101,66 @@ def read_model(path: str | os.PathLike[str]) -> Model[Any]:
             kind, data = content.get("model"), content.get("data")
             readers = {**table(__package__, "REFERENCES"), **_REGISTERED}
             if isinstance(kind, str) and isinstance(data, Mapping) and kind in readers:
-                data = resolve(readers[kind])(data, file.parent)
+                roots = [file.parent] if folder is None else [file.parent, Path(folder)]
+                found = _Found(file.parent, roots)
+                try:
+                    data = resolve(readers[kind])(data, found.find)
+                except InvalidData as error:
+                    raise error if trusted else found.without_content(error) from None
                 content = {**content, "data": data}
-        return Model.from_dict(content)
+        return Model.from_dict(content, trusted=trusted)
     except InvalidData as error:
         raise InvalidData(f"{file}: {error}", field=error.field) from None
     except RecursionError:
         raise InvalidData(f"{file}: nested too deeply for an instance") from None
+
+
+class _Found:
+    """The files that an instance refers to: regular ones below `roots`, of bounded size."""
+
+    def __init__(self, home: Path, roots: Sequence[Path]) -> None:
+        self.home = home
+        self.roots = [Path(os.path.realpath(root)) for root in roots]
+        self.files: list[Path] = []
+        self.left = LARGEST_FILE
+
+    def find(self, name: str) -> Path:
+        """Return the path of the file called `name`, relative to the instance's folder."""
+        label = f"the file {show(name)} that the instance refers to"
+        if "\0" in name or Path(name).is_absolute():
+            raise InvalidData(f"{label} must be named relative to the instance's folder")
+        # Links are followed first: a name below the folder may lead out of it.
+        file = Path(os.path.realpath(self.home / name))
+        if not any(file.is_relative_to(root) for root in self.roots):
+            raise InvalidData(
+                f"{label} must lie below the instance's folder, or below one that you name with "
+                "folder=, on the command line with --folder"
+            )
+        try:
+            state = file.stat()
+        except OSError as error:
+            missing = isinstance(error, FileNotFoundError)
+            reason = "no such file" if missing else f"cannot be read: {error.strerror}"
+            raise InvalidData(f"{file}: {reason}") from None
+        if not stat.S_ISREG(state.st_mode):
+            raise InvalidData(f"{label} must be a regular file")
+        self.left -= state.st_size
+        if self.left < 0:
+            raise InvalidData(f"{label} is too large: {LARGEST_FILE} bytes may be read in all")
+        self.files.append(file)
+        return file
+
+    def without_content(self, error: InvalidData) -> InvalidData:
+        """Return `error` without what it quotes of a file that was found."""
+        for file in self.files:
+            if str(error).startswith(str(file)):
+                line = re.match(", line [0-9]+", str(error)[len(str(file)) :])
+                return InvalidData(
+                    f"{file}{line[0] if line else ''}: not in the form that the model reads; with "
+                    "trusted=True, on the command line with --trusted, the message says why",
+                    field=error.field,
+                )
+        return error
 
 
 def write_model(model: Model[Any], path: str | os.PathLike[str]) -> Path:
@@ -112,15 +188,21 @@ def pretty(content: Mapping[str, Any]) -> str:
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """Return the UTF-8 text of a file, without its byte-order mark; lines end as they stand."""
+    """Return the UTF-8 text of a file, without its byte-order mark; lines end as they stand.
+
+    The file may be a pipe; more than :data:`LARGEST_FILE` bytes raise.
+    """
     file = Path(path)
     try:
-        raw = file.read_bytes()
+        with file.open("rb") as stream:
+            raw = stream.read(LARGEST_FILE + 1)
     except FileNotFoundError:
         raise InvalidData(f"{file}: no such file") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InvalidData(f"{file}: cannot be read: {reason}") from None
+    if len(raw) > LARGEST_FILE:
+        raise InvalidData(f"{file}: holds more than {LARGEST_FILE} bytes")
     return _decoded(raw, file)
 
 

@@ -11,6 +11,7 @@ import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from ..errors import InvalidData
 
 __all__ = [
+    "TRUSTED",
     "Array",
     "Broadcast",
     "Flag",
@@ -33,6 +35,10 @@ __all__ = [
     "show",
     "unwritable",
 ]
+
+
+#: Whether the caller trusts who wrote the data that is being read.
+TRUSTED: ContextVar[bool] = ContextVar("trusted", default=False)
 
 
 def show(value: Any) -> str:

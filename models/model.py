@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import HiddenData, InvalidData, UnknownName, UnsupportedFormulation
 from .declaration import Declared
-from .fields import Text, show, unwritable
+from .fields import TRUSTED, Text, show, unwritable
 from .problems import model_type, resolve
 from .verification import TOLERANCE, Verification
 
@@ -138,8 +138,17 @@ class Model(Declared, ABC, Generic[PlanT]):
         return json.dumps(self.to_dict(), indent=indent, allow_nan=False, ensure_ascii=False)
 
     @staticmethod
-    def from_dict(data: Any) -> Model[Any]:
-        """Return the model of any kind that :meth:`to_dict` wrote."""
+    def from_dict(data: Any, *, trusted: bool = False) -> Model[Any]:
+        """Return the model of any kind that :meth:`to_dict` wrote.
+
+        Parameters
+        ----------
+        data : mapping
+            The model's data.
+        trusted : bool
+            Whether you know who wrote it: functions in CasADi's own text, which can run code, are
+            read then alone, by a process of its own first.
+        """
         if not isinstance(data, Mapping):
             raise InvalidData(f"a model must be an object, got {show(data)}", field="model")
         for key in data:
@@ -158,13 +167,17 @@ class Model(Declared, ABC, Generic[PlanT]):
         name = data.get("name", "")
         if not isinstance(name, str):
             raise InvalidData(f"name must be a string, got {show(name)}", field="name")
-        found: Model[Any] = model_type(data["model"]).from_data(data["data"], name=name)
+        token = TRUSTED.set(trusted)
+        try:
+            found: Model[Any] = model_type(data["model"]).from_data(data["data"], name=name)
+        finally:
+            TRUSTED.reset(token)
         return found
 
     @staticmethod
-    def from_json(text: str) -> Model[Any]:
-        """Return the model of any kind that :meth:`to_json` wrote."""
-        return Model.from_dict(parse_json(text))
+    def from_json(text: str, *, trusted: bool = False) -> Model[Any]:
+        """Return the model of any kind that :meth:`to_json` wrote; `trusted` as in :meth:`from_dict`."""
+        return Model.from_dict(parse_json(text), trusted=trusted)
 
     @cached_property
     def digest(self) -> str:

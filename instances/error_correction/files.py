@@ -22,7 +22,7 @@ from ...errors import InvalidData
 from ...models.error_correction.model import ErrorCorrectionRouting
 from ...models.error_correction.points import kind_word
 from ...models.fields import show
-from ..storage import number, pretty, read_text, write_model, write_text
+from ..storage import Find, number, pretty, read_text, write_model, write_text
 
 __all__ = ["PointTable", "read_csv", "read_points", "resolve_references", "write_csv", "write_json"]
 
@@ -107,7 +107,7 @@ def describe_points(file: Path, header: str) -> str:
     )
 
 
-def resolve_references(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
     """Return `data` of an instance with ``"points": "file.csv"`` replaced by the file's content."""
     found = dict(data)
     reference = found.get("points")
@@ -119,7 +119,7 @@ def resolve_references(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
                 f"{key} must not be given beside points {reference!r}: the file holds them",
                 field=key,
             )
-    return {**found, **read_points(folder / reference).data()}
+    return {**found, **read_points(find(reference)).data()}
 
 
 def _parse(text: str, file: str) -> PointTable:

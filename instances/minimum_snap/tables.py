@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ...models.fields import show
 from ...models.minimum_snap.trajectory import Trajectory
-from ..storage import NUMBER, number, read_text, write_text
+from ..storage import NUMBER, Find, number, read_text, write_text
 
 __all__ = [
     "Samples",
@@ -242,9 +242,9 @@ def describe_table(file: Path, header: str) -> str:
     return ""
 
 
-def resolve_references(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
     """Return `data` of an instance with ``"waypoints": "file.csv"`` replaced by the content."""
     found = dict(data)
     if isinstance(found.get("waypoints"), str):
-        found["waypoints"] = read_waypoints(folder / found["waypoints"])
+        found["waypoints"] = read_waypoints(find(found["waypoints"]))
     return found

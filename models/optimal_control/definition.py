@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..declaration import Declared, Listed, Nested
 from ..fields import Array, Real, Text, Whole, declared, show
-from ..programs.compiled import Compiled
+from ..programs.compiled import Compiled, canonical_text
 
 if TYPE_CHECKING:
     import casadi
@@ -355,5 +355,12 @@ class Definition(_Stacked):
 
     @cached_property
     def text(self) -> str:
-        """The definition as canonical JSON text, which the digest hashes."""
-        return json.dumps(self.data(), sort_keys=True, allow_nan=False)
+        """The definition as canonical JSON text, which the digest hashes.
+
+        Its functions stand there as CasADi's own text, as in files of version 0.1.
+        """
+        data = self.data()
+        data["endpoint"] = canonical_text(self.endpoint)
+        for phase, part in zip(self.phases, data["phases"], strict=True):
+            part["function"] = canonical_text(phase.function)
+        return json.dumps(data, sort_keys=True, allow_nan=False)

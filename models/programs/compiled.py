@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ...errors import BackendMissing, InvalidData
 from ..fields import Spec, show
+from .interpreter import read, readable
+from .trusted import read_trusted
 
 if TYPE_CHECKING:
     import casadi
 
-__all__ = ["Compiled", "require_casadi"]
+__all__ = ["Compiled", "canonical_text", "require_casadi"]
 
 
 def require_casadi(what: str) -> None:
@@ -25,11 +27,18 @@ def require_casadi(what: str) -> None:
         ) from error
 
 
+def canonical_text(function: casadi.Function) -> str:
+    """Return the text that digests hash: CasADi's own, of the function as a file gives it back."""
+    text: str = readable(function)[1].serialize()
+    return text
+
+
 @dataclass(frozen=True)
 class Compiled(Spec):
     """A ``casadi.Function`` with canonical names of its arguments and results.
 
-    JSON holds CasADi's own serialisation, which reads back to the same function.
+    JSON holds a graph of named operations (:mod:`.expressions`). What has none, such as a call of a
+    library, is stored as CasADi's own text, which is read for a caller who trusts it alone.
 
     Parameters
     ----------
@@ -47,14 +56,10 @@ class Compiled(Spec):
         require_casadi(f"field {name!r}")
         import casadi
 
-        if isinstance(value, str):
-            try:
-                value = casadi.Function.deserialize(value)
-            except RuntimeError as error:
-                raise InvalidData(
-                    f"{name} is no serialised casadi.Function: {str(error).strip()[:100]}",
-                    field=name,
-                ) from None
+        if isinstance(value, Mapping):
+            value = read(value, name)
+        elif isinstance(value, str):
+            value = read_trusted(value, name)
         if not isinstance(value, casadi.Function):
             raise InvalidData(f"{name} must be a casadi.Function, got {show(value)}", field=name)
         for what, have, want in (
@@ -69,7 +74,7 @@ class Compiled(Spec):
         return value
 
     def encode(self, value: casadi.Function) -> Any:
-        return value.serialize()
+        return readable(value)[0]
 
     def feed(self, value: casadi.Function) -> Iterable[bytes]:
-        yield value.serialize().encode()
+        yield canonical_text(value).encode()

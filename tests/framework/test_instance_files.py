@@ -259,7 +259,7 @@ def test_files_of_other_models_pass_and_may_refer_to_files(tmp_path, monkeypatch
     monkeypatch.setattr("crosstrack.instances.storage._REGISTERED", {})
     instances.register_references(
         "error-correction",
-        lambda data, folder: {**data, **json.loads((folder / data["file"]).read_text())},
+        lambda data, find: {**data, **json.loads(find(data["file"]).read_text())},
     )
     (tmp_path / "rest.json").write_text(json.dumps({"points": POINTS, **DATA, "file": None}))
     path.write_text('{"model": "error-correction", "data": {"file": "rest.json"}}')
@@ -267,7 +267,7 @@ def test_files_of_other_models_pass_and_may_refer_to_files(tmp_path, monkeypatch
         instances.load(path)
     (tmp_path / "rest.json").write_text(json.dumps({"points": POINTS, **DATA}))
     instances.register_references(
-        "error-correction", lambda data, folder: json.loads((folder / data["file"]).read_text())
+        "error-correction", lambda data, find: json.loads(find(data["file"]).read_text())
     )
     assert instances.load(path).digest == ErrorCorrectionRouting(POINTS, **DATA).digest
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import crosstrack as ct
-from crosstrack.instances import read_bezier, read_plan, read_poly7
+from crosstrack.errors import InvalidData
+from crosstrack.instances import read_bezier, read_plan, read_poly7, write_model
 from crosstrack.solvers import Solution
 
 STORED = Path(__file__).parent / "data" / "version-0.1"
@@ -17,12 +18,13 @@ NAMES = sorted({path.name.partition(".model.json")[0] for path in STORED.glob("*
 
 
 def stored_model(name, folder):
+    """Return a model of version 0.1, which wrote functions as CasADi's own text."""
     packed = STORED / f"{name}.model.json.gz"
     if not packed.exists():
-        return ct.load(STORED / f"{name}.model.json")
+        return ct.load(STORED / f"{name}.model.json", trusted=True)
     path = folder / f"{name}.model.json"
     path.write_bytes(gzip.decompress(packed.read_bytes()))
-    return ct.load(path)
+    return ct.load(path, trusted=True)
 
 
 def test_every_kind_of_model_is_stored():
@@ -45,6 +47,15 @@ def test_a_model_its_plan_and_its_solution(name, tmp_path):
         found = model.verify(one, tolerance=data["options"]["tolerance"])
         assert found.ok, found
         assert found.objective == pytest.approx(data["primal_bound"], rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["control", "nlp"])
+def test_functions_of_version_01_are_read_with_consent_and_written_as_graphs(name, tmp_path):
+    model = stored_model(name, tmp_path)
+    path = write_model(model, tmp_path / "new.json")
+    assert ct.load(path).digest == model.digest
+    with pytest.raises(InvalidData, match=r"function.*CasADi's own text.*trusted=True.*--trusted"):
+        ct.load(STORED / "control.model.json")
 
 
 def test_files_for_other_software():

@@ -329,33 +329,15 @@ def compile_function(
     with contextlib.suppress(RuntimeError):
         # A function from elsewhere may have no scalar form; it works as it is.
         found = found.expand()
-    if not _elementary(name, found, ", ".join(results)):
-        _differentiate(found)
+    _refuse_nan(name, found, ", ".join(results))
     return found
 
 
-def _elementary(name: str, function: casadi.Function, what: str) -> bool:
-    """Return whether `function` is made of scalar operations alone; NaN among them raises."""
+def _refuse_nan(name: str, function: casadi.Function, what: str) -> None:
+    """Raise where NaN stands among the scalar operations of `function`."""
     if not function.is_a("SXFunction"):
-        return False
-    kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
-    for k, kind in enumerate(kinds):
-        if kind == casadi.OP_CONST and math.isnan(function.instruction_constant(k)):
+        return
+    for k in range(function.n_instructions()):
+        constant = function.instruction_id(k) == casadi.OP_CONST
+        if constant and math.isnan(function.instruction_constant(k)):
             raise InvalidData(f"{what}: an expression holds nan, which is no number", field=name)
-    return casadi.OP_CALL not in kinds
-
-
-def _differentiate(function: casadi.Function) -> None:
-    """Differentiate `function` twice, and forget what comes out.
-
-    A table keeps its derivatives from when they are first asked for, and writes them with itself:
-    asked for here, they are always there, and a digest does not hang on what was solved before.
-    """
-    kind: Any = casadi.SX if function.is_a("SXFunction") else casadi.MX
-    sizes = [function.size1_in(k) for k in range(function.n_in())]
-    free = kind.sym("free", sum(sizes))
-    parts = casadi.vertsplit(free, np.cumsum([0, *sizes]).tolist())
-    with contextlib.suppress(RuntimeError):
-        # What has no derivative is said by the solver that asks for one; others need none.
-        entries = casadi.vertcat(*map(casadi.vec, function.call(parts)))
-        casadi.hessian(casadi.dot(kind.sym("multipliers", entries.numel()), entries), free)

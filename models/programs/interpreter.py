@@ -1,0 +1,466 @@
+"""Rebuild functions from readable data: an interpreter that knows a closed list of operations.
+
+The format is that of :mod:`.expressions`. What a file says is checked before CasADi sees it, and
+bounded before anything is allocated, for files may come from strangers.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import math
+import sys
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from ...errors import InvalidData
+from ..fields import show
+from .expressions import (
+    BINARY,
+    KEYS,
+    STRUCTURAL,
+    UNARY,
+    VERSION,
+    Unwritable,
+    operation_names,
+    write,
+)
+
+if TYPE_CHECKING:
+    import casadi
+
+__all__ = ["LARGEST", "read", "readable"]
+
+log = logging.getLogger("crosstrack")
+
+#: Entries that all values of a function may hold together, counted anew for every call: a few
+#: hundred MB, and a tenth of a second an evaluation.
+LARGEST = 20_000_000
+#: How deep functions may call one another.
+DEEPEST = 100
+#: What a symbol of a scalar function counts, which is an object of its own.
+SYMBOL = 20
+
+
+def read(data: Any, field: str = "function") -> casadi.Function:
+    """Return the function that :func:`write` wrote.
+
+    Parameters
+    ----------
+    data : mapping
+        The graph.
+    field : str
+        What messages call it.
+
+    Raises
+    ------
+    InvalidData
+        At the place at fault: a version or an operation that is not known, a number that names no
+        earlier value, a shape that does not fit, more than :data:`LARGEST` entries.
+    """
+    reader = _Reader(field)
+    reader.keyed(data, ("graph", "functions"), field)
+    if data["graph"] != VERSION or isinstance(data["graph"], bool):
+        reader.refuse(f"graph must be version {VERSION}, got {show(data['graph'])}")
+    for number, one in enumerate(reader.items(data["functions"], f"{field}.functions")):
+        reader.function(one, f"{field}.functions[{number}]")
+    if not reader.functions:
+        reader.refuse("functions must hold 1 function at least, got 0")
+    function = reader.functions[-1]
+    try:
+        function.call([reader.casadi.DM(function.sparsity_in(k)) for k in range(function.n_in())])
+    except RuntimeError as error:
+        reader.refuse(f"cannot be evaluated: {_last_line(error)}")
+    return function
+
+
+#: What builds a structural operation from its values alone.
+_PLAIN = {
+    "bilin": "bilin",
+    "diagcat": "diagcat",
+    "dot": "dot",
+    "horzcat": "horzcat",
+    "logsumexp": "logsumexp",
+    "mmax": "mmax",
+    "mmin": "mmin",
+    "norm1": "norm_1",
+    "normf": "norm_fro",
+    "norminf": "norm_inf",
+    "rank1": "rank1",
+    "transpose": "transpose",
+    "vertcat": "vertcat",
+}
+
+
+def _last_line(error: Exception) -> str:
+    """Return what CasADi says, without the places in its own source that it names first."""
+    return show((str(error).strip() or type(error).__name__).splitlines()[-1])
+
+
+class _Reader:
+    """Rebuilds functions one by one; every number in the data is checked before it is used."""
+
+    def __init__(self, field: str) -> None:
+        import casadi
+
+        self.casadi: Any = casadi
+        self.field = field.partition("[")[0]
+        self.place = field
+        self.functions: list[casadi.Function] = []
+        #: Entries that each of the functions holds, what it calls included; all of them together.
+        self.costs: list[int] = []
+        self.total = 0
+        #: How deep each of the functions calls others; and the one that is being built, so far.
+        self.depths: list[int] = []
+        self.depth = 0
+        self.codes = {name: code for code, name in operation_names().items()}
+
+    # -- pieces of data --
+
+    def refuse(self, what: str) -> NoReturn:
+        raise InvalidData(f"{self.place}: {what}", field=self.field)
+
+    def keyed(
+        self, data: Any, keys: tuple[str, ...], place: str, further: tuple[str, ...] = ()
+    ) -> None:
+        """Refuse what is no object with these `keys` and, if at all, the `further` ones."""
+        self.place = place
+        if not isinstance(data, Mapping):
+            self.refuse(f"must be an object, got {show(data)}")
+        for key in data:
+            if key not in keys and key not in further:
+                allowed = ", ".join((*keys, *further))
+                self.refuse(f"unknown key {show(key)}; allowed: {allowed}")
+        for key in keys:
+            if key not in data:
+                self.refuse(f"key {key!r} is missing")
+
+    def items(self, data: Any, place: str) -> Any:
+        self.place = place
+        if not isinstance(data, list | tuple):
+            self.refuse(f"must be a list, got {show(data)}")
+        return data
+
+    def text(self, data: Any) -> str:
+        if not isinstance(data, str):
+            self.refuse(f"must be a string, got {show(data)}")
+        return data
+
+    def whole(self, data: Any, end: int, what: str) -> int:
+        """Return `data` where it is a whole number from 0 to `end` - 1."""
+        if type(data) is not int or not 0 <= data < end:
+            self.refuse(f"{what} must be a whole number >= 0 and < {end}, got {show(data)}")
+        return data
+
+    def wholes(self, data: Any, end: int, what: str) -> list[int]:
+        if not isinstance(data, list | tuple):
+            self.refuse(f"{what} must be a list, got {show(data)}")
+        return [self.whole(one, end, what) for one in data]
+
+    def number(self, data: Any) -> float:
+        if isinstance(data, str) and data in ("inf", "-inf", "nan"):
+            return float(data)
+        if type(data) not in (int, float) or not abs(data) <= sys.float_info.max:
+            self.refuse(f'must be a number, "inf", "-inf" or "nan", got {show(data)}')
+        return float(data)
+
+    def finite(self, data: Any) -> float:
+        value = self.number(data)
+        if not math.isfinite(value):
+            self.refuse(f"must be finite, got {value}")
+        return value
+
+    def count(self, entries: int) -> None:
+        """Refuse what would take more entries than functions may."""
+        self.total += entries
+        if self.total > LARGEST:
+            self.refuse(f"more than {LARGEST} entries in all")
+
+    def shape(self, data: Any, weight: int = 1) -> Any:
+        if not isinstance(data, list | tuple) or len(data) not in (2, 4):
+            self.refuse(f"a shape must be [rows, columns] or with colind and row, got {show(data)}")
+        rows, columns = (self.whole(one, 2**31, "rows and columns") for one in data[:2])
+        if len(data) == 2:
+            self.count(rows + columns + rows * columns * weight)
+            return self.casadi.Sparsity.dense(rows, columns)
+        row = self.wholes(data[3], max(rows, 1), "row")
+        colind = self.wholes(data[2], len(row) + 1, "colind")
+        self.count(rows + columns + len(row) * weight)
+        if len(colind) != columns + 1 or colind[0] != 0 or colind[-1] != len(row):
+            self.refuse(f"colind must hold {columns + 1} numbers from 0 to {len(row)}")
+        for start, end in itertools.pairwise(colind):
+            if (
+                any(one >= other for one, other in itertools.pairwise(row[start:end]))
+                or end < start
+            ):
+                self.refuse("colind must not decrease, and rows must increase in each column")
+        return self.casadi.Sparsity(rows, columns, colind, row)
+
+    # -- functions --
+
+    def function(self, data: Any, place: str) -> None:
+        """Append the function in `data`."""
+        self.place = place
+        kind = data.get("kind") if isinstance(data, Mapping) else None
+        if not isinstance(kind, str) or kind not in KEYS:
+            self.refuse(f"kind must be one of {', '.join(KEYS)}, got {show(kind)}")
+        self.keyed(data, KEYS[kind], place)
+        before, self.depth = self.total, 0
+        try:
+            made = getattr(self, f"_{kind}")(data, place)
+        except InvalidData:
+            raise
+        except (RuntimeError, NotImplementedError, TypeError, ValueError, OverflowError) as error:
+            # CasADi's own checks: shapes that do not fit, a name that is none.
+            self.refuse(f"no valid function: {_last_line(error)}")
+        self.functions.append(made)
+        self.costs.append(self.total - before)
+        self.depths.append(self.depth)
+
+    def called(self, data: Any, times: int = 1) -> casadi.Function:
+        """Return an earlier function, whose `times` calls are counted."""
+        found = self.whole(data, len(self.functions), "a function")
+        self.count(times * max(1, self.costs[found]))
+        self.depth = max(self.depth, 1 + self.depths[found])
+        if self.depth > DEEPEST:
+            self.refuse(f"calls are nested more than {DEEPEST} deep")
+        return self.functions[found]
+
+    def _entries(self, data: Any, place: str, further: str) -> Iterator[Any]:
+        """Yield the inputs or outputs in `data`, checked."""
+        for k, one in enumerate(self.items(data, place)):
+            self.keyed(one, ("name", "shape"), f"{place}[{k}]", (further,))
+            self.text(one["name"])
+            yield one
+
+    def _map(self, data: Any, place: str) -> casadi.Function:
+        times = self.whole(data["times"], LARGEST, "times")
+        return self.called(data["of"], times).map(times)
+
+    def _table(self, data: Any, place: str) -> casadi.Function:
+        if data["method"] not in ("linear", "bspline"):
+            self.refuse(f"method must be linear or bspline, got {show(data['method'])}")
+        grid = [
+            [self.finite(one) for one in self.items(axis, f"{place}.grid")]
+            for axis in self.items(data["grid"], f"{place}.grid")
+        ]
+        numbers = [self.finite(one) for one in self.items(data["numbers"], f"{place}.numbers")]
+        self.place = place
+        size = math.prod(map(len, grid))
+        if not grid or not size or not numbers or len(numbers) % size:
+            self.refuse(f"{len(numbers)} numbers do not fit a grid of {size} points")
+        # A spline is found from a banded system.
+        self.count(size * (size // max(map(len, grid)) if data["method"] == "bspline" else 1))
+        name = self.text(data["name"])
+        made: casadi.Function = self.casadi.interpolant(name, data["method"], grid, numbers)
+        if data["method"] == "bspline":
+            # CasADi keeps derivatives with a spline once somebody asked for them. They are asked for
+            # here, so that a digest does not hang on what was solved before.
+            x = self.casadi.MX.sym("x", len(grid))
+            y = made(x)
+            weights = self.casadi.MX.sym("weights", y.numel())
+            self.casadi.hessian(self.casadi.dot(weights, self.casadi.vec(y)), x)
+        return made
+
+    def _scalar(self, data: Any, place: str) -> casadi.Function:
+        sx = self.casadi.SX
+        arguments: list[Any] = []
+        values: list[Any] = []
+        for one in self._entries(data["inputs"], f"{place}.inputs", "symbols"):
+            shape = self.shape(one["shape"], SYMBOL)
+            if "symbols" in one:
+                names = self.items(one["symbols"], self.place)
+                argument = self._filled(shape, [sx.sym(self.text(name)) for name in names])
+            else:
+                argument = sx.sym(one["name"], shape)
+            arguments.append(argument)
+            values += argument.nonzeros()
+        nodes = self.items(data["nodes"], f"{place}.nodes")
+        self.count(len(nodes))
+        for k, node in enumerate(nodes):
+            self.place = f"{place}.nodes[{k}]"
+            name, *others = self._operation(node)
+            if name == "const" and len(others) == 1:
+                values.append(sx(self.number(others[0])))
+                continue
+            if name == "call" and others:
+                values += self._scalar_call(others.pop(), self._taken(values, others))
+                continue
+            arity = 1 if name in UNARY else 2 if name in BINARY else 0
+            if not arity or len(others) != arity:
+                self.refuse(f"must be an operation on numbers and what it takes, got {show(node)}")
+            made = sx.unary if arity == 1 else sx.binary
+            values.append(made(self.codes[name], *self._taken(values, others)))
+        results = []
+        for one in self._entries(data["outputs"], f"{place}.outputs", "values"):
+            entries = self._taken(values, self.items(one.get("values"), self.place))
+            results.append(self._filled(self.shape(one["shape"]), entries))
+        return self._made(data, place, arguments, results)
+
+    def _filled(self, shape: Any, entries: list[Any]) -> Any:
+        """Return the scalar expressions `entries` as a matrix."""
+        if shape.nnz() != len(entries):
+            self.refuse(f"a shape with {shape.nnz()} entries is given {len(entries)}")
+        return self.casadi.SX(shape, self.casadi.vertcat(self.casadi.SX(0, 1), *entries))
+
+    def _matrix(self, data: Any, place: str) -> casadi.Function:
+        mx = self.casadi.MX
+        arguments = []
+        for one in self._entries(data["inputs"], f"{place}.inputs", "symbols"):
+            symbols = self.items(one.get("symbols", [one["name"]]), self.place)
+            if len(symbols) != 1:
+                self.refuse(f"symbols must hold 1 name, got {len(symbols)}")
+            arguments.append(mx.sym(self.text(symbols[0]), self.shape(one["shape"])))
+        values: list[Any] = list(arguments)
+        for k, node in enumerate(self.items(data["nodes"], f"{place}.nodes")):
+            self.place = f"{place}.nodes[{k}]"
+            name, *others = self._operation(node)
+            wanted: tuple[int | None, tuple[str, ...]] | None = (
+                (1, ()) if name in UNARY else (2, ()) if name in BINARY else STRUCTURAL.get(name)
+            )
+            if wanted is None:
+                self.refuse(f"unknown operation {show(name)}")
+            arity = len(others) - len(wanted[1]) if wanted[0] is None else wanted[0]
+            if arity < 0 or len(others) != arity + len(wanted[1]):
+                what = ", ".join([f"{'' if wanted[0] is None else arity} values", *wanted[1]])
+                self.refuse(f"{name} takes {what.strip()}, got {show(node)}")
+            taken = self._taken(values, others[:arity])
+            if name in UNARY:
+                made = [mx.unary(self.codes[name], *taken)]
+            elif name in BINARY:
+                made = [mx.binary(self.codes[name], *taken)]
+            else:
+                made = getattr(self, f"_{name}", self._plain)(name, taken, *others[arity:])
+            for one in made:
+                self.count(one.nnz())
+            values += made
+        results = []
+        for one in self._entries(data["outputs"], f"{place}.outputs", "values"):
+            found = self._taken(values, self.items(one.get("values"), self.place))
+            if len(found) != 1 or found[0].sparsity() != self.shape(one["shape"]):
+                self.refuse("values must hold 1 value, of the shape given")
+            results += found
+        return self._made(data, place, arguments, results)
+
+    def _taken(self, values: list[Any], numbers: list[Any]) -> list[Any]:
+        return [values[self.whole(one, len(values), "a value")] for one in numbers]
+
+    def _operation(self, node: Any) -> Any:
+        if not isinstance(node, list | tuple) or not node or not isinstance(node[0], str):
+            self.refuse(f"must be [operation, …], got {show(node)}")
+        return node
+
+    def _made(
+        self, data: Any, place: str, arguments: list[Any], results: list[Any]
+    ) -> casadi.Function:
+        self.place = place
+        inputs, outputs = ([one["name"] for one in data[key]] for key in ("inputs", "outputs"))
+        made: casadi.Function = self.casadi.Function(
+            self.text(data["name"]), arguments, results, inputs, outputs
+        )
+        return made
+
+    # -- matrix operations: the name, the values taken, what follows them --
+
+    def _plain(self, name: str, taken: list[Any]) -> list[Any]:
+        # What they put together holds as much as all that they take.
+        self.count(sum(one.nnz() + sum(one.shape) for one in taken))
+        return [getattr(self.casadi, _PLAIN[name])(*taken)]
+
+    def _const(self, name: str, taken: list[Any], shape: Any, numbers: Any) -> list[Any]:
+        sparsity = self.shape(shape)
+        if isinstance(numbers, list | tuple):
+            if len(numbers) != sparsity.nnz():
+                self.refuse(f"numbers must be {sparsity.nnz()}, got {len(numbers)}")
+            return [self.casadi.MX(self.casadi.DM(sparsity, list(map(self.number, numbers))))]
+        return [self.casadi.MX(self.casadi.DM(sparsity, self.number(numbers)))]
+
+    def _call(self, name: str, taken: list[Any], number: Any) -> list[Any]:
+        return self.called(number).call(taken, False, True)
+
+    def _scalar_call(self, number: Any, taken: list[Any]) -> list[Any]:
+        function = self.called(number)
+        sizes = [function.nnz_in(k) for k in range(function.n_in())]
+        if sum(sizes) != len(taken):
+            self.refuse(f"function {number} takes {sum(sizes)} values, got {len(taken)}")
+        self.count(SYMBOL * sum(function.nnz_out(k) for k in range(function.n_out())))
+        ends = itertools.accumulate(sizes)
+        arguments = [
+            self._filled(function.sparsity_in(k), taken[end - size : end])
+            for k, (size, end) in enumerate(zip(sizes, ends, strict=True))
+        ]
+        return [one for made in function.call(arguments, False, True) for one in made.nonzeros()]
+
+    def _mtimes(self, name: str, taken: list[Any]) -> list[Any]:
+        return [self.casadi.mac(taken[1], taken[2], taken[0])]
+
+    def _getnonzeros(self, name: str, taken: list[Any], shape: Any, places: Any) -> list[Any]:
+        return [taken[0].nzref(self.shape(shape), self._places(places, taken[0].nnz()))]
+
+    def _setnonzeros(self, name: str, taken: list[Any], places: Any) -> list[Any]:
+        made = self.casadi.MX(taken[0])
+        made.nz[self._places(places, made.nnz())] = taken[1]
+        return [made]
+
+    def _places(self, data: Any, end: int) -> list[int]:
+        if not isinstance(data, Mapping):
+            return self.wholes(data, end, "places")
+        self.keyed(data, ("start", "stop", "step"), self.place)
+        start, stop = (self.whole(data[key], end + 1, key) for key in ("start", "stop"))
+        return list(range(start, stop, self.whole(data["step"], end + 1, "step") or 1))
+
+    def _horzrepmat(self, name: str, taken: list[Any], times: Any) -> list[Any]:
+        count = self.whole(times, LARGEST, "times")
+        self.count(count * (taken[0].nnz() + taken[0].size2()))
+        return [self.casadi.repmat(taken[0], 1, count)]
+
+    def _horzrepsum(self, name: str, taken: list[Any], times: Any) -> list[Any]:
+        return [self.casadi.repsum(taken[0], 1, self.whole(times, LARGEST, "times"))]
+
+    def _horzsplit(self, name: str, taken: list[Any], offsets: Any) -> list[Any]:
+        ends = self.wholes(offsets, max(taken[0].shape) + 1, "offsets")
+        return list(getattr(self.casadi, name)(taken[0], ends))
+
+    _vertsplit = _horzsplit
+
+    def _reshape(self, name: str, taken: list[Any], shape: Any) -> list[Any]:
+        return [getattr(self.casadi, name)(taken[0], self.shape(shape))]
+
+    _project = _sparsity_cast = _reshape
+
+
+def readable(function: casadi.Function) -> tuple[dict[str, Any] | str, casadi.Function]:
+    """Return what a file holds for `function`, and the function that reading it gives.
+
+    Where the format does not cover it, both are CasADi's own: its text, which
+    :func:`~crosstrack.models.programs.trusted.read_trusted` reads, and `function` itself.
+    """
+    try:
+        data = write(function)
+        again = read(data)
+    except (Unwritable, InvalidData, RecursionError) as error:
+        log.info("function %r is stored as CasADi's own text: %s", function.name(), error)
+        return function.serialize(), function
+    # Unlike what is lost without a trace, such as a cached derivative, values must not differ.
+    if again.serialize() != function.serialize() and not _agree(function, again):
+        return function.serialize(), function
+    return data, again
+
+
+def _agree(function: casadi.Function, other: casadi.Function) -> bool:
+    """Return whether two functions give the same numbers, to the last bit, at drawn points."""
+    import casadi
+    import numpy as np
+
+    draw = np.random.default_rng(0)
+    for sample in (draw.standard_normal, draw.random):
+        point = [
+            casadi.DM(function.sparsity_in(k), sample(function.nnz_in(k)))
+            for k in range(function.n_in())
+        ]
+        for one, two in zip(function.call(point), other.call(point), strict=True):
+            if one.sparsity() != two.sparsity() or not np.array_equal(
+                one.nonzeros(), two.nonzeros(), equal_nan=True
+            ):
+                return False
+    return True
