@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import importlib
-import io
-import os
 import sys
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -23,7 +19,6 @@ __all__ = [
     "ended_by_words",
     "last_line",
     "load_plugin",
-    "muted",
     "status_of",
     "vector",
 ]
@@ -34,8 +29,6 @@ HIGHS_MARK = "crosstrack.solvers.qp.casadi_highs"
 
 #: Plugins that this process has loaded; CasADi warns when asked again.
 _loaded: set[tuple[str, str]] = set()
-#: One thread at a time exchanges the standard output.
-_quiet_lock = threading.Lock()
 
 
 def load_plugin(backend: str, kind: str, name: str, *, brings_highs: bool = False) -> None:
@@ -75,53 +68,6 @@ def load_plugin(backend: str, kind: str, name: str, *, brings_highs: bool = Fals
         raise BackendBroken(
             f"backend {backend!r}: plugin {name!r} does not load: {last_line(error)}"
         ) from error
-
-
-@contextmanager
-def muted(*, native: bool = False) -> Iterator[None]:
-    """Keep what this thread's solver writes to the standard output from appearing there.
-
-    CasADi's output goes through Python's ``sys.stdout``, and other threads keep writing there.
-
-    Parameters
-    ----------
-    native : bool
-        Also what goes past Python, to the file descriptor: that of the whole process, so only for
-        solvers that run in a process of their own.
-    """
-    with _quiet_lock:
-        before, saved = sys.stdout, -1
-        sys.stdout = _Mute(before, threading.get_ident())
-        if native:
-            saved = os.dup(1)
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, 1)
-            os.close(nowhere)
-        try:
-            yield
-        finally:
-            sys.stdout = before
-            if native:
-                os.dup2(saved, 1)
-                os.close(saved)
-
-
-class _Mute(io.TextIOBase):
-    """A standard output that forgets what one thread writes."""
-
-    def __init__(self, target: Any, thread: int) -> None:
-        self._target, self._thread = target, thread
-
-    def writable(self) -> bool:
-        return True
-
-    def write(self, text: str) -> int:
-        if threading.get_ident() == self._thread:
-            return len(text)
-        return int(self._target.write(text))
-
-    def flush(self) -> None:
-        self._target.flush()
 
 
 def status_of(stats: Mapping[str, Any]) -> str:

@@ -155,7 +155,12 @@ class Solved:
 
 
 def solve_by_cvxpy(
-    program: Any, solver: str, options: Mapping[str, Any], time_name: str, clock: Clock
+    program: Any,
+    solver: str,
+    options: Mapping[str, Any],
+    time_name: str,
+    clock: Clock,
+    verbose: bool,
 ) -> Solved:
     """Solve `program` with `solver`, whose name for the time limit is `time_name`, empty for none.
 
@@ -177,7 +182,7 @@ def solve_by_cvxpy(
         with warnings.catch_warnings():
             # CVXPY warns that a limit makes a solution inaccurate; the limit is reported here.
             warnings.simplefilter("ignore")
-            problem.solve(solver=solver, verbose=False, **given)
+            problem.solve(solver=solver, verbose=verbose, **given)
     except cvxpy.SolverError as refused:
         error = str(refused)
     clock.lap("solve")

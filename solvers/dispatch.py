@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from ..errors import UnsupportedOption
@@ -103,6 +105,7 @@ def solve(
     UnknownName, UnsupportedOption, UnsupportedFormulation, InvalidData
         Something asked for is not to be had.
     """
+    begin = time.perf_counter()
     model = as_model(model)
     job = Job(
         model=model,
@@ -123,7 +126,8 @@ def solve(
         backend_options=dict(backend_options or {}),
     ).resolved()
     with shown(verbose):
-        return _run(job, isolate, on_incumbent)
+        solution = _run(job, isolate, on_incumbent)
+    return replace(solution, seconds={**solution.seconds, "total": time.perf_counter() - begin})
 
 
 def _run(

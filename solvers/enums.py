@@ -48,6 +48,8 @@ class Feature(StrEnum):
     DUALS = "duals"
     #: Stops soon when it is asked to.
     INTERRUPT = "interrupt"
+    #: Prints a log of its own where ``verbose`` asks for it.
+    LOG = "log"
 
 
 class Termination(StrEnum):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import logging
+import os
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -133,7 +134,7 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
         tolerance=job.verification_tolerance
         * (1.0 if formulation is None else formulation.precision),
         seed=seed if Feature.SEED in features else None,
-        threads=job.threads,
+        threads=_threads(run),
         warm_start=warm if Feature.WARM_START in features else None,
         cutoff=cutoff if Feature.CUTOFF in features else None,
         evaluations=job.evaluations,
@@ -142,6 +143,19 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
         options=run.target.backend.checked_options(job.backend_options),
         control=control,
     )
+
+
+def _threads(run: Run) -> int | None:
+    """Return the threads asked for, no more than this process has processors, which is said."""
+    asked = run.job.threads
+    # Not all of the machine's may be this process's own.
+    own = hasattr(os, "sched_getaffinity")
+    most = len(os.sched_getaffinity(0)) if own else os.cpu_count() or 1
+    if asked is None or asked <= most:
+        return asked
+    run.notes.append(f"threads={asked}: {most} used, as many as there are processors here")
+    log.warning(run.notes[-1])
+    return most
 
 
 def warm_objective(job: Job) -> float | None:
@@ -166,7 +180,7 @@ def _claim(run: Run, answer: Answer, problem: Any) -> Claim:
     formulation = target.formulation
     point = run.last_point if answer.point is None else answer.point
     plan: Any = None
-    messages = [answer.message]
+    messages = [*run.notes, answer.message]
     undecodable = False
     counts = dict(answer.statistics)
     if point is not None and answer.termination not in CLAIMS_NONE:
@@ -224,6 +238,7 @@ def multistart(
         To stop the whole from another thread.
     """
     job.target()
+    begin = time.perf_counter()
     first = job.seed or 0
     whole = control or Control()
     whole.arm(job.time_limit)
@@ -250,6 +265,7 @@ def multistart(
     seconds = {
         part: sum(result.seconds.get(part, 0.0) for result in results) for part in best.seconds
     }
+    seconds["total"] = time.perf_counter() - begin
     ended = whole.reason if len(results) < job.starts else None
     return replace(
         best,

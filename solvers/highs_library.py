@@ -48,7 +48,7 @@ def run_highs(
     import highspy
 
     highs = highspy.Highs()
-    given = {"output_flag": False, **options}
+    given = {"output_flag": request.verbose, **options}
     if request.seed is not None:
         given["random_seed"] = request.seed % (2**31)
     if request.threads is not None:

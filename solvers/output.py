@@ -15,9 +15,10 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import IO, Any
 
-__all__ = ["Diverted", "Lines", "by_lines", "captured", "shown"]
+__all__ = ["Diverted", "Lines", "Printed", "by_lines", "captured", "shown"]
 
 log = logging.getLogger("crosstrack.output")
 
@@ -129,8 +130,38 @@ class Diverted:
         system.fflush(stream)
 
 
+class _Split:
+    """A standard output that logs what some threads write, and passes on what others do."""
+
+    def __init__(self, target: Any, level: Callable[[], int]) -> None:
+        self.target = target
+        self._level = level
+        #: What each thread has written of a line without its end.
+        self.threads: dict[int, str] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.target, name)
+
+    def write(self, text: str) -> int:
+        thread = threading.get_ident()
+        if thread not in self.threads:
+            return int(self.target.write(text))
+        *lines, self.threads[thread] = (self.threads[thread] + text).split("\n")
+        for line in lines:
+            self.say(line)
+        return len(text)
+
+    def say(self, line: str) -> None:
+        if line.strip():
+            log.log(self._level(), "%s", line)
+
+    def flush(self) -> None:
+        if threading.get_ident() not in self.threads:
+            self.target.flush()
+
+
 class _Capture:
-    """The file that takes what is printed, shared by all runs that go on at the same time."""
+    """Where what is printed goes, shared by all runs that go on at the same time."""
 
     def __init__(self) -> None:
         import tempfile  # a tenth of the command line's start
@@ -140,12 +171,16 @@ class _Capture:
         self._file: IO[bytes] = tempfile.TemporaryFile(prefix="crosstrack-output-")  # noqa: SIM115 (closed with the last run)
         self._lines = Lines(self._file.fileno())
         self._diverted = Diverted(self._file.fileno())
+        self.split = _Split(sys.stdout, lambda: self.level)
+        sys.stdout = self.split
 
     def forward(self) -> None:
         self._diverted.flush()
         self._lines.forward(self.level)
 
     def close(self) -> None:
+        if sys.stdout is self.split:  # unless somebody has exchanged it meanwhile
+            sys.stdout = self.split.target
         self._diverted.end()
         self._lines.forward(self.level, rest=True)
         self._file.close()
@@ -156,15 +191,41 @@ _read_by_parent = False
 _capture: _Capture | None = None
 
 
+@dataclass(frozen=True)
+class Printed:
+    """What a solver prints while it runs."""
+
+    shared: _Capture | None
+
+    def forward(self) -> None:
+        """Log what has been printed so far."""
+        with _lock:
+            if self.shared is not None and self.shared.runs:
+                self.shared.forward()
+
+    @contextmanager
+    def by_this_thread(self) -> Iterator[None]:
+        """Log also what this thread writes to Python's ``sys.stdout``, as some solvers do."""
+        if self.shared is None:
+            yield
+            return
+        split, thread = self.shared.split, threading.get_ident()
+        split.threads[thread] = ""
+        try:
+            yield
+        finally:
+            split.say(split.threads.pop(thread))
+
+
 @contextmanager
-def captured(verbose: bool, *, quiet: bool) -> Iterator[Callable[[], None]]:
-    """Give what native code prints meanwhile to the log; yield a function that does so at once.
+def captured(verbose: bool, *, quiet: bool) -> Iterator[Printed]:
+    """Give what a solver prints meanwhile to the log.
 
     Nothing is done for what is `quiet`, nor in a worker, whose parent reads what it prints.
     """
     global _capture
     if quiet or _read_by_parent:
-        yield lambda: None
+        yield Printed(None)
         return
     shared: _Capture | None = None
     with _lock:
@@ -176,13 +237,8 @@ def captured(verbose: bool, *, quiet: bool) -> Iterator[Callable[[], None]]:
         except OSError as error:  # standard output is closed, or there is no room for a file
             log.debug("what solvers print is not captured: %s", error)
 
-    def forward() -> None:
-        with _lock:
-            if shared is not None:
-                shared.forward()
-
     try:
-        yield forward
+        yield Printed(shared)
     finally:
         with _lock:
             if shared is not None:

@@ -53,6 +53,7 @@ class Run:
     seconds: dict[str, float] = field(default_factory=dict)
     incumbents: list[Incumbent[Any]] = field(default_factory=list)
     last_point: Any = None
+    notes: list[str] = field(default_factory=list)
 
     @contextmanager
     def clock(self, part: str) -> Iterator[None]:
@@ -93,12 +94,12 @@ class Run:
     def attend(self, problem: Any, request: Request) -> Answer:
         """Run the backend in a thread, so that this one can hear incumbents, the clock and Ctrl-C."""
         control, backend = request.control, self.target.backend
-        printed = captured(request.verbose, quiet=is_plain(backend))
         box: list[Answer | BaseException] = []
 
         def work() -> None:
             try:
-                box.append(backend.run(problem, request))
+                with printed.by_this_thread():
+                    box.append(backend.run(problem, request))
             except (
                 BaseException
             ) as error:  # handed to the waiting thread, which raises or records it
@@ -106,7 +107,10 @@ class Run:
             finally:
                 control.events.put(None)
 
-        with self.clock("run"), printed as forward:
+        with (
+            self.clock("run"),
+            captured(request.verbose, quiet=is_plain(backend)) as printed,
+        ):
             control.arm(request.time_limit)
             thread = threading.Thread(target=work, name=f"crosstrack-{backend.name}", daemon=True)
             thread.start()
@@ -117,7 +121,7 @@ class Run:
                     try:
                         event = control.events.get(timeout=POLL)
                     except queue.Empty:
-                        forward()
+                        printed.forward()
                         control.check()
                         if control.stopped:
                             stop_seen = stop_seen or time.perf_counter()

@@ -113,7 +113,10 @@ class Solution(Generic[PlanT]):
     verification : Verification, optional
         What the independent check measured; for a rejected plan, why.
     seconds : mapping
-        ``build``, ``solve``, ``decode``, ``verify``, ``total``; ``compile`` for a first call.
+        ``total`` is the whole call as the caller waited for it: compiling, the start of a worker,
+        the building of programs and the verification included. The others are parts of it:
+        ``compile`` for a first call, ``build``, ``solve``, ``decode``, ``verify``, ``refine``. Parts of
+        several starts are added up.
     incumbents : tuple of Incumbent
         Better plans over time.
     backend_version, version : str

@@ -13,7 +13,7 @@ from ...models.model import Model
 from ...models.programs.cones import ConeBlock, ConeKind
 from ...models.programs.conic import ConicProgram
 from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
-from ..backend import Limit, Option, Request
+from ..backend import Feature, Limit, Option, Request
 from ..qp.base import COMMON
 from ..qp.forms import ConicForm
 from .base import ConvexBackend
@@ -26,7 +26,7 @@ class Ecos(ConvexBackend):
 
     name = "ecos"
     accepts = ConicProgram
-    features = COMMON
+    features = COMMON | {Feature.LOG}
     requires = ("ecos",)
     extra = "ecos"
     options: ClassVar[Mapping[str, Option]] = {
@@ -68,7 +68,7 @@ class Ecos(ConvexBackend):
             form.right[count:],
             dims,
             **equal,
-            verbose=False,
+            verbose=request.verbose,
             feastol=tolerance,
             abstol=tolerance,
             reltol=tolerance,

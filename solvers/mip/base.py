@@ -41,6 +41,7 @@ CALLED_BACK = frozenset(
         Feature.INCUMBENTS,
         Feature.DUAL_BOUND,
         Feature.INTERRUPT,
+        Feature.LOG,
     }
 )
 

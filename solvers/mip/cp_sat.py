@@ -200,6 +200,7 @@ def _configure(solver: Any, request: Request) -> None:
     parameters.relative_gap_limit = request.gap
     parameters.absolute_gap_limit = 0.0
     parameters.catch_sigint_signal = False
+    parameters.log_search_progress = request.verbose
     parameters.linearization_level = request.options["linearization_level"]
     if request.seed is not None:
         parameters.random_seed = request.seed % (2**31)

@@ -41,6 +41,7 @@ class CvxpyMip(ProgramBackend):
             Feature.CUTOFF,
             Feature.DUAL_BOUND,
             Feature.DUALS,
+            Feature.LOG,
         }
     )
     requires = ("cvxpy",)
@@ -92,7 +93,9 @@ class CvxpyMip(ProgramBackend):
         try:
             if solver == "HIGHS" and request.threads is not None:
                 _fresh_scheduler()
-            solved = solve_by_cvxpy(posed, solver, options, names.get("time", ("",))[0], clock)
+            solved = solve_by_cvxpy(
+                posed, solver, options, names.get("time", ("",))[0], clock, request.verbose
+            )
         finally:
             if solver == "HIGHS" and request.threads is not None:
                 _fresh_scheduler()

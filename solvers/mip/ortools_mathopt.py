@@ -103,7 +103,7 @@ def _model(mathopt: Any, program: MixedIntegerProgram) -> Any:
 
 
 def _parameters(mathopt: Any, kind: Any, request: Request) -> Any:
-    parameters = mathopt.SolveParameters()
+    parameters = mathopt.SolveParameters(enable_output=request.verbose)
     if request.seed is not None:
         parameters.random_seed = request.seed % (2**31)
     # SCIP knows no tolerance below its epsilon, 1e-9.

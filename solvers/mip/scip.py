@@ -62,7 +62,7 @@ class Scip(ProgramBackend):
 
 
 def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request: Request) -> None:
-    model.hideOutput()
+    model.hideOutput(quiet=not request.verbose)
     emphasis = request.options["emphasis"]
     if emphasis != "default":
         model.setEmphasis(getattr(pyscipopt.SCIP_PARAMEMPHASIS, emphasis.upper()), quiet=True)

@@ -26,7 +26,7 @@ class ScipyMilp(ProgramBackend):
     """
 
     name = "scipy"
-    features = frozenset({Feature.GAP, Feature.CUTOFF, Feature.DUAL_BOUND})
+    features = frozenset({Feature.GAP, Feature.CUTOFF, Feature.DUAL_BOUND, Feature.LOG})
     requires = ("scipy",)
     options: ClassVar[Mapping[str, Option]] = {
         "presolve": Option(True, "Whether to presolve.", bool)
@@ -43,7 +43,11 @@ class ScipyMilp(ProgramBackend):
                 f"which scipy.optimize.milp fixes; got {request.tolerance!r}"
             )
         posed = with_offset_column(with_cutoff_row(program, request.cutoff))
-        options: dict[str, Any] = {"mip_rel_gap": request.gap, **request.options}
+        options: dict[str, Any] = {
+            "mip_rel_gap": request.gap,
+            "disp": request.verbose,
+            **request.options,
+        }
         clock.lap("build")
         left = clock.left()
         if left is not None:

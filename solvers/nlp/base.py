@@ -32,7 +32,7 @@ STATIONARY = 1e-3
 CLEARLY_STATIONARY = 1e-6
 
 #: What every nonlinear backend declares: all of them search from a point.
-COMMON = frozenset({Feature.SEED, Feature.WARM_START, Feature.DUALS})
+COMMON = frozenset({Feature.SEED, Feature.WARM_START, Feature.DUALS, Feature.LOG})
 
 #: The option of solvers that can do without the Hessian.
 HESSIAN = Option(

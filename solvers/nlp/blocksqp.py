@@ -24,7 +24,6 @@ class BlockSqp(CasadiNlp):
     name = "blocksqp"
     plugin = "blocksqp"
     features = COMMON
-    talks = "native"
     options: ClassVar[Mapping[str, Option]] = {
         "max_iter": most_iterations(500),
     }
@@ -34,8 +33,8 @@ class BlockSqp(CasadiNlp):
         """Return the plugin's options."""
         return {
             "schur": False,
-            "print_header": False,
-            "print_iteration": False,
+            "print_header": request.verbose,
+            "print_iteration": request.verbose,
             "print_maxit_reached": False,
             "max_iter": request.options["max_iter"],
             "opttol": solver_tolerance(request.tolerance, 1e-10, 1e-7),

@@ -24,7 +24,6 @@ class Bonmin(CasadiNlp):
     limit_option = "time_limit"
     given = DERIVATIVES
     features = COMMON
-    talks = "python"
     options: ClassVar[Mapping[str, Option]] = {
         "max_iter": most_iterations(3000),
     }
@@ -34,4 +33,5 @@ class Bonmin(CasadiNlp):
         """Return the plugin's options."""
         quiet = ("print_level", "bb_log_level", "nlp_log_level", "lp_log_level", "nlp_log_at_root")
         own = {"sb": "yes", "tol": 1e-8, "max_iter": request.options["max_iter"]}
-        return {"bonmin": {**dict.fromkeys(quiet, 0), **own}}
+        told = {} if request.verbose else dict.fromkeys(quiet, 0)
+        return {"bonmin": {**told, **own}}

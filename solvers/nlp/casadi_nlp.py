@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,7 +12,7 @@ from ...errors import BackendBroken
 from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Clock, Ended, Ending, over
 from ..backend import Feature, Limit, Request
-from ..casadi_plugins import ended_by_words, last_line, load_plugin, muted, status_of, vector
+from ..casadi_plugins import ended_by_words, last_line, load_plugin, status_of, vector
 from .base import COMMON, NonlinearBackend
 from .quality import estimated_duals
 from .scaled import Scaled
@@ -43,9 +42,6 @@ class CasadiNlp(NonlinearBackend):
         :class:`~.scaled.Scaled`. The others it has differentiated automatically.
     brings_highs : bool
         Whether CasADi's own HiGHS comes with it.
-    talks : str
-        Where it writes whatever it is told: ``"python"`` by way of ``sys.stdout``, ``"native"`` past
-        it, empty where it is quiet.
     """
 
     requires = ("casadi",)
@@ -54,7 +50,6 @@ class CasadiNlp(NonlinearBackend):
     limit_option: ClassVar[str] = ""
     given: ClassVar[Mapping[str, str]] = {}
     brings_highs: ClassVar[bool] = False
-    talks: ClassVar[str] = ""
 
     def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
         """Return the plugin's options for a run: quiet, and precise enough."""
@@ -93,8 +88,7 @@ class CasadiNlp(NonlinearBackend):
             options.get(self.plugin, options)[self.limit_option] = max(left, 1e-3)
         call: Any = casadi
         try:
-            with muted(native=self.talks == "native"):
-                solver = call.nlpsol("solver", self.plugin, scaled.problem(), options)
+            solver = call.nlpsol("solver", self.plugin, scaled.problem(), options)
         except RuntimeError as error:
             raise BackendBroken(
                 f"backend {self.name!r}: plugin {self.plugin!r} does not start: {last_line(error)}"
@@ -102,8 +96,7 @@ class CasadiNlp(NonlinearBackend):
         clock.lap("build")
         first = {} if request.warm_start is None else self.first(scaled, start)
         try:
-            with self.silence(request):
-                found = solver(x0=scaled.start(start), **scaled.bounds, **first)
+            found = solver(x0=scaled.start(start), **scaled.bounds, **first)
         except RuntimeError as error:
             clock.lap("solve")
             return self.stumbled(error, scaled, request, clock, watcher)
@@ -113,10 +106,6 @@ class CasadiNlp(NonlinearBackend):
         except RuntimeError:
             stats = {}  # one that failed early has none
         return self.ending(stats, found, scaled, request, clock)
-
-    def silence(self, request: Request) -> AbstractContextManager[None]:
-        """Return what keeps the plugin from writing to the standard output while it runs."""
-        return muted(native=self.talks == "native") if self.talks else nullcontext()
 
     def first(self, scaled: Scaled, start: Vector) -> dict[str, Any]:
         """Return what else a warm start gives: the multipliers that fit it, by CasADi's names."""

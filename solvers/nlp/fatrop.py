@@ -33,7 +33,7 @@ class Fatrop(CasadiNlp):
         return {
             "structure_detection": "none",
             "fatrop": {
-                "print_level": 0,
+                "print_level": 5 if request.verbose else 0,
                 "tol": solver_tolerance(request.tolerance * 1e-1, 1e-11, 1e-8),
                 # It measures without scaling, and was seen to leave an optimum to which 1e-6 lacked.
                 "tol_acceptable": 1e-5,

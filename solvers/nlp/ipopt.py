@@ -50,7 +50,7 @@ class Ipopt(CasadiNlp):
         # In Ipopt's own scaling; what is asked of equations (1e-8, say) must hold after it.
         tight = solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-9)
         options: dict[str, Any] = {
-            "print_level": 0,
+            "print_level": 5 if request.verbose else 0,
             "sb": "yes",
             "tol": solver_tolerance(request.tolerance * 1e-1, 1e-12, 1e-8),
             "constr_viol_tol": tight,

@@ -32,7 +32,7 @@ class Sleqp(CasadiNlp):
 
     def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
         """Return the plugin's options."""
-        return {"max_iter": request.options["max_iter"], "print_level": 0}
+        return {"max_iter": request.options["max_iter"], "print_level": 3 if request.verbose else 0}
 
     def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
         """Return how the plugin ended: it calls every end a success."""

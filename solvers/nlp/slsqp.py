@@ -84,6 +84,8 @@ class Slsqp(ScipyNlp):
             callback=posed.seen,
             options={
                 "maxiter": request.options["max_iter"],
+                "disp": request.verbose,
+                "iprint": 2,
                 # Of the objective: what it lacks is about the square of what the point lacks.
                 "ftol": max(min(1e-11, request.tolerance * 1e-5), 1e-15),
             },

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from ...models.programs.nonlinear import NonlinearProgram
 from ..attempts import Clock, Ended, Ending, solver_tolerance
 from ..backend import Limit, Option, Request
-from ..casadi_plugins import ended_by_words, load_plugin, muted, status_of
+from ..casadi_plugins import ended_by_words, load_plugin, status_of
 from .base import HESSIAN, most_iterations
 from .casadi_nlp import CasadiNlp
 
@@ -71,9 +70,9 @@ class SqpMethod(CasadiNlp):
         options: dict[str, Any] = {
             "qpsol": qp,
             "qpsol_options": {"error_on_fail": False, **_QUIET[qp]},
-            "print_header": False,
-            "print_iteration": False,
-            "print_status": False,
+            "print_header": request.verbose,
+            "print_iteration": request.verbose,
+            "print_status": request.verbose,
             "max_iter": own["max_iter"],
             "tol_pr": solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-9),
             "tol_du": solver_tolerance(request.tolerance, 1e-11, 1e-7),
@@ -100,10 +99,6 @@ class SqpMethod(CasadiNlp):
         safer = replace(request, options=options, warm_start=start)
         again = super().attempt(program, safer, clock, start)
         return again if again.ended is Ended.PROVEN else found
-
-    def silence(self, request: Request) -> AbstractContextManager[None]:
-        """Keep qpOASES from introducing itself."""
-        return muted() if request.options["qp"] == "qpoases" else nullcontext()
 
     def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
         """Return how the plugin ended."""

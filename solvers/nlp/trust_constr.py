@@ -80,6 +80,7 @@ class TrustConstr(ScipyNlp):
                     callback=look,
                     options={
                         "maxiter": max(most - posed.count, 1),
+                        "verbose": 3 if request.verbose else 0,
                         "gtol": 1e-8 if barrier == 0.1 else 1e-13,
                         "xtol": 1e-12,
                         "initial_barrier_parameter": barrier,

@@ -25,7 +25,6 @@ class Uno(CasadiNlp):
     plugin = "uno"
     limit_option = "time_limit"
     prompt = False
-    talks = "native"
     options: ClassVar[Mapping[str, Option]] = {
         "max_iter": most_iterations(2000),
         "preset": Option(
@@ -41,7 +40,7 @@ class Uno(CasadiNlp):
         """Return the plugin's options."""
         tolerance = solver_tolerance(request.tolerance * 1e-1, 1e-11, 1e-8)
         options = {
-            "logger": "SILENT",
+            "logger": "INFO" if request.verbose else "SILENT",
             "preset": request.options["preset"],
             "max_iterations": request.options["max_iter"],
             "primal_tolerance": tolerance,

@@ -11,9 +11,9 @@ import numpy as np
 from ...errors import BackendBroken, UnsupportedFormulation
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Ending, limited, over, solver_tolerance
-from ..backend import Limit, Option, Request
+from ..backend import Feature, Limit, Option, Request
 from ..casadi_plugins import HIGHS_MARK, ended_by_words, last_line, load_plugin, status_of, vector
-from .base import POLISH, QuadraticBackend, too_large
+from .base import COMMON, POLISH, QuadraticBackend, too_large
 from .forms import independent_rows
 
 __all__ = ["CasadiConic", "plugins"]
@@ -64,6 +64,25 @@ def _daqp(program: QuadraticProgram, tol: float, most: int, left: float | None) 
     # Without definiteness the plugin gives up, unless it is asked for proximal steps.
     proximal = {} if values[0] > 1e-9 * values[-1] else {"eps_prox": 1e-6}
     return {"daqp": {"primal_tol": tol, "dual_tol": tol, "iter_limit": most, **proximal}}
+
+
+#: What switches the logs of the plugins on.
+_LOUD: Mapping[str, Any] = {
+    "print_iter": True,
+    "print_header": True,
+    "print_info": True,
+    "output_flag": True,
+    "verbose": True,
+    "printLevel": "medium",
+}
+
+
+def _loud(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a plugin's options with its log switched on."""
+    return {
+        name: _loud(value) if isinstance(value, dict) else _LOUD.get(name, value)
+        for name, value in options.items()
+    }
 
 
 #: HPIPM's tolerances: gradient, equalities, inequalities, complementarity.
@@ -136,6 +155,7 @@ class CasadiConic(QuadraticBackend):
     """
 
     name = "casadi"
+    features = COMMON | {Feature.LOG}
     requires = ("casadi",)
     # CasADi brings a HiGHS that breaks those of highspy and ortools in a process, and is broken
     # by them. The other plugins keep to themselves, hence the mark.
@@ -164,6 +184,8 @@ class CasadiConic(QuadraticBackend):
         most = int(request.options["max_iter"] or plugin.most)
         tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-11, 1e-8)
         options = plugin.own(posed, tolerance, min(plugin.piece or most, most), clock.left())
+        if request.verbose:
+            options = _loud(options)
         hessian, matrix = dm(posed.hessian), dm(posed.matrix)
         call: Any = casadi
         try:

@@ -22,7 +22,7 @@ class Clarabel(ConvexBackend):
     """Clarabel (Goulart and Chen 2024), a homogeneous embedding, called with the program's arrays."""
 
     name = "clarabel"
-    features = COMMON | {Feature.INTERRUPT}
+    features = COMMON | {Feature.INTERRUPT, Feature.LOG}
     requires = ("clarabel",)
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
@@ -52,7 +52,7 @@ class Clarabel(ConvexBackend):
             }[block.kind]
             cones += [made[0](*made[1:])] * block.count
         settings = clarabel.DefaultSettings()
-        settings.verbose = False
+        settings.verbose = request.verbose
         # One thread whatever is asked: that is what the backend declares.
         settings.max_threads = 1
         tolerance = solver_tolerance(request.tolerance * 1e-3, 1e-12, 1e-8)

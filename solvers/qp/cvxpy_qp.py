@@ -39,7 +39,7 @@ def attempt(program: QuadraticProgram, request: Request, clock: Clock) -> Ending
         raise UnsupportedFormulation(
             "backend 'cvxpy': solver='SCS' needs a row or a bound; the program has neither"
         )
-    solved = solve_by_cvxpy(program, solver, options, time_name, clock)
+    solved = solve_by_cvxpy(program, solver, options, time_name, clock, request.verbose)
     status = str(solved.problem.status)
     ended, limit = solved.end()
     if status in _NEARLY and not solved.error:

@@ -22,7 +22,7 @@ class Osqp(QuadraticBackend):
     """OSQP (Stellato et al. 2020), which goes on from where a slice of time ended."""
 
     name = "osqp"
-    features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
+    features = COMMON | {Feature.WARM_START, Feature.INTERRUPT, Feature.LOG}
     requires = ("osqp",)
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
@@ -52,7 +52,7 @@ class Osqp(QuadraticBackend):
             matrix,
             low,
             high,
-            verbose=False,
+            verbose=request.verbose,
             eps_abs=eps,
             eps_rel=eps,
             eps_prim_inf=1e-9,

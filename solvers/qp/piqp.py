@@ -10,8 +10,8 @@ import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
-from ..backend import Limit, Option, Request
-from .base import LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
+from ..backend import Feature, Limit, Option, Request
+from .base import COMMON, LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
 from .forms import SplitForm
 
 __all__ = ["Piqp"]
@@ -28,6 +28,7 @@ class Piqp(QuadraticBackend):
     """
 
     name = "piqp"
+    features = COMMON | {Feature.LOG}
     requires = ("piqp",)
     extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {
@@ -51,6 +52,7 @@ class Piqp(QuadraticBackend):
             setattr(settings, name, tolerance)
         settings.check_duality_gap = True
         settings.num_threads = 1
+        settings.verbose = request.verbose
         for name, value in own_options(request, "linear_algebra").items():
             setattr(settings, name, value)
 

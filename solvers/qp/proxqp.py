@@ -31,7 +31,7 @@ class Proxqp(QuadraticBackend):
     """ProxQP (Bambade et al. 2022), which goes on from where a few iterations ended."""
 
     name = "proxqp"
-    features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
+    features = COMMON | {Feature.WARM_START, Feature.INTERRUPT, Feature.LOG}
     requires = ("proxsuite",)
     extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {
@@ -75,7 +75,7 @@ class Proxqp(QuadraticBackend):
         settings.eps_duality_gap_rel = eps
         # Its defaults of 1e-4 were seen to call feasible programs infeasible, and bounded ones not.
         settings.eps_primal_inf = settings.eps_dual_inf = 1e-10
-        settings.verbose = False
+        settings.verbose = request.verbose
         piece = settings.max_iter = SLICE
         settings.initial_guess = proxqp.InitialGuess.NO_INITIAL_GUESS
         solver.init(

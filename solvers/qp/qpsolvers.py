@@ -11,8 +11,8 @@ import numpy as np
 from ...errors import UnsupportedFormulation, UnsupportedOption
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Ending
-from ..backend import Option, Request
-from .base import POLISH, QuadraticBackend, told, too_large
+from ..backend import Feature, Option, Request
+from .base import COMMON, POLISH, QuadraticBackend, told, too_large
 from .forms import ConicForm
 
 __all__ = ["EXCLUDED", "Qpsolvers"]
@@ -31,6 +31,7 @@ class Qpsolvers(QuadraticBackend):
     """
 
     name = "qpsolvers"
+    features = COMMON | {Feature.LOG}
     requires = ("qpsolvers",)
     # It imports every solver that it finds, highspy too: see Highs.
     conflict_group = "highs"
@@ -73,7 +74,9 @@ class Qpsolvers(QuadraticBackend):
         with warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always")
             try:
-                found = qpsolvers.solve_problem(problem, solver=solver, **options)
+                found = qpsolvers.solve_problem(
+                    problem, solver=solver, verbose=request.verbose, **options
+                )
             except qpsolvers.exceptions.ProblemError as error:
                 if "unbounded" in str(error):
                     return Ending(Ended.UNBOUNDED)

@@ -26,7 +26,7 @@ class Scs(ConvexBackend):
     """SCS (O'Donoghue 2021), which goes on from where a slice of time ended."""
 
     name = "scs"
-    features = COMMON | {Feature.WARM_START, Feature.INTERRUPT}
+    features = COMMON | {Feature.WARM_START, Feature.INTERRUPT, Feature.LOG}
     requires = ("scs",)
     extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {
@@ -48,7 +48,7 @@ class Scs(ConvexBackend):
             # SCS needs a row: one that every point satisfies.
             form = _with_a_row(form, program.size)
         settings: dict[str, Any] = {
-            "verbose": False,
+            "verbose": request.verbose,
             "eps_abs": eps,
             "eps_rel": eps,
             "eps_infeas": 1e-9,

@@ -33,8 +33,9 @@ def reserve() -> None:
     """Turn what native code prints to standard output to standard error, for the whole process."""
     from ..output import Diverted
 
-    with contextlib.suppress(OSError):  # one of the two is closed: there is nothing to keep apart
-        Diverted(2)
+    if sys.stdout is sys.__stdout__:
+        with contextlib.suppress(OSError):  # one of the two is closed: nothing to keep apart
+            Diverted(2)
 
 
 @contextmanager

@@ -182,7 +182,9 @@ def test_check_accepts_what_solve_wrote(eight, tmp_path):
     )
     wrong = [c["name"] for c in data["verification"]["checks"] if not c["ok"]]
     assert "waypoints" in wrong
-    run("export", "minimum-snap/figure-eight-yaw", broken, "--output", tmp_path / "x.csv", code=6)
+    export = ("export", "minimum-snap/figure-eight-yaw", broken, "--output", tmp_path / "x.csv")
+    assert "NOT verified" in run(*export, code=6).stdout
+    assert json.loads(run(*export, "--json", code=6).stdout)["verification"]["ok"] is False
     assert not (tmp_path / "x.csv").exists()
 
 
