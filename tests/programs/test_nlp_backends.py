@@ -250,7 +250,7 @@ def test_a_plugin_that_does_not_load_is_named(capfd: pytest.CaptureFixture[str])
         Absent().run(program, Request())
     for solver, words in (("nothing", "Invalid options"), ("pardiso", "refuses its options")):
         with pytest.raises(BackendBroken, match=words):
-            mine("ipopt").run(program, Request(options={"linear_solver": solver}))
+            ct.solve(program, "ipopt", isolate=False, backend_options={"linear_solver": solver})
     assert capfd.readouterr().out == ""
 
 
