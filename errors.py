@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 __all__ = [
     "BackendBroken",
@@ -28,14 +29,27 @@ __all__ = [
     "UnknownName",
     "UnsupportedFormulation",
     "UnsupportedOption",
+    "show",
     "suggestion",
 ]
 
 
+def show(value: Any) -> str:
+    """Return `value` for an error message, cut to a readable length."""
+    try:
+        text = repr(value)
+        text.encode()
+    except Exception:  # too deep, too many digits, no UTF-8, or a stranger's own fault
+        text = f"a value of type {type(value).__name__}"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
 def suggestion(name: object, known: Iterable[str]) -> str:
     """Return ``"did you mean …? "`` with the names nearest to `name`, empty where none is near."""
+    if not isinstance(name, str):
+        return ""
     folded = {one.casefold(): one for one in known}
-    near = difflib.get_close_matches(str(name).casefold(), folded, n=3)
+    near = difflib.get_close_matches(name.casefold(), folded, n=3)
     return f"did you mean {' or '.join(repr(folded[one]) for one in near)}? " if near else ""
 
 
@@ -72,10 +86,10 @@ class UnknownName(CrosstrackError, LookupError):
         The names that exist; the nearest are suggested.
     """
 
-    def __init__(self, what: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, what: str, name: Any, known: Iterable[str]) -> None:
         names = sorted(known)
         listed = ", ".join(names) if names else "none"
-        super().__init__(f"unknown {what} {name!r}: {suggestion(name, names)}known: {listed}")
+        super().__init__(f"unknown {what} {show(name)}: {suggestion(name, names)}known: {listed}")
         self.what = what
         self.name = name
 

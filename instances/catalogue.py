@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidData, UnknownName
+from ..models.fields import Spec, Text, required, show
 from ..models.model import Model
 from ..models.problems import loadable, resolve, table
+from ..models.records import Member, Table
 
 __all__ = ["CatalogueEntry", "Provenance", "entries", "entry", "load", "register_entry"]
 
@@ -85,11 +87,16 @@ class CatalogueEntry:
         if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
             raise InvalidData(
                 f"name must be <problem>/<instance>, such as 'error-correction/7', "
-                f"got {self.name!r}",
+                f"got {show(self.name)}",
                 field="name",
             )
-        object.__setattr__(self, "provenance", Provenance(self.provenance))
-        object.__setattr__(self, "published", dict(self.published))
+        for name, spec in _ENTRY.items():
+            object.__setattr__(self, name, spec.coerce(name, getattr(self, name), {}))
+        if not callable(self.builder) and not isinstance(self.builder, str):
+            raise InvalidData(
+                f"builder must be a function or 'module:function', got {show(self.builder)}",
+                field="builder",
+            )
 
     def build(self) -> Model[Any]:
         """Return the model, which bears the entry's name."""
@@ -110,8 +117,17 @@ class CatalogueEntry:
         }
 
 
+#: How the fields of an entry are checked.
+_ENTRY: dict[str, Spec] = {
+    **dict.fromkeys(("model", "title", "paper", "note"), Text()),
+    "provenance": Member(Provenance),
+    "published": Table(),
+}
+
+
 def register_entry(new: CatalogueEntry) -> CatalogueEntry:
     """Put a user's entry into the catalogue of this session; a name that exists raises."""
+    required("entry", new, CatalogueEntry)
     if new.name in _all():
         raise InvalidData(f"the catalogue has an entry {new.name!r} already", field="name")
     _REGISTERED[new.name] = new
@@ -164,7 +180,9 @@ def load(
             return found.build()
         if "\0" in source or not Path(source).exists():
             raise UnknownName("instance (and there is no such file)", source, _all())
-    file = Path(source)
+    from .storage import as_path
+
+    file = as_path(source)
     if file.is_dir():
         raise InvalidData(f"{file}: a folder, where an instance file was expected")
     if file.suffix.casefold() == ".csv":
@@ -187,7 +205,9 @@ def _about_csv(file: Path) -> str:
     return f"{file}: a CSV file holds data, and no instance; write an instance file beside it"
 
 
-def _find(name: str) -> CatalogueEntry | None:
+def _find(name: Any) -> CatalogueEntry | None:
+    if not isinstance(name, str):
+        return None
     problem = name.partition("/")[0]
     if problem in table(__package__, "CATALOGUE"):
         found = _problem(problem).get(name)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import UnknownName, UnsupportedFormulation, UnsupportedOption, suggestion
-from ..models.model import Model
+from ..models.model import Model, as_model
 from ..models.problems import declared_in, problem_of, resolve
 
 __all__ = ["ExportFormat", "choose_format", "export_formats", "export_plan"]
@@ -42,7 +42,7 @@ class ExportFormat:
 
 def export_formats(model: Model[Any]) -> Mapping[str, ExportFormat]:
     """Return the formats that plans of `model` can be written in, the usual one first."""
-    owner = problem_of(model.kind)
+    owner = problem_of(as_model(model).kind)
     return {
         key: resolve(target)
         for problem, key, target in declared_in(__package__, "EXPORTS")
@@ -61,7 +61,7 @@ def choose_format(
     if not formats:
         raise UnsupportedFormulation(f"model {model.kind!r} has no format to write plans in")
     name = next(iter(formats)) if name is None else name
-    if name not in formats:
+    if not isinstance(name, str) or name not in formats:
         raise UnknownName(f"export format of model {model.kind!r}", name, formats)
     chosen = formats[name]
     for option in options:

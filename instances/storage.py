@@ -20,14 +20,15 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidData
-from ..models.fields import show
-from ..models.model import Model, parse_json
+from ..models.fields import required, show
+from ..models.model import Model, as_model, parse_json
 from ..models.problems import resolve, table
 
 __all__ = [
     "LARGEST_FILE",
     "NUMBER",
     "Find",
+    "as_path",
     "number",
     "read_model",
     "read_plan",
@@ -93,7 +94,7 @@ def read_model(
     InvalidData
         Naming the file, and in it the field, the row and the value at fault.
     """
-    file = Path(path)
+    file = as_path(path)
     text = read_text(file)
     try:
         content = parse_json(text)
@@ -168,7 +169,7 @@ def write_model(model: Model[Any], path: str | os.PathLike[str]) -> Path:
 
     Reading the file back gives the same digest. A reader never sees half a file.
     """
-    return write_text(path, pretty(model.to_dict()))
+    return write_text(path, pretty(as_model(model).to_dict()))
 
 
 def pretty(content: Mapping[str, Any]) -> str:
@@ -187,12 +188,22 @@ def pretty(content: Mapping[str, Any]) -> str:
     return "{\n  " + ",\n  ".join([*head, f'"data": {{\n    {data}\n  }}']) + "\n}\n"
 
 
+def as_path(path: Any) -> Path:
+    """Return `path` as a path; what is none raises."""
+    try:
+        found = Path(path)
+        os.fsencode(found)
+        return found
+    except (TypeError, UnicodeEncodeError):
+        raise InvalidData(f"path must name a file, got {show(path)}", field="path") from None
+
+
 def read_text(path: str | os.PathLike[str]) -> str:
     """Return the UTF-8 text of a file, without its byte-order mark; lines end as they stand.
 
     The file may be a pipe; more than :data:`LARGEST_FILE` bytes raise.
     """
-    file = Path(path)
+    file = as_path(path)
     try:
         with file.open("rb") as stream:
             raw = stream.read(LARGEST_FILE + 1)
@@ -225,7 +236,7 @@ def write_text(path: str | os.PathLike[str], text: str) -> Path:
         The text or the file cannot be written, or the path leads to no regular file.
     """
     try:
-        raw = text.encode()
+        raw = required("text", text, str).encode()
     except UnicodeEncodeError as error:
         raise InvalidData(f"{path}: {text[error.start]!r} cannot be written as UTF-8") from None
     return write_bytes(path, raw)
@@ -233,7 +244,7 @@ def write_text(path: str | os.PathLike[str], text: str) -> Path:
 
 def write_bytes(path: str | os.PathLike[str], raw: bytes) -> Path:
     """Write `raw` in one step, as :func:`write_text` does; an existing file keeps its mode."""
-    file = Path(path)
+    file = as_path(path)
     # A link stays a link: what it points at is replaced.
     target = Path(os.path.realpath(file))
     partial = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
@@ -277,9 +288,9 @@ def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
     InvalidData
         The file cannot be read, holds no plan, or none of this model.
     """
-    text = (
-        _decoded(sys.stdin.buffer.read(), "standard input") if source == "-" else read_text(source)
-    )
+    model = as_model(model)
+    standard = isinstance(source, str) and source == "-"
+    text = _decoded(sys.stdin.buffer.read(), "standard input") if standard else read_text(source)
     data = parse_json(text)
     if isinstance(data, Mapping) and "plan" in data:
         if data["plan"] is None:
@@ -299,7 +310,7 @@ def writable(path: str | os.PathLike[str], suffixes: Sequence[str] = ()) -> Path
     suffixes : sequence of str
         What its name may end in; anything where empty.
     """
-    file = Path(path)
+    file = as_path(path)
     if suffixes and file.suffix.lower() not in suffixes:
         raise InvalidData(
             f"{file}: the file's name must end in {', '.join(suffixes)}", field="file"

@@ -13,12 +13,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InvalidData
+from ..errors import InvalidData, show
 
 __all__ = [
     "TRUSTED",
@@ -32,23 +32,22 @@ __all__ = [
     "Whole",
     "declared",
     "frozen",
+    "required",
     "show",
     "unwritable",
 ]
 
+Kind = TypeVar("Kind")
 
 #: Whether the caller trusts who wrote the data that is being read.
 TRUSTED: ContextVar[bool] = ContextVar("trusted", default=False)
 
 
-def show(value: Any) -> str:
-    """Return `value` for an error message, cut to a readable length."""
-    try:
-        text = repr(value)
-        text.encode()
-    except Exception:  # too deep, too many digits, no UTF-8, or a stranger's own fault
-        text = f"a value of type {type(value).__name__}"
-    return text if len(text) <= 60 else text[:57] + "..."
+def required(name: str, value: Any, kind: type[Kind]) -> Kind:
+    """Return `value`, or raise :class:`InvalidData` where it is of another type than `kind`."""
+    if not isinstance(value, kind):
+        raise InvalidData(f"{name} must be a {kind.__name__}, got {show(value)}", field=name)
+    return value
 
 
 def unwritable(text: str) -> bool:
@@ -288,10 +287,12 @@ class Array(Spec):
             return self._truths(name, raw)
         # Strings turn a whole array into strings: find the entry at fault among the originals.
         numbers = raw if raw.dtype.kind in "iuf" else self._objects(name, value)
+        if self.dtype is int and numbers.dtype.kind == "i":
+            return np.array(numbers, dtype=int)
         if self.dtype is int:
             whole = np.isfinite(numbers) & (numbers == np.floor(numbers))
             whole &= (numbers >= -(2.0**63)) & (numbers < 2.0**63)
-            self._refuse(name, numbers, ~whole, "must be a whole number of 64 bits")
+            self._refuse(name, numbers, ~whole, "must be whole numbers of 64 bits")
             return numbers.astype(int)
         with np.errstate(over="ignore"):  # only numbers longer than floats can overflow
             found = np.array(numbers, dtype=float)

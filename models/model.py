@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import HiddenData, InvalidData, UnknownName, UnsupportedFormulation
 from .declaration import Declared
-from .fields import TRUSTED, Text, show, unwritable
+from .fields import TRUSTED, Text, required, show, unwritable
 from .problems import model_type, resolve
 from .verification import TOLERANCE, Verification
 
@@ -55,6 +55,8 @@ class Model(Declared, ABC, Generic[PlanT]):
     agreement : float, optional
         Largest :meth:`distance` at which two plans agree, for models that no backend proves
         anything of, such as estimation; None where plans are judged by bounds alone.
+    plan_type : type
+        What a plan must be an instance of; anything where a model does not say.
     """
 
     # Written out, for type checkers see only through dataclasses.field that it is no position.
@@ -65,6 +67,7 @@ class Model(Declared, ABC, Generic[PlanT]):
     default_formulation: ClassVar[str] = ""
     objective_unit: ClassVar[str] = ""
     agreement: ClassVar[float | None] = None
+    plan_type: ClassVar[type] = object
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -259,7 +262,7 @@ class Model(Declared, ABC, Generic[PlanT]):
             raise InvalidData(f"there is no plan{f' ({ended})' if ended else ''}", field="plan")
         if isinstance(plan, Mapping | list | tuple):
             return self.plan_from_data(plan)
-        found: PlanT = plan
+        found: PlanT = required("plan", plan, self.plan_type)
         return found
 
     # -- formulations ----------------------------------------------------------------------------
@@ -281,7 +284,7 @@ class Model(Declared, ABC, Generic[PlanT]):
         if not cls.formulations:
             raise UnsupportedFormulation(f"model {cls.kind!r} has no formulation as a program")
         name = cls.default_formulation if name is None else name
-        if name not in cls.formulations:
+        if not isinstance(name, str) or name not in cls.formulations:
             raise UnknownName(f"formulation of model {cls.kind!r}", name, cls.formulations)
         return resolve(cls.formulations[name])
 
@@ -340,6 +343,7 @@ def parse_json(text: str) -> Any:
         The text is no JSON; a NaN, an infinity or a number beyond the range of floats; a key that
         stands twice; half a character (a lone surrogate); more levels than Python can follow.
     """
+    required("text", text, str)
     beyond: list[str] = []
 
     def constant(word: str) -> Any:

@@ -176,7 +176,7 @@ def loadable_models() -> Iterator[tuple[str, Any]]:
 def model_type(kind: str) -> Any:
     """Return the model type with the JSON name `kind`; ``UnknownName`` where there is none."""
     types = {**table(__package__, "MODELS"), **_SESSION}
-    if kind not in types:
+    if not isinstance(kind, str) or kind not in types:
         raise UnknownName("model", kind, types)
     return resolve(types[kind])
 

@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import InvalidData
 from .fields import Spec, show
 
-__all__ = ["Anything", "Member", "Sequence", "Table", "recorded"]
+__all__ = ["Anything", "Member", "Sequence", "Table", "given", "recorded"]
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,11 @@ class Member(Spec):
         raise InvalidData(
             f"{name} must be one of {', '.join(self.kind)}, got {show(value)}", field=name
         )
+
+
+def given(name: str, value: Any) -> dict[str, Any]:
+    """Return the options `value`, none where it is None; what is no mapping raises."""
+    return {} if value is None else Table().coerce(name, value, {})
 
 
 def recorded(

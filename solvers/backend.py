@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..errors import BackendMissing, UnsupportedOption, suggestion
 from ..models.model import Model
+from ..models.records import Table
 from ..version import __version__
 from .control import Control
 from .enums import PROVING, Feature, Guarantee, Limit, Termination
@@ -311,6 +312,7 @@ class Backend(ABC):
 
     def checked_options(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return all own options with `given` filled in; raise on an unknown name or value."""
+        given = Table().coerce("backend_options", given, {})
         for name in given:
             if name not in self.options:
                 known = ", ".join(sorted(self.options)) or "none"

@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import IO, Any, Self
 
 from ..errors import InvalidData
+from ..models.fields import show
 from ..models.model import Model
 from .job import Job
 from .solution import Solution
@@ -44,7 +45,12 @@ class Record:
     """
 
     def __init__(self, path: str | Path, *, resume: bool = False) -> None:
-        self.path = Path(path)
+        try:
+            self.path = Path(path)
+        except TypeError:
+            raise InvalidData(
+                f"record must name a file, got {show(path)}", field="record"
+            ) from None
         self._resume = resume
         self._done: dict[str, dict[str, Any]] = {}
         self._file: IO[bytes] | None = None

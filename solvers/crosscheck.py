@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any
 import cloudpickle
 
 from ..errors import CrosstrackError, InvalidData, UnknownName, UnsupportedOption
+from ..models.fields import show
 from ..models.model import Model, as_model
+from ..models.records import Table, given
 from ..models.verification import check_number
 from .assembly import Claim, assemble
 from .backend import Backend, Feature, Limit, Termination
@@ -188,14 +190,13 @@ def compare(
     UnknownName, UnsupportedOption, InvalidData
         A name or an option that no row could have; a refusal of one backend alone is a row.
     """
-    models = list(models) if isinstance(models, Iterable) else [models]
-    if isinstance(backends, str | Backend):
-        backends = [backends]
+    models = [as_model(model) for model in _listed("models", models)]
+    backends = _listed("backends", backends)
     if not models or not backends:
         raise InvalidData("compare needs at least one model and one backend")
     for name, value in (("workers", workers), ("repeats", repeats)):
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-            raise UnsupportedOption(f"{name} must be a whole number >= 1, got {value!r}")
+            raise UnsupportedOption(f"{name} must be a whole number >= 1, got {show(value)}")
     check_number("grace", grace)
     if pool is not None and not isinstance(pool, Executor):
         raise UnsupportedOption(
@@ -203,15 +204,18 @@ def compare(
         )
     if resume and record is None:
         raise UnsupportedOption("resume needs a record to go on with")
-    models = [as_model(model) for model in models]
+    own = {
+        name: Table().coerce(f"backend_options[{name!r}]", options, {})
+        for name, options in given("backend_options", backend_options).items()
+    }
     warm = _warm_starts(warm_start, models)
     common = {
-        "formulation_options": dict(formulation_options or {}),
+        "formulation_options": given("formulation_options", formulation_options),
         "time_limit": time_limit, "gap": gap, "tolerance": tolerance, "seed": seed, "threads": threads,
         "evaluations": evaluations, "target_value": target,
     }  # fmt: skip
     known = {_name_of(backend) for backend in backends}
-    for name in backend_options or {}:
+    for name in own:
         if name not in known:
             raise UnknownName("backend in backend_options", name, known)
     tasks = []
@@ -226,7 +230,7 @@ def compare(
                 tasks.append(
                     _task(
                         (row, column, turn), model, backend, wanted, common, warm[row],
-                        (backend_options or {}).get(_name_of(asked), {}),
+                        own.get(_name_of(asked), {}),
                     )
                 )  # fmt: skip
             common["seed"] = seed
@@ -267,9 +271,19 @@ def rejudged(model: Model[Any], *parts: Comparison) -> Comparison:
     return Comparison((verdict,), any(part.interrupted for part in parts))
 
 
+def _listed(name: str, value: Any) -> list[Any]:
+    """Return several models or backends, or the one that was given, as a list."""
+    if not isinstance(value, Iterable) or isinstance(value, str):
+        return [value]
+    try:
+        return list(value)
+    except TypeError:  # such as an array without axes
+        raise InvalidData(f"{name} must be a list, got {show(value)}", field=name) from None
+
+
 def _name_of(backend: str | Backend) -> str:
     """Return the name of a backend that is asked for, ``"name:formulation"`` included."""
-    return backend.partition(":")[0] if isinstance(backend, str) else backend.name
+    return backend.partition(":")[0] if isinstance(backend, str) else find_backend(backend).name
 
 
 def _named(

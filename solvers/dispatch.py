@@ -9,7 +9,9 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 from ..errors import UnsupportedOption
+from ..models.fields import Flag, Optional
 from ..models.model import Model, as_model
+from ..models.records import given
 from ..models.verification import TOLERANCE, Verification, check_tolerance
 from .backend import Backend
 from .execution import execute, multistart
@@ -107,11 +109,12 @@ def solve(
     """
     begin = time.perf_counter()
     model = as_model(model)
+    isolate = Optional(Flag()).coerce("isolate", isolate, {})
     job = Job(
         model=model,
         backend=backend,
         formulation=formulation,
-        formulation_options=dict(formulation_options or {}),
+        formulation_options=given("formulation_options", formulation_options),
         time_limit=time_limit,
         gap=gap,
         tolerance=tolerance,
@@ -123,7 +126,7 @@ def solve(
         warm_start=None if warm_start is None else model.as_plan(warm_start),
         starts=starts,
         verbose=verbose,
-        backend_options=dict(backend_options or {}),
+        backend_options=given("backend_options", backend_options),
     ).resolved()
     with shown(verbose):
         solution = _run(job, isolate, on_incumbent)
@@ -201,9 +204,11 @@ def verify(
     if formulation is None:
         return found
     step: Model[Any] | None = model
+    if not isinstance(formulation, str):
+        type(model).formulation_type(formulation)  # raises UnknownName with what there is
     while step is not None and formulation not in step.formulations:
         step = step.lower()  # its plans are the model's own
-    asked = dict(formulation_options or {})
+    asked = given("formulation_options", formulation_options)
     written = (model if step is None else step).formulate(formulation, **asked)
     if not asked:
         written = written.fitted(checked)

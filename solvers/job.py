@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UnsupportedFormulation, UnsupportedOption
+from ..models.fields import show
 from ..models.formulation import Formulation
 from ..models.model import Model
 from ..models.verification import TOLERANCE, check_number, check_tolerance
@@ -66,13 +67,15 @@ class Job:
             if value is None and name != "starts":
                 continue
             if isinstance(value, bool) or not isinstance(value, int) or value < lower:
-                raise UnsupportedOption(f"{name} must be a whole number >= {lower}, got {value!r}")
+                raise UnsupportedOption(
+                    f"{name} must be a whole number >= {lower}, got {show(value)}"
+                )
         if self.target_value is not None:
             stopping.Target(self.target_value)  # raises for what is no number
         if not isinstance(self.verbose, bool):
             raise UnsupportedOption(f"verbose must be True or False, got {self.verbose!r}")
         if self.stop is not None and not isinstance(self.stop, Criterion):
-            raise UnsupportedOption(f"stop must be a Criterion, got {self.stop!r}")
+            raise UnsupportedOption(f"stop must be a Criterion, got {show(self.stop)}")
 
     def resolved(self) -> Job:
         """Return the job with its backend looked up and ``"auto"`` decided."""
@@ -145,7 +148,7 @@ class Job:
     def _known_formulation(self, name: str) -> None:
         step: Model[Any] | None = self.model
         while step is not None:
-            if name in step.formulations:
+            if isinstance(name, str) and name in step.formulations:
                 return
             step = step.lower()
         type(self.model).formulation_type(name)  # raises UnknownName with what there is

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UnsupportedOption
+from ..models.fields import show
 
 __all__ = ["Option"]
 
@@ -54,20 +55,20 @@ class Option:
             value = int(value)
         if wrong or not isinstance(value, self.kind):
             raise UnsupportedOption(
-                f"{owner}: option {name!r} must be a {self.kind.__name__}, got {value!r}"
+                f"{owner}: option {name!r} must be a {self.kind.__name__}, got {show(value)}"
             )
         if self.choices and value not in self.choices:
             allowed = ", ".join(map(repr, self.choices))
             raise UnsupportedOption(
-                f"{owner}: option {name!r} must be one of {allowed}, got {value!r}"
+                f"{owner}: option {name!r} must be one of {allowed}, got {show(value)}"
             )
         if self.file and not Path(str(value)).is_file():
-            raise UnsupportedOption(f"{owner}: option {name!r}: there is no file {value!r}")
+            raise UnsupportedOption(f"{owner}: option {name!r}: there is no file {show(value)}")
         number: Any = value
         low = self.lower is not None and not number >= self.lower
         high = self.upper is not None and not number <= self.upper
         if low or high:
             raise UnsupportedOption(
-                f"{owner}: option {name!r} must lie in [{self.lower}, {self.upper}], got {value!r}"
+                f"{owner}: option {name!r} must lie in [{self.lower}, {self.upper}], got {show(value)}"
             )
         return value

@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 from ..errors import BackendBroken, InvalidData, UnknownName, UnsupportedFormulation
+from ..models.fields import show
 from ..models.model import Model
 from ..models.problems import declared_in, resolve
 from .backend import Backend, Guarantee
@@ -77,7 +78,7 @@ def register_backend(backend: Backend | type[Backend]) -> Backend | type[Backend
     instance = backend() if isinstance(backend, type) else backend
     if not isinstance(instance, Backend):
         raise InvalidData(
-            f"a backend must be a subclass of Backend, got {backend!r}", field="backend"
+            f"a backend must be a subclass of Backend, got {show(backend)}", field="backend"
         )
     _session[instance.name] = instance
     return backend
@@ -157,7 +158,9 @@ def find_backend(backend: str | Backend, model: Model[Any] | None = None) -> Bac
     if isinstance(backend, Backend):
         return backend
     if not isinstance(backend, str):
-        raise InvalidData(f"backend must be a name or a Backend, got {backend!r}", field="backend")
+        raise InvalidData(
+            f"backend must be a name or a Backend, got {show(backend)}", field="backend"
+        )
     found = _declared(backend)
     if not found:
         raise UnknownName("backend", backend, backend_names())

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidData
 from ..models.fields import Array, Optional, Real, Spec, Text, Whole
-from ..models.model import Model
+from ..models.model import Model, as_model
 from ..models.records import Anything, Member, Sequence, Table, recorded
 from ..models.verification import Verification
 from .enums import Guarantee, Limit, Termination
@@ -34,6 +34,9 @@ def relative_gap(primal: float | None, dual: float | None) -> float | None:
     The one formula for the gap, whatever a solver's own may be; 0 means proven optimal. What
     rounding explains (1e-12) is 0.
     """
+    for name, bound in (("primal", primal), ("dual", dual)):
+        if bound is not None and not isinstance(bound, float):
+            Real().coerce(name, bound, {})
     if primal is None or dual is None or not math.isfinite(primal) or not math.isfinite(dual):
         return None
     gap = max(0.0, primal - dual) / max(abs(primal), abs(dual), 1e-10)
@@ -231,6 +234,8 @@ class Solution(Generic[PlanT]):
         The plan comes back as an object where `model` is given, and only as :attr:`plan_data`
         otherwise.
         """
+        if model is not None:
+            model = as_model(model)
         found = recorded("a solution", data, _RECORD, _LATER)
         if model is not None and found["digest"] != model.digest:
             raise InvalidData(

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import UnsupportedOption
+from ..models.fields import show
 from .enums import Limit
 
 __all__ = [
@@ -64,11 +65,18 @@ class Criterion(ABC):
 
 
 def _number(name: str, value: Any, lower: float, strict: bool) -> None:
-    good = isinstance(value, int | float) and not isinstance(value, bool) and not math.isnan(value)
-    if not good or value < lower or (strict and value == lower):
+    good = isinstance(value, int | float) and not isinstance(value, bool)
+    # What is no number compares with nothing.
+    if not good or not (value > lower if strict else value >= lower):
         raise UnsupportedOption(
-            f"{name} must be a number {'>' if strict else '>='} {lower:g}, got {value!r}"
+            f"{name} must be a number {'>' if strict else '>='} {lower:g}, got {show(value)}"
         )
+
+
+def _criteria(value: Any) -> None:
+    known = isinstance(value, tuple) and value
+    if not known or not all(isinstance(one, Criterion) for one in value):
+        raise UnsupportedOption(f"criteria must be a tuple of Criterion, got {show(value)}")
 
 
 @dataclass(frozen=True)
@@ -129,6 +137,9 @@ class AnyOf(Criterion):
 
     criteria: tuple[Criterion, ...]
 
+    def __post_init__(self) -> None:
+        _criteria(self.criteria)
+
     def reached(self, progress: Progress) -> Limit | None:
         found = (one.reached(progress) for one in self.criteria)
         return next((limit for limit in found if limit is not None), None)
@@ -139,6 +150,9 @@ class AllOf(Criterion):
     """Stop when all of several criteria hold; the limit of the last one is named."""
 
     criteria: tuple[Criterion, ...]
+
+    def __post_init__(self) -> None:
+        _criteria(self.criteria)
 
     def reached(self, progress: Progress) -> Limit | None:
         found = [one.reached(progress) for one in self.criteria]

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ...models.error_correction.model import ErrorCorrectionRouting
 from ...models.error_correction.points import kind_word
-from ...models.fields import show
-from ..storage import Find, number, pretty, read_text, write_model, write_text
+from ...models.fields import required, show
+from ..storage import Find, as_path, number, pretty, read_text, write_model, write_text
 
 __all__ = ["PointTable", "read_csv", "read_points", "resolve_references", "write_csv", "write_json"]
 
@@ -68,7 +68,8 @@ def read_points(path: str | os.PathLike[str]) -> PointTable:
         finite number, an unknown kind, a row too short or too long, not one A and one B, an
         empty file, an encoding other than UTF-8.
     """
-    return _parse(read_text(path), str(path))
+    file = as_path(path)
+    return _parse(read_text(file), str(file))
 
 
 def read_csv(
@@ -218,6 +219,8 @@ def write_csv(model: ErrorCorrectionRouting, path: str | os.PathLike[str]) -> Pa
     InvalidData
         An id would not be read back as it is, such as the word ``"7"`` among whole numbers.
     """
+    required("model", model, ErrorCorrectionRouting)
+    path = as_path(path)
     ids = range(len(model.points)) if model.ids is None else model.ids
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
@@ -263,9 +266,11 @@ def write_json(
         Write points, kinds and ids to this CSV file, relative to the folder of `path`, and refer
         to it; by default they stand in the JSON file itself.
     """
+    required("model", model, ErrorCorrectionRouting)
     if points is None:
         return write_model(model, path)
-    file = Path(path)
+    file = as_path(path)
+    required("points", points, str)
     content = model.to_dict()
     data = {k: v for k, v in content["data"].items() if k not in ("points", "kinds", "ids")}
     # The CSV first: a JSON file never refers to what is not there yet.

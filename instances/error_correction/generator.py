@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.error_correction.model import ErrorCorrectionRouting, Route
-from ...models.fields import Real, show
+from ...models.fields import Real, Whole, show
 from .settings import BOX, DELTA, Thresholds
 
 __all__ = ["generate", "generate_with_route", "random_small", "uniform_slab"]
@@ -27,6 +27,9 @@ _MARGIN = 0.95
 _SHORTEST = 0.02
 #: How often planting begins anew before it gives up.
 _ATTEMPTS = 2000
+
+#: Points of either kind that an instance may have.
+MOST = 10_000_000
 
 _Point = NDArray[np.float64]
 
@@ -289,7 +292,11 @@ def _round(points: _Point) -> _Point:
 
 
 def _generator(seed: int) -> np.random.Generator:
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+    if (
+        isinstance(seed, bool | np.timedelta64)
+        or not isinstance(seed, int | np.integer)
+        or seed < 0
+    ):
         raise InvalidData(f"seed must be a whole number >= 0, got {show(seed)}", field="seed")
     return np.random.Generator(np.random.PCG64(int(seed)))
 
@@ -297,7 +304,7 @@ def _generator(seed: int) -> np.random.Generator:
 def _count(name: str, value: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
         raise InvalidData(f"{name} must be a whole number >= 0, got {show(value)}", field=name)
-    return int(value)
+    return Whole(0, MOST).coerce(name, value, {})
 
 
 def _thresholds(name: str, values: Sequence[float]) -> Thresholds:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
+from ...errors import UnknownName
 from ...models.error_correction.model import ErrorCorrectionRouting
 from ..catalogue import CatalogueEntry, Provenance
 from .examples import example_1
@@ -20,6 +21,8 @@ _OURS = (
 
 def setting_model(row: int) -> ErrorCorrectionRouting:
     """Return our instance for a row of the paper's table 1, by the seed in its setting."""
+    if not isinstance(row, int) or row not in SETTINGS:
+        raise UnknownName("row of table 1", str(row), map(str, SETTINGS))
     setting = SETTINGS[row]
     return generate(
         setting.horizontal,

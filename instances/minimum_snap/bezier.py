@@ -8,9 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ...errors import InvalidData
+from ...models.fields import required
 from ...models.minimum_snap.trajectory import Trajectory
 from ...models.model import parse_json
-from ..storage import read_text, write_text
+from ..storage import as_path, read_text, write_text
 
 __all__ = ["read_bezier", "write_bezier"]
 
@@ -23,6 +24,7 @@ def write_bezier(trajectory: Trajectory, path: str | os.PathLike[str]) -> Path:
     ``points[segment][k]`` is control point k of a segment, a coordinate an axis (m); the knots in
     ``times`` are in seconds. Every curve lies in the convex hull of its control points.
     """
+    required("trajectory", trajectory, Trajectory)
     points = ",\n    ".join(json.dumps(segment) for segment in trajectory.bezier().tolist())
     times = json.dumps(trajectory.times.tolist())
     return write_text(path, f'{{\n  "times": {times},\n  "points": [\n    {points}\n  ]\n}}\n')
@@ -36,6 +38,7 @@ def read_bezier(path: str | os.PathLike[str]) -> Trajectory:
     InvalidData
         Naming the file and the key, index and value at fault.
     """
+    path = as_path(path)
     try:
         content = parse_json(read_text(path))
         if not isinstance(content, Mapping) or set(content) != set(_KEYS):

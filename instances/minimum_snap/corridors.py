@@ -15,7 +15,7 @@ from ...errors import InvalidData
 from ...models.fields import Real, Whole
 from ...models.minimum_snap import FREE, MinimumSnap
 from ...models.minimum_snap.trajectory import Trajectory
-from .paths import generator, random_waypoints, times_by_distance
+from .paths import MOST, generator, random_waypoints, times_by_distance
 
 __all__ = ["corridor", "corridor_with_way", "gates", "hurried"]
 
@@ -91,8 +91,8 @@ def corridor_with_way(
     segments to change its velocity. It keeps every box by half of `width` and every limit by
     `slack`, so the instance is strictly feasible.
     """
-    count = Whole(4).coerce("segments", segments, {})
-    axes = Whole(1).coerce("dimensions", dimensions, {})
+    count = Whole(4, MOST).coerce("segments", segments, {})
+    axes = Whole(1, 1000).coerce("dimensions", dimensions, {})
     pace = Real(lower=0.1, unit="m/s").coerce("cruise", cruise, {})
     strength = Real(lower=0.01, unit="m/s²").coerce("acceleration", acceleration, {})
     room = Real(lower=0.02, unit="m").coerce("width", width, {})
@@ -254,7 +254,7 @@ def gates(
     name : str
         The model's name.
     """
-    count = Whole(2).coerce("segments", segments, {})
+    count = Whole(2, MOST).coerce("segments", segments, {})
     room = Real(lower=0.01, unit="m").coerce("width", width, {})
     points = random_waypoints(count, 2, seed, step=2.0)
     times = times_by_distance(points, speed)

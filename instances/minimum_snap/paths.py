@@ -27,7 +27,11 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
+#: Segments that a drawn trajectory may have.
+MOST = 1_000_000
 
+
+@np.errstate(over="ignore", invalid="ignore")  # the model refuses what is beyond all floats
 def times_by_distance(
     waypoints: ArrayLike, speed: float = 1.0, *, shortest: float = 0.1, ramp: float = 0.0
 ) -> Floats:
@@ -100,7 +104,7 @@ def figure_eight(
     name : str
         The model's name.
     """
-    count = Whole(4).coerce("segments", segments, {})
+    count = Whole(4, MOST).coerce("segments", segments, {})
     width = Whole(2, 4).coerce("dimensions", dimensions, {})
     a = Real(lower=0, strict=True, unit="m").coerce("size", size, {})
     level, rise = (
@@ -138,8 +142,8 @@ def helix(
     name : str
         The model's name.
     """
-    around = Whole(3).coerce("per_turn", per_turn, {})
-    count = Whole(1).coerce("turns", turns, {}) * around
+    around = Whole(3, MOST).coerce("per_turn", per_turn, {})
+    count = Whole(1, MOST // around).coerce("turns", turns, {}) * around
     r = Real(lower=0, strict=True, unit="m").coerce("radius", radius, {})
     rise = Real(unit="m").coerce("pitch", pitch, {})
     turn = np.arange(count + 1) / around
@@ -163,7 +167,7 @@ def square(side: float = 2.0, laps: int = 1, *, speed: float = 1.0, name: str = 
         The model's name.
     """
     edge = Real(lower=0, strict=True, unit="m").coerce("side", side, {})
-    count = Whole(1).coerce("laps", laps, {})
+    count = Whole(1, MOST).coerce("laps", laps, {})
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * edge
     return _timed(np.concatenate([np.tile(corners, (count, 1)), corners[:1]]), speed, name)
 
@@ -221,8 +225,8 @@ def random_waypoints(
     step : float
         Mean length of a step, m.
     """
-    count = Whole(1).coerce("segments", segments, {})
-    width = Whole(1).coerce("dimensions", dimensions, {})
+    count = Whole(1, MOST).coerce("segments", segments, {})
+    width = Whole(1, 1000).coerce("dimensions", dimensions, {})
     mean = Real(lower=0.01, unit="m").coerce("step", step, {})
     rng = generator(seed)
     heading = rng.random((count, width)) - 0.5
@@ -237,11 +241,16 @@ def random_waypoints(
 
 def generator(seed: int) -> np.random.Generator:
     """Return the random generator of a seed; a seed that is no whole number >= 0 raises."""
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+    if (
+        isinstance(seed, bool | np.timedelta64)
+        or not isinstance(seed, int | np.integer)
+        or seed < 0
+    ):
         raise InvalidData(f"seed must be a whole number >= 0, got {show(seed)}", field="seed")
     return np.random.Generator(np.random.PCG64(int(seed)))
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _timed(points: Floats, speed: float, name: str, **options: Any) -> MinimumSnap:
     pace = Real(lower=0, strict=True, unit="m/s").coerce("speed", speed, {})
     # From rest, the mean speed takes about half a segment longer.

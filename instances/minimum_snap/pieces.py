@@ -167,7 +167,7 @@ class Poly7:
 
         Those of a 4-byte float give it back when they are read as one; :meth:`rounded` does that.
         """
-        if precision not in get_args(Precision):
+        if not isinstance(precision, str) or precision not in get_args(Precision):
             raise InvalidData(
                 f"precision must be one of {', '.join(get_args(Precision))}, got {show(precision)}",
                 field="precision",

@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...models.fields import Flag
 from ...models.minimum_snap.bounds import derivative_name, derivative_unit
 from ...models.minimum_snap.trajectory import Trajectory
-from ..storage import write_text
+from ..storage import as_path, write_text
 from .pieces import Poly7, Precision
 
 __all__ = [
@@ -142,6 +143,7 @@ def read_poly7(path: str | os.PathLike[str], *, start: float = 0.0) -> Trajector
     --------
     Poly7 : the same, number for number.
     """
+    path = as_path(path)
     try:
         return Poly7.read(path).trajectory(start)
     except InvalidData as error:
@@ -185,6 +187,7 @@ def write_poly7(
         A degree above 7, more than 4 dimensions, numbers beyond the range of 4-byte floats, too
         many pieces when `strict`, or a file that cannot be written. Nothing is written then.
     """
+    path, strict = as_path(path), Flag().coerce("strict", strict, {})
     exact = Poly7.of(trajectory, yaw)
     if strict and exact.pieces > PIECES_THAT_FIT:
         raise InvalidData(

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...models.fields import show
+from ...models.fields import Whole, required, show
 from ...models.minimum_snap.trajectory import Trajectory
-from ..storage import NUMBER, Find, number, read_text, write_text
+from ..storage import NUMBER, Find, as_path, number, read_text, write_text
 
 __all__ = [
     "Samples",
@@ -28,6 +28,8 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
+#: Axes, and derivatives, that a table may have.
+MOST_COLUMNS = 1000
 _AXES = ("x", "y", "z", "yaw")
 _PREFIXES = ("", "v", "a", "j", "s")
 
@@ -89,6 +91,8 @@ def sample_columns(dimensions: int, derivatives: int = 4) -> tuple[str, ...]:
     derivatives : int
         The highest derivative; beyond snap they are called d5x, d6x, …
     """
+    dimensions = Whole(1, MOST_COLUMNS).coerce("dimensions", dimensions, {})
+    derivatives = Whole(0, MOST_COLUMNS).coerce("derivatives", derivatives, {})
     axes = _AXES[:dimensions] if dimensions <= 4 else [f"x{axis}" for axis in range(dimensions)]
     prefixes = [*_PREFIXES, *(f"d{order}" for order in range(5, derivatives + 1))]
     return ("t", *(p + axis for p in prefixes[: derivatives + 1] for axis in axes))
@@ -120,6 +124,7 @@ def write_samples(
         A rate that is no number > 0 or gives too many samples, derivatives that are no whole number >= 0, or a file that cannot
         be written.
     """
+    required("trajectory", trajectory, Trajectory)
     rows = trajectory.sampled(rate, derivatives)
     header = ",".join(sample_columns(trajectory.dimensions, derivatives))
     lines = (",".join(map(repr, row)) for row in (rows + 0.0).tolist())
@@ -135,7 +140,7 @@ def read_samples(path: str | os.PathLike[str]) -> Samples:
         Naming file, line, column and value: a header of other names, a row too short or too long,
         what is no finite number, times that do not increase, a file without samples.
     """
-    file = str(path)
+    file = str(as_path(path))
     rows = numeric_rows(read_text(path))
     line, header = next(rows, (1, []))
     names = [name.casefold() for name in header]
@@ -192,7 +197,7 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
         Naming file, line, column and value: what is no finite number, rows of different lengths,
         fewer than two waypoints, a column of times.
     """
-    file = str(path)
+    file = str(as_path(path))
     points: list[list[float]] = []
     names: list[str] = []
     for line, values in numeric_rows(read_text(path)):

@@ -7,6 +7,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any, Concatenate, ParamSpec, Protocol
 
+from ...models.fields import Flag, Optional, Real
 from ...models.optimal_control.model import OptimalControlProblem
 
 __all__ = ["Benchmark", "benchmark"]
@@ -31,9 +32,15 @@ def benchmark(declare: Callable[Concatenate[OptimalControlProblem, P], None]) ->
     """Return the function of a name, and of the options of `declare`, that returns the problem."""
     default = f"optimal-control/{declare.__name__.replace('_', '-')}"
 
+    value_of = {key: one.default for key, one in inspect.signature(declare).parameters.items()}
+
     @functools.wraps(declare)
     def problem(name: str = default, *args: Any, **options: Any) -> OptimalControlProblem:
         ocp = OptimalControlProblem(name)
+        for key, value in options.items():
+            real = Optional(Real()) if value_of.get(key) is None else Real()
+            rule = Flag() if isinstance(value_of.get(key), bool) else real
+            options[key] = rule.coerce(key, value, {})
         declare(ocp, *args, **options)
         return ocp
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...models.fields import required
 from ...models.optimal_control.plan import ControlPlan
 from ...models.sampling import sample_count
 from ..exports import ExportFormat
@@ -37,6 +38,7 @@ def write_control_samples(
     InvalidData
         A rate that is no number > 0 or gives too many samples, or a file that cannot be written.
     """
+    required("plan", plan, ControlPlan)
     names = list(
         dict.fromkeys(n for one in plan.phases for n in (*one.state_names, *one.control_names))
     )

@@ -37,7 +37,8 @@ class Route:
     route: tuple[int, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "route", tuple(int(k) for k in self.route))
+        route = Array(("stops",), int).coerce("route", self.route, {})
+        object.__setattr__(self, "route", tuple(route.tolist()))
 
     @property
     def corrections(self) -> int:
@@ -55,6 +56,14 @@ class Route:
 
     def __str__(self) -> str:
         return "-".join(map(str, self.route))
+
+
+def _length(legs: list[float]) -> float:
+    """Return the sum of the legs, exactly rounded; infinity where it is beyond all floats."""
+    try:
+        return math.fsum(legs)
+    except OverflowError:
+        return math.inf
 
 
 @dataclass(frozen=True)
@@ -129,6 +138,7 @@ class ErrorCorrectionRouting(Model[Route]):
     }
     default_formulation: ClassVar[str] = "arc-flow"
     objective_unit: ClassVar[str] = "m"
+    plan_type: ClassVar[type] = Route
 
     def __post_init__(self, delta: float | None) -> None:
         rates = {"horizontal_rate": self.horizontal_rate, "vertical_rate": self.vertical_rate}
@@ -270,7 +280,7 @@ class ErrorCorrectionRouting(Model[Route]):
                 )
             if not 0 <= entry < len(self.points):
                 raise InvalidData(
-                    f"route[{stop}] must lie in 0 … {len(self.points) - 1}, got {entry}",
+                    f"route[{stop}] must lie in 0 … {len(self.points) - 1}, got {show(entry)}",
                     field="route",
                 )
             route.append(int(entry))
@@ -302,7 +312,7 @@ class ErrorCorrectionRouting(Model[Route]):
                 0.0 if kind == "horizontal" else horizontal,
                 0.0 if kind == "vertical" else vertical,
             )
-            stops.append(Stop(point, kind, math.fsum(legs), horizontal, vertical, *after))
+            stops.append(Stop(point, kind, _length(legs), horizontal, vertical, *after))
             horizontal, vertical = after
         return stops
 

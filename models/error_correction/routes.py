@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption
+from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption, show
 from .model import ErrorCorrectionRouting, Route
 
 __all__ = ["follow", "refuse_revisits", "require_positive", "require_route"]
@@ -28,7 +28,7 @@ def require_positive(formulation: str, **options: Any) -> None:
         positive = isinstance(value, int | float) and not isinstance(value, bool) and value > 0
         if value is not None and not positive:
             raise UnsupportedOption(
-                f"formulation {formulation!r}: {name} must be a number > 0, got {value!r}"
+                f"formulation {formulation!r}: {name} must be a number > 0, got {show(value)}"
             )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ _NAMES = ("position", "velocity", "acceleration", "jerk", "snap", "crackle", "po
 
 def derivative_name(order: int) -> str:
     """Return ``"velocity"`` for 1, and so on."""
+    order = Whole(0).coerce("order", order, {})
     return _NAMES[order] if order < len(_NAMES) else f"derivative {order}"
 
 
@@ -113,6 +114,8 @@ class PathData(Model[Trajectory]):
     polytope_offsets: Floats | None = declared(Optional(Array(("halfspaces",))), default=None)
     degree: int = declared(Optional(Whole(1, 31)), default=None)
     continuity: int = declared(Optional(Whole(0)), default=None)
+
+    plan_type: ClassVar[type] = Trajectory
 
     # -- sizes and conditions --------------------------------------------------------------------
 

@@ -147,10 +147,10 @@ class MinimumDerivative(PathData):
 
     def as_plan(self, value: Any) -> Trajectory:
         """Return the trajectory that `value` means; a SciPy ``PPoly`` is one."""
-        found = super().as_plan(value)
-        if hasattr(found, "c") and hasattr(found, "x"):
-            found = Trajectory.from_ppoly(found)
-        return found
+        plan = getattr(value, "plan", value)
+        if hasattr(plan, "c") and hasattr(plan, "x"):
+            plan = Trajectory.from_ppoly(plan)
+        return super().as_plan(value if plan is None else plan)
 
     def describe(self) -> str:
         """Return the size in a few words."""

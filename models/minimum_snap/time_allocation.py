@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -108,6 +108,7 @@ continuity
         "times": ".models.minimum_snap.formulations.times:TimesFormulation"
     }
     default_formulation: ClassVar[str] = "times"
+    plan_type: ClassVar[type] = Trajectory
 
     def check(self) -> None:
         """Refuse what the problem at given times refuses, and what leaves the times no optimum."""
@@ -159,7 +160,7 @@ continuity
             They do not increase, or are not one a knot.
         """
         given = {name: getattr(self, name) for name in _SHARED if name not in ("name", "times")}
-        return MinimumDerivative(times=np.asarray(times), name=self.name, **given)
+        return MinimumDerivative(times=cast(Floats, times), name=self.name, **given)
 
     @cached_property
     def unit(self) -> MinimumDerivative:

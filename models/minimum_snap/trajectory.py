@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, frozen, show
+from ..fields import Array, Whole, frozen, show
 from ..sampling import sample_count
 from .polynomials import (
     bernstein_matrix,
@@ -31,6 +31,8 @@ Floats = NDArray[np.float64]
 
 #: Segments treated at a time where intermediate arrays would outgrow the result.
 _CHUNK = 65536
+#: The highest derivative that may be asked for: that of any polynomial in sight is 0 by then.
+MOST_DERIVATIVES = 999
 
 
 class Extremes(NamedTuple):
@@ -153,7 +155,7 @@ class Trajectory:
             A time beyond the knots, or a derivative that is no whole number from 0.
         """
         order = _order(derivative)
-        at = np.asarray(t, float)
+        at = _real("t", t)
         flat = at.ravel()
         slack = 1e-12 * max(1.0, abs(float(self.times[0])), abs(float(self.times[-1])))
         inside = (flat >= self.times[0] - slack) & (flat <= self.times[-1] + slack)
@@ -225,10 +227,16 @@ class Trajectory:
             Look at these segments only, which may repeat; a row each.
         """
         order = _order(derivative)
-        own = np.arange(self.segments) if segments is None else np.asarray(segments)
+        own = np.arange(self.segments)
+        if segments is not None:
+            own = Array(("n",), int, lower=0, upper=self.segments - 1).coerce(
+                "segments", segments, {}
+            )
         inner = derived(self.coefficients[own], order)
         if direction is not None:
-            inner = np.einsum("kpd,kd->kp", inner, np.asarray(direction, float))[:, :, None]
+            sizes = {"segments": (len(own), "segments"), "axes": (self.dimensions, "trajectory")}
+            along = Array(("segments", "axes")).coerce("direction", direction, sizes)
+            inner = np.einsum("kpd,kd->kp", inner, along)[:, :, None]
         count, powers, width = inner.shape
         shape = (count, width)
         flat = np.moveaxis(inner, 2, 1).reshape(-1, powers)
@@ -271,7 +279,7 @@ class Trajectory:
         """
         control = Array(("segments", "degree + 1", "dimensions")).coerce("points", points, {})
         matrix = power_matrix(max(control.shape[1] - 1, 0))
-        return cls(np.asarray(times, float), np.einsum("pb,kbd->kpd", matrix, control))
+        return cls(cast(Floats, times), np.einsum("pb,kbd->kpd", matrix, control))
 
     def to_ppoly(self) -> PPoly:
         """Return a ``scipy.interpolate.PPoly`` with values of shape (dimensions,).
@@ -287,13 +295,17 @@ class Trajectory:
     @classmethod
     def from_ppoly(cls, piecewise: PPoly) -> Trajectory:
         """Return the trajectory that a ``PPoly`` describes; one without value shape is 1-D."""
-        c = np.asarray(piecewise.c, float)
+        if not hasattr(piecewise, "c") or not hasattr(piecewise, "x"):
+            raise InvalidData(
+                f"piecewise must be a PPoly, got {show(piecewise)}", field="piecewise"
+            )
+        c = _real("piecewise.c", piecewise.c)
         if c.ndim not in (2, 3):
             raise InvalidData(
                 f"piecewise.c must have 2 or 3 dimensions, got shape {c.shape}", field="piecewise"
             )
         powers = np.moveaxis(c.reshape(*c.shape[:2], -1)[::-1], 0, 1)
-        times = np.asarray(piecewise.x, float)
+        times = Array(("knots",)).coerce("piecewise.x", piecewise.x, {})
         scale = np.diff(times)[:, None] ** np.arange(float(c.shape[0]))
         return cls(times, powers * scale[:, :, None])
 
@@ -359,6 +371,16 @@ def _order(derivative: Any) -> int:
         raise InvalidData(
             f"derivative must be a whole number >= 0, got {show(derivative)}", field="derivative"
         )
-    if derivative < 0:
-        raise InvalidData(f"derivative must be >= 0, got {derivative}", field="derivative")
-    return int(derivative)
+    return Whole(0, MOST_DERIVATIVES).coerce("derivative", derivative, {})
+
+
+def _real(name: str, value: Any) -> Floats:
+    """Return numbers of any shape."""
+    try:
+        array = np.asarray(value)
+        found = np.asarray(array, float) if array.dtype.kind in "iufO" else None
+    except Exception:  # whatever a stranger's conversion raises
+        found = None
+    if found is None:
+        raise InvalidData(f"{name} must be numbers, got {show(value)}", field=name)
+    return found

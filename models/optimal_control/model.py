@@ -76,6 +76,7 @@ class OptimalControlProblem(Model[ControlPlan]):
         "trapezoid": ".models.optimal_control.transcription.methods:Trapezoid",
     }
     default_formulation: ClassVar[str] = "gauss"
+    plan_type: ClassVar[type] = ControlPlan
 
     if TYPE_CHECKING:
         # What is called without a definition is a builder, which type checkers do not learn from

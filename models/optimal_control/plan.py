@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData, UnknownName
-from ..fields import Array, Whole, frozen, show
+from ..fields import Array, Whole, frozen, required, show
+from ..records import Table
 from .lagrange import barycentric_weights, differentiation, interpolation
 
 __all__ = ["ControlPlan", "PhasePlan", "Piecewise"]
@@ -20,6 +21,8 @@ Floats = NDArray[np.float64]
 
 #: How far outside its interval, relative to the whole length, a time may lie by rounding.
 EDGE = 1e-9
+#: Times that a grid may have.
+MOST_SAMPLES = 10_000_000
 #: States that a plan's one line names.
 SHOWN = 4
 
@@ -56,6 +59,12 @@ class Piecewise:
         if knots.size < 2 or not (np.diff(knots) > 0).all():
             raise InvalidData(f"knots must increase, got {show(knots.tolist())}", field="knots")
         count = knots.size - 1
+        for name in ("nodes", "values"):
+            if not isinstance(getattr(self, name), list | tuple):
+                raise InvalidData(
+                    f"{name} must be a list, one entry an interval, got {show(getattr(self, name))}",
+                    field=name,
+                )
         if len(self.nodes) != count or len(self.values) != count:
             raise InvalidData(
                 f"{count} intervals need as many nodes and values, "
@@ -129,7 +138,7 @@ class Piecewise:
         order = Whole(0).coerce("derivative", derivative, {})
         try:
             times = np.asarray(t, float)
-        except (TypeError, ValueError):
+        except Exception:  # whatever a stranger's conversion raises
             raise InvalidData(f"t must be numbers, got {show(t)}", field="t") from None
         flat = times.reshape(-1)
         begin, end = self.knots[0], self.knots[-1]
@@ -215,6 +224,9 @@ class PhasePlan:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise InvalidData(f"name must be a string, got {show(self.name)}", field="name")
+        for what in ("states", "controls", "costates"):
+            if what != "costates" or self.costates is not None:
+                required(what, getattr(self, what), Piecewise)
         for label in ("state_names", "control_names"):
             names = getattr(self, label)
             if not isinstance(names, list | tuple) or not all(isinstance(n, str) for n in names):
@@ -259,7 +271,8 @@ class PhasePlan:
 
     def grid(self, count: int = 201) -> Floats:
         """Return `count` even times from begin to end."""
-        return np.linspace(self.start, self.end, count)
+        number = Whole(2, MOST_SAMPLES).coerce("count", count, {})
+        return np.linspace(self.start, self.end, number)
 
     def __getitem__(self, name: str) -> Signal:
         """Return the state or control called `name` as a function of time."""
@@ -267,6 +280,8 @@ class PhasePlan:
             (self.states, self.state_names),
             (self.controls, self.control_names),
         ):
+            if not isinstance(name, str):
+                break
             if name in names:
                 return Signal(part, (names.index(name),), scalar=True)
             entries = tuple(k for k, one in enumerate(names) if one.startswith(f"{name}["))
@@ -354,15 +369,15 @@ class ControlPlan:
     parameters: Mapping[str, Floats] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.phases, list | tuple):
+            raise InvalidData(
+                f"phases must be a list of PhasePlan, got {show(self.phases)}", field="phases"
+            )
         object.__setattr__(self, "phases", tuple(self.phases))
         values = {}
-        for name, value in self.parameters.items():
-            try:
-                values[name] = frozen(np.atleast_1d(np.array(value, float)))
-            except (TypeError, ValueError):
-                raise InvalidData(
-                    f"parameter {name!r} must be numbers, got {show(value)}", field="parameters"
-                ) from None
+        for name, value in Table().coerce("parameters", self.parameters, {}).items():
+            single = [value] if np.isscalar(value) else value
+            values[name] = Array(("size",)).coerce(f"parameters[{name!r}]", single, {})
         object.__setattr__(self, "parameters", values)
         if not self.phases or not all(isinstance(one, PhasePlan) for one in self.phases):
             raise InvalidData(
@@ -396,7 +411,7 @@ class ControlPlan:
     def phase(self, name: str) -> PhasePlan:
         """Return the phase called `name`."""
         for one in self.phases:
-            if one.name == name:
+            if isinstance(name, str) and one.name == name:
                 return one
         raise UnknownName("phase", name, [one.name for one in self.phases])
 

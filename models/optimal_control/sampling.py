@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import show
+from ..fields import required, show
 from .definition import Definition, Phase
 from .plan import ControlPlan, PhasePlan
 
@@ -249,6 +249,7 @@ def courses(definition: Definition, plan: ControlPlan) -> tuple[Course, ...]:
     InvalidData
         The plan's phases, names or parameters are not the problem's, or it is not finite.
     """
+    required("problem", definition, Definition)
     if not isinstance(plan, ControlPlan):
         raise InvalidData(f"plan must be a ControlPlan, got {show(plan)}", field="plan")
     _same("phases", [one.name for one in definition.phases], [one.name for one in plan.phases])

@@ -11,8 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
-from ..fields import Array
+from ...errors import InvalidData, UnknownName
+from ..fields import Array, Whole
 from ..model import Model
 from ..verification import ROUNDING, TOLERANCE, Check, Verification, check_tolerance
 from .blocks import Block, without
@@ -28,6 +28,8 @@ Vector = NDArray[np.float64]
 @dataclass(frozen=True, eq=False, repr=False)
 class Program(Model[Vector]):
     """Base of all programs: minimise an objective of a column vector under blocks of rows."""
+
+    plan_type: ClassVar[type] = np.ndarray
 
     def plan_to_data(self, plan: Vector) -> Any:
         """Return the column vector as a list."""
@@ -151,15 +153,18 @@ class BlockProgram(Program):
 
     def row_name(self, row: int) -> str:
         """Return the row in the paper's words."""
-        return _name(self._rows, row)
+        return _name("row", self._rows, row)
 
     def column_name(self, column: int) -> str:
         """Return the column in the paper's words."""
-        return _name(self._columns, column)
+        return _name("column", self._columns, column)
 
     def column_block(self, name: str) -> Block:
         """Return the block of columns called `name`."""
-        return next(block for block in self.columns if block.name == name)
+        for block in self.columns:
+            if isinstance(name, str) and block.name == name:
+                return block
+        raise UnknownName("block of columns", name, [block.name for block in self.columns])
 
 
 class RowProgram(BlockProgram):
@@ -241,8 +246,8 @@ def _bare(place: str) -> str:
     return place
 
 
-def _name(blocks: Sequence[Block], entry: int) -> str:
-    for block in blocks:
-        if block.start <= entry < block.start + block.size:
-            return block.describe(entry - block.start)
-    raise IndexError(entry)
+def _name(what: str, blocks: Sequence[Block], entry: int) -> str:
+    count = sum(block.size for block in blocks)
+    place = Whole(0, count - 1).coerce(what, entry, {})
+    block = next(one for one in blocks if place < one.start + one.size)
+    return block.describe(place - block.start)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -122,11 +123,21 @@ def _check_template(template: str, count: int) -> None:
 SomeBlock = TypeVar("SomeBlock", bound=Block)
 
 
+def block_names(names: Any) -> set[str]:
+    """Return the names of blocks that were given, which must be words."""
+    if not isinstance(names, str | bytes | Mapping):
+        with contextlib.suppress(TypeError):  # what cannot be gone through is refused below
+            found = list(names)
+            if all(isinstance(one, str) for one in found):
+                return set(found)
+    raise InvalidData(f"names must be a list of block names, got {show(names)}", field="names")
+
+
 def without(
     blocks: Iterable[SomeBlock], names: Iterable[str]
 ) -> tuple[NDArray[np.int64], tuple[SomeBlock, ...]]:
     """Return which entries are left without the blocks called `names`, and the blocks of those."""
-    drop = set(names)
+    drop = block_names(names)
     take, kept, at = [np.empty(0, np.int64)], [], 0
     for block in blocks:
         if block.name not in drop:

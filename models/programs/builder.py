@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
+from ..fields import Array, Flag, Whole, show
 from .blocks import Block
 from .cones import ConeBlock, ConeKind
 from .conic import ConicProgram
@@ -18,6 +19,9 @@ from .linear import MixedIntegerProgram
 __all__ = ["ProgramBuilder"]
 
 Indices = NDArray[np.int64]
+
+#: Rows or columns that a block may have.
+MOST_ENTRIES = 100_000_000
 
 
 class ProgramBuilder:
@@ -54,14 +58,16 @@ class ProgramBuilder:
         unit: str = "",
     ) -> Indices:
         """Add a block of `size` columns and return their indices."""
+        size = Whole(0, MOST_ENTRIES).coerce("size", size, {})
         block = Block(name, equation, self._size, size, template, _index(index, size), unit)
-        self._columns.append(block)
-        self._column_data.append(
-            (
-                *(np.broadcast_to(np.asarray(v, float), (size,)) for v in (lower, upper, cost)),
-                np.full(size, integral),
-            )
+        data = (
+            _spread("lower", lower, size, -1),
+            _spread("upper", upper, size, 1),
+            _spread("cost", cost, size),
+            np.full(size, Flag().coerce("integral", integral, {})),
         )
+        self._columns.append(block)
+        self._column_data.append(data)
         self._size += size
         return np.arange(block.start, block.start + size, dtype=np.int64)
 
@@ -82,15 +88,12 @@ class ProgramBuilder:
         Each of `terms` is ``(row, column, coefficient)``, broadcast against one another, with the
         row counted within the block.
         """
+        size = Whole(0, MOST_ENTRIES).coerce("size", size, {})
         block = Block(name, equation, self._row_count, size, template, _index(index, size), unit)
+        bounds = (_spread("lower", lower, size, -1), _spread("upper", upper, size, 1))
+        self._entries += _entries(terms, block, self._size)
         self._rows.append(block)
-        self._row_bounds.append(
-            (
-                np.broadcast_to(np.asarray(lower, float), (size,)),
-                np.broadcast_to(np.asarray(upper, float), (size,)),
-            )
-        )
-        self._entries += _entries(terms, block.start)
+        self._row_bounds.append(bounds)
         self._row_count += size
 
     def cones(
@@ -113,15 +116,18 @@ class ProgramBuilder:
         for every entry of a cone, or have the shape ``(count, dimension)``. `index` has one row a
         cone.
         """
-        start, size = self._cone_rows, count * dimension
+        count = Whole(1, MOST_ENTRIES).coerce("count", count, {})
+        dimension = Whole(1, MOST_ENTRIES).coerce("dimension", dimension, {})
+        start = self._cone_rows
+        size = Whole(1, MOST_ENTRIES).coerce("rows of the cones", count * dimension, {})
         block = ConeBlock(
             name, equation, start, size, template, _index(index, count), unit,
             kind=kind, dimension=dimension,
         )  # fmt: skip
+        offsets = _spread("offset", offset, (count, dimension))
+        self._cone_entries += _entries(terms, block, self._size)
         self._cones.append(block)
-        offsets = np.broadcast_to(np.asarray(offset, float), (count, dimension))
         self._cone_offsets.append(offsets.ravel())
-        self._cone_entries += _entries(terms, start)
         self._cone_rows += size
 
     def build(self, *, name: str = "", offset: float = 0.0) -> MixedIntegerProgram:
@@ -150,6 +156,8 @@ class ProgramBuilder:
 
     def _shared(self) -> tuple[dict[str, Any], NDArray[np.bool_]]:
         """Return what programs of both kinds have, and which columns must be whole."""
+        if not self._column_data:
+            raise InvalidData("a program needs a block of columns at least", field="columns")
         lower, upper, cost, integral = (
             np.concatenate(part) for part in zip(*self._column_data, strict=True)
         )
@@ -166,17 +174,51 @@ class ProgramBuilder:
         return shared, integral.astype(bool)
 
 
+def _spread(
+    name: str, value: Any, shape: int | tuple[int, ...], infinity: int = 0
+) -> NDArray[np.float64]:
+    """Return numbers that are broadcast to `shape`; `infinity` is as in :class:`Array`."""
+    given = Array(_axes(value), infinity=infinity).coerce(name, value, {})
+    try:
+        return np.broadcast_to(given, shape)
+    except ValueError:
+        raise InvalidData(
+            f"{name} must be a number or fit shape {shape}, got {show(value)}", field=name
+        ) from None
+
+
 def _entries(
-    terms: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike]], start: int
+    terms: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike]], block: Block, columns: int
 ) -> list[tuple[NDArray[Any], NDArray[Any], NDArray[Any]]]:
-    """Return rows, columns and coefficients of `terms` in a block that begins at `start`."""
+    """Return rows, columns and coefficients of `terms` in `block`, which has the rows `block.size`."""
     found = []
-    for row, column, coefficient in terms:
-        r, c, v = np.broadcast_arrays(
-            np.asarray(row, np.int64), np.asarray(column, np.int64), np.asarray(coefficient, float)
-        )
-        found.append((r.ravel() + start, c.ravel(), v.ravel()))
+    for k, term in enumerate(terms):
+        name = f"term {k} of {block.name!r}"
+        if not isinstance(term, tuple | list) or len(term) != 3:
+            raise InvalidData(
+                f"{name} must be (row, column, coefficient), got {show(term)}", field="terms"
+            )
+        parts = []
+        for what, value, count in zip(("row", "column"), term, (block.size, columns), strict=False):
+            rule = Array(_axes(value), int, lower=0, upper=count - 1)
+            parts.append(rule.coerce(f"{name}: {what}", value, {}))
+        parts.append(Array(_axes(term[2])).coerce(f"{name}: coefficient", term[2], {}))
+        try:
+            r, c, v = np.broadcast_arrays(*parts)
+        except ValueError:
+            raise InvalidData(
+                f"{name}: shapes {[part.shape for part in parts]} do not fit", field="terms"
+            ) from None
+        found.append((r.ravel() + block.start, c.ravel(), v.ravel()))
     return found
+
+
+def _axes(value: Any) -> tuple[str, ...]:
+    """Return a name for every axis of `value`, which may have any number of them."""
+    try:
+        return tuple(f"axis {k}" for k in range(np.ndim(value)))
+    except Exception:  # what is no array is refused by its name
+        return ("axis",)
 
 
 def _sparse(
@@ -191,5 +233,10 @@ def _sparse(
 def _index(index: ArrayLike | None, size: int) -> Indices | None:
     if index is None:
         return None
-    array = np.asarray(index, np.int64)
+    array = Array(_axes(index), int).coerce("index", index, {})
+    if size and array.size % size:
+        raise InvalidData(
+            f"index must have a row for each of {size} entries, got shape {array.shape}",
+            field="index",
+        )
     return array.reshape(size, -1) if size else np.zeros((0, 1), np.int64)

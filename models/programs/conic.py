@@ -15,7 +15,7 @@ from ...errors import InvalidData
 from ..fields import Array, Real, declared
 from ..verification import ROUNDING, TOLERANCE, Check, Verification
 from .base import RowProgram
-from .blocks import Block, Blocks, Sparse, without
+from .blocks import Block, Blocks, Sparse, block_names, without
 from .cones import ConeBlock, Cones, inside_dual, missing
 from .linear import QuadraticProgram
 
@@ -127,7 +127,7 @@ class ConicProgram(RowProgram):
 
     def without_rows(self, names: Iterable[str]) -> Self:
         """Return the program without the blocks of rows and of cones called `names`."""
-        drop = set(names)
+        drop = block_names(names)
         fewer = super().without_rows(drop)
         take, cones = without(self.cones, drop)
         return replace(

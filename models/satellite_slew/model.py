@@ -106,6 +106,7 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
 
     kind: ClassVar[str] = "satellite-slew"
     objective_unit: ClassVar[str] = "s"
+    plan_type: ClassVar[type] = ControlPlan
 
     @classmethod
     def about(cls, axis: ArrayLike | str, angle: float, **fields: Any) -> Self:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Real, frozen, show
+from ..fields import Array, Real, frozen, required, show
 from ..optimal_control.plan import ControlPlan, PhasePlan
 from .checks import slew_phase
 from .dynamics import SlewMotion
@@ -29,6 +29,8 @@ Floats = NDArray[np.float64]
 
 #: Damping of the correction's inverse near a singularity, in units of A_t A_tᵀ.
 DAMPING = 1e-6
+#: Samples that a flight may have.
+MOST_SAMPLES = 1_000_000
 #: Longest step of the simulated motion, s.
 STEP = 0.02
 #: Torque that must be missing for a sample to count as saturated, N m.
@@ -161,6 +163,7 @@ def track(
     A constant torque that is not known leaves an error: the motion rests where K_p q_e = T_ext, at
     q_e = T_ext / (2 ω_n² I).
     """
+    required("model", model, SatelliteSlew)
     phase = slew_phase(model.as_plan(plan))
     for name, value in (("natural_frequency", natural_frequency), ("sample_time", sample_time)):
         Real(0.0, strict=True).coerce(name, value, {})
@@ -169,6 +172,12 @@ def track(
     Real(0.0, 1.0).coerce("known_disturbance", known_disturbance, {})
     if not Real().coerce("inertia_error", inertia_error, {}) > -1.0:
         raise InvalidData(f"inertia_error must be > -1, got {inertia_error}", field="inertia_error")
+    samples = (phase.duration + after) / sample_time
+    if not samples <= MOST_SAMPLES:
+        raise InvalidData(
+            f"sample_time must leave at most {MOST_SAMPLES} samples, got {samples:.3g}",
+            field="sample_time",
+        )
     controller = _Controller(
         model, phase, natural_frequency, damping, _outer(disturbance), known_disturbance, homing
     )

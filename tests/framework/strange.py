@@ -35,6 +35,10 @@ VALUES: tuple[Any, ...] = (
 )  # fmt: skip
 
 
+#: Fields whose text CasADi reads itself: what is no such text is put there, damaged text elsewhere.
+CASADI = ("function", "derivatives", "hessian", "endpoint")
+
+
 def written(tree: Tree) -> str:
     """Return `tree` as JSON text, :class:`Raw` parts as they stand."""
     raw: list[str] = []
@@ -80,10 +84,10 @@ def mutated(tree: Tree, draw: random.Random) -> Tree:
         ways += ["more", "rename", "less"]
     elif isinstance(value, int | float) and not isinstance(value, bool):
         ways += ["scale", "negate", "shift", "word"]
-    # What CasADi wrote is replaced as a whole: how its damaged text is read is tested elsewhere.
     way = draw.choice(ways)
     if way == "replace":
-        holder[key] = draw.choice(VALUES)
+        new = draw.choice(VALUES)
+        holder[key] = None if isinstance(new, str) and key in CASADI else new
     elif way == "drop":
         del holder[key]
     elif way == "wrap":
@@ -112,9 +116,8 @@ def mutated(tree: Tree, draw: random.Random) -> Tree:
             if way == "rename":
                 value[name[::-1] + "_"] = taken
     elif way == "scale":
-        holder[key] = draw.choice(
-            [value * 10**9, value * 1e150 if abs(value) < 1e150 else 0, value + 0.5]
-        )
+        big = abs(value) > 1e150
+        holder[key] = 0 if big else draw.choice([value * 10**9, value * 1e150, value + 0.5])
     elif way == "negate":
         holder[key] = -value
     elif way == "shift":
@@ -282,7 +285,8 @@ def strange_file(number: int) -> tuple[bytes, bytes]:
 def _strange(text: str, draw: random.Random, damage: bool) -> bytes:
     if not damage:
         return text.encode()
-    if draw.random() < 0.25:
+    # What CasADi wrote is replaced as a whole only: how its damaged text is read is tested elsewhere.
+    if draw.random() < 0.25 and not re.search('"[a-p]{200}', text):
         return damaged(text.encode(), draw)
     tree = json.loads(text)
     for _ in range(draw.choice([1, 1, 1, 2, 3])):

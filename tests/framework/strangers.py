@@ -16,20 +16,23 @@ import subprocess
 import sys
 import tempfile
 import threading
+import traceback
+import warnings
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
 
 #: Seconds after which a case hangs; those that solve have a limit of 1 s, and a worker to start.
-PATIENCE = 60
+PATIENCE = float(os.environ.get("STRANGERS_PATIENCE", 60))
 #: Bytes that a process may ask for, so that a size of 10**12 is refused rather than granted.
 MEMORY = 6 * 2**30
 
 #: What is done with a file and a plan for it beside `check`, drawn.
 COMMANDS = (
-    *[()] * 10,
+    *[()] * 25,
     ("solve", "INSTANCE", "--time-limit", "1"),
     ("solve", "INSTANCE", "--time-limit", "1", "--warm-start", "PLAN", "--json"),
     ("export", "INSTANCE", "PLAN", "--output", "out.csv", "--json"),
@@ -45,7 +48,10 @@ def _files(numbers: range, report: Any) -> None:
 
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as log:
         os.chdir(folder)
-        # Whatever prints, Python or native, prints into the log.
+        # Whatever prints, Python or native, prints into the log; what ends the process does not.
+        errors = os.fdopen(os.dup(2), "w")
+        faulthandler.enable(errors)
+        sys.excepthook = lambda kind, error, trace: traceback.print_exception(error, file=errors)
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
         for number in numbers:
@@ -58,7 +64,7 @@ def _files(numbers: range, report: Any) -> None:
             for command in (("check", "INSTANCE", "PLAN"), draw.choice(COMMANDS)):
                 if not command:
                     continue
-                faulthandler.dump_traceback_later(PATIENCE, exit=True, file=sys.__stderr__)
+                faulthandler.dump_traceback_later(PATIENCE, exit=True, file=errors)
                 report("begin", number, " ".join(command))
                 try:
                     main([words.get(word, word) for word in command])
@@ -84,31 +90,28 @@ def _files(numbers: range, report: Any) -> None:
                 )
 
 
-def _calls(numbers: range, report: Any) -> None:
-    import warnings
-
+def _calls(numbers: range, report: Any, made: Callable[[int], Any]) -> None:
     import calls
 
     from crosstrack.errors import CrosstrackError
 
-    warnings.simplefilter("error")
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         for number in numbers:
-            name, function, positional, named = calls.strange_call(number)
+            name, function, positional, named = made(number)
             faulthandler.dump_traceback_later(PATIENCE, exit=True)
             report("begin", number, name)
             outcome, said = "success", ""
             try:
-                function(*positional, **named)
+                with warnings.catch_warnings():
+                    warnings.simplefilter("error")
+                    function(*positional, **named)
             except CrosstrackError as error:
                 outcome = "refused"
                 if not str(error):
                     outcome = "refused without a word"
             except Exception as error:
                 outcome = "other exception"
-                import traceback
-
                 frames = traceback.extract_tb(error.__traceback__)
                 where = " < ".join(
                     f"{Path(f.filename).name}:{f.lineno}" for f in reversed(frames[-5:])
@@ -128,7 +131,13 @@ def _script() -> None:
         stream.write(json.dumps(parts) + "\n")
         stream.flush()
 
-    {"files": _files, "calls": _calls}[what](range(begin, end, step), report)
+    numbers = range(begin, end, step)
+    if what == "files":
+        _files(numbers, report)
+    else:
+        import calls
+
+        _calls(numbers, report, {"calls": calls.strange_call, "faults": calls.faulty_call}[what])
 
 
 def run(what: str, begin: int, end: int, workers: int = 2) -> tuple[Counter[str], list[str]]:
@@ -147,30 +156,35 @@ def run(what: str, begin: int, end: int, workers: int = 2) -> tuple[Counter[str]
 
     def share(first: int) -> None:
         while first < end:
-            done = subprocess.Popen(
-                [sys.executable, __file__, what, str(first), str(end), str(workers)],
-                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
-            )  # fmt: skip
-            assert done.stdout is not None and done.stderr is not None
             last: list[Any] | None = None
             errors: list[str] = []
-            reader = threading.Thread(target=lambda pipe=done.stderr: errors.append(pipe.read()))
-            reader.start()
-            for line in done.stdout:
-                state, number, *rest = json.loads(line)
-                if state == "begin":
-                    last = [number, *rest]
-                else:
-                    counts[rest[0]] += 1
-                    if rest[1]:
-                        faults.append(
-                            f"{what} {number} {last[1] if last else ''}: {rest[0]}: {rest[1]}"
-                        )
-            done.wait()
-            reader.join()
+            with subprocess.Popen(
+                [sys.executable, __file__, what, str(first), str(end), str(workers)],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                env=environment,
+            ) as done:
+                assert done.stdout is not None and done.stderr is not None
+                reader = threading.Thread(
+                    target=lambda pipe, into: into.append(pipe.read()), args=(done.stderr, errors)
+                )
+                reader.start()
+                for line in done.stdout:
+                    state, number, *rest = json.loads(line)
+                    if state == "begin":
+                        last = [number, *rest]
+                    else:
+                        counts[rest[0]] += 1
+                        if rest[1]:
+                            where = f"{what} {number} {last[1] if last else ''}"
+                            faults.append(f"{where}: {rest[0]}: {rest[1]}")
+                reader.join()
             if done.returncode == 0:
                 return
-            assert last is not None, errors
+            if last is None or "made(number)" in errors[0] or "strange_file(number)" in errors[0]:
+                broken.append(errors[0])
+                return
             hung = "Timeout (" in errors[0]
             counts["hang" if hung else "crash"] += 1
             faults.append(
@@ -178,11 +192,13 @@ def run(what: str, begin: int, end: int, workers: int = 2) -> tuple[Counter[str]
             )
             first = last[0] + workers
 
+    broken: list[str] = []
     threads = [threading.Thread(target=share, args=(begin + k,)) for k in range(workers)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
+    assert not broken, broken[0]
     return counts, faults
 
 

@@ -43,7 +43,7 @@ def test_plans_are_functions_of_time(answer):
         (lambda p: ControlPlan(p.phases * 2).grid(), InvalidData, ["the plan has 2 phases"]),
         (lambda p: ControlPlan(()), InvalidData, ["phases", "1 PhasePlan at least"]),
         (lambda p: ControlPlan((3,)), InvalidData, ["phases", "PhasePlan", "3"]),
-        (lambda p: ControlPlan(p.phases, {"p": "a"}), InvalidData, ["parameter 'p'", "numbers", "'a'"]),
+        (lambda p: ControlPlan(p.phases, {"p": "a"}), InvalidData, ["parameters['p']", "a number", "'a'"]),
     ],
 )  # fmt: skip
 def test_plans_say_what_they_cannot_answer(answer, ask, error, words):

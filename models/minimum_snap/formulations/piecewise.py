@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ....errors import InvalidData, UnsupportedOption
+from ....errors import InvalidData, UnsupportedOption, show
 from ...formulation import Formulation
 from ...programs.blocks import Block
 from ...programs.linear import QuadraticProgram
@@ -81,9 +81,9 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     def __post_init__(self) -> None:
         if isinstance(self.samples, bool) or not isinstance(self.samples, int | np.integer):
-            raise UnsupportedOption(f"samples must be a whole number, got {self.samples!r}")
+            raise UnsupportedOption(f"samples must be a whole number, got {show(self.samples)}")
         if not 2 <= self.samples <= 1000:
-            raise UnsupportedOption(f"samples must lie in [2, 1000], got {self.samples}")
+            raise UnsupportedOption(f"samples must lie in [2, 1000], got {show(self.samples)}")
 
     # -- the basis -------------------------------------------------------------------------------
 

@@ -150,8 +150,8 @@ def assemble(
     hessian.add(every, every, 1.0, every)
     for kind, segment, entries, constants, row in groups:
         number, flat = segment.size, entries.ravel()
-        local = casadi.mtimes(casadi.MX(dm(matrix[flat])), x[count:]) + casadi.DM(constant[flat])
-        z = casadi.vertcat(x[segment.tolist()].T, casadi.reshape(local, entries.shape[1], number))
+        local = casadi.mtimes(casadi.MX(dm(matrix[flat])), x[count:, 0]) + casadi.DM(constant[flat])
+        z = casadi.vertcat(x[segment.tolist(), 0].T, casadi.reshape(local, entries.shape[1], number))
         c = casadi.DM(constants.T)
         value = kind.value.map(number)(z, c)
         firsts.append(casadi.vec(kind.first.map(number)(z, c)))
@@ -160,7 +160,7 @@ def assemble(
             share = casadi.repmat(weight, 1, number)
         else:
             values.append(value.T)
-            share = duals[row.tolist()].T
+            share = duals[row.tolist(), 0].T
         bent = kind.second.map(number)(z, c)
         seconds.append(casadi.vec(bent * casadi.repmat(share, bent.size1(), 1)))
         places = np.column_stack([segment, column[entries]])

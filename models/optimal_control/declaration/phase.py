@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import InvalidData
-from ...fields import show
+from ...fields import Text, show
 from ..definition import Phase, Quantity, Restriction
 from .guess import draw_lines, read_guess
 from .terms import (
@@ -234,7 +234,7 @@ class PhaseBuilder:
             Typical size of the expression.
         """
         self.opened()
-        name = name or f"path {len(self.paths) + 1}"
+        name = Text().coerce("name", name, {}) or f"path {len(self.paths) + 1}"
         free_name("a path constraint", name, self._constraints())
         bounded, low, high = read_relation(
             f"path constraint {name!r}", expression, lower, upper, equals

@@ -121,7 +121,7 @@ class ControlProblemBuilder(Generic[ModelT]):
             The paper's number of the equation of motion.
         """
         self._open()
-        name = name or f"phase {len(self.phases) + 1}"
+        name = Text().coerce("name", name, {}) or f"phase {len(self.phases) + 1}"
         free_name("a phase", name, [one.name for one in self.phases])
         if not isinstance(time, tuple | list) or len(time) != 2:
             raise InvalidData(
@@ -241,7 +241,7 @@ class ControlProblemBuilder(Generic[ModelT]):
             Typical size of the expression.
         """
         self._open()
-        name = name or f"boundary {len(self.boundaries) + 1}"
+        name = Text().coerce("name", name, {}) or f"boundary {len(self.boundaries) + 1}"
         lists = [self.boundaries]
         for one in self.phases:
             lists += [one.paths, one.invariants]

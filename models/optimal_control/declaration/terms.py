@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import InvalidData
-from ...fields import show
+from ...fields import show, unwritable
 from ..definition import Restriction
 
 __all__ = [
@@ -60,7 +60,8 @@ def entries(count: int) -> str:
 
 def free_name(kind: str, name: Any, taken: Sequence[str]) -> None:
     """Raise where `name` is none, or stands for another one of its `kind` already."""
-    if not isinstance(name, str) or not name or any(c in name for c in "[]"):
+    named = isinstance(name, str) and name and not unwritable(name)
+    if not named or any(c in name for c in "[]"):
         raise InvalidData(
             f"{kind} must have a name without brackets, got {show(name)}", field="name"
         )
@@ -74,7 +75,7 @@ def free_name(kind: str, name: Any, taken: Sequence[str]) -> None:
 
 def text(what: str, value: Any, of: str) -> str:
     """Return `value`, a word for people such as a unit, or raise."""
-    if not isinstance(value, str):
+    if not isinstance(value, str) or unwritable(value):
         raise InvalidData(f"{what} of {of} must be a string, got {show(value)}", field=what)
     return value
 
@@ -102,8 +103,10 @@ def numbers(name: str, value: Any, allowed: str, must: str = "must be") -> Float
         # A list such as [True, 1.0] is cast without a word.
         if isinstance(value, list | tuple) and any(isinstance(one, bool) for one in value):
             raise TypeError
+        if np.ma.is_masked(value):
+            raise TypeError
         found = np.asarray(value, float)
-    except (TypeError, ValueError, RuntimeError):
+    except Exception:  # whatever a stranger's conversion raises
         raise InvalidData(f"{name} {must} {allowed}, got {show(value)}", field=name) from None
     if np.isnan(found).any():
         raise InvalidData(f"{name} {must} {allowed}, got {show(value)}", field=name)
@@ -206,6 +209,8 @@ def read_expression(what: str, expression: Any) -> Symbol:
         if isinstance(expression, np.ndarray):
             numeric = expression.dtype.kind in "iuf"
             if not numeric and (expression.ndim > 1 or expression.dtype.kind != "O"):
+                raise TypeError
+            if expression.dtype.itemsize > 8:  # CasADi crashes on longer numbers
                 raise TypeError
             found = casadi.MX(casadi.DM(expression)) if numeric else expression.tolist()
         else:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ....errors import InvalidData, UnsupportedOption
+from ....errors import InvalidData, UnsupportedOption, show
 from ...formulation import Formulation
 from ...programs.base import Program
 from ...programs.nonlinear import NonlinearProgram
@@ -116,17 +116,18 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
                 raise UnsupportedOption(
                     f"formulation {self.name!r}: option {name!r} must be a whole number from {low} "
-                    f"to {high}, got {value!r}"
+                    f"to {high}, got {show(value)}"
                 )
         if not isinstance(self.refine, bool):
             raise UnsupportedOption(
                 f"formulation {self.name!r}: option 'refine' must be true or false, "
-                f"got {self.refine!r}"
+                f"got {show(self.refine)}"
             )
-        if self.dependent not in ("raise", "drop", "keep"):
+        choices = ("raise", "drop", "keep")
+        if not isinstance(self.dependent, str) or self.dependent not in choices:
             raise UnsupportedOption(
                 f"formulation {self.name!r}: option 'dependent' must be one of 'raise', 'drop', "
-                f"'keep', got {self.dependent!r}"
+                f"'keep', got {show(self.dependent)}"
             )
         object.__setattr__(self, "_meshes", self._first_meshes())
 
