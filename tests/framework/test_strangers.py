@@ -2,6 +2,7 @@
 
 import json
 import os
+from pathlib import Path
 
 import pytest
 from commands import run
@@ -148,11 +149,11 @@ def test_the_command_line_takes_both_consents(tmp_path):
         json.dumps({"model": "error-correction", "data": {field: "../table.csv", **rest}})
     )
     assert "--folder" in run("check", path, tmp_path / "plan.json", code=2).stderr
-    folder = ("--folder", str(tmp_path), "--trusted")
-    for command in (
-        ("check", path, tmp_path / "plan.json"),
-        ("solve", path, "--backend", "dynamic-programming"),
-        ("compare", path, "--backends", "dynamic-programming", "--time-limit", "20"),
-        ("diagnose", path),
-    ):
-        run(*command, *folder)
+    run("check", path, tmp_path / "plan.json", "--folder", tmp_path)
+    stored = Path(__file__).parent / "data" / "version-0.1"
+    old = ("check", stored / "control.model.json", stored / "control.plan.json")
+    assert "--trusted" in run(*old, code=2).stderr
+    run(*old, "--trusted")
+    for command in ("solve", "check", "compare", "export", "diagnose"):
+        words = run(command, "--help").stdout
+        assert "--trusted" in words and "--folder" in words
