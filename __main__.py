@@ -62,7 +62,8 @@ class _Commands(Mapping[str, click.Command]):
 def cli() -> None:
     """Declare planning problems, solve them with any backend, cross-check every answer.
 
-    INSTANCE is a catalogue name such as error-correction/7, or a JSON file.
+    INSTANCE is a catalogue name such as error-correction/7, a JSON file, or a CSV or Excel file with
+    --data for what it lacks.
     """
 
 

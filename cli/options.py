@@ -62,6 +62,15 @@ tolerance = click.option(
 )
 _READING: list[Callable[..., Any]] = [
     click.option(
+        "--data",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="What INSTANCE lacks where it is a CSV or Excel file, such as alpha1=25.",
+    ),
+    click.option(
+        "--model", metavar="KIND", help="The kind of model of such a file, if several fit."
+    ),
+    click.option(
         "--trusted",
         is_flag=True,
         help="You know who wrote INSTANCE: functions in CasADi's own text, which can run code, are read.",
@@ -92,8 +101,9 @@ def reading(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of reading an instance file; the command gets them as ``reading``."""
 
     @functools.wraps(command)
-    def called(*, trusted: bool, folder: str | None, **others: Any) -> Any:
-        return command(reading={"trusted": trusted, "folder": folder}, **others)
+    def called(*, data: Sequence[str], **others: Any) -> Any:
+        how = {name: others.pop(name) for name in ("model", "trusted", "folder")}
+        return command(reading={"data": pairs(data, "--data"), **how}, **others)
 
     found: Callable[..., Any] = called
     for option in reversed(_READING):

@@ -11,10 +11,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from ..errors import InvalidData, UnknownName
+from ..errors import BackendBroken, InvalidData, UnknownName, UnsupportedOption
 from ..models.fields import Spec, Text, required, show
 from ..models.model import Model
-from ..models.problems import loadable, resolve, table
+from ..models.problems import loadable, model_type, resolve, table
 from ..models.records import Member, Table
 
 __all__ = ["CatalogueEntry", "Provenance", "entries", "entry", "load", "register_entry"]
@@ -150,10 +150,12 @@ def entry(name: str) -> CatalogueEntry:
 def load(
     source: str | os.PathLike[str],
     *,
+    data: Mapping[str, Any] | None = None,
+    model: str | None = None,
     trusted: bool = False,
     folder: str | os.PathLike[str] | None = None,
 ) -> Model[Any]:
-    """Return an instance: by its name in the catalogue, or from a JSON file.
+    """Return an instance: by its name in the catalogue, or from a file.
 
     Parameters
     ----------
@@ -161,6 +163,12 @@ def load(
         A catalogue name such as ``"error-correction/7"``, or the path of an instance file, whose
         model is named after it unless it names itself. A
         string that is both means the catalogue's: write ``"./error-correction/7"`` for the file.
+        A CSV or Excel file holds part of an instance, such as points.
+    data : mapping, optional
+        What a CSV or Excel file lacks of the model's data, such as thresholds.
+    model : str, optional
+        The kind of model that a CSV or Excel file holds data of; otherwise the first that it and
+        `data` make.
     trusted : bool
         Whether you know who wrote the file, which may then hold functions in CasADi's own text:
         reading those can run code. They are read by a process of their own first.
@@ -171,38 +179,85 @@ def load(
     ------
     UnknownName
         The string is neither a name nor an existing file.
+    UnsupportedOption
+        `data` or `model` is given for a whole instance.
     InvalidData
         The file cannot be read or does not hold an instance; the message names the place.
     """
+    given = bool(data) or model is not None
     if isinstance(source, str):
         found = _find(source)
-        if found is not None:
+        if found is not None and not given:
             return found.build()
-        if "\0" in source or not Path(source).exists():
+        if found is None and ("\0" in source or not Path(source).exists()):
             raise UnknownName("instance (and there is no such file)", source, _all())
     from .storage import as_path
 
     file = as_path(source)
     if file.is_dir():
         raise InvalidData(f"{file}: a folder, where an instance file was expected")
-    if file.suffix.casefold() == ".csv":
-        raise InvalidData(_about_csv(file))
+    if file.suffix.casefold() in (".csv", ".xlsx"):
+        return _of_table(file, data or {}, model)
+    if given:
+        raise UnsupportedOption(
+            f"{source} is a whole instance: data and model are for CSV and Excel files"
+        )
     from .storage import read_model
 
-    model = read_model(file, trusted=trusted, folder=folder)
-    return model if model.name else model.renamed(file.stem)
+    whole = read_model(file, trusted=trusted, folder=folder)
+    return whole if whole.name else whole.renamed(file.stem)
 
 
-def _about_csv(file: Path) -> str:
-    """Return what to do with a CSV file, which holds data of an instance but is none."""
+def _of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Model[Any]:
+    """Return the model of what a CSV or Excel file holds and of what it lacks, which is `given`.
+
+    The first kind of model that both make is taken, unless `kind` names one.
+    """
+    if not file.exists():
+        raise InvalidData(f"{file}: no such file")
+    readers = table(__package__, "TABLE_FILES")
+    if kind is not None and kind not in readers:
+        raise UnknownName("model that a CSV or Excel file holds data of", kind, readers)
+    unread: dict[str, str] = {}
+    lacking: dict[str, str] = {}
+    for one in readers if kind is None else (kind,):
+        try:
+            held = resolve(readers[one])(file)
+        except (InvalidData, BackendBroken) as error:
+            unread[one] = str(error)
+            continue
+        try:
+            for key in held:
+                if key in given:
+                    raise InvalidData(f"{key} must not be given: the file holds it", field=key)
+            made: Model[Any] = model_type(one).from_data({**held, **given}, name=file.stem)
+            return made
+        except InvalidData as error:
+            lacking[one] = str(error)
+    if not lacking:
+        _hint(file)
+    reasons: dict[str, str] = {}
+    for one, reason in (lacking or unread).items():
+        reasons[reason] = f"{reasons[reason]}, {one}" if reason in reasons else one
+    held_words = "data, and no whole instance" if lacking else "data of no model that is known here"
+    raise InvalidData(
+        f"{file} holds {held_words}"
+        + "".join(f"\n  {kinds}: {reason}" for reason, kinds in reasons.items())
+        + "\ngive what is missing with --data KEY=VALUE on the command line or data={…} in Python, or "
+        "in an instance file beside it that names this file in its data"
+    )
+
+
+def _hint(file: Path) -> None:
+    """Raise what a problem says of a CSV file that is no part of an instance."""
     from .storage import read_text
 
-    first = next((line for line in read_text(file).splitlines() if line.strip()), "")
-    for _, describe in loadable(__package__, "HINTS"):
-        hint: str = describe(file, first)
-        if hint:
-            return f"{file}: {hint}"
-    return f"{file}: a CSV file holds data, and no instance; write an instance file beside it"
+    if file.suffix.casefold() == ".csv":
+        first = next((line for line in read_text(file).splitlines() if line.strip()), "")
+        for _, describe in loadable(__package__, "HINTS"):
+            words: str = describe(file, first)
+            if words:
+                raise InvalidData(f"{file}: {words}")
 
 
 def _find(name: Any) -> CatalogueEntry | None:

@@ -81,15 +81,20 @@ class Declared:
                     f"{suggestion(key, allowed)}allowed: {', '.join(allowed)}",
                     field=str(key),
                 )
-        for key, field in known.items():
-            required = (
-                field.default is dataclasses.MISSING
-                and field.default_factory is dataclasses.MISSING
+        missing = [
+            key
+            for key, field in known.items()
+            if key not in data
+            and field.default is dataclasses.MISSING
+            and field.default_factory is dataclasses.MISSING
+        ]
+        if missing:
+            words = "key {} is" if len(missing) == 1 else "keys {} are"
+            raise InvalidData(
+                f"{words.format(', '.join(map(repr, missing)))} missing in the data of "
+                f"{cls._label()}; allowed: {', '.join(sorted({*known, *extra}))}",
+                field=missing[0],
             )
-            if required and key not in data:
-                raise InvalidData(
-                    f"key {key!r} is missing in the data of {cls._label()}", field=key
-                )
         return cls(**{str(key): value for key, value in data.items()}, **others)
 
 

@@ -13,6 +13,7 @@ folder                    table         keys and objects
 ``solvers/<problem>``     PAPER_TABLES  catalogue prefix: a ``PaperTables``
 ``instances/<problem>``   CATALOGUE     catalogue prefix: function that returns the entries
 ``instances/<problem>``   REFERENCES    model kind: function that reads the files it refers to
+``instances/<problem>``   TABLE_FILES   model kind: function ``(file) -> data`` of a CSV or Excel file
 ``instances/<problem>``   HINTS         any: function ``(file, header) -> str`` about a CSV file
 ``instances/<problem>``   EXPORTS       format: an ``ExportFormat``
 ``instances/<problem>``   DEMOS         name: a ``Demo``
@@ -63,7 +64,7 @@ KITS = ("programs",)
 #: The tables that a problem may have; the docstring above says what each holds.
 TABLES = (
     *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "PAPER_TABLES"),
-    *("CATALOGUE", "REFERENCES", "HINTS", "EXPORTS", "DEMOS", "PRINTED"),
+    *("CATALOGUE", "REFERENCES", "TABLE_FILES", "HINTS", "EXPORTS", "DEMOS", "PRINTED"),
 )
 
 #: Model types that a user registered in this session, by kind.

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 CATALOGUE = {"error-correction": ".listing:catalogue_entries"}
 REFERENCES = {"error-correction": ".files:resolve_references"}
-HINTS = {"points": ".files:describe_points"}
+TABLE_FILES = {"error-correction": ".files:points_of_table"}
 PRINTED = {f"error-correction/{k}": f".printed:table_{k}" for k in (1, 2, 3)}
 DEMOS = {"error-correction": ".demo:DEMO"}
 

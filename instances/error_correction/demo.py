@@ -30,7 +30,7 @@ DEMO = Demo(
     "error-correction/7",
     {
         "points": DemoOption(
-            "A CSV with the columns id,x,y,z,kind instead of error-correction/7.", metavar="FILE"
+            "A CSV or Excel file of points instead of error-correction/7.", metavar="FILE"
         ),
         "thresholds": DemoOption(
             "alpha1,alpha2,beta1,beta2,theta for --points.", default="20,10,15,20,20"

@@ -1,32 +1,56 @@
-"""Points of error-correction routing in CSV files, and instances that refer to them.
+"""Points of error-correction routing in CSV and Excel files, and instances that refer to them.
 
-A CSV file has the columns ``id,x,y,z,kind`` in any order; further columns are left alone. Kinds
-are words (A, horizontal, vertical, B) or A, B, 0 (horizontal), 1 (vertical).
+A file has the columns ``id,x,y,z,kind`` in any order, ``id`` where it likes; further columns are
+named in a warning. Without a header they stand as ``id,x,y,z,kind`` or ``x,y,z,kind``. Kinds are
+words (A, horizontal, vertical, B) or codes: -1 (A), 0 (horizontal), 1 (vertical), 2 (B).
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import logging
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.error_correction.model import ErrorCorrectionRouting
-from ...models.error_correction.points import kind_word
+from ...models.error_correction.points import as_kind, kind_word
 from ...models.fields import required, show
+from ..spreadsheets import xlsx_rows
 from ..storage import Find, as_path, number, pretty, read_text, write_model, write_text
 
-__all__ = ["PointTable", "read_csv", "read_points", "resolve_references", "write_csv", "write_json"]
+__all__ = [
+    "PointTable",
+    "points_of_table",
+    "read_csv",
+    "read_points",
+    "resolve_references",
+    "write_csv",
+    "write_json",
+]
+
+log = logging.getLogger("crosstrack")
 
 _COLUMNS = ("id", "x", "y", "z", "kind")
+#: What else columns may be called; the Chinese names are those of the contest's own file.
+_NAMES = {
+    **{name: name for name in _COLUMNS},
+    "number": "id",
+    "no.": "id",
+    "编号": "id",
+    **{f"{axis}坐标": axis for axis in "xyz"},
+    "type": "kind",
+    "校正点类型": "kind",
+    "校正点标记": "kind",
+}
 
 #: A whole number written the one way that Python writes it, so that "007" stays a word.
 _WHOLE = re.compile(r"0|-?[1-9][0-9]*")
@@ -34,7 +58,7 @@ _WHOLE = re.compile(r"0|-?[1-9][0-9]*")
 
 @dataclass(frozen=True, eq=False)
 class PointTable:
-    """The points in a CSV file.
+    """The points in a file.
 
     Parameters
     ----------
@@ -59,28 +83,32 @@ class PointTable:
 
 
 def read_points(path: str | os.PathLike[str]) -> PointTable:
-    """Return the points in a CSV file.
+    """Return the points in a CSV file, or in the first sheet of an Excel file (``.xlsx``).
+
+    Columns that are not used are named in a warning of the log.
 
     Raises
     ------
+    BackendMissing
+        It is an Excel file, and openpyxl is not installed.
     InvalidData
         Naming file, line, column and value: a missing column, an id that repeats, what is no
         finite number, an unknown kind, a row too short or too long, not one A and one B, an
         empty file, an encoding other than UTF-8.
     """
     file = as_path(path)
-    return _parse(read_text(file), str(file))
+    return _parse(list(_rows_of(file)), str(file))
 
 
 def read_csv(
     path: str | os.PathLike[str], *, name: str | None = None, **data: Any
 ) -> ErrorCorrectionRouting:
-    """Return the model of the points in a CSV file and of the thresholds in `data`.
+    """Return the model of the points in a CSV or Excel file and of the thresholds in `data`.
 
     Parameters
     ----------
     path : path-like
-        The CSV file.
+        The file.
     name : str, optional
         The model's name; by default the file's.
     **data
@@ -95,17 +123,9 @@ def read_csv(
     return ErrorCorrectionRouting.from_data({**data, **table.data()}, name=name)
 
 
-def describe_points(file: Path, header: str) -> str:
-    """Return what to do with a CSV file of points, empty where it is none."""
-    names = {name.strip().casefold() for name in header.split(",")}
-    if not {"id", "kind"} & names:
-        return ""
-    return (
-        "a CSV file holds points and no thresholds. Write an instance file beside it, "
-        f'{{"model": "error-correction", "data": {{"points": "{file.name}", "alpha1": …, '
-        '"alpha2": …, "beta1": …, "beta2": …, "theta": …, "delta": …}}, or call '
-        "crosstrack.instances.read_csv(path, alpha1=…, …)"
-    )
+def points_of_table(file: Path) -> dict[str, Any]:
+    """Return the data of an instance that a file of points holds."""
+    return read_points(file).data()
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
@@ -123,31 +143,44 @@ def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
     return {**found, **read_points(find(reference)).data()}
 
 
-def _parse(text: str, file: str) -> PointTable:
-    rows = _rows(text, file)
-    line, header = next(rows, (1, []))
-    places = _header(header, f"{file}, line {line}") if header else None
-    if places is None:
+@dataclass(frozen=True)
+class _Layout:
+    """Where the columns stand, which of them are not used, and which row comes first."""
+
+    places: Mapping[str, int]
+    unused: tuple[str, ...]
+    first: int
+
+
+def _parse(rows: Sequence[tuple[int, list[str]]], file: str) -> PointTable:
+    if not rows:
         raise InvalidData(f"{file}: the file is empty; its columns must be {', '.join(_COLUMNS)}")
+    layout = _layout(rows, file)
+    if layout is None:
+        _refuse(rows, file)
+    if layout.unused:
+        log.warning("%s: not used: %s", file, ", ".join(map(show, layout.unused)))
+    places, width = layout.places, len(rows[max(layout.first - 1, 0)][1])
     ids: dict[str, int] = {}
     ends: dict[str, int] = {}
     points: list[list[float]] = []
     kinds: list[str] = []
-    for line, row in rows:
+    for line, row in rows[layout.first :]:
         where = f"{file}, line {line}"
-        if len(row) != len(header):
-            raise InvalidData(
-                f"{where}: {len(row)} values where the header has {len(header)} columns"
-            )
-        label = row[places["id"]].strip()
-        if not label:
-            raise InvalidData(f"{where}, column id: must not be empty", field="ids")
-        if label in ids:
-            raise InvalidData(
-                f"{where}, column id: {label!r} stands in line {ids[label]} too: ids must differ",
-                field="ids",
-            )
-        ids[label] = line
+        if len(row) != width:
+            above = "the header" if layout.first else "the first row"
+            raise InvalidData(f"{where}: {len(row)} values where {above} has {width} columns")
+        if "id" in places:
+            label = row[places["id"]].strip()
+            if not label:
+                raise InvalidData(f"{where}, column id: must not be empty", field="ids")
+            if label in ids:
+                raise InvalidData(
+                    f"{where}, column id: {label!r} stands in line {ids[label]} too: "
+                    "ids must differ",
+                    field="ids",
+                )
+            ids[label] = line
         points.append(
             [number(row[places[axis]], f"{where}, column {axis}", "points") for axis in "xyz"]
         )
@@ -165,7 +198,46 @@ def _parse(text: str, file: str) -> PointTable:
     for word in ("A", "B"):
         if word not in ends:
             raise InvalidData(f"{file}: no point is of kind {word}", field="kinds")
-    return PointTable(np.array(points), tuple(kinds), _labels(list(ids)))
+    return PointTable(np.array(points), tuple(kinds), _labels(list(ids)) if ids else None)
+
+
+def _layout(rows: Sequence[tuple[int, list[str]]], file: str) -> _Layout | None:
+    """Return where the columns stand, by a header or by what they hold; None where neither says."""
+    # A title above the header is one cell of a row that has several, as contest files have it.
+    titles = 0
+    while titles < min(len(rows), 3) and len(list(filter(str.strip, rows[titles][1]))) == 1:
+        titles += 1
+    for first in {0, titles}:
+        if first < len(rows):
+            line, header = rows[first]
+            names = [_NAMES.get(_bare(name), "") for name in header]
+            if names.count("kind") and any(names.count(axis) for axis in "xyz"):
+                places = _header(names, header, f"{file}, line {line}")
+                unused = [name for name, known in zip(header, names, strict=True) if not known]
+                return _Layout(places, tuple(unused), first + 1)
+    for kind in (4, 3):  # id,x,y,z,kind or x,y,z,kind, and what may follow
+        held = [as_kind(row[kind]) for _, row in rows if len(row) > kind]
+        if len(held) == len(rows) and None not in held and held.count("A") == held.count("B") == 1:
+            places = {name: kind - 3 + k for k, name in enumerate("xyz")} | {"kind": kind}
+            unused = [f"column {k + 1}" for k in range(kind + 1, len(rows[0][1]))]
+            return _Layout(places | ({"id": 0} if kind == 4 else {}), tuple(unused), 0)
+    return None
+
+
+def _bare(name: str) -> str:
+    """Return a column's name without its unit: ``"X坐标（单位: m）"`` is ``"x坐标"``."""
+    return re.sub(r"[(（\[].*", "", name).strip().casefold()
+
+
+def _rows_of(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield the rows of a CSV or Excel file that are not blank, each with its number."""
+    if Path(path).suffix.casefold() == ".xlsx":
+        rows = list(xlsx_rows(path))
+        # Excel stores no cell where nothing is written.
+        width = max([len(row) for _, row in rows], default=0)
+        yield from ((line, row + [""] * (width - len(row))) for line, row in rows)
+    else:
+        yield from _rows(read_text(path), str(path))
 
 
 def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
@@ -184,18 +256,30 @@ def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
         line = reader.line_num + 1
 
 
-def _header(header: list[str], where: str) -> dict[str, int]:
-    names = [name.strip().casefold() for name in header]
+def _header(names: list[str], header: list[str], where: str) -> dict[str, int]:
+    """Return where the columns stand that `names` recognises in `header`."""
     for column in _COLUMNS:
         if names.count(column) > 1:
             raise InvalidData(f"{where}: column {column!r} stands twice", field=column)
-        if column not in names:
-            hint = ": values must be separated by commas" if len(names) == 1 else ""
+        if column not in names and column != "id":
             raise InvalidData(
-                f"{where}: column {column!r} is missing; found {show(', '.join(header))}{hint}",
+                f"{where}: column {column!r} is missing; found {show(', '.join(header))}",
                 field=column,
             )
-    return {column: names.index(column) for column in _COLUMNS}
+    return {column: names.index(column) for column in _COLUMNS if column in names}
+
+
+def _refuse(rows: Sequence[tuple[int, list[str]]], file: str) -> NoReturn:
+    """Say what the first row lacks of a header, and what columns without one must be."""
+    line, header = rows[0]
+    names = [_NAMES.get(_bare(name), "") for name in header]
+    lacking = next((column for column in _COLUMNS[1:] if column not in names), "kind")
+    hint = ": values must be separated by commas" if len(header) == 1 else ""
+    raise InvalidData(
+        f"{file}, line {line}: column {lacking!r} is missing; found {show(', '.join(header))}{hint}. "
+        "Without a header, columns must be id,x,y,z,kind or x,y,z,kind, with one A and one B",
+        field=lacking,
+    )
 
 
 def _labels(words: list[str]) -> tuple[int | str, ...] | None:
@@ -236,7 +320,7 @@ def _require_same(model: ErrorCorrectionRouting, text: str, file: str) -> None:
     """Read `text` back and compare: what CSV cannot say about an id is found here."""
     wanted = tuple(range(len(model.points))) if model.ids is None else model.ids
     try:
-        table = _parse(text, file)
+        table = _parse(list(_rows(text, file)), file)
         ids = tuple(range(len(model.points))) if table.ids is None else table.ids
     except InvalidData:
         ids = ()

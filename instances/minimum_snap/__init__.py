@@ -46,6 +46,11 @@ REFERENCES = {
     "minimum-derivative": ".tables:resolve_references",
     "minimum-snap": ".tables:resolve_references",
 }
+TABLE_FILES = {
+    "minimum-snap": ".tables:waypoints_of_table",
+    "minimum-derivative": ".tables:waypoints_of_table",
+    "time-allocation": ".tables:waypoints_of_table",
+}
 HINTS = {"trajectory": ".tables:describe_table"}
 DEMOS = {"minimum-snap": ".demo:DEMO"}
 EXPORTS = {

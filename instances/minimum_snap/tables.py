@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ...models.fields import Whole, required, show
 from ...models.minimum_snap.trajectory import Trajectory
+from ..spreadsheets import xlsx_rows
 from ..storage import NUMBER, Find, as_path, number, read_text, write_text
 
 __all__ = [
@@ -182,7 +183,7 @@ def _sample_shape(names: list[str]) -> tuple[int, int] | None:
 
 
 def read_waypoints(path: str | os.PathLike[str]) -> Floats:
-    """Return the waypoints in a CSV file: one a line, one coordinate a column (m).
+    """Return the waypoints in a CSV or Excel file: one a line, one coordinate a column (m).
 
     A line of names (``x,y,z``) may come first; files of uav_trajectories have none. They hold no
     times: :func:`~crosstrack.instances.times_by_distance` is a first guess.
@@ -200,7 +201,8 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
     file = str(as_path(path))
     points: list[list[float]] = []
     names: list[str] = []
-    for line, values in numeric_rows(read_text(path)):
+    excel = Path(path).suffix.casefold() == ".xlsx"
+    for line, values in xlsx_rows(path) if excel else numeric_rows(read_text(path)):
         where = f"{file}, line {line}"
         if not names:
             found = [value.lstrip("# ").casefold() for value in values]
@@ -224,7 +226,7 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
 
 
 def describe_table(file: Path, header: str) -> str:
-    """Return what to do with a CSV file of trajectories or waypoints, empty where it is none."""
+    """Return what to do with a CSV file of a trajectory, empty where it is none."""
     names = [name.strip().casefold() for name in header.lstrip("# ").split(",")]
     if names[0] == "duration" and "x^0" in names:
         return (
@@ -238,13 +240,12 @@ def describe_table(file: Path, header: str) -> str:
             "a CSV file of samples holds a trajectory at instants, and no instance; "
             "crosstrack.instances.read_samples(path) returns it"
         )
-    if names in (["x", "y"], ["x", "y", "z"]) or not re.search("[a-df-z]", header, re.IGNORECASE):
-        return (
-            "a CSV file of waypoints holds no times. Write an instance file beside it, "
-            f'{{"model": "minimum-snap", "data": {{"waypoints": "{file.name}", "times": […]}}}}, '
-            "or call crosstrack.instances.read_waypoints(path) and times_by_distance(waypoints)"
-        )
     return ""
+
+
+def waypoints_of_table(file: Path) -> dict[str, Any]:
+    """Return the data of an instance that a file of waypoints holds."""
+    return {"waypoints": read_waypoints(file)}
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:

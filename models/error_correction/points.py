@@ -12,7 +12,17 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import Spec, frozen, show
 
-__all__ = ["END", "HORIZONTAL", "KIND_WORDS", "START", "VERTICAL", "Ids", "Kinds", "kind_word"]
+__all__ = [
+    "END",
+    "HORIZONTAL",
+    "KIND_WORDS",
+    "START",
+    "VERTICAL",
+    "Ids",
+    "Kinds",
+    "as_kind",
+    "kind_word",
+]
 
 START, HORIZONTAL, VERTICAL, END = range(4)
 
@@ -24,26 +34,34 @@ _CODES = {
     "B": END,
     "horizontal": HORIZONTAL,
     "vertical": VERTICAL,
+    "-1": START,
     "0": HORIZONTAL,
     "1": VERTICAL,
+    "2": END,
 }
 
 
 def kind_word(value: Any, where: str) -> str:
-    """Return the kind that `value` means: a word, or A, B, 0 (horizontal), 1 (vertical)."""
-    text = (
-        str(int(value))
-        if isinstance(value, int | np.integer) and not isinstance(value, bool)
-        else value
-    )
-    code = _CODES.get(text) if isinstance(text, str) else None
-    if code is None:
+    """Return the kind that `value` means: a word, a code, or ``"A点"`` as the contest writes it."""
+    word = as_kind(value)
+    if word is None:
         raise InvalidData(
-            f"{where} must be one of A, horizontal, vertical, B (or 0 for horizontal, 1 for vertical), "
-            f"got {show(value)}",
+            f"{where} must be one of A, horizontal, vertical, B (or -1 for A, 0 for horizontal, "
+            f"1 for vertical, 2 for B), got {show(value)}",
             field="kinds",
         )
-    return KIND_WORDS[code]
+    return word
+
+
+def as_kind(value: Any) -> str | None:
+    """Return the word for the kind that `value` means, None where it means none."""
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        value = str(int(value))
+    if not isinstance(value, str):
+        return None
+    text = value.removesuffix("点").strip()  # the contest's word for point
+    code = _CODES.get(text.removesuffix(".0"))  # 0.0 is what floating-point columns make of 0
+    return None if code is None else KIND_WORDS[code]
 
 
 @dataclass(frozen=True)

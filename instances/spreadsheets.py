@@ -1,0 +1,90 @@
+"""Rows of Excel files, from anybody: no formula is computed, and what is read is bounded."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from ..errors import BackendMissing, InvalidData
+
+__all__ = ["xlsx_rows"]
+
+#: Bytes that a file may hold, packed and unpacked, and rows and columns that are read of its sheet.
+PACKED, UNPACKED, ROWS, COLUMNS = 32 << 20, 256 << 20, 200_000, 64
+
+
+def xlsx_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number and the cells, as text, of every row of the first sheet that is not blank.
+
+    A formula counts as the value that Excel stored with it; links to other files are not followed.
+
+    Raises
+    ------
+    BackendMissing
+        openpyxl is not installed.
+    InvalidData
+        The file is no Excel file, or larger than is read.
+    """
+    try:
+        import openpyxl
+    except ModuleNotFoundError as error:
+        raise BackendMissing(
+            f"{path}: Excel files need openpyxl, which is not installed ({error}): "
+            "pip install 'crosstrack[xlsx]', or save the sheet as CSV"
+        ) from None
+    file = Path(path)
+    _require_bounded(file)
+    try:
+        with file.open("rb") as stream:
+            book = openpyxl.load_workbook(stream, read_only=True, data_only=True, keep_links=False)
+            # One row and one column more than allowed, so that they are found and not cut off.
+            rows = book.worksheets[0].iter_rows(
+                max_row=ROWS + 1, max_col=COLUMNS + 1, values_only=True
+            )
+            for line, cells in enumerate(rows, 1):
+                blank = cells.count(None) == len(cells)
+                row = [] if blank else [_text(cell) for cell in cells]
+                while row and not row[-1]:
+                    row.pop()
+                if line > ROWS or len(row) > COLUMNS:
+                    raise InvalidData(
+                        f"{file}, row {line}: at most {ROWS} rows and {COLUMNS} columns are read"
+                    )
+                if row:
+                    yield line, row
+    except InvalidData:
+        raise
+    except Exception as error:  # openpyxl raises whatever a damaged file makes it trip over
+        raise InvalidData(
+            f"{file}: cannot be read as an Excel file (.xlsx): {type(error).__name__}: {error}"
+        ) from None
+
+
+def _require_bounded(file: Path) -> None:
+    """Raise where `file` is no zip archive of files, or holds more than is read."""
+    try:
+        if not file.is_file():
+            raise InvalidData(
+                f"{file}: {'is no regular file' if file.exists() else 'no such file'}"
+            )
+        size = file.stat().st_size
+        with zipfile.ZipFile(file) as archive:
+            # Reading stops at the size that an entry states, so its word can be taken.
+            unpacked = sum(entry.file_size for entry in archive.infolist())
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+        raise InvalidData(f"{file}: is no Excel file (.xlsx): {error}") from None
+    if size > PACKED or unpacked > UNPACKED:
+        raise InvalidData(
+            f"{file}: holds {size} bytes, unpacked {unpacked}, where at most {PACKED} and {UNPACKED} "
+            "are read"
+        )
+
+
+def _text(cell: Any) -> str:
+    """Return a cell as CSV would hold it: 3.0 is 3, as Excel shows it."""
+    if isinstance(cell, float) and cell.is_integer() and abs(cell) < 2**53:
+        return str(int(cell))
+    return "" if cell is None else str(cell).strip()
