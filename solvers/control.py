@@ -64,6 +64,8 @@ class Control:
         self._whole: Control | None = None
         self._best, self._improved = math.inf, self.started
         self._timer: threading.Timer | None = None
+        self._deadline: float | None = None
+        self._paused = False
         self._stages: list[Control] = []
 
     @property
@@ -93,7 +95,7 @@ class Control:
 
     def check(self) -> None:
         """Stop the run where its criterion is reached."""
-        if self.criterion is not None and not self.stopped:
+        if self.criterion is not None and not self.stopped and not self._paused:
             reason = self.criterion.reached(self.progress)
             if reason is not None:
                 self.stop(reason)
@@ -102,15 +104,46 @@ class Control:
         """Restart the clock and stop the run after `seconds` (never, when None)."""
         self.started = self._improved = time.perf_counter()
         if seconds is not None:
-            wait = min(max(seconds, 0.0), threading.TIMEOUT_MAX)
-            self._timer = threading.Timer(wait, self.stop, (Limit.TIME,))
-            self._timer.daemon = True
-            self._timer.start()
+            self._set_timer(self.started + seconds)
 
     def disarm(self) -> None:
         """Forget the deadline."""
+        self._deadline = None
         if self._timer is not None:
             self._timer.cancel()
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Stop the clocks of the whole run and its stages meanwhile; not to be nested."""
+        begin = time.perf_counter()
+        whole = self
+        while whole._whole is not None:
+            whole = whole._whole
+        parts = whole._parts()
+        for part in parts:
+            part._paused = True
+            if part._timer is not None:
+                part._timer.cancel()
+        try:
+            yield
+        finally:
+            spent = time.perf_counter() - begin
+            for part in parts:
+                part._paused = False
+                part.started += spent
+                part._improved += spent
+                if part._deadline is not None:
+                    part._set_timer(part._deadline + spent)
+
+    def _parts(self) -> list[Control]:
+        return [self, *(one for stage in self._stages for one in stage._parts())]
+
+    def _set_timer(self, deadline: float) -> None:
+        self._deadline = deadline
+        seconds = min(max(deadline - time.perf_counter(), 0.0), threading.TIMEOUT_MAX)
+        self._timer = threading.Timer(seconds, self.stop, (Limit.TIME,))
+        self._timer.daemon = True
+        self._timer.start()
 
     def incumbent(self, objective: float, point: Any) -> None:
         """Report a better feasible point (a column vector, or a native algorithm's plan)."""

@@ -6,12 +6,14 @@ import copy
 import logging
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from ..errors import InvalidData
+from . import jit
 from .assembly import Claim, assemble
 from .backend import Answer, Control, Request
 from .enums import Feature, Limit, Termination
@@ -42,7 +44,8 @@ def execute(
     listener : callable, optional
         Called with every :class:`~crosstrack.solvers.solution.Incumbent`, in the caller's thread.
     on_prepare : callable, optional
-        Called with True before and False after what only the first run needs (compilation).
+        Called with True before and False after what only the first run needs (compilation), which
+        may come in the middle of a run.
     control : Control, optional
         To stop the run from another thread.
     """
@@ -72,23 +75,36 @@ def claim(
     control = control or Control()
     control.criterion = job.criterion
     backend = run.target.backend
-    if on_prepare is not None:
-        on_prepare(True)
-    with run.clock("compile"):
+
+    @contextmanager
+    def compiling() -> Iterator[None]:
+        if on_prepare is not None:
+            on_prepare(True)
+        with control.paused(), run.clock("compile"):
+            yield
+        if on_prepare is not None:
+            on_prepare(False)
+
+    with compiling():
         backend.prepare()
-    if on_prepare is not None:
-        on_prepare(False)
+    prepared = run.seconds["compile"]
     started = time.perf_counter()
     problem, request = _build(run, control)
     if job.time_limit is not None:
         left = max(job.time_limit - (time.perf_counter() - started), 1e-3)
         request = replace(request, time_limit=left)
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):
-        answer, problem = refine(run, problem, request)
+        with jit.watched(compiling):
+            answer, problem = refine(run, problem, request)
+        # What a kernel too long to be interpreted took to compile is no part of the solving.
+        meanwhile = run.seconds["compile"] - prepared
+        if "solve" in answer.seconds:
+            solve = max(answer.seconds["solve"] - meanwhile, 0.0)
+            answer = replace(answer, seconds={**answer.seconds, "solve": solve})
+        run.seconds["run"] = max(run.seconds.get("run", 0.0) - meanwhile, 0.0)
         if control.reason is Limit.INTERRUPTED and answer.limit is None:
-            answer = replace(
-                answer, limit=Limit.INTERRUPTED
-            )  # asked for when all was done but this
+            # Asked for when all was done but this.
+            answer = replace(answer, limit=Limit.INTERRUPTED)
         return _claim(run, answer, problem)
 
 

@@ -1,32 +1,207 @@
-"""One decorator for all compiled loops, so that they are all compiled alike."""
+"""One decorator for all loops on plain arrays: interpreted while that is quick, compiled beyond.
+
+Importing Numba takes half a second and compiling many; small problems need neither. So the first
+:data:`BUDGET` seconds that a process spends in kernels are interpreted, by the same source and with
+the same results, bit for bit. A kernel that uses the budget up starts again, compiled, and from then
+on every kernel compiles at its first call, or is loaded from the cache on disk.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
-
-import numba
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from functools import cache, cached_property, update_wrapper
+from time import perf_counter
+from typing import Any, TypeVar, overload
 
 log = logging.getLogger("crosstrack")
 
-__all__ = ["MOST_LABELS", "kernel"]
+__all__ = ["BUDGET", "MOST_LABELS", "Kernel", "compile_always", "interpreting", "kernel", "watched"]
 
 #: Labels of one search above which it gives up rather than fill the memory: about 3 GB.
 MOST_LABELS = 50_000_000
+#: Seconds of interpretation in a process: what importing Numba and loading compiled code takes, so
+#: that no run takes much longer than twice what the better choice would have taken.
+BUDGET = 0.5
+#: Seconds that compiling takes for each bytecode of a kernel and those it calls, as measured.
+_PER_BYTECODE = 1.5e-3
+#: Seconds of silence, after which a person is told what takes so long.
+_SILENCE = 1.0
 
 F = TypeVar("F", bound=Callable[..., Any])
+Watcher = Callable[[], AbstractContextManager[Any]]
+
+_left = BUDGET
+_watchers: list[Watcher] = []
+_compiling = threading.RLock()
 
 
-def kernel(function: F) -> F:
-    """Compile `function` when first called; ``.py_func`` stays the plain Python meaning.
+class _BudgetUsedUp(Exception):
+    """Raised by the kernels that an interpreted one calls, and caught where that was called."""
 
-    The compiled code is cached on disk, divides as NumPy does, and runs without the interpreter's
-    lock, so that a timer or Ctrl-C can set the stop flag meanwhile.
+
+class _Here(threading.local):
+    """When the kernel that this thread interprets must end; 0 where it interprets none."""
+
+    deadline = 0.0
+
+
+_here = _Here()
+
+
+class Kernel:
+    """A function on plain arrays, interpreted or compiled; ``.py_func`` is its Python meaning."""
+
+    def __init__(self, function: Callable[..., Any], interpretable: bool) -> None:
+        self.py_func = function
+        self.interpretable = interpretable
+        self._ready = False
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run the loop; only from outside of kernels is there a choice how."""
+        global _left
+        deadline = _here.deadline
+        if deadline:
+            if perf_counter() > deadline:
+                raise _BudgetUsedUp
+            return self.py_func(*arguments)
+        if not self._ready:
+            if self.interpretable and _left > 0.0:
+                import numpy as np
+
+                begin = perf_counter()
+                _here.deadline = begin + _left
+                try:
+                    with np.errstate(all="ignore"):
+                        return self.py_func(*arguments)
+                except _BudgetUsedUp:
+                    log.debug("%s starts again, compiled", self.py_func.__name__)
+                finally:
+                    _here.deadline = 0.0
+                    _left -= perf_counter() - begin
+            self._compile(arguments)
+        return self.dispatcher(*arguments)
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """Numba's function: compiled for the types of a call, and kept on disk.
+
+        It divides as NumPy does, and runs without the interpreter's lock, so that a timer or Ctrl-C
+        can set the stop flag meanwhile.
+        """
+        import numba
+
+        # Nobody calls kernels from C, and a wrapper for that takes a tenth of the compiling.
+        how: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+        try:
+            return numba.njit(cache=True, **how)(self.py_func)
+        except RuntimeError as error:
+            # Neither beside the source nor in the user's folder may anything be written.
+            log.info("compiled code is not kept: %s", error)
+            return numba.njit(**how)(self.py_func)
+
+    @cached_property
+    def _numba_type_(self) -> Any:
+        """What Numba asks of a name that compiled code calls."""
+        return _type_of_callee()(self.dispatcher)
+
+    def _compile(self, arguments: tuple[Any, ...]) -> None:
+        """Compile for the types of `arguments`, or load what was, while the watchers wait."""
+        with ExitStack() as stack:
+            stack.enter_context(_compiling)
+            for watcher in tuple(_watchers):
+                stack.enter_context(watcher())
+            timer = threading.Timer(_SILENCE, self._announce)
+            timer.daemon = True
+            timer.start()
+            stack.callback(timer.cancel)
+            self._compile_now(arguments)
+        self._ready = True
+
+    def _compile_now(self, arguments: tuple[Any, ...]) -> None:
+        import numba
+
+        if hasattr(self.dispatcher, "compile"):  # not where NUMBA_DISABLE_JIT is set
+            types = tuple(numba.typeof(one) for one in arguments)  # type: ignore[no-untyped-call]
+            self.dispatcher.compile(types)
+
+    def _announce(self) -> None:
+        size = sum(len(one.py_func.__code__.co_code) // 2 for one in _called(self))
+        seconds = max(1, round(_PER_BYTECODE * size))
+        log.warning("%s: compiling once, about %d s", self.py_func.__name__, seconds)
+
+
+@cache
+def _type_of_callee() -> Any:
+    from numba import types
+    from numba.extending import models, register_model
+
+    plain: Any = types.unliteral
+
+    class Callee(types.Dispatcher):
+        """A kernel that kernels call: constants among its arguments get no code of their own."""
+
+        def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+            return super().get_call_type(context, tuple(plain(one) for one in args), kws)
+
+    register_model(Callee)(models.OpaqueModel)
+    return Callee
+
+
+def _called(kernel: Kernel) -> set[Kernel]:
+    """Return `kernel` and the kernels that it calls, directly or through others."""
+    found: set[Kernel] = set()
+    todo = [kernel]
+    while todo:
+        one = todo.pop()
+        if one not in found:
+            found.add(one)
+            names = one.py_func.__code__.co_names
+            values = (one.py_func.__globals__.get(name) for name in names)
+            todo += [value for value in values if isinstance(value, Kernel)]
+    return found
+
+
+@overload
+def kernel(function: F) -> F: ...
+@overload
+def kernel(*, interpretable: bool) -> Callable[[F], F]: ...
+def kernel(function: Callable[..., Any] | None = None, *, interpretable: bool = False) -> Any:
+    """Make a :class:`Kernel` of `function`, a loop over arrays and numbers that Numba compiles.
+
+    Parameters
+    ----------
+    function : callable
+        The loop. Kernels that it calls run as it does.
+    interpretable : bool
+        Whether it may be interpreted when it is called from outside of kernels. It must be able to
+        start again, so it may fill arguments but not update them; and it must not sum arrays with
+        NumPy, which adds in another order than compiled code.
     """
+    if function is None:
+        return lambda function: Kernel(function, interpretable)
+    return Kernel(function, interpretable)
+
+
+def interpreting() -> bool:
+    """Return whether kernels are still interpreted, so that there is nothing to compile yet."""
+    return _left > 0.0
+
+
+def compile_always() -> None:
+    """Compile every kernel at its first call from now on, for whoever measures."""
+    global _left
+    _left = 0.0
+
+
+@contextmanager
+def watched(watcher: Watcher) -> Iterator[None]:
+    """Enter ``watcher()`` around whatever is compiled meanwhile, by any thread of the process."""
+    _watchers.append(watcher)
     try:
-        return cast(F, numba.njit(cache=True, error_model="numpy", nogil=True)(function))
-    except RuntimeError as error:
-        # Neither beside the source nor in the user's folder may anything be written.
-        log.info("compiled code is not kept: %s", error)
-        return cast(F, numba.njit(error_model="numpy", nogil=True)(function))
+        yield
+    finally:
+        _watchers.remove(watcher)

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from ..models.programs.base import Program
 from .backend import Answer, Request
 from .enums import PROVING, Feature, Limit, Termination
 from .running import Run
@@ -35,10 +34,14 @@ def proves(run: Run) -> bool:
 
 def proven_bound(problem: Any, answer: Answer) -> float | None:
     """Return the lower bound that an answer proves: of its multipliers, else as it is claimed."""
-    if answer.duals is not None and answer.point is not None and isinstance(problem, Program):
-        bound = problem.dual_bound(answer.duals, answer.point)
-        if np.isfinite(bound):
-            return bound
+    if answer.duals is not None and answer.point is not None:
+        # Imported here: it loads SciPy, which a native algorithm on a small problem does without.
+        from ..models.programs.base import Program
+
+        if isinstance(problem, Program):
+            bound = problem.dual_bound(answer.duals, answer.point)
+            if np.isfinite(bound):
+                return bound
     return answer.dual_bound
 
 

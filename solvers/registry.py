@@ -12,7 +12,7 @@ from typing import Any
 from ..errors import BackendBroken, InvalidData, UnknownName, UnsupportedFormulation
 from ..models.fields import show
 from ..models.model import Model
-from ..models.problems import declared_in, resolve
+from ..models.problems import PROBLEMS, declared_in, problem_of, resolve
 from .backend import Backend, Guarantee
 
 log = logging.getLogger("crosstrack")
@@ -304,9 +304,22 @@ def default_formulation(model: Model[Any], backend: Backend) -> str:
     return model.default_formulation if model.default_formulation in names else names[0]
 
 
-def _loadable() -> Iterator[Backend]:
-    """Yield the backends that are installed and can be loaded."""
+def _problems(model: Model[Any]) -> set[str]:
+    """Return the problems whose native algorithms may know `model` or what it lowers to."""
+    kinds: set[str] = set()
+    step: Model[Any] | None = model
+    while step is not None:
+        kinds.update(getattr(base, "kind", "") for base in type(step).__mro__)
+        step = step.lower()
+    return {problem_of(kind) for kind in kinds}
+
+
+def _loadable(model: Model[Any]) -> Iterator[Backend]:
+    """Yield the backends that are installed, can be loaded and may know `model`."""
+    others = set(PROBLEMS) - _problems(model)
     for declared in _declared():
+        if declared.problem in others:
+            continue  # not even loaded: it may bring libraries that this model does without
         try:
             backend = declared.load()
         except BackendBroken:
@@ -319,7 +332,7 @@ def fitting(model: Model[Any]) -> tuple[str, ...]:
     """Return the names of the installed backends that can take `model` by default."""
     names = []
     programs: dict[tuple[str, str], Any] = {}
-    for backend in _loadable():
+    for backend in _loadable(model):
         step = accepted(model, backend, None)
         if step is None:
             continue
@@ -347,7 +360,7 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
     """
     best: Backend | None = None
     order = [Guarantee.EXACT, Guarantee.LOCAL, Guarantee.HEURISTIC, Guarantee.RELAXATION]
-    for backend in _loadable():
+    for backend in _loadable(model):
         step = accepted(model, backend, formulation)
         if step is None:
             continue

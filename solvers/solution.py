@@ -118,8 +118,8 @@ class Solution(Generic[PlanT]):
     seconds : mapping
         ``total`` is the whole call as the caller waited for it: compiling, the start of a worker,
         the building of programs and the verification included. The others are parts of it:
-        ``compile`` for a first call, ``build``, ``solve``, ``decode``, ``verify``, ``refine``. Parts of
-        several starts are added up.
+        ``compile`` where loops were compiled, ``build``, ``solve``, ``decode``, ``verify``,
+        ``refine``. Parts of several starts are added up.
     incumbents : tuple of Incumbent
         Better plans over time.
     backend_version, version : str

@@ -41,25 +41,36 @@ _MADE = {
 }
 
 
-#: Compiles the loops of one problem's native backends, or finds them compiled.
-_COMPILE = """
-import sys
-from crosstrack.models.problems import declared_in, resolve
-for problem, _, target in declared_in("crosstrack.solvers", "BACKENDS"):
-    if problem == sys.argv[1]:
-        resolve(target)().prepare()
-"""
+#: Compile the loops of the native backends, or find them compiled; a process each.
+_COMPILE = (
+    """
+import crosstrack as ct
+from crosstrack.solvers.jit import compile_always
+compile_always()
+points = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [2.2, 0, 0]]
+kinds = ["A", "horizontal", "vertical", "B"]
+model = ct.models.ErrorCorrectionRouting(points, kinds, 1.6, 1.6, 1.6, 1.6, 1.75, 1.0, revisits=False)
+for name in ("label-setting", "two-stage", "pulse", "dynamic-programming"):
+    ct.solve(model, name)
+""",
+    """
+import crosstrack as ct
+from crosstrack.solvers.jit import compile_always
+compile_always()
+points = [[0.0, 0.0], [1.0, 0.5], [2.0, 2.0]]
+for more in ({}, {"weights": [0.0, 0.1, 0.0, 1.0]}, {"velocity_limit": 1.0}):
+    model = ct.models.TimeAllocation(points, 1.0, **more)
+    ct.solve(model, "time-gradient")
+    ct.solve(model.at([0.5, 0.5]), "interior-point")
+""",
+)
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the native loops once before several processes would each do so."""
     if not getattr(config.option, "numprocesses", None) or hasattr(config, "workerinput"):
         return
-    from crosstrack.models.problems import PROBLEMS
-
-    processes = [
-        subprocess.Popen([sys.executable, "-c", _COMPILE, problem]) for problem in PROBLEMS
-    ]
+    processes = [subprocess.Popen([sys.executable, "-c", script]) for script in _COMPILE]
     assert not any(process.wait(600) for process in processes), "the loops do not compile"
 
 

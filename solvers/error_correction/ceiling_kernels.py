@@ -34,7 +34,7 @@ FIRST, RISE = 0.004, 2.2
 PATIENCE = 4
 
 
-@kernel
+@kernel(interpretable=True)
 def climb(
     space: Airspace, cutoff: float, flag: NDArray[np.int8]
 ) -> tuple[int, NDArray[np.int64], float, float, int, int]:
@@ -62,8 +62,9 @@ def climb(
     """
     points = space.points
     n = len(points)
-    from_start = np.sqrt(((points - points[space.start]) ** 2).sum(axis=1))
-    to_end = np.sqrt(((points - points[space.end]) ** 2).sum(axis=1))
+    from_start = lengths_from(points, space.start)
+    to_end = lengths_from(points, space.end)
+    keep = np.empty(n, np.bool_)
     straight = from_start[space.end]
     share = FIRST
     made = settled = 0
@@ -73,8 +74,11 @@ def climb(
         ceiling = straight * (1.0 + share) if straight > 0.0 else np.inf
         if share > 4.0 or ceiling >= cutoff:
             ceiling = cutoff
-        keep = from_start + to_end <= ceiling
-        left_out = n - keep.sum()
+        left_out = 0
+        for i in range(n):
+            keep[i] = from_start[i] + to_end[i] <= ceiling
+            if not keep[i]:
+                left_out += 1
         grid = build(space, keep)
         status, route, length, labels, gone, pruned = under(space, grid, ceiling, flag)
         made += labels
@@ -85,7 +89,9 @@ def climb(
             return status, route, np.inf, max(bound, length), made, settled
         if not reached and made > PATIENCE * n:
             # So much work may be in vain: settle first whether B can be reached at all.
-            everywhere = build(space, np.ones(n, np.bool_))
+            for i in range(n):
+                keep[i] = True
+            everywhere = build(space, keep)
             reached = least_errors(space, everywhere, flag)[len(everywhere.x) - 1] < np.inf
             if not reached and flag[0] == 0:
                 return NOTHING, route, np.inf, np.inf, made, settled
@@ -101,6 +107,18 @@ def climb(
             )
         bound = ceiling
         share *= RISE
+
+
+@kernel
+def lengths_from(points: NDArray[np.float64], at: int) -> NDArray[np.float64]:
+    """Return the straight-line distance of every point from point `at`."""
+    lengths = np.empty(len(points))
+    for i in range(len(points)):
+        dx = points[i, 0] - points[at, 0]
+        dy = points[i, 1] - points[at, 1]
+        dz = points[i, 2] - points[at, 2]
+        lengths[i] = np.sqrt(dx * dx + dy * dy + dz * dz)
+    return lengths
 
 
 @kernel

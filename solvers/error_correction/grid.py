@@ -85,13 +85,15 @@ def cell(coordinate: float, origin: float, width: float, count: int) -> int:
     return int(where)
 
 
-@kernel
+@kernel(interpretable=True)
 def build(space: Airspace, keep: NDArray[np.bool_]) -> Grid:
     """Return the grid of the correction points marked in `keep`, with A and B."""
     points, kinds = space.points, space.kinds
     n = len(points)
-    low = np.minimum(points[space.start], points[space.end])
-    high = np.maximum(points[space.start], points[space.end])
+    low, high, extent = np.empty(3), np.empty(3), np.empty(3)
+    for axis in range(3):
+        low[axis] = min(points[space.start, axis], points[space.end, axis])
+        high[axis] = max(points[space.start, axis], points[space.end, axis])
     m = 0
     for i in range(n):
         if keep[i] and (kinds[i] == HORIZONTAL or kinds[i] == VERTICAL):
@@ -99,15 +101,20 @@ def build(space: Airspace, keep: NDArray[np.bool_]) -> Grid:
             for axis in range(3):
                 low[axis] = min(low[axis], points[i, axis])
                 high[axis] = max(high[axis], points[i, axis])
-    extent = high - low
-    run = int(np.argmax(extent))
-    axes = np.array([run, (run + 1) % 3, (run + 2) % 3])
-    span = np.sqrt((extent * extent).sum()) * (1.0 + 1e-9)
+    run, square = 0, 0.0
+    for axis in range(3):
+        extent[axis] = high[axis] - low[axis]
+        square += extent[axis] * extent[axis]
+        if extent[axis] > extent[run]:
+            run = axis
+    axes = (run, (run + 1) % 3, (run + 2) % 3)
+    span = np.sqrt(square) * (1.0 + 1e-9)
 
     # Cells of a fraction of the reach, doubled until each holds a few points on average.
     size = min(max(reach(space, HORIZONTAL), reach(space, VERTICAL)), span) / FINENESS
     size = max(size, span * 1e-3)
-    shape = np.ones(3, np.int64)
+    shape = np.empty(3, np.int64)
+    shape[0] = shape[1] = shape[2] = 1
     while size > 0.0:
         for axis in range(3):
             shape[axis] = int(extent[axes[axis]] / size) + 1
@@ -136,7 +143,9 @@ def build(space: Airspace, keep: NDArray[np.bool_]) -> Grid:
     for c in range(2 * per_kind):
         first[c + 1] += first[c]
     ids = np.empty(m + 2, np.int64)
-    filled = first[:-1].copy()
+    filled = np.empty(2 * per_kind, np.int64)
+    for c in range(2 * per_kind):
+        filled[c] = first[c]
     for i in range(n):
         if home[i] >= 0:
             ids[filled[home[i]]] = i
@@ -172,9 +181,9 @@ def near(grid: Grid, slot: int, kind: int, radius: float, found: Integers, away:
     radius = min(radius, grid.span)
     x, y, z = grid.x[slot], grid.y[slot], grid.z[slot]
     square = radius * radius * (1.0 + 1e-12)
-    nx, ny, nz = grid.shape
-    ox, oy, oz = grid.origin
-    wx, wy, wz = grid.width
+    nx, ny, nz = grid.shape[0], grid.shape[1], grid.shape[2]
+    ox, oy, oz = grid.origin[0], grid.origin[1], grid.origin[2]
+    wx, wy, wz = grid.width[0], grid.width[1], grid.width[2]
     z_low = cell(z - radius - BORDER * wz, oz, wz, nz)
     z_high = cell(z + radius + BORDER * wz, oz, wz, nz)
     y_low = cell(y - radius - BORDER * wy, oy, wy, ny)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -74,18 +74,6 @@ class Labelling(Backend):
         )
     }
     summary = "the paper's stage 1: one label a point, by a weighted sum; a heuristic"
-    _compiled: ClassVar[list[bool]] = []
-
-    def prepare(self) -> None:
-        """Compile the kernel, or load it from the cache."""
-        if not self._compiled:
-            from .airspace import airspace
-            from .grid import build
-            from .native import TINY
-
-            space = airspace(ErrorCorrectionRouting(**TINY))
-            sweep(space, build(space, np.ones(len(space.points), np.bool_)), (1.0,), Request())
-            self._compiled.append(True)
 
     def run(self, problem: ErrorCorrectionRouting, request: Request) -> Answer:
         """Sweep over the weights."""
@@ -111,7 +99,7 @@ class Labelling(Backend):
             Termination.FEASIBLE if found else Termination.NO_SOLUTION,
             (request.control.reason or Limit.INTERRUPTED) if stopped else None,
             Route(tuple(route.tolist())) if found else None,
-            length if found else None,
+            float(length) if found else None,
             seconds={"solve": time.perf_counter() - begin},
             statistics=statistics,
         )

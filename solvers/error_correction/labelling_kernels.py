@@ -16,7 +16,7 @@ from .steps import REFUSED, arrive, distances_to, radius_of, trace
 __all__ = ["label_once"]
 
 
-@kernel
+@kernel(interpretable=True)
 def label_once(
     space: Airspace, grid: Grid, weight: float, flag: NDArray[np.int8]
 ) -> tuple[int, NDArray[np.int64], float, int]:

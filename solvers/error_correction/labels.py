@@ -58,12 +58,14 @@ def make(room: int, words: int) -> Labels:
 def grown(labels: Labels, used: int, room: int) -> Labels:
     """Return columns with more room and the same first `used` labels."""
     wider = make(room, labels.visited.shape[1])
-    wider.slot[:used] = labels.slot[:used]
-    wider.parent[:used] = labels.parent[:used]
-    wider.following[:used] = labels.following[:used]
-    wider.length[:used] = labels.length[:used]
-    wider.error[:used] = labels.error[:used]
-    wider.visited[:used] = labels.visited[:used]
+    for k in range(used):
+        wider.slot[k] = labels.slot[k]
+        wider.parent[k] = labels.parent[k]
+        wider.following[k] = labels.following[k]
+        wider.length[k] = labels.length[k]
+        wider.error[k] = labels.error[k]
+        for word in range(labels.visited.shape[1]):
+            wider.visited[k, word] = labels.visited[k, word]
     return wider
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from ...models.error_correction.model import ErrorCorrectionRouting, Route
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
@@ -14,19 +15,7 @@ if TYPE_CHECKING:
     from .airspace import Airspace
     from .elementary import Found
 
-__all__ = ["TINY", "RoutingBackend"]
-
-#: An instance whose shortest walk visits point 1 twice, so that searches for simple routes run too.
-TINY: dict[str, Any] = {
-    "points": [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [2.2, 0, 0]],
-    "kinds": ["A", "horizontal", "vertical", "B"],
-    "alpha1": 1.6,
-    "alpha2": 1.6,
-    "beta1": 1.6,
-    "beta2": 1.6,
-    "theta": 1.75,
-    "delta": 1.0,
-}
+__all__ = ["RoutingBackend"]
 
 
 class RoutingBackend(Backend):
@@ -40,24 +29,12 @@ class RoutingBackend(Backend):
     features = frozenset({Feature.GAP, Feature.CUTOFF, Feature.DUAL_BOUND, Feature.INTERRUPT})
     deterministic = True
     single_threaded = True
-    _compiled: ClassVar[set[str]] = set()
 
     @abstractmethod
     def search(
         self, space: Airspace, revisits: bool, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Return the best route no longer than `ceiling`, and statistics of the algorithm's own."""
-
-    def prepare(self) -> None:
-        """Compile the kernels, or load them from the cache, by solving two tiny instances."""
-        if self.name in self._compiled:
-            return
-        from .airspace import airspace
-
-        for revisits in (False, True):
-            tiny = ErrorCorrectionRouting(**TINY, revisits=revisits)
-            self.search(airspace(tiny), revisits, float("inf"), Request())
-        self._compiled.add(self.name)
 
     def run(self, problem: ErrorCorrectionRouting, request: Request) -> Answer:
         """Search, and say what the end of the search proves."""
@@ -77,8 +54,9 @@ class RoutingBackend(Backend):
             **own,
         }
         termination, limit, message = Termination.INFEASIBLE, None, ""
-        primal = None if plan is None else found.length
-        bound = None if found.bound in (float("inf"), float("-inf")) else found.bound
+        # An interpreted kernel returns NumPy's numbers.
+        primal = None if plan is None else float(found.length)
+        bound = float(found.bound) if math.isfinite(found.bound) else None
         if found.status == FOUND:
             termination = Termination.OPTIMAL
         elif found.status in (STOPPED, FULL):

@@ -25,7 +25,7 @@ __all__ = ["pulse"]
 PATIENCE = 4
 
 
-@kernel
+@kernel(interpretable=True)
 def pulse(
     space: Airspace,
     grid: Grid,

@@ -15,7 +15,7 @@ from .steps import REFUSED, arrive, distances_to, radius_of
 __all__ = ["least_errors"]
 
 
-@kernel
+@kernel(interpretable=True)
 def least_errors(space: Airspace, grid: Grid, flag: NDArray[np.int8]) -> NDArray[np.float64]:
     """Return the smallest error with which a walk from A leaves each slot; inf where none arrives.
 

@@ -59,15 +59,17 @@ def radius_of(space: Airspace, kind: int, head: int, error: float) -> float:
     return radius
 
 
-@kernel
+@kernel(interpretable=True)
 def distances_to(grid: Grid, slot: int) -> NDArray[np.float64]:
     """Return the straight-line distance of every slot from `slot`."""
-    dx, dy, dz = grid.x - grid.x[slot], grid.y - grid.y[slot], grid.z - grid.z[slot]
-    distances: NDArray[np.float64] = np.sqrt(dx * dx + dy * dy + dz * dz)
+    distances = np.empty(len(grid.x))
+    for s in range(len(grid.x)):
+        dx, dy, dz = grid.x[s] - grid.x[slot], grid.y[s] - grid.y[slot], grid.z[s] - grid.z[slot]
+        distances[s] = np.sqrt(dx * dx + dy * dy + dz * dz)
     return distances
 
 
-@kernel
+@kernel(interpretable=True)
 def remaining(
     space: Airspace, grid: Grid, forward: bool, flag: NDArray[np.int8]
 ) -> NDArray[np.float64]:
@@ -139,5 +141,6 @@ def trace(
 def widened(array: NDArray[Any], room: int) -> NDArray[Any]:
     """Return an array with room for `room` entries, which begins with those of `array`."""
     wider = np.empty(room, array.dtype)
-    wider[: len(array)] = array
+    for k in range(len(array)):
+        wider[k] = array[k]
     return wider

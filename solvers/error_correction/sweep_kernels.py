@@ -25,7 +25,7 @@ __all__ = ["best_first", "first_in"]
 Result = tuple[int, NDArray[np.int64], float, float, int, int]
 
 
-@kernel
+@kernel(interpretable=True)
 def best_first(
     space: Airspace,
     grid: Grid,
@@ -119,7 +119,7 @@ def best_first(
     return NOTHING, nothing, np.inf, ceiling, used, settled
 
 
-@kernel
+@kernel(interpretable=True)
 def first_in(
     space: Airspace, grid: Grid, bits: NDArray[np.int64], words: int, flag: NDArray[np.int8]
 ) -> Result:

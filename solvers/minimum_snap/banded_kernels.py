@@ -30,7 +30,7 @@ Bools = NDArray[np.bool_]
 _ATTEMPTS = 4
 
 
-@kernel
+@kernel(interpretable=True)
 def is_usual(fixed: Bools, continuity: int) -> bool:
     """Return whether the fused kernels may be used: `fixed` has the shape (A, M + 1, r)."""
     axes, knots, order = fixed.shape
@@ -47,7 +47,7 @@ def is_usual(fixed: Bools, continuity: int) -> bool:
     return True
 
 
-@kernel
+@kernel(interpretable=True)
 def snap(
     durations: Floats, values: Floats, jets: Floats, objective: Floats, upper: Floats, work: Floats
 ) -> tuple[float, int, int]:
@@ -214,7 +214,7 @@ def snap(
     return best, -1, _ATTEMPTS - 1
 
 
-@kernel
+@kernel(interpretable=True)
 def jerk(
     durations: Floats, values: Floats, jets: Floats, objective: Floats, upper: Floats, work: Floats
 ) -> tuple[float, int, int]:
@@ -294,7 +294,7 @@ def jerk(
     return _close(state, 2, objective), -1, 0
 
 
-@kernel
+@kernel(interpretable=True)
 def accelerate(
     durations: Floats, values: Floats, jets: Floats, objective: Floats, upper: Floats, work: Floats
 ) -> tuple[float, int, int]:

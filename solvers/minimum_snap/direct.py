@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +35,6 @@ class Banded(Backend):
     deterministic = True
     single_threaded = True
     summary = "direct O(segments) solver for waypoints without corridor and limits; ours"
-    _compiled: ClassVar[bool] = False
 
     def refuses(self, problem: MinimumDerivative) -> str:
         """Return what of `problem` is beyond derivatives at knots."""
@@ -58,22 +56,6 @@ class Banded(Backend):
             if not single or problem.continuity >= jumps:
                 return f"continuity {problem.continuity}"
         return ""
-
-    def prepare(self) -> None:
-        """Compile the kernels, or load them from the cache."""
-        if Banded._compiled:
-            return
-        from .banded import solve_hermite
-
-        # Waypoints alone have a kernel for each order; a free waypoint takes the general ones.
-        for order, free in ((2, False), (3, False), (4, False), (4, True)):
-            fixed = np.zeros((1, 4, order), bool)
-            fixed[:, :, 0], fixed[:, [0, -1]] = True, True
-            fixed[0, 1, 0] = not free
-            values = np.zeros((1, 4, order))
-            values[0, :, 0] = [0.0, 1.0, 0.0, 2.0]
-            solve_hermite(np.ones(3), values, fixed, np.eye(order)[-1], order - 1)
-        Banded._compiled = True
 
     def run(self, problem: MinimumDerivative, request: Request) -> Answer:
         """Solve, and bound the objective from below by the gradient that rounding left."""

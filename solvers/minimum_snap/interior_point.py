@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ...errors import UnsupportedFormulation
-from ...models.minimum_snap.model import MinimumDerivative, MinimumSnap
+from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 
@@ -44,7 +44,6 @@ class InteriorPoint(Backend):
         "rounds": Option(40, "Most additions of instants.", int, lower=1),
     }
     summary = "structured interior point for corridors and limits, O(segments); ours"
-    _compiled: ClassVar[bool] = False
 
     def refuses(self, problem: MinimumDerivative) -> str:
         """Return what of `problem` its knots cannot express."""
@@ -59,18 +58,6 @@ class InteriorPoint(Backend):
         ):
             return f"a derivative above {problem.order - 1} is fixed"
         return ""
-
-    def prepare(self) -> None:
-        """Compile the kernels, or load them from the cache."""
-        if not InteriorPoint._compiled:
-            tiny = MinimumSnap(
-                np.array([[0.0], [np.inf], [1.0]]),
-                np.array([0.0, 1.0, 2.0]),
-                corridor_lower=np.array([[-0.5]]),
-                corridor_upper=np.array([[1.005]]),
-            )
-            self.run(tiny, Request(options=self.checked_options({})))
-            InteriorPoint._compiled = True
 
     def run(self, problem: MinimumDerivative, request: Request) -> Answer:
         """Solve every chain, and say what their residuals prove."""

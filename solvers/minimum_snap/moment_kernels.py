@@ -50,7 +50,7 @@ def times(ah: float, al: float, b: float) -> Pair:
     return h, e - (h - p)
 
 
-@kernel
+@kernel(interpretable=True)
 def differentiate(
     durations: Floats,
     rows: Floats,
@@ -133,7 +133,7 @@ def differentiate(
     objective[:] = sums[:, 0] + sums[:, 1]
 
 
-@kernel
+@kernel(interpretable=True)
 def blend(
     durations: Floats,
     jets: Floats,

@@ -36,7 +36,6 @@ class NativeTimes(Backend):
 
     accepts = TimeAllocation
     single_threaded = True
-    _compiled: ClassVar[bool] = False
 
     def refuses(self, problem: TimeAllocation) -> str:
         """Return what of `problem` our solvers at given times do not cover."""
@@ -52,24 +51,6 @@ class NativeTimes(Backend):
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
-
-    def prepare(self) -> None:
-        """Compile the kernels, or load them from the cache."""
-        if NativeTimes._compiled:
-            return
-        points = np.array([[0.0, 0.0], [1.0, 0.5], [2.0, 2.0]])
-        cases: tuple[dict[str, Any], ...] = (
-            {}, {"weights": [0.0, 0.1, 0.0, 1.0]}, {"velocity_limit": 1.0},
-        )  # fmt: skip
-        for more in cases:
-            tiny = TimeAllocation(points, 1.0, **more)
-            if not self.refuses(tiny):
-                self.run(tiny, Request(options=self.checked_options({})))
-        if not self.refuses(tiny):
-            from .time_curvature import shifted_solve
-
-            shifted_solve(np.eye(1), 0.0, np.zeros(1))
-        NativeTimes._compiled = True
 
 
 def concluded(

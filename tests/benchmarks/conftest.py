@@ -8,6 +8,8 @@ from __future__ import annotations
 import pytest
 from benchmarks.ledger import Ledger
 
+from crosstrack.solvers.jit import compile_always
+
 _LEDGER = pytest.StashKey[Ledger]()
 
 
@@ -23,6 +25,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[_LEDGER] = Ledger()
+    compile_always()  # loops are timed as they run once a process has much to do
 
 
 @pytest.fixture(scope="session")

@@ -70,7 +70,7 @@ class Ledger:
             yield from _aligned([header, *(_cells(row, base) for row in rows)])
         if self.starts:
             yield ""
-            yield "cold start (processes of their own, error-correction/7)"
+            yield "the first minute (whole processes, error-correction/7)"
             yield from _aligned(self.starts)
 
 

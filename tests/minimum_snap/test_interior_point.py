@@ -249,7 +249,6 @@ def test_a_stopped_run_proves_nothing():
 
 @pytest.mark.parametrize("threads", [None, 2])
 def test_a_time_limit_is_kept(threads):
-    find_backend(OURS).prepare()
     model = long_corridor()
     for limit in (1e-6, 0.05):
         begin = time.perf_counter()

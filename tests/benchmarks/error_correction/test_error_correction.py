@@ -7,14 +7,9 @@ Nothing fails because it is slow; everything fails that is wrong. Run with ``mak
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -47,7 +42,7 @@ class Call:
 
 @pytest.fixture(scope="module", autouse=True)
 def compiled() -> None:
-    """Compile everything beforehand, as the first call of a process does; see the cold starts."""
+    """Compile everything beforehand; what that takes is timed in ``test_first_minute.py``."""
     model = ct.load("error-correction/1")
     for backend in ("label-setting", *NATIVE):
         ct.solve(model, backend)
@@ -228,66 +223,3 @@ def enter(ledger: Ledger, case: Case, solver: str, calls: list[Call]) -> None:
     own, whole = [call.own for call in calls], [call.whole for call in calls]
     last = calls[-1]
     ledger.rows.append(Row(case.name, solver, own, whole, last.work, last.outcome))
-
-
-# -- cold starts ----------------------------------------------------------------------------------
-
-CHILD = """
-import json, time
-marks = [time.perf_counter()]
-import crosstrack as ct
-marks.append(time.perf_counter())
-model = ct.load("error-correction/7")
-marks.append(time.perf_counter())
-first = ct.solve(model, "label-setting")
-marks.append(time.perf_counter())
-second = ct.solve(model, "label-setting")
-marks.append(time.perf_counter())
-assert first.verified and first.termination == "optimal"
-names = ("import crosstrack", "load the instance", "first solve", "second solve")
-found = {name: after - before for name, before, after in zip(names, marks, marks[1:])}
-print(json.dumps({**found, "compile": first.seconds["compile"]}))
-"""
-
-
-@pytest.fixture(scope="module")
-def kernels(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for compiled kernels, empty at first."""
-    return tmp_path_factory.mktemp("kernels")
-
-
-@pytest.mark.parametrize("cache", ["empty", "filled"])
-def test_cold_start(
-    cache: str, benchmark: Any, ledger: Ledger, kernels: Path, tmp_path: Path
-) -> None:
-    folder = tmp_path / "none yet" if cache == "empty" else kernels
-    found: list[dict[str, float]] = []
-    if cache == "filled":
-        start(folder)
-    benchmark.group = "cold start"
-    benchmark.pedantic(lambda: found.append(start(folder)), rounds=1 if cache == "empty" else 5)
-    if cache == "filled":
-        for name in ("import crosstrack", "load the instance", "second solve"):
-            ledger.starts.append((name, duration(median(run[name] for run in found))))
-    for name in ("first solve", "process"):
-        label = f"{name}, {cache} cache"
-        value = duration(median(run[name] for run in found))
-        if name == "first solve":
-            value += f" (compile {duration(median(run['compile'] for run in found))})"
-        ledger.starts.append((label, value))
-
-
-def start(folder: Path) -> dict[str, float]:
-    """Solve in a process of its own, with its compiled kernels in `folder`."""
-    begin = time.perf_counter()
-    done = subprocess.run(
-        [sys.executable, "-c", CHILD],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
-        cwd=folder.parent,
-        capture_output=True,
-        text=True,
-        timeout=280,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return {**json.loads(done.stdout), "process": time.perf_counter() - begin}

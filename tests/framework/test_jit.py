@@ -1,0 +1,249 @@
+"""Kernels: interpreted while that is quick, compiled beyond, the same result either way."""
+
+import logging
+import math
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import crosstrack as ct
+from crosstrack.instances.error_correction.generator import random_small, uniform_slab
+from crosstrack.solvers import Request, find_backend, jit
+from crosstrack.solvers.control import Control
+from crosstrack.solvers.enums import Limit
+from crosstrack.solvers.jit import kernel
+from crosstrack.solvers.stopping import Seconds
+
+
+@kernel
+def halved(x: float) -> float:
+    return 0.5 * x
+
+
+@kernel(interpretable=True)
+def total(values: np.ndarray, out: np.ndarray) -> float:
+    """Fill `out` with halves and return their sum."""
+    found = 0.0
+    for i in range(len(values)):
+        out[i] = halved(values[i])
+        found += out[i]
+    return found
+
+
+@pytest.fixture
+def budget(monkeypatch):
+    """Set the seconds of interpretation that are left, and forget what is compiled."""
+
+    def left(seconds):
+        monkeypatch.setattr(jit, "_left", seconds)
+        for one in (halved, total):
+            monkeypatch.setattr(one, "_ready", False)
+
+    return left
+
+
+def interpreted(backend, model):
+    """Return the answer of `backend`, whatever is compiled already."""
+    jit._here.deadline = math.inf
+    try:
+        with np.errstate(all="ignore"):
+            return backend.run(model, Request(options=backend.checked_options({})))
+    finally:
+        jit._here.deadline = 0.0
+
+
+def compiled(backend, model, monkeypatch):
+    monkeypatch.setattr(jit, "_left", 0.0)
+    return backend.run(model, Request(options=backend.checked_options({})))
+
+
+def counts(answer):
+    return {key: value for key, value in answer.statistics.items() if not key.endswith("_seconds")}
+
+
+# -- the mechanism --------------------------------------------------------------------------------
+
+
+def test_a_kernel_starts_again_where_its_budget_ends(budget):
+    values, out = np.arange(200_000.0), np.zeros(200_000)
+    budget(math.inf)
+    expected = total(values, out)
+    assert not total._ready
+    budget(1e-3)
+    assert total(values, out) == expected
+    assert total._ready
+    assert not jit.interpreting()
+    assert np.array_equal(out, values / 2)
+    assert len(total.dispatcher.signatures) == len(halved.dispatcher.signatures) == 1
+
+
+def test_what_must_not_be_interpreted_is_compiled_at_once(budget):
+    budget(math.inf)
+    assert halved(3.0) == 1.5
+    assert halved._ready
+    assert not total._ready
+
+
+def test_threads_interpret_side_by_side(budget):
+    budget(math.inf)
+    values = np.arange(20_000.0)
+    found = []
+
+    def work():
+        found.append(total(values, np.zeros(values.size)))
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [values.sum() / 2] * 4
+
+
+def test_who_waits_is_told_what_for(budget, monkeypatch, caplog):
+    monkeypatch.setattr(jit, "_SILENCE", 0.0)
+    monkeypatch.setattr(type(halved), "_compile_now", lambda self, arguments: time.sleep(0.2))
+    budget(0.0)
+    with caplog.at_level(logging.WARNING, "crosstrack"):
+        total(np.ones(3), np.ones(3))
+    assert [record.getMessage() for record in caplog.records] == [
+        "total: compiling once, about 1 s"
+    ]
+
+
+def test_the_message_is_on_standard_error_of_a_pipe(run_python, tmp_path):
+    script = tmp_path / "kernel.py"
+    script.write_text(
+        "import sys, time\n"
+        "from crosstrack.solvers import jit\n"
+        "jit.Kernel._compile_now = lambda self, arguments: time.sleep(1.3)\n"
+        "jit.compile_always()\n"
+        "sys.stderr = sys.stdout\n"
+        "print(jit.kernel(lambda x: x + 1)(1))\n"
+    )
+    said = run_python(str(script), cwd=tmp_path)
+    assert said.splitlines() == ["<lambda>: compiling once, about 1 s", "2"]
+
+
+def test_clocks_stand_still_while_a_run_compiles():
+    control = Control(Seconds(0.3))
+    control.arm(0.3)
+    with control.stage(0.3) as stage:
+        with stage.paused():
+            time.sleep(0.5)
+            control.check()
+            assert not control.stopped
+            assert not stage.stopped
+        assert control.progress.seconds < 0.3
+        time.sleep(0.5)
+        assert stage.reason is Limit.TIME
+    assert control.reason is Limit.TIME
+
+
+def test_a_run_that_ended_while_it_compiled_gets_no_new_deadline():
+    control = Control()
+    control.arm(0.1)
+    with control.paused():
+        control.disarm()
+    time.sleep(0.2)
+    assert not control.stopped
+
+
+def test_compiling_is_timed_apart_and_no_part_of_the_time_limit(monkeypatch):
+    """The clock of a limit stands still, and the run goes on with what is left of it."""
+    from crosstrack.solvers.error_correction.ceiling_kernels import climb
+
+    monkeypatch.setattr(jit, "_left", 0.01)
+    monkeypatch.setattr(climb, "_ready", False)
+    ready = type(climb)._compile_now
+    monkeypatch.setattr(
+        type(climb), "_compile_now", lambda self, given: (time.sleep(1.0), ready(self, given))
+    )
+    told = []
+    from crosstrack.solvers.execution import execute
+    from crosstrack.solvers.job import Job
+
+    model = uniform_slab(20_000, (10, 10, 10, 10, 10), seed=3)
+    job = Job(model=model, backend="label-setting", time_limit=0.9).resolved()
+    answer = execute(job, on_prepare=told.append)
+    assert answer.termination == "optimal", answer
+    assert answer.seconds["compile"] > 1.0
+    assert answer.seconds["solve"] < 0.9
+    assert told == [True, False, True, False]
+
+
+def test_a_small_problem_loads_neither_numba_nor_scipy(run_python, tmp_path):
+    script = (
+        "import sys, crosstrack as ct\n"
+        "print(ct.solve(ct.load(sys.argv[1])).verified)\n"
+        "print([one for one in ('numba', 'scipy', 'casadi', 'pandas') if one in sys.modules])\n"
+    )
+    for name in ("error-correction/7", "minimum-snap/helix"):
+        said = run_python("-c", script, name, cwd=tmp_path)
+        assert said.splitlines() == ["True", "[]"], name
+
+
+# -- the same results -----------------------------------------------------------------------------
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.sampled_from(["label-setting", "two-stage", "pulse", "dynamic-programming", "labelling"]),
+    st.integers(2, 9), st.integers(0, 10_000), st.booleans(),
+)  # fmt: skip
+def test_routes_are_the_same_interpreted_and_compiled(name, points, seed, revisits):
+    backend, model = find_backend(name), random_small(points, seed, revisits=revisits)
+    with pytest.MonkeyPatch.context() as patch:
+        first, second = interpreted(backend, model), compiled(backend, model, patch)
+    assert first.termination is second.termination
+    assert first.point == second.point
+    assert (first.primal_bound, first.dual_bound) == (second.primal_bound, second.dual_bound)
+    assert counts(first) == counts(second)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.integers(2, 4), st.integers(1, 12), st.integers(1, 3), st.integers(0, 10_000),
+    st.booleans(),
+)  # fmt: skip
+def test_trajectories_are_the_same_interpreted_and_compiled(order, segments, axes, seed, free):
+    """Kernels for waypoints alone, and those that a free waypoint takes."""
+    random = np.random.default_rng(seed)
+    waypoints = random.normal(size=(segments + 1, axes))
+    if free and segments > 1:
+        waypoints[1] = np.inf
+    times = np.concatenate([[0.0], np.exp(random.normal(size=segments)).cumsum()])
+    model = ct.models.MinimumDerivative(waypoints, times, order=order)
+    backend = find_backend("banded", model)
+    with pytest.MonkeyPatch.context() as patch:
+        second = compiled(backend, model, patch)
+        factorise = sys.modules["crosstrack.solvers.minimum_snap.banded"].factorise
+        solve = sys.modules["crosstrack.solvers.minimum_snap.banded"].solve_factors
+        for one in (factorise, solve):  # never interpreted: they work in place
+            patch.setattr(one, "py_func", one.dispatcher)
+        first = interpreted(backend, model)
+    assert first.termination is second.termination
+    assert (first.primal_bound, first.dual_bound) == (second.primal_bound, second.dual_bound)
+    assert counts(first) == counts(second)
+    if second.point is not None:
+        assert np.array_equal(first.point.coefficients, second.point.coefficients)
+
+
+def test_no_kernel_that_may_start_again_updates_what_it_is_given():
+    """A search that stops half-way leaves its arguments as they were."""
+    from crosstrack.solvers.error_correction.airspace import airspace
+    from crosstrack.solvers.error_correction.ceiling_kernels import climb
+
+    space = airspace(ct.load("error-correction/7"))
+    before = [np.array(part, copy=True) for part in space]
+    jit._here.deadline = time.perf_counter() + 2e-3
+    try:
+        with pytest.raises(jit._BudgetUsedUp):
+            climb(space, math.inf, np.zeros(1, np.int8))
+    finally:
+        jit._here.deadline = 0.0
+    assert all(np.array_equal(*pair) for pair in zip(before, space, strict=True))
