@@ -131,7 +131,7 @@ class Kernel:
     def _announce(self) -> None:
         size = sum(len(one.py_func.__code__.co_code) // 2 for one in _called(self))
         seconds = max(1, round(_PER_BYTECODE * size))
-        log.warning("%s: compiling once, about %d s", self.py_func.__name__, seconds)
+        log.warning("compiling once, about %d s (%s)", seconds, self.py_func.__name__)
 
 
 @cache

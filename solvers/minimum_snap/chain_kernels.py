@@ -16,13 +16,17 @@ from numpy.typing import NDArray
 from ..jit import kernel
 
 __all__ = [
+    "advance",
     "bound_gradient",
     "factorise",
     "hold_still",
+    "largest_of",
     "multiply",
     "newton_step",
+    "rescale",
     "row_values",
     "solve_factors",
+    "times",
     "transposed",
 ]
 
@@ -217,7 +221,9 @@ def factorise(
                 if row >= 0 and i <= column:
                     value = work[eliminated + column, row]
                 carry[i, column] = value
-    last[:] = carry
+    for i in range(n):
+        for j in range(n):
+            last[i, j] = carry[i, j]
 
 
 @kernel
@@ -273,6 +279,48 @@ def solve_factors(
                 knots[k, i - own] = value
 
 
+# Loops instead of array expressions, which take several times as long to compile.
+
+
+@kernel
+def times(factor: float, array: Floats) -> Floats:
+    """Return ``factor * array`` for an array of two dimensions."""
+    result = np.empty(array.shape)
+    for i in range(array.shape[0]):
+        for j in range(array.shape[1]):
+            result[i, j] = factor * array[i, j]
+    return result
+
+
+@kernel
+def advance(array: Floats, factor: float, step: Floats) -> None:
+    """Add ``factor * step`` to an array of two dimensions."""
+    for i in range(array.shape[0]):
+        for j in range(array.shape[1]):
+            array[i, j] += factor * step[i, j]
+
+
+@kernel
+def rescale(arrays: Floats, factor: float) -> None:
+    """Multiply an array of three dimensions by `factor`."""
+    for k in range(arrays.shape[0]):
+        for i in range(arrays.shape[1]):
+            for j in range(arrays.shape[2]):
+                arrays[k, i, j] *= factor
+
+
+@kernel
+def largest_of(array: Floats) -> float:
+    """Return the largest absolute value in an array of two dimensions, 0 where it is empty."""
+    largest = 0.0
+    for i in range(array.shape[0]):
+        for j in range(array.shape[1]):
+            # What is not a number is returned as it is.
+            if abs(array[i, j]) > largest or np.isnan(array[i, j]):
+                largest = abs(array[i, j])
+    return largest
+
+
 @kernel
 def hold_still(fixed: Flags, knots: Floats) -> None:
     """Set what belongs to fixed coordinates to 0."""
@@ -295,12 +343,16 @@ def newton_step(
     b_inner: Floats,
 ) -> tuple[Floats, Floats]:
     """Solve ``(C'C + G'W²G) x = b`` with the factors, refined once against the rows themselves."""
-    x_knots, x_inner = b_knots.copy(), b_inner.copy()
+    x_knots, x_inner = times(1.0, b_knots), times(1.0, b_inner)
     solve_factors(factors, last, fixed, x_knots, x_inner)
-    r_knots, r_inner = b_knots.copy(), b_inner.copy()
-    transposed(cost, -multiply(cost, x_knots, x_inner), r_knots, r_inner)
+    r_knots, r_inner = times(1.0, b_knots), times(1.0, b_inner)
+    transposed(cost, times(-1.0, multiply(cost, x_knots, x_inner)), r_knots, r_inner)
     value = row_values(rows, start, x_knots, x_inner)
-    bound_gradient(rows, start, -weight * weight * value, r_knots, r_inner)
+    for q in range(value.size):
+        value[q] *= -weight[q] * weight[q]
+    bound_gradient(rows, start, value, r_knots, r_inner)
     hold_still(fixed, r_knots)
     solve_factors(factors, last, fixed, r_knots, r_inner)
-    return x_knots + r_knots, x_inner + r_inner
+    advance(x_knots, 1.0, r_knots)
+    advance(x_inner, 1.0, r_inner)
+    return x_knots, x_inner

@@ -7,12 +7,15 @@ from numpy.typing import NDArray
 
 from ..jit import kernel
 from .chain_kernels import (
+    advance,
     bound_gradient,
     factorise,
     hold_still,
+    largest_of,
     multiply,
     newton_step,
     row_values,
+    times,
     transposed,
 )
 
@@ -47,9 +50,12 @@ def interior_point(
     n = fixed.shape[1]
     own = width - 2 * n
     size = rows.shape[0]
-    has_low = lower > -np.inf
-    has_high = upper < np.inf
-    pairs = max(int(has_low.sum() + has_high.sum()), 1)
+    has_low, has_high = np.zeros(size, np.bool_), np.zeros(size, np.bool_)
+    pairs = 0
+    for q in range(size):
+        has_low[q], has_high[q] = lower[q] > -np.inf, upper[q] < np.inf
+        pairs += int(has_low[q]) + int(has_high[q])
+    pairs = max(pairs, 1)
     factors = np.zeros((count, own + n, width))
     last = np.zeros((n, n))
     weight = np.zeros(size)
@@ -63,13 +69,20 @@ def interior_point(
             status = STOPPED
             break
         value = multiply(cost, knots, inner)
-        objective = 0.5 * np.sum(value * value)
+        objective = 0.0
+        for k in range(count):
+            for i in range(cost.shape[1]):
+                objective += value[k, i] * value[k, i]
+        objective *= 0.5
         at = row_values(rows, start, knots, inner)
         g_knots, g_inner = np.zeros(knots.shape), np.zeros(inner.shape)
         transposed(cost, value, g_knots, g_inner)
-        bound_gradient(rows, start, z_above - z_below, g_knots, g_inner)
+        pull = np.zeros(size)
+        for q in range(size):
+            pull[q] = z_above[q] - z_below[q]
+        bound_gradient(rows, start, pull, g_knots, g_inner)
         hold_still(fixed, g_knots)
-        dual = max(np.max(np.abs(g_knots)), np.max(np.abs(g_inner)) if own else 0.0)
+        dual = max(largest_of(g_knots), largest_of(g_inner))
         r_low, r_high = np.zeros(size), np.zeros(size)
         comp, primal, largest = 0.0, 0.0, 1.0
         for q in range(size):
@@ -106,20 +119,22 @@ def interior_point(
             weight[q] = np.sqrt(d)
         factorise(cost, rows, start, weight, fixed, factors, last)
         # Predictor: no centring, no second-order term.
-        c_low, c_high = below * z_below, above * z_above
+        c_low, c_high = np.zeros(size), np.zeros(size)
+        for q in range(size):
+            c_low[q], c_high[q] = below[q] * z_below[q], above[q] * z_above[q]
         a_low, a_high = np.zeros(size), np.zeros(size)
         b_low, b_high = np.zeros(size), np.zeros(size)
         sigma = 0.0
         alpha = 0.0
-        x_knots, x_inner = np.zeros(knots.shape), np.zeros(inner.shape)
+        x_knots, x_inner = knots, inner
         for phase in range(2):
-            pull = np.zeros(size)
             for q in range(size):
+                pull[q] = 0.0
                 if has_low[q]:
                     pull[q] -= (c_low[q] + z_below[q] * r_low[q]) / below[q]
                 if has_high[q]:
                     pull[q] += (c_high[q] + z_above[q] * r_high[q]) / above[q]
-            b_knots, b_inner = -g_knots, -g_inner
+            b_knots, b_inner = times(-1.0, g_knots), times(-1.0, g_inner)
             bound_gradient(rows, start, pull, b_knots, b_inner)
             hold_still(fixed, b_knots)
             x_knots, x_inner = newton_step(
@@ -157,8 +172,8 @@ def interior_point(
                         c_low[q] += a_low[q] * b_low[q] - sigma * mu
                     if has_high[q]:
                         c_high[q] += a_high[q] * b_high[q] - sigma * mu
-        knots += alpha * x_knots
-        inner += alpha * x_inner
+        advance(knots, alpha, x_knots)
+        advance(inner, alpha, x_inner)
         for q in range(size):
             if has_low[q]:
                 below[q] += alpha * a_low[q]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import kernel
-from .chain_kernels import factorise, solve_factors
+from .chain_kernels import factorise, rescale, solve_factors
 from .time_rows import knot_scales, pose
 
 __all__ = ["curvature", "foreseen", "shifted_solve"]
@@ -51,7 +51,7 @@ def curvature(
     cost, rows, share = pose(
         durations, order, axes, unit_cost, cost_orders, unit_rows, mix, derivative, start
     )
-    cost *= np.sqrt(2.0 / unit)
+    rescale(cost, np.sqrt(2.0 / unit))
     weight = np.zeros(rows.shape[0])
     firm, pull = np.zeros(rows.shape[0]), np.zeros(rows.shape[0])
     for q in range(rows.shape[0]):
@@ -151,7 +151,9 @@ def curvature(
     for q in range(rows.shape[0]):
         for j in range(width):
             rows[q, j] /= share[q]
-    return -response, -response_inner, rows, rates
+    rescale(response, -1.0)
+    rescale(response_inner, -1.0)
+    return response, response_inner, rows, rates
 
 
 @kernel

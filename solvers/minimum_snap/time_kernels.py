@@ -7,12 +7,16 @@ from numpy.typing import NDArray
 
 from ..jit import kernel
 from .chain_kernels import (
+    advance,
     bound_gradient,
     factorise,
     hold_still,
+    largest_of,
     multiply,
     newton_step,
+    rescale,
     row_values,
+    times,
     transposed,
 )
 from .time_rows import knot_scales, pose, slopes
@@ -37,8 +41,16 @@ def cold_start(
     typical = 0.0
     for k in range(count):
         for i in range(c):
-            typical = max(typical, np.sqrt(np.sum(cost[k, i] * cost[k, i])))
-    scaled = cost / max(typical, 1e-300)
+            square = 0.0
+            for j in range(width):
+                square += cost[k, i, j] * cost[k, i, j]
+            typical = max(typical, np.sqrt(square))
+    typical = max(typical, 1e-300)
+    scaled = np.empty(cost.shape)
+    for k in range(count):
+        for i in range(c):
+            for j in range(width):
+                scaled[k, i, j] = cost[k, i, j] / typical
     target, weight = np.zeros(rows.shape[0]), np.ones(rows.shape[0])
     for q in range(rows.shape[0]):
         low, high = lower[q] > -np.inf, upper[q] < np.inf
@@ -49,14 +61,17 @@ def cold_start(
     factors, last = np.zeros((count, width - n, width)), np.zeros((n, n))
     factorise(scaled, rows, start, weight, fixed, factors, last)
     b_knots, b_inner = np.zeros(knots.shape), np.zeros(inner.shape)
-    transposed(scaled, -multiply(scaled, knots, inner), b_knots, b_inner)
-    bound_gradient(rows, start, target - row_values(rows, start, knots, inner), b_knots, b_inner)
+    transposed(scaled, times(-1.0, multiply(scaled, knots, inner)), b_knots, b_inner)
+    at = row_values(rows, start, knots, inner)
+    for q in range(at.size):
+        target[q] -= at[q]
+    bound_gradient(rows, start, target, b_knots, b_inner)
     hold_still(fixed, b_knots)
     x_knots, x_inner = newton_step(
         scaled, rows, start, weight, fixed, factors, last, b_knots, b_inner
     )
-    knots += x_knots
-    inner += x_inner
+    advance(knots, 1.0, x_knots)
+    advance(inner, 1.0, x_inner)
 
 
 @kernel
@@ -90,7 +105,7 @@ def centre(
     own = width - 2 * n
     size = rows.shape[0]
     factors, last = np.zeros((count, own + n, width)), np.zeros((n, n))
-    weight, pull, step = np.zeros(size), np.zeros(size), np.zeros(size)
+    weight, pull = np.zeros(size), np.zeros(size)
     a_low, a_high, b_low, b_high = (
         np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size),
     )  # fmt: skip
@@ -108,9 +123,11 @@ def centre(
             for i in range(cost.shape[1]):
                 for j in range(width):
                     typical = max(typical, abs(cost[k, i, j] * value[k, i]))
-        bound_gradient(rows, start, z_above - z_below, g_knots, g_inner)
+        for q in range(size):
+            pull[q] = z_above[q] - z_below[q]
+        bound_gradient(rows, start, pull, g_knots, g_inner)
         hold_still(fixed, g_knots)
-        dual = max(np.max(np.abs(g_knots)), np.max(np.abs(g_inner)) if own else 0.0)
+        dual = max(largest_of(g_knots), largest_of(g_inner))
         primal, off, largest = 0.0, 0.0, 0.0
         for q in range(size):
             a_low[q], a_high[q] = 0.0, 0.0
@@ -149,7 +166,7 @@ def centre(
             weight[q] = np.sqrt(d)
             pull[q] = p
         factorise(cost, rows, start, weight, fixed, factors, last)
-        b_knots, b_inner = -g_knots, -g_inner
+        b_knots, b_inner = times(-1.0, g_knots), times(-1.0, g_inner)
         bound_gradient(rows, start, pull, b_knots, b_inner)
         hold_still(fixed, b_knots)
         x_knots, x_inner = newton_step(
@@ -172,8 +189,8 @@ def centre(
                     alpha = min(alpha, -0.99 * above[q] / a_high[q])
                 if b_high[q] < 0.0:
                     alpha = min(alpha, -0.99 * z_above[q] / b_high[q])
-        knots += alpha * x_knots
-        inner += alpha * x_inner
+        advance(knots, alpha, x_knots)
+        advance(inner, alpha, x_inner)
         for q in range(size):
             if lower[q] > -np.inf:
                 below[q] += alpha * a_low[q]
@@ -219,13 +236,20 @@ def evaluate(
     cost, rows, share = pose(
         durations, order, axes, unit_cost, cost_orders, unit_rows, mix, derivative, start
     )
-    cost *= np.sqrt(2.0 / unit)
+    rescale(cost, np.sqrt(2.0 / unit))
     scales = knot_scales(durations)
     for k in range(fixed.shape[0]):
         for j in range(fixed.shape[1]):
             if fixed[k, j]:
                 knots[k, j] = values[k, j] * scales[k] ** (j % order)
-    low, high = lower * share, upper * share
+    size = share.size
+    low, high, room_low, room_high = (
+        np.empty(size), np.empty(size), np.empty(size), np.empty(size),
+    )  # fmt: skip
+    for q in range(size):
+        low[q], high[q] = lower[q] * share[q], upper[q] * share[q]
+        room_low[q] = tolerance * low_scale[q] * share[q] + 1e-14
+        room_high[q] = tolerance * high_scale[q] * share[q] + 1e-14
     if not warm:
         cold_start(cost, rows, start, low, high, fixed, knots, inner)
     at = row_values(rows, start, knots, inner)
@@ -246,8 +270,7 @@ def evaluate(
             z_above[q] = z_above[q] / (unit * share[q]) if warm else inside / above[q]
     status, steps, _, _ = centre(
         cost, rows, start, low, high, fixed, knots, inner, below, above, z_below, z_above,
-        tolerance * low_scale * share + 1e-14, tolerance * high_scale * share + 1e-14, inside,
-        accuracy, most, flag,
+        room_low, room_high, inside, accuracy, most, flag,
     )  # fmt: skip
     pull = np.zeros(at.size)
     logs = 0.0

@@ -111,7 +111,7 @@ def test_who_waits_is_told_what_for(budget, monkeypatch, caplog):
     with caplog.at_level(logging.WARNING, "crosstrack"):
         total(np.ones(3), np.ones(3))
     assert [record.getMessage() for record in caplog.records] == [
-        "total: compiling once, about 1 s"
+        "compiling once, about 1 s (total)"
     ]
 
 
@@ -126,7 +126,7 @@ def test_the_message_is_on_standard_error_of_a_pipe(run_python, tmp_path):
         "print(jit.kernel(lambda x: x + 1)(1))\n"
     )
     said = run_python(str(script), cwd=tmp_path)
-    assert said.splitlines() == ["<lambda>: compiling once, about 1 s", "2"]
+    assert said.splitlines() == ["compiling once, about 1 s (<lambda>)", "2"]
 
 
 def test_clocks_stand_still_while_a_run_compiles():
