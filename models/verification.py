@@ -158,8 +158,12 @@ class Check:
 
     @property
     def near(self) -> bool:
-        """Whether the limit lies near the tolerance: a tenth of it or more may be broken."""
-        return self.limit is not None and self.tolerance >= NEAR * abs(self.limit)
+        """Whether the limit lies near the tolerance: a tenth of it or more may be broken.
+
+        What rounding alone explains is no limit.
+        """
+        limit = 0.0 if self.limit is None else abs(self.limit)
+        return self.rounding < limit <= self.tolerance / NEAR
 
     @property
     def ok(self) -> bool:

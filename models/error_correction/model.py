@@ -384,6 +384,4 @@ class ErrorCorrectionRouting(Model[Route]):
             error, stop = max(arrivals, key=lambda pair: pair[0])
             worst, where = max(error - limit, 0.0), f"point {self.label(stop.point)}"
         # Sums of errors round relative to themselves, and they meet the threshold there.
-        return Check.scaled(
-            name, equation, worst, "error", where, tolerance, limit, limit=limit
-        )
+        return Check.scaled(name, equation, worst, "error", where, tolerance, limit, limit=limit)

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, UnknownName
 from ..fields import Array, Whole
 from ..model import Model
-from ..verification import ROUNDING, TOLERANCE, Check, Verification, check_tolerance
+from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .blocks import Block, without
 
 if TYPE_CHECKING:
     import cvxpy
 
-__all__ = ["BlockProgram", "Program", "RowProgram"]
+__all__ = ["BlockProgram", "Program", "RowProgram", "row_sizes"]
 
 Vector = NDArray[np.float64]
 
@@ -121,34 +121,33 @@ class BlockProgram(Program):
         return Array((self.size,)).coerce("point", plan, {})
 
     def _checks(
-        self, point: Vector, rows: Vector, largest: Vector, tolerance: float
+        self, point: Vector, rows: Vector, row_sizes: Vector, column_sizes: Vector, tolerance: float
     ) -> tuple[Check, ...]:
-        """Return the worst violation of every block, where `largest` is the size of each row."""
+        """Return the worst violation of every block.
+
+        What is violated is held against the bound, or the size of the row or column where that is
+        larger.
+        """
         check_tolerance(tolerance)
         found = []
         for value, lower, upper, size, blocks in (
-            (rows, self.row_lower, self.row_upper, largest, self._rows),
-            (point, self.column_lower, self.column_upper, np.zeros(self.size), self._columns),
+            (rows, self.row_lower, self.row_upper, row_sizes, self._rows),
+            (point, self.column_lower, self.column_upper, column_sizes, self._columns),
         ):
             off = np.maximum(np.maximum(lower - value, value - upper), 0.0)
             near = np.where(value - lower < upper - value, lower, upper)
             bound = np.where(np.isfinite(near), np.abs(near), 0.0)
-            scale = np.maximum(np.maximum(size, bound), 1.0)
+            scale = np.maximum(size, bound)
             for block in blocks:
                 if block.size:
                     entry = int((off[block.slice] / scale[block.slice]).argmax())
                     at = block.start + entry
                     found.append(
-                        Check(
-                            block.name,
-                            block.equation,
-                            float(off[at]),
-                            block.unit,
-                            float(tolerance * scale[at]),
-                            _bare(block.place(entry)),
-                            float(ROUNDING * scale[at]),
+                        Check.scaled(
+                            block.name, block.equation, off[at], block.unit,
+                            _bare(block.place(entry)), tolerance, scale[at], limit=bound[at],
                         )
-                    )
+                    )  # fmt: skip
         return tuple(found)
 
     def row_name(self, row: int) -> str:
@@ -184,17 +183,25 @@ class RowProgram(BlockProgram):
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective and the worst violation of every block of rows and columns.
 
-        A row's tolerance is relative to the largest of its terms and bounds, and at least absolute.
+        A column's tolerance is relative to its bound, a row's to the largest of its terms and
+        bounds. Where these are 0, a column has the size of its other bound, a row that of its
+        largest coefficient times its column; it is 1 at most.
         """
         point = self._point(plan)
-        terms = self.matrix * point[None, :]
-        largest = (
-            abs(terms).max(axis=1).toarray().ravel()
-            if self.row_count and terms.nnz
-            else np.zeros(self.row_count)
-        )
-        checks = self._checks(point, self.matrix @ point, largest, tolerance)
+        columns = self._column_sizes
+        rows = row_sizes(self.matrix, point, columns)
+        checks = self._checks(point, self.matrix @ point, rows, columns, tolerance)
         return Verification(self.objective(point), checks)
+
+    @property
+    def _column_sizes(self) -> Vector:
+        """What a column has as its size where its nearest bound is 0: its other bound, at most 1."""
+        low, high = (
+            np.where(np.isfinite(bound), np.abs(bound), 0.0)
+            for bound in (self.column_lower, self.column_upper)
+        )
+        size = np.maximum(low, high)
+        return np.where(size > 0, np.minimum(size, 1.0), 1.0)
 
     def sides(self) -> Iterator[tuple[str, NDArray[np.intp], Vector]]:
         """Yield equal rows, rows from below and rows from above, each kind where there are any.
@@ -237,6 +244,21 @@ class RowProgram(BlockProgram):
         from .export import cvxpy_problem
 
         return cvxpy_problem(self)
+
+
+def row_sizes(matrix: sp.csr_array, point: Vector, columns: Vector) -> Vector:
+    """Return the largest term of each row, at least that of columns of size `columns`, at most 1 so."""
+    least = _largest(abs(matrix) @ sp.diags_array(columns))
+    least = np.where(least > 0, np.minimum(least, 1.0), 1.0)
+    return np.maximum(_largest(abs(matrix * point[None, :])), least)
+
+
+def _largest(terms: sp.csr_array) -> Vector:
+    """Return the largest entry of each row, 0 where there is none."""
+    if not (terms.shape[0] and terms.nnz):
+        return np.zeros(terms.shape[0])
+    found: Vector = terms.max(axis=1).toarray().ravel()
+    return found
 
 
 def _bare(place: str) -> str:

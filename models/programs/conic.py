@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Real, declared
-from ..verification import ROUNDING, TOLERANCE, Check, Verification
-from .base import RowProgram
+from ..verification import TOLERANCE, Check, Verification
+from .base import RowProgram, row_sizes
 from .blocks import Block, Blocks, Sparse, block_names, without
 from .cones import ConeBlock, Cones, inside_dual, missing
 from .linear import QuadraticProgram
@@ -152,30 +152,24 @@ class ConicProgram(RowProgram):
 
         How far a vector is outside of a cone is what
         :func:`~crosstrack.models.programs.cones.missing` measures. The tolerance of a cone is
-        relative to the largest of the terms and constants of its rows, and at least absolute.
+        relative to the largest of the terms and constants of its rows.
         """
         found = super().verify(plan, tolerance=tolerance)
         point = self._point(plan)
-        values, terms = self.cone_rows(point), np.abs(self.cone_offset)
-        if self.cone_matrix.nnz:
-            largest = abs(self.cone_matrix * point[None, :]).max(axis=1).toarray().ravel()
-            terms = np.maximum(terms, largest)
+        values = self.cone_rows(point)
+        terms = row_sizes(self.cone_matrix, point, self._column_sizes)
+        terms = np.maximum(terms, np.abs(self.cone_offset))
         checks = []
         for block in self.cones:
             off = missing(block.kind, block.of(values))
-            scale = np.maximum(block.of(terms).max(axis=1), 1.0)
+            scale = block.of(terms).max(axis=1)
             at = int((off / scale).argmax())
             checks.append(
-                Check(
-                    block.name,
-                    block.equation,
-                    float(off[at]),
-                    block.unit,
-                    float(tolerance * scale[at]),
-                    block.place(at),
-                    float(ROUNDING * scale[at]),
+                Check.scaled(
+                    block.name, block.equation, off[at], block.unit, block.place(at), tolerance,
+                    scale[at],
                 )
-            )
+            )  # fmt: skip
         return Verification(found.objective, (*found.checks, *checks))
 
     def split(self, duals: Vector) -> tuple[Vector, Vector]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Real, declared
-from ..verification import ROUNDING, TOLERANCE, Check, Verification
+from ..verification import TOLERANCE, Check, Verification
 from .base import BlockProgram, Program, RowProgram
 from .blocks import Block, Blocks, Sparse
 from .nonlinear import NonlinearProgram
@@ -93,8 +93,8 @@ class MixedIntegerProgram(RowProgram):
         point = np.asarray(plan, float)
         off = np.where(self.integral, np.abs(point - np.round(point)), 0.0)
         at = int(off.argmax())
-        check = Check(
-            "integrality", "", float(off[at]), "", tolerance, self.column_name(at), ROUNDING
+        check = Check.scaled(
+            "integrality", "", off[at], "", self.column_name(at), tolerance, 1.0
         )
         return Verification(found.objective, (*found.checks, check))
 

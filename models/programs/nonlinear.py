@@ -126,12 +126,14 @@ class NonlinearProgram(BlockProgram):
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective and the worst violation of every block of rows and columns.
 
-        A row's tolerance is relative to its bound and to its typical size, and at least absolute.
+        A tolerance is relative to the bound, or to the typical size of the row where that is larger;
+        a column counts 1 at most for this.
         """
         point = self._point(plan)
         objective, rows = self.values(point)
         rows = np.where(np.isfinite(rows), rows, np.inf)
-        checks = self._checks(point, rows, self.row_scale, tolerance)
+        columns = np.minimum(self.column_scale, 1.0)
+        checks = self._checks(point, rows, self.row_scale, columns, tolerance)
         return Verification(objective if np.isfinite(objective) else None, checks)
 
     def violations(self, point: Vector) -> Vector:

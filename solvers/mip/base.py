@@ -19,6 +19,7 @@ from ...models.model import Model
 from ...models.programs.linear import MixedIntegerProgram
 from ..attempts import Clock, Ended, Ending, above_cutoff, allowed, holds, limited, obvious, stopped
 from ..backend import Answer, Backend, Control, Feature, Guarantee, Limit, Request, Termination
+from .scaling import Scaling
 
 __all__ = [
     "CALLED_BACK",
@@ -116,6 +117,18 @@ class ProgramBackend(Backend):
         """Solve `problem` as `request` asks."""
         self.require()
         request = replace(request, options=self.checked_options(request.options))
+        scaling = Scaling.of(problem)
+        if scaling is None:
+            return self._run(problem, request)
+
+        def report(objective: float, point: Any) -> None:
+            request.control.incumbent(*scaling.lifted(objective, point))
+
+        with request.control.stage(request.time_limit, report) as control:
+            answer = self._run(scaling.program, scaling.request(request, control))
+        return scaling.answer(answer)
+
+    def _run(self, problem: MixedIntegerProgram, request: Request) -> Answer:
         clock = Clock(request.time_limit)
         ending = obvious(problem, request) or stopped(request, clock)
         if ending is None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.programs.linear import QuadraticProgram
-from ...models.verification import ROUNDING, TOLERANCE
+from ...models.verification import ROUNDING
 
 __all__ = ["Quality", "measured"]
 
@@ -96,9 +96,7 @@ def measured(program: QuadraticProgram, point: Vector, duals: Vector | None) -> 
         y = program.signed(duals)
     with np.errstate(over="ignore", invalid="ignore"):
         found = program.verify(x)
-        violation = max(
-            (check.worst / check.tolerance * TOLERANCE for check in found.checks), default=0.0
-        )
+        violation = max((check.worst / check.scale for check in found.checks), default=0.0)
         objective = program.objective(x)
         linear = float(program.cost @ x)
         terms = (
