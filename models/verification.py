@@ -39,6 +39,7 @@ _VERIFICATION: dict[str, Spec] = {
     "objective": Optional(Real()),
     "checks": Sequence(),
     "spread": Real(0.0),
+    "scale": Optional(Real()),
 }
 
 
@@ -153,7 +154,8 @@ class Check:
         """
         return cls(
             name, equation, float(worst), unit, float(tolerance * scale + noise), where,
-            float(ROUNDING * scale + noise), float(scale), limit or None,
+            float(ROUNDING * scale + noise), float(scale),
+            float(limit) if limit and math.isfinite(limit) else None,
         )  # fmt: skip
 
     @property
@@ -183,14 +185,14 @@ class Check:
         return {
             "name": self.name,
             "equation": self.equation,
-            "worst": self.worst if self.worst < float("inf") else None,
+            "worst": _finite(self.worst),
             "unit": self.unit,
-            "tolerance": self.tolerance if self.tolerance < float("inf") else None,
+            "tolerance": _finite(self.tolerance),
             "where": self.where,
             "ok": self.ok,
             "within_tolerance": self.within_tolerance,
-            "rounding": self.rounding if self.rounding < float("inf") else None,
-            "scale": self.scale if self.scale < float("inf") else None,
+            "rounding": _finite(self.rounding),
+            "scale": _finite(self.scale),
             "limit": self.limit,
         }
 
@@ -200,7 +202,7 @@ class Check:
         older = {"rounding": ROUNDING, "scale": 1.0, "limit": None}
         found = recorded("a check", data, _CHECK, older)
         for key in ("worst", "tolerance", "rounding", "scale"):
-            found[key] = math.inf if found[key] is None else found[key]
+            found[key] = _read(found[key])
         return cls(**found)
 
     def __str__(self) -> str:
@@ -224,11 +226,15 @@ class Verification:
     spread : float
         Half the width of the interval in which the objective lies, where it is measured on drawn
         scenes; 0 where it is computed. A plan contradicts nobody inside it.
+    scale : float
+        Magnitude of the objective's data: where the objective is less, its differences are held
+        against this.
     """
 
     objective: float | None
     checks: tuple[Check, ...]
     spread: float = 0.0
+    scale: float = 1.0
 
     def __post_init__(self) -> None:
         if self.objective is not None and not math.isfinite(self.objective):
@@ -261,13 +267,16 @@ class Verification:
             "objective": self.objective,
             "checks": [check.to_dict() for check in self.checks],
             **({"spread": self.spread} if self.spread else {}),
+            "scale": _finite(self.scale),
         }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Verification:
         """Return the verification that :meth:`to_dict` wrote; bad data raises ``InvalidData``."""
-        found = recorded("a verification", data, _VERIFICATION, {"spread": 0.0})
-        return cls(**{**found, "checks": tuple(map(Check.from_dict, found["checks"]))})
+        found = recorded("a verification", data, _VERIFICATION, {"spread": 0.0, "scale": 1.0})
+        scale = _read(found["scale"])
+        checks = tuple(map(Check.from_dict, found["checks"]))
+        return cls(**{**found, "checks": checks, "scale": scale})
 
     def summary(self) -> str:
         """Return one word and, where it is not plain ok, the checks that say why."""
@@ -281,6 +290,15 @@ class Verification:
         head = "verified" if self.ok else "NOT verified"
         objective = "" if self.objective is None else f", objective {self.objective:.10g}"
         return "\n".join([head + objective, *(f"  {check}" for check in self.checks)])
+
+
+def _finite(value: float) -> float | None:
+    """Return what JSON holds for a number: null for what is infinite, or is none."""
+    return value if math.isfinite(value) else None
+
+
+def _read(value: float | None) -> float:
+    return math.inf if value is None else value
 
 
 def _listed(checks: tuple[Check, ...]) -> str:

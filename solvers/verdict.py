@@ -263,9 +263,14 @@ def _slack(plan: Solution[Any], bound: Solution[Any]) -> float:
     """Return how far a bound may stand above a plan: its gap and tolerance, and the plan's spread."""
     gap = max(float(bound.options.get("gap") or 0.0), ROUNDING)
     tolerance = float(bound.options.get("tolerance") or 0.0)
-    size = max(1.0, abs(plan.primal_bound or 0.0), abs(bound.dual_bound or 0.0))
     spread = 0.0 if plan.verification is None else plan.verification.spread
+    size = max(_scale(plan), abs(plan.primal_bound or 0.0), abs(bound.dual_bound or 0.0))
     return (gap + tolerance) * size + spread
+
+
+def _scale(plan: Solution[Any]) -> float:
+    """Return what differences of objectives are held against where the objectives are less."""
+    return 1.0 if plan.verification is None else plan.verification.scale
 
 
 def _notes(
@@ -301,7 +306,7 @@ def _notes(
         # A local search may be content far from the optimum; its own success says nothing of that.
         assert solution.primal_bound is not None and best.primal_bound is not None
         more = solution.primal_bound - best.primal_bound
-        size = max(1.0, abs(best.primal_bound))
+        size = max(_scale(best), abs(best.primal_bound))
         more -= 0.0 if solution.verification is None else solution.verification.spread
         if more > WORSE * max(float(solution.options.get("tolerance") or 0.0), ROUNDING) * size:
             notes.append(

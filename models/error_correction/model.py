@@ -365,7 +365,8 @@ class ErrorCorrectionRouting(Model[Route]):
             self._worst("vertical error at B", "18", "B", self.theta, stops, tolerance),
         ]
         length = stops[-1].distance if len(stops) > 1 else None
-        return Verification(length, (*ends, *thresholds))
+        # A length is its own scale.
+        return Verification(length, (*ends, *thresholds), scale=0.0)
 
     def _count(
         self, name: str, equation: str, stops: list[Stop], bad: Any, short: bool = False

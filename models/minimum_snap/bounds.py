@@ -197,8 +197,9 @@ class PathData(Model[Trajectory]):
     def position_scale(self) -> Floats:
         """What a violation of a position is held against, m, shape (dimensions,).
 
-        The extent of the waypoints and the corridor on each axis, at least 1: it does not change
-        with the origin, as the positions themselves do.
+        The extent of the waypoints and the corridor on each axis, and a tenth of the widest at least.
+        It does not change with the origin, as the positions themselves do. Where nothing but
+        derivatives is given, it is how far they lead in a segment; 1 where they are 0 too.
         """
         tables = [self.waypoints]
         tables += [t for t in (self.corridor_lower, self.corridor_upper) if t is not None]
@@ -206,7 +207,31 @@ class PathData(Model[Trajectory]):
         low = np.where(np.isfinite(table), table, np.inf).min(axis=0)
         high = np.where(np.isfinite(table), table, -np.inf).max(axis=0)
         extent = np.where(np.isfinite(low) & np.isfinite(high), high - low, 0.0)
-        return frozen(np.maximum(1.0, extent))
+        fixed = np.where(np.isfinite(self.conditions[:, 1:]), np.abs(self.conditions[:, 1:]), 0.0)
+        orders = np.arange(1, fixed.shape[1] + 1)
+        led = fixed.max(axis=(0, 2), initial=0.0) * float(self.durations.mean()) ** orders
+        widest = max(float(extent.max()), float(led.max(initial=0.0)))
+        return frozen(np.maximum(extent, 0.1 * widest if widest > 0 else 1.0))
+
+    def derivative_scale(self, order: int) -> Floats:
+        """Return what a violation of a derivative is held against at least, shape (dimensions,).
+
+        :attr:`position_scale`, covered in equal segments of the whole duration.
+        """
+        if order == 0:
+            return self.position_scale
+        mean = float(self.durations.mean())
+        return self.position_scale / self.segments / mean**order
+
+    @cached_property
+    def objective_scale(self) -> float:
+        """The objective of a path whose derivatives are :meth:`derivative_scale` throughout."""
+        whole = float(self.durations.sum())
+        parts = (
+            weight * float((self.derivative_scale(order) ** 2).sum())
+            for order, weight in enumerate(self.order_weights.tolist(), start=1)
+        )
+        return float(whole * sum(parts))
 
     def bound_scale(self, bound: Bound) -> tuple[Floats, Floats]:
         """Return what violations of `bound` from below and above are held against.
@@ -214,13 +239,14 @@ class PathData(Model[Trajectory]):
         Returns
         -------
         tuple of ndarray, shape (segments, dimensions)
-            ``max(1, |bound|)``, and for positions :attr:`position_scale`.
+            The bound itself, where it is 0 or infinite :meth:`derivative_scale`; for positions
+            :attr:`position_scale`.
         """
+        least = np.broadcast_to(self.derivative_scale(bound.derivative), bound.lower.shape)
         if bound.derivative == 0:
-            scale = np.broadcast_to(self.position_scale, bound.lower.shape)
-            return scale, scale
+            return least, least
         return tuple(
-            np.maximum(1.0, np.where(np.isfinite(edge), np.abs(edge), 1.0))
+            np.where(np.isfinite(edge) & (edge != 0), np.abs(edge), least)
             for edge in (bound.lower, bound.upper)
         )  # type: ignore[return-value]
 

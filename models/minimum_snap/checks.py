@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..verification import ROUNDING, TOLERANCE, Check, Verification, check_tolerance
+from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .bounds import Bound, PathData, derivative_name, derivative_unit
 from .polynomials import bernstein_matrix, derived, factorials
 from .trajectory import Trajectory
@@ -162,7 +162,7 @@ def verify_trajectory(
     for bound in model.bounds:
         checks.append(_bounded(model, plan, bound, tolerance))
     checks += _halfspaces(model, plan, tolerance)
-    return Verification(model.objective(plan), tuple(checks))
+    return Verification(model.objective(plan), tuple(checks), scale=model.objective_scale)
 
 
 def _times(model: PathData, plan: Trajectory, tolerance: float) -> Check:
@@ -170,9 +170,7 @@ def _times(model: PathData, plan: Trajectory, tolerance: float) -> Check:
     at = int(off.argmax())
     # A knot that is off by a share of its segment is off by as much of the path.
     scale = float(min(1.0, model.durations.min()))
-    return Check(
-        "times", "", float(off[at]), "s", tolerance * scale, f"knot {at}", ROUNDING * scale
-    )
+    return Check.scaled("times", "", off[at], "s", f"knot {at}", tolerance, scale)
 
 
 def _degree(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Check]:
@@ -181,9 +179,9 @@ def _degree(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Che
         return
     extra = np.abs(plan.coefficients[:, model.degree + 1 :]).sum(axis=1)
     at = int(extra.max(axis=1).argmax())
-    yield Check(
-        f"degree at most {model.degree}", "", float(extra[at].max()), "m", tolerance,
-        f"segment {at}", ROUNDING,
+    yield Check.scaled(
+        f"degree at most {model.degree}", "", extra[at].max(), "m", f"segment {at}", tolerance,
+        float(model.position_scale.max()),
     )  # fmt: skip
 
 
@@ -197,10 +195,10 @@ def _knots(model: PathData, plan: Trajectory, order: int, tolerance: float) -> I
         factors = factorials(plan.degree, order)
         noise = np.einsum("p,kpd->kd", factors, np.abs(plan.coefficients[:, order:]))
         noise *= _ULPS * (plan.durations**-order)[:, None]
-    if order == 0:
-        size = np.broadcast_to(model.position_scale, begin.shape)
-    else:
-        size = np.maximum(1.0, np.maximum(np.abs(begin), np.abs(end)))
+    least = model.derivative_scale(order)
+    size = np.broadcast_to(least, begin.shape)
+    if order > 0:
+        size = np.maximum(size, np.maximum(np.abs(begin), np.abs(end)))
 
     def check(
         name: str, equation: str, off: Floats, own: Floats, scale: Floats, knots: NDArray[np.int64]
@@ -209,10 +207,10 @@ def _knots(model: PathData, plan: Trajectory, order: int, tolerance: float) -> I
         share = off / allowed
         row, axis = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
         knot = int(knots[row])
-        return Check(
-            name, equation, float(off[row, axis]), unit, float(allowed[row, axis]),
-            f"knot {knot}, axis {axis} (t = {model.times[knot]:g} s)",
-            float(scale[row, axis] * ROUNDING + own[row, axis]),
+        return Check.scaled(
+            name, equation, off[row, axis], unit,
+            f"knot {knot}, axis {axis} (t = {model.times[knot]:g} s)", tolerance,
+            scale[row, axis], noise=own[row, axis],
         )  # fmt: skip
 
     if order < model.conditions.shape[1]:
@@ -243,7 +241,7 @@ def _knots(model: PathData, plan: Trajectory, order: int, tolerance: float) -> I
             # excuse a jump where the path is calm.
             size = 1e-3 * np.maximum(size[:-1], size[1:])
             scale = np.maximum(size, np.maximum(np.abs(end[:-1]), np.abs(begin[1:])))
-            scale = np.maximum(scale, 1.0)
+            scale = np.maximum(scale, least)
         else:
             scale = size[1:]
         yield check(
@@ -261,7 +259,8 @@ def _bounded(model: PathData, plan: Trajectory, bound: Bound, tolerance: float) 
     control = np.einsum("bp,kpd->kbd", bernstein_matrix(inner.shape[1] - 1), inner)
     low, high = control.min(axis=1) * scale, control.max(axis=1) * scale
     rows = np.flatnonzero(((low < bound.lower) | (high > bound.upper)).any(axis=1))
-    where, worst, size, noise = "everywhere inside", 0.0, 1.0, 0.0
+    where, worst, noise, limit = "everywhere inside", 0.0, 0.0, None
+    size = float(model.derivative_scale(order).max())
     if rows.size:
         found = plan.extremes(order, segments=rows)
         edges = np.stack([bound.lower, bound.upper])[:, rows]
@@ -269,11 +268,12 @@ def _bounded(model: PathData, plan: Trajectory, bound: Bound, tolerance: float) 
         sizes = np.stack(model.bound_scale(bound))[:, rows]
         at = side, row, axis = np.unravel_index(int((off / sizes).argmax()), off.shape)
         worst, size, noise = float(off[at]), float(sizes[at]), _ULPS * abs(float(edges[at]))
+        limit = float(bound.upper[rows[row], axis] - bound.lower[rows[row], axis])
         time = (found.least_time, found.largest_time)[int(side)][row, axis]
         where = f"segment {int(rows[row])}, axis {axis} (t = {time:.6g} s)"
-    return Check(
-        bound.name, "", max(worst, 0.0), derivative_unit(order), tolerance * size + noise, where,
-        ROUNDING * size + noise,
+    return Check.scaled(
+        bound.name, "", max(worst, 0.0), derivative_unit(order), where, tolerance, size,
+        noise=noise, limit=limit,
     )  # fmt: skip
 
 
@@ -286,9 +286,9 @@ def _halfspaces(model: PathData, plan: Trajectory, tolerance: float) -> Iterator
     off = found.largest[:, 0] - spaces.offsets
     at = int(off.argmax())
     noise = _ULPS * abs(float(spaces.offsets[at]))
-    yield Check(
-        "polytope", "", max(float(off[at]), 0.0), "m", tolerance * size + noise,
+    yield Check.scaled(
+        "polytope", "", max(float(off[at]), 0.0), "m",
         f"segment {int(spaces.segments[at])}, half-space {at} "
         f"(t = {found.largest_time[at, 0]:.6g} s)",
-        ROUNDING * size + noise,
+        tolerance, size, noise=noise,
     )  # fmt: skip

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...errors import InvalidData
 from ..fields import Optional, Real, declared, frozen
 from ..model import Model
-from ..verification import ROUNDING, TOLERANCE, Check, Verification
+from ..verification import TOLERANCE, Check, Verification
 from .bounds import Bound, Halfspaces, derivative_name
 from .model import MinimumDerivative
 from .trajectory import Trajectory
@@ -255,17 +255,16 @@ continuity
             )
         ]  # fmt: skip
         if self.total_time is not None:
-            size = max(1.0, self.total_time)
             checks.append(
-                Check(
+                Check.scaled(
                     "total time", "", abs(plan.duration - self.total_time), "s",
-                    tolerance * size, f"{plan.duration:.9g} s", ROUNDING * size,
+                    f"{plan.duration:.9g} s", tolerance, self.total_time, limit=self.total_time,
                 )
             )  # fmt: skip
         # Its own check of the times compares them with themselves.
         checks += [check for check in at.checks if check.name != "times"]
         value = None if at.objective is None else at.objective + self.time_weight * plan.duration
-        return Verification(value, tuple(checks))
+        return Verification(value, tuple(checks), scale=at.scale)
 
     def plan_to_data(self, plan: Trajectory) -> Any:
         """Return ``{"times": […], "coefficients": [[[…]]]}``."""

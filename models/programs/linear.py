@@ -93,9 +93,7 @@ class MixedIntegerProgram(RowProgram):
         point = np.asarray(plan, float)
         off = np.where(self.integral, np.abs(point - np.round(point)), 0.0)
         at = int(off.argmax())
-        check = Check.scaled(
-            "integrality", "", off[at], "", self.column_name(at), tolerance, 1.0
-        )
+        check = Check.scaled("integrality", "", off[at], "", self.column_name(at), tolerance, 1.0)
         return Verification(found.objective, (*found.checks, check))
 
     def dual_bound(self, duals: Vector, point: Vector | None = None) -> float:
