@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -249,6 +249,16 @@ class PathData(Model[Trajectory]):
             np.where(np.isfinite(edge) & (edge != 0), np.abs(edge), least)
             for edge in (bound.lower, bound.upper)
         )  # type: ignore[return-value]
+
+    def in_unit(self, length: float) -> Self:
+        """Return the model with lengths in units of `length` m; its objective is J / length²."""
+        names = [
+            "waypoints", "start", "end", "derivatives", "corridor_lower", "corridor_upper",
+            "velocity_limit", "acceleration_limit", "jerk_limit", "polytope_offsets",
+        ]  # fmt: skip
+        given = {name: getattr(self, name) for name in names}
+        scaled = {name: value / length for name, value in given.items() if value is not None}
+        return replace(self, **scaled)
 
     @property
     def bounded(self) -> bool:

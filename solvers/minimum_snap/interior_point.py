@@ -15,6 +15,7 @@ from ...errors import UnsupportedFormulation
 from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..scaling import common
 
 if TYPE_CHECKING:
     from .interior_solver import ChainResult
@@ -68,6 +69,11 @@ class InteriorPoint(Backend):
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         begin = time.perf_counter()
+        # The residuals of the iteration are absolute: lengths far from 1 m get a unit of their own.
+        unit = common(float(problem.position_scale.max()))
+        if unit != 1.0:
+            answer = self.run(problem.in_unit(unit), request)
+            return _in_metres(answer, problem, unit)
         settings = Settings(
             gap=float(np.clip(0.01 * request.gap, 1e-11, 1e-8)),
             tolerance=float(np.clip(1e-4 * request.tolerance, 1e-12, 1e-8)),
@@ -91,6 +97,17 @@ class InteriorPoint(Backend):
                     break
         answer = _conclude(problem, request, results, len(groups))
         return replace(answer, seconds={"solve": time.perf_counter() - begin})
+
+
+def _in_metres(answer: Answer, problem: MinimumDerivative, unit: float) -> Answer:
+    """Return the answer to `problem` of one to the same in units of `unit` m."""
+    plan, primal, dual = answer.point, answer.primal_bound, answer.dual_bound
+    return replace(
+        answer,
+        point=None if plan is None else Trajectory(problem.times, plan.coefficients * unit),
+        primal_bound=None if primal is None else primal * unit**2,
+        dual_bound=None if dual is None else dual * unit**2,
+    )
 
 
 def _conclude(

@@ -19,7 +19,7 @@ from ...models.model import Model
 from ...models.programs.linear import MixedIntegerProgram
 from ..attempts import Clock, Ended, Ending, above_cutoff, allowed, holds, limited, obvious, stopped
 from ..backend import Answer, Backend, Control, Feature, Guarantee, Limit, Request, Termination
-from .scaling import Scaling
+from ..scaling import Scaling
 
 __all__ = [
     "CALLED_BACK",
@@ -118,15 +118,9 @@ class ProgramBackend(Backend):
         self.require()
         request = replace(request, options=self.checked_options(request.options))
         scaling = Scaling.of(problem)
-        if scaling is None:
-            return self._run(problem, request)
-
-        def report(objective: float, point: Any) -> None:
-            request.control.incumbent(*scaling.lifted(objective, point))
-
-        with request.control.stage(request.time_limit, report) as control:
-            answer = self._run(scaling.program, scaling.request(request, control))
-        return scaling.answer(answer)
+        if scaling is not None:
+            return scaling.answered(request, self._run)
+        return self._run(problem, request)
 
     def _run(self, problem: MixedIntegerProgram, request: Request) -> Answer:
         clock = Clock(request.time_limit)

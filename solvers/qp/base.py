@@ -34,6 +34,7 @@ from ..attempts import (
     stopped,
 )
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..scaling import Scaling
 from .forms import Core
 from .polishing import polished
 from .proofs import Findings, examined
@@ -180,7 +181,13 @@ def answered(
     if reason:
         raise UnsupportedFormulation(reason)
     request = replace(request, options=backend.checked_options(request.options))
-    return (run or Run)(problem, request, attempt, Clock(request.time_limit)).answer()
+    kind = run or Run
+
+    def solved(posed: QuadraticProgram, asked: Request) -> Answer:
+        return kind(posed, asked, attempt, Clock(asked.time_limit)).answer()
+
+    scaling = Scaling.of(problem) if type(problem) is QuadraticProgram else None
+    return solved(problem, request) if scaling is None else scaling.answered(request, solved)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""A mixed-integer program in the units of its data, where those are far from 1.
+"""A linear or quadratic program in the units of its data, where those are far from 1.
 
 A solver's tolerances are absolute: thresholds of 1e-9 are nothing to it, and data of 1e9 were seen to
 be claimed infeasible. Rows, continuous columns and the objective are scaled by powers of two, which
@@ -7,7 +7,7 @@ change no digit, one factor a block; what lies in :data:`PLAIN` is left as it is
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,11 +15,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...models.programs.blocks import Block
-from ...models.programs.linear import MixedIntegerProgram
-from ..backend import Answer, Request
+from ..models.programs.blocks import Block
+from ..models.programs.linear import MixedIntegerProgram, QuadraticProgram
+from .backend import Answer, Request
 
-__all__ = ["PLAIN", "Scaling"]
+__all__ = ["PLAIN", "Scaling", "common"]
 
 Vector = NDArray[np.float64]
 
@@ -31,17 +31,20 @@ PLAIN = (1e-1, 1e8)
 class Scaling:
     """`program` is the given one in ``x / columns``, its rows times `rows`, its objective / `unit`."""
 
-    program: MixedIntegerProgram
+    program: MixedIntegerProgram | QuadraticProgram
     columns: Vector
     rows: Vector
     unit: float
 
     @classmethod
-    def of(cls, program: MixedIntegerProgram) -> Scaling | None:
+    def of(cls, program: MixedIntegerProgram | QuadraticProgram) -> Scaling | None:
         """Return the scaling of `program`, None where its data are of common size."""
+        integral = np.zeros(program.size, bool)
+        if isinstance(program, MixedIntegerProgram):
+            integral = program.integral
         entries = abs(program.matrix)
         bounds = _largest(program.row_lower, program.row_upper)
-        whole = entries @ sp.diags_array(program.integral.astype(float))
+        whole = entries @ sp.diags_array(integral.astype(float))
         # What the continuous columns of a row are held against.
         constants = np.maximum(bounds, whole.max(axis=1).toarray().ravel() if whole.nnz else 0.0)
         row = np.repeat(np.arange(program.row_count), np.diff(entries.indptr))
@@ -52,16 +55,25 @@ class Scaling:
         columns = np.ones(program.size)
         for block in program._columns:
             here = (place >= block.start) & (place < block.start + block.size)
-            if not program.integral[block.slice].any() and here.any():
-                columns[block.slice] = _power(float(np.median(wanted[here])))
+            if not integral[block.slice].any() and here.any():
+                columns[block.slice] = common(float(np.median(wanted[here])))
         plain = (columns == 1.0).all()
         sized = entries if plain else entries @ sp.diags_array(columns)
         largest = sized.max(axis=1).toarray().ravel() if sized.nnz else np.zeros(program.row_count)
         rows = _by_block(program._rows, 1.0 / np.where(largest > 0, largest, 1.0), largest > 0)
         costs = np.abs(program.cost) * columns
-        unit = _power(float(costs.max(initial=0.0)) or 1.0)
+        changed: dict[str, Any] = {}
+        if isinstance(program, QuadraticProgram):
+            hessian = program.hessian
+            if not plain:
+                hessian = sp.diags_array(columns) @ hessian @ sp.diags_array(columns)
+            costs = np.maximum(costs, np.abs(hessian.diagonal()))
+            changed["hessian"] = hessian
+        unit = common(float(costs.max(initial=0.0)) or 1.0)
         if plain and (rows == 1.0).all() and unit == 1.0:
             return None
+        if "hessian" in changed:
+            changed["hessian"] = changed["hessian"] / unit
         scaled = replace(
             program,
             cost=program.cost * columns / unit,
@@ -71,6 +83,7 @@ class Scaling:
             row_upper=program.row_upper * rows,
             column_lower=program.column_lower / columns,
             column_upper=program.column_upper / columns,
+            **changed,
         )
         return cls(scaled, columns, rows, unit)
 
@@ -83,6 +96,15 @@ class Scaling:
             warm_start=None if warm is None else np.asarray(warm, float) / self.columns,
             cutoff=None if cutoff is None else cutoff / self.unit,
         )
+
+    def answered(self, request: Request, run: Callable[[Any, Request], Answer]) -> Answer:
+        """Return the answer of `run` on the scaled program in the units of the given one."""
+
+        def report(objective: float, point: Any) -> None:
+            request.control.incumbent(*self.lifted(objective, point))
+
+        with request.control.stage(request.time_limit, report) as control:
+            return self.answer(run(self.program, self.request(request, control)))
 
     def lifted(self, objective: float, point: Any) -> tuple[float, Any]:
         """Return objective and point in the units of the given program."""
@@ -112,12 +134,12 @@ def _by_block(blocks: Iterable[Block], wanted: Vector, counts: NDArray[np.bool_]
     for block in blocks:
         take = wanted[block.slice][counts[block.slice]]
         if take.size:
-            found[block.slice] = 1.0 / _power(1.0 / float(np.median(take)))
+            found[block.slice] = 1.0 / common(1.0 / float(np.median(take)))
     return found
 
 
-def _power(magnitude: float) -> float:
-    """Return the power of two next to `magnitude`, 1 where that is of common size."""
+def common(magnitude: float) -> float:
+    """Return 1 for a magnitude that solvers take as it is, else the power of two next to it."""
     if PLAIN[0] <= magnitude <= PLAIN[1]:
         return 1.0
     return float(2.0 ** np.clip(np.round(np.log2(magnitude)), -500, 500))
