@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import show
-from ..verification import ROUNDING, Check, Verification, check_tolerance
+from ..verification import Check, Verification, check_tolerance
 from .definition import Definition, Phase, Restriction
 from .integration import Reintegration, integrate_anew
 from .plan import ControlPlan
@@ -38,14 +38,13 @@ class _Found(NamedTuple):
 class _Sides:
     """The finite bounds of some entries: one column a side, measured in its own scale."""
 
-    def __init__(self, lower: Floats, upper: Floats, scale: Floats | float = 1.0) -> None:
+    def __init__(self, lower: Floats, upper: Floats, scale: Floats) -> None:
         below, above = np.isfinite(lower), np.isfinite(upper)
         entries = np.arange(lower.size)
         self.entry = np.concatenate([entries[below], entries[above]])
         self._bound = np.concatenate([lower[below], upper[above]])
         self._sign = np.repeat([-1.0, 1.0], [int(below.sum()), int(above.sum())])
-        typical = np.broadcast_to(scale, lower.shape)[self.entry]
-        self.scale: Floats = np.maximum(1.0, np.maximum(np.abs(self._bound), typical))
+        self.scale: Floats = np.maximum(np.abs(self._bound), scale[self.entry])
 
     def __call__(self, values: Floats) -> Floats:
         """Return by how much `values` break each bound, relative to its scale; shape (…, sides)."""
@@ -115,7 +114,8 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
     plan : ControlPlan
         States, controls, times and parameters.
     tolerance : float
-        Largest violation accepted, relative to the size of what is bounded, 1 at least.
+        Largest violation accepted, relative to the size of what is bounded: the bound, the declared
+        scale (that of a state, control or parameter counts 1 at most), or the state's course.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
             ("bounds of controls", _bounds(phases, "controls")),
             (
                 "bounds of parameters",
-                _Sides(*definition.bounds("parameters")).worst(
+                _Sides(*definition.bounds("parameters"), definition.least_scale("parameters")).worst(
                     phases[0].parameters,
                     _units(definition, "parameters"),
                     definition.parameter_names,
@@ -160,10 +160,9 @@ def _check(name: str, found: list[_Found], tolerance: float) -> Check | None:
         return None
     found = [one if one.worst == one.worst else one._replace(worst=np.inf) for one in found]
     worst = max(found, key=lambda one: one.worst / one.scale)
-    return Check(
-        name, worst.equation, float(worst.worst), worst.unit, tolerance * worst.scale, worst.where,
-        ROUNDING * worst.scale,
-    )  # fmt: skip
+    return Check.scaled(
+        name, worst.equation, worst.worst, worst.unit, worst.where, tolerance, worst.scale
+    )
 
 
 def _labels(phases: tuple[Course, ...]) -> list[str]:
@@ -222,7 +221,7 @@ def _invariants(
         for one in course.phase.invariants:
             entries = slice(at, at + one.size)
             at += one.size
-            scale = np.maximum(1.0, np.maximum(one.scale, np.abs(begin[entries])))
+            scale = np.maximum(one.scale, np.abs(begin[entries]))
             found = []
             grids = (course.dense.times, ""), (moved.times, " (integrated)")
             for table, (times, whose) in zip(tables, grids, strict=True):
@@ -244,7 +243,7 @@ def _entry(one: Restriction, entry: int) -> str:
 def _bounds(phases: tuple[Course, ...], what: str) -> Iterator[_Found]:
     """Yield the worst against the bounds of states or controls, between the nodes as well."""
     for course, label in zip(phases, _labels(phases), strict=True):
-        sides = _Sides(*course.phase.bounds(what))
+        sides = _Sides(*course.phase.bounds(what), course.phase.least_scale(what))
         if not sides.entry.size:
             continue
         worst = course.largest(
@@ -287,6 +286,7 @@ def _times(phases: tuple[Course, ...]) -> Iterator[_Found]:
         sides = _Sides(
             np.array([phase.start_lower, phase.end_lower]),
             np.array([phase.start_upper, phase.end_upper]),
+            np.full(2, min(1.0, plan.duration)),
         )
         places = f"start{label}", f"end{label}"
         yield from sides.worst(np.array([plan.start, plan.end]), [phase.time_unit] * 2, places)

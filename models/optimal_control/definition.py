@@ -204,6 +204,10 @@ class _Stacked(Declared):
         parts = [getattr(one, field) for one in getattr(self, what)]
         return np.concatenate([*parts, np.empty(0)])
 
+    def least_scale(self, what: str) -> Floats:
+        """Return the size that all in `what` have where nothing is larger: as declared, at most 1."""
+        return np.minimum(self.stacked(what, "scale"), 1.0)
+
     def bounds(self, what: str, side: str = "") -> tuple[Floats, Floats]:
         """Return both bounds of all in `what`; `side` may be ``"initial"`` or ``"final"``."""
         low, high = (f"{side}_{edge}".lstrip("_") for edge in ("lower", "upper"))

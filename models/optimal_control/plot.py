@@ -233,10 +233,11 @@ def _limits(one: Quantity | Restriction, course: Course, tolerance: float) -> It
     for (lower, upper), members in groups.items():
         edges = [abs(edge) for edge in (lower, upper) if np.isfinite(edge)]
         # As the checks have it: path constraints are measured in their own scale, too.
-        typical = float(one.scale[members].max()) if isinstance(one, Restriction) else 1.0
+        typical = float(one.scale[members].max())
+        typical = typical if isinstance(one, Restriction) else min(typical, 1.0)
         colours = () if len(members) == one.size else tuple(members)
         if edges:
-            yield Limit(times, lower, upper, colours, tolerance * max(1.0, typical, *edges))
+            yield Limit(times, lower, upper, colours, tolerance * max(typical, *edges))
 
 
 def _costates(found: Sequence[Course]) -> Iterator[Panel]:

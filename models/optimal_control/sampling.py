@@ -134,8 +134,9 @@ class Course:
 
     @cached_property
     def state_scale(self) -> Floats:
-        """Size of each state: the largest magnitude over the phase, 1 at least."""
-        scale: Floats = np.maximum(1.0, np.abs(self.dense.states).max(axis=0))
+        """Size of each state: the largest magnitude over the phase, or what is declared, at most 1."""
+        least = self.phase.least_scale("states")
+        scale: Floats = np.maximum(least, np.abs(self.dense.states).max(axis=0))
         return scale
 
     @cached_property

@@ -80,7 +80,8 @@ class Report:
 def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
     """Return the report on one phase of a plan."""
     count = part.states.intervals
-    size = np.maximum(1.0, np.max([np.abs(v).max(axis=0) for v in part.states.values], axis=0))
+    most = np.max([np.abs(v).max(axis=0) for v in part.states.values], axis=0)
+    size = np.maximum(phase.least_scale("states"), most)
     errors, violations, places = np.zeros(count), np.zeros(count), np.zeros(count)
     decays, chatters = np.zeros(count), np.zeros(count, bool)
     cuts: list[float | None] = []
@@ -140,15 +141,17 @@ def _violated(course: Course, k: int) -> tuple[float, float]:
     count = 3 * course.plan.states.nodes[k].size + 8
     tau = -np.cos(np.pi * np.arange(count) / (count - 1))
     at, functions = _look(course, k, tau)
-    tables = [(at.states.T, *course.phase.bounds("states"))]
-    if course.phase.paths:
-        tables.append((functions["path"].T, *course.phase.bounds("paths")))
+    phase = course.phase
+    tables = [(at.states.T, *phase.bounds("states"), phase.least_scale("states"))]
+    if phase.paths:
+        paths = phase.stacked("paths", "scale")
+        tables.append((functions["path"].T, *phase.bounds("paths"), paths))
     worst, where = 0.0, 0.0
-    for values, low, high in tables:
+    for values, low, high, least in tables:
         for edge, sign in ((low, -1.0), (high, 1.0)):
             known = np.isfinite(edge)
             if known.any():
-                scale = np.maximum(1.0, np.abs(edge[known]))
+                scale = np.maximum(least[known], np.abs(edge[known]))
                 off = (sign * (values[known] - edge[known, None]) / scale[:, None]).max(axis=0)
                 if np.isnan(off).any():
                     return np.inf, 0.0
