@@ -137,7 +137,9 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
             ("bounds of controls", _bounds(phases, "controls")),
             (
                 "bounds of parameters",
-                _Sides(*definition.bounds("parameters"), definition.least_scale("parameters")).worst(
+                _Sides(
+                    *definition.bounds("parameters"), definition.least_scale("parameters")
+                ).worst(
                     phases[0].parameters,
                     _units(definition, "parameters"),
                     definition.parameter_names,

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from ...errors import InvalidData
 from ..fields import show
 from ..optimal_control.plan import ControlPlan, PhasePlan
-from ..verification import ROUNDING, Check, Verification, check_tolerance
+from ..verification import Check, Verification, check_tolerance
 from .data import SlewData
 from .dynamics import CONTROLS, STATES, SlewMotion
 from .gyros import singularity_measure
@@ -66,7 +66,7 @@ def verify_slew(model: SlewData, plan: ControlPlan, tolerance: float) -> Verific
     samples = _sample(model, motion, phase)
     checks = [
         *_ends(model, phase, tolerance),
-        *_motion(samples, tolerance),
+        *_motion(model, samples, tolerance),
         *_limits(model, motion, samples, tolerance),
         *_invariants(model, motion, samples, tolerance),
     ]
@@ -75,12 +75,16 @@ def verify_slew(model: SlewData, plan: ControlPlan, tolerance: float) -> Verific
 
 def _check(
     name: str, equation: str, worst: float, unit: str, tolerance: float, where: str,
-    size: float = 1.0,
+    scale: float, limit: float | None = None,
 ) -> Check:  # fmt: skip
-    scale = max(1.0, size)
     # A number that is none is no small violation.
     worst = float(worst) if np.isfinite(worst) else float("inf")
-    return Check(name, equation, worst, unit, tolerance * scale, where, ROUNDING * scale)
+    return Check.scaled(name, equation, worst, unit, where, tolerance, scale, limit=limit)
+
+
+def _sizes(model: SlewData) -> tuple[float, float, float]:
+    """Return the size of each part of the state: a unit quaternion, the limit of rates, a radian."""
+    return 1.0, model.rate_limit, 1.0
 
 
 # -- the ends ----------------------------------------------------------------------------------------
@@ -104,15 +108,14 @@ def _ends(model: SlewData, phase: PhasePlan, tolerance: float) -> list[Check]:
     ):
         # q and -q are the same attitude.
         q = -q if q @ have[:4] < 0.0 else q
-        for (name, first, beyond, unit), want in zip(_PARTS, (q, rest, gimbals), strict=True):
+        wanted = zip(_PARTS, (q, rest, gimbals), _sizes(model), strict=True)
+        for (name, first, beyond, unit), want, size in wanted:
             if want is None:
                 continue
             apart = np.abs(have[first:beyond] - want)
             k = int(apart.argmax())
             place = f"{STATES[first + k]} = {have[first + k]:.9g}, not {want[k]:.9g}"
-            checks.append(
-                _check(f"{word} {name}", "12", apart[k], unit, tolerance, place, abs(want[k]))
-            )
+            checks.append(_check(f"{word} {name}", "12", apart[k], unit, tolerance, place, size))
     return checks
 
 
@@ -160,31 +163,35 @@ def _sample(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
     )
 
 
-def _motion(samples: _Samples, tolerance: float) -> list[Check]:
+def _motion(model: SlewData, samples: _Samples, tolerance: float) -> list[Check]:
     """Return how far the plan's states are from those integrated anew."""
     checks = []
-    for (name, first, beyond, unit), equation in zip(_PARTS, ("10", "10", "9"), strict=True):
+    parts = zip(_PARTS, ("10", "10", "9"), _sizes(model), strict=True)
+    for (name, first, beyond, unit), equation, size in parts:
         label = f"{name} integrated anew"
         if samples.anew is None:
             checks.append(
-                _check(label, equation, np.inf, unit, tolerance, "the integration breaks down")
+                _check(
+                    label, equation, np.inf, unit, tolerance, "the integration breaks down", size
+                )
             )
             continue
         apart = np.abs(samples.states[:, first:beyond] - samples.anew[:, first:beyond])
         checks.append(
-            _worst(label, equation, apart, samples.times, STATES[first:], unit, tolerance)
+            _worst(label, equation, apart, samples.times, STATES[first:], unit, tolerance, size)
         )
     return checks
 
 
 def _worst(
     name: str, equation: str, over: Floats, times: Floats, entries: tuple[str, ...], unit: str,
-    tolerance: float, size: float = 1.0,
+    tolerance: float, scale: float, limit: float | None = None,
 ) -> Check:  # fmt: skip
     """Return the check of an excess, shape (samples, entries), at its largest."""
     row, column = (int(k) for k in np.unravel_index(int(over.argmax()), over.shape))
     where = f"t = {times[row]:.6g} s, {entries[column]}"
-    return _check(name, equation, max(0.0, over[row, column]), unit, tolerance, where, size)
+    worst = max(0.0, over[row, column])
+    return _check(name, equation, worst, unit, tolerance, where, scale, limit)
 
 
 def _limits(
@@ -207,14 +214,14 @@ def _limits(
         ),
     )  # fmt: skip
     checks = [
-        _worst(name, equation, np.abs(values) - most, times, entries, unit, tolerance, most)
+        _worst(name, equation, np.abs(values) - most, times, entries, unit, tolerance, most, most)
         for name, equation, values, most, entries, unit in cases
     ]
     least = model.singularity_limit
     checks.append(
         _worst(
             "singularity measure", "12", least - measure, times, ("det(A_t A_t')",), "",
-            tolerance, least,
+            tolerance, least or 1.0, least,
         )
     )  # fmt: skip
     return checks
@@ -227,7 +234,7 @@ def _invariants(
     length = np.abs((samples.states[:, :4] ** 2).sum(axis=1) - 1.0)[:, None]
     drift = np.abs(motion.total_momentum(samples.states) - model.total_momentum)
     return [
-        _worst("norm of the quaternion", "10", length, samples.times, ("q·q",), "", tolerance),
+        _worst("norm of the quaternion", "10", length, samples.times, ("q·q",), "", tolerance, 1.0),
         _worst(
             "total momentum", "10", drift, samples.times, ("x", "y", "z"), "N m s",
             tolerance, model.momentum,

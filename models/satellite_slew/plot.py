@@ -167,14 +167,14 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
         return Panel(title, unit, curves, limits, marks, whole=True)
 
     def within(most: float, whole: float | None = None) -> list[Limit]:
-        found = [Limit(ends, -most, most, (), tolerance * max(1.0, most))]
+        found = [Limit(ends, -most, most, (), tolerance * most)]
         if whole is not None and whole > most:
             label = "limit, nothing in reserve"
             found.append(Limit(ends, -whole, whole, label=label, dashes=":", shaded=False))
         return found
 
     least = model.singularity_limit
-    safe = Limit(ends, least, np.inf, (), tolerance * max(1.0, least))
+    safe = Limit(ends, least, np.inf, (), tolerance * (least or 1.0))
     return [
         panel("quaternion", "", _ATTITUDE, states[:, :4], (nodes, at_nodes[:, :4])),
         panel(
