@@ -58,7 +58,9 @@ in_process = click.option(
 )
 plot = click.option("--plot", metavar="FILE", help="Write a picture of the plan (png, pdf, svg).")
 tolerance = click.option(
-    "--tolerance", type=float, help="Largest violation accepted, relative to max(1, limit)."
+    "--tolerance",
+    type=float,
+    help="Largest violation accepted, relative to each constraint's scale (default: 1e-6).",
 )
 _READING: list[Callable[..., Any]] = [
     click.option(

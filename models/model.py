@@ -225,7 +225,14 @@ class Model(Declared, ABC, Generic[PlanT]):
         plan : PlanT
             A plan for this model, from anywhere.
         tolerance : float
-            Largest violation accepted, relative to ``max(1, right-hand side)``.
+            Largest violation accepted, relative to the scale that each check names; > 0 and < 1.
+
+        Raises
+        ------
+        InvalidData
+            `plan` is no plan for this model.
+        UnsupportedOption
+            `tolerance` is no number > 0 and < 1.
         """
 
     @abstractmethod

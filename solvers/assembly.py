@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -22,6 +23,8 @@ from .registry import find_backend
 from .solution import Incumbent, Solution, relative_gap
 
 __all__ = ["Claim", "assemble", "claim_from_data", "claim_to_data"]
+
+log = logging.getLogger("crosstrack")
 
 #: Difference between objective and bound, in the objective's unit, that rounding explains.
 NOTHING = 1e-9
@@ -100,6 +103,10 @@ def assemble(job: Job, claim: Claim) -> Solution[Any]:
             if not verification.ok:
                 messages.append(f"plan {verification.summary()}")
                 rejected = model.plan_to_data(plan)
+            elif verification.near:
+                # Such a plan may break what it is said to keep.
+                messages.append(f"plan {verification.summary()}")
+                log.warning("%s: plan of %s %s", model.name, backend.name, verification.summary())
         except InvalidData as error:
             # It is no plan of the model: nothing of it is returned.
             messages.append(f"the point is no plan: {error}")

@@ -181,7 +181,7 @@ def verify(
     plan : plan, Solution or JSON data
         The plan.
     tolerance : float
-        Largest violation accepted, relative to ``max(1, right-hand side)``.
+        Largest violation accepted, relative to the scale that each check names; > 0 and < 1.
     formulation : str, optional
         Encode the plan into this formulation as well, and check every row of the program.
     formulation_options : mapping, optional
@@ -196,6 +196,8 @@ def verify(
     ------
     InvalidData
         The plan is none for this model, or cannot be encoded.
+    UnsupportedOption
+        The tolerance is no number > 0 and < 1.
     """
     model = as_model(model)
     check_tolerance(tolerance)

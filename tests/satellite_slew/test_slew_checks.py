@@ -102,3 +102,13 @@ def test_what_is_no_plan_of_a_slew_raises(steered):
     named = replace(phase, control_names=tuple("abcd"))
     with pytest.raises(InvalidData, match="has the controls rate"):
         model.verify(ControlPlan((named,)))
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_a_limit_is_its_own_scale(steered, size):
+    model = replace(SatelliteSlew(), rate_limit=size, torque_limit=size, gimbal_rate_limit=size)
+    scales = {check.name: check for check in model.verify(steered.plan).checks}
+    for name in ("body rate limit", "gimbal rate limit", "control torque limit"):
+        assert scales[name].scale == scales[name].limit == size
+        assert scales[name].tolerance == pytest.approx(1e-6 * size)
+    assert scales["initial body rates"].scale == scales["body rates integrated anew"].scale == size
