@@ -157,7 +157,7 @@ def picture_path(value: str | None) -> Path | None:
     """Return where a picture goes; a name that no picture has, or no matplotlib, raises now."""
     if value is None:
         return None
-    from ..instances.storage import writable
+    from ..files import writable
     from ..models.plots import require_matplotlib
 
     require_matplotlib()
@@ -166,7 +166,7 @@ def picture_path(value: str | None) -> Path | None:
 
 def draw(model: Model[Any], plan: Any, path: Path, tolerance: float | None = None) -> None:
     """Write the picture of a plan or solution, held to `tolerance` where the picture has one."""
-    from ..instances.storage import write_bytes
+    from ..files import write_bytes
     from ..models.plots import picture_options, plot
     from ..solvers.report.terminal import say
 

@@ -105,9 +105,10 @@ def export(
     Each problem has formats of its own; an unknown name lists them. The plan is verified first:
     one that does not hold is not written (exit code 6).
     """
+    from ..files import read_text, writable
     from ..instances.catalogue import load
     from ..instances.exports import choose_format, export_plan
-    from ..instances.storage import read_plan, read_text, writable
+    from ..instances.storage import read_plan
     from ..solvers.dispatch import verify
     from ..solvers.report.tables import render, verification_table
     from ..solvers.report.terminal import emit, say, show, write

@@ -70,8 +70,9 @@ def solve(
     plot: str | None, output: str | None, warm_start: str | None, starts: int, in_process: bool, verbose: bool, **asked: Any,
 ) -> int:  # fmt: skip
     """Solve INSTANCE and verify the answer."""
+    from ..files import writable
     from ..instances.catalogue import load
-    from ..instances.storage import read_plan, writable, write_text
+    from ..instances.storage import read_plan
     from ..solvers import dispatch
     from ..solvers.registry import find_backend, is_plain, recommended
     from ..solvers.report.terminal import emit, progress, say, show
@@ -98,7 +99,7 @@ def solve(
         )
     # Files first: a reader that closes the pipe must not cost the answer.
     if record is not None:
-        write_text(record, solution.to_json(indent=2) + "\n")
+        solution.save(record)
     if picture is not None:
         if solution.plan is None:
             say("no plan, no picture")

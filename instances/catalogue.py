@@ -191,7 +191,7 @@ def load(
             return found.build()
         if found is None and ("\0" in source or not Path(source).exists()):
             raise UnknownName("instance (and there is no such file)", source, _all())
-    from .storage import as_path
+    from ..files import as_path
 
     file = as_path(source)
     if file.is_dir():
@@ -250,7 +250,7 @@ def _of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Model[A
 
 def _hint(file: Path) -> None:
     """Raise what a problem says of a CSV file that is no part of an instance."""
-    from .storage import read_text
+    from ..files import read_text
 
     if file.suffix.casefold() == ".csv":
         first = next((line for line in read_text(file).splitlines() if line.strip()), "")

@@ -7,12 +7,10 @@ in the place of the reference.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import os
 import re
-import secrets
 import stat
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -20,31 +18,24 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidData
-from ..models.fields import required, show
+from ..files import LARGEST_FILE, as_path, decoded, read_text, write_text
+from ..models.fields import show
 from ..models.model import Model, as_model, parse_json
 from ..models.problems import resolve, table
 
 __all__ = [
-    "LARGEST_FILE",
     "NUMBER",
     "Find",
-    "as_path",
     "number",
     "read_model",
     "read_plan",
-    "read_text",
     "register_references",
-    "writable",
-    "write_bytes",
     "write_model",
     "write_text",
 ]
 
 #: Numbers as files may write them.
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-
-#: Bytes that a file may hold, and so may all files together that an instance refers to.
-LARGEST_FILE = 256 << 20
 
 #: Returns the path of a file that an instance refers to by name, where it may be read.
 Find = Callable[[str], Path]
@@ -188,90 +179,6 @@ def pretty(content: Mapping[str, Any]) -> str:
     return "{\n  " + ",\n  ".join([*head, f'"data": {{\n    {data}\n  }}']) + "\n}\n"
 
 
-def as_path(path: Any) -> Path:
-    """Return `path` as a path; what is none raises."""
-    try:
-        found = Path(path)
-        os.fsencode(found)
-        return found
-    except (TypeError, UnicodeEncodeError):
-        raise InvalidData(f"path must name a file, got {show(path)}", field="path") from None
-
-
-def read_text(path: str | os.PathLike[str]) -> str:
-    """Return the UTF-8 text of a file, without its byte-order mark; lines end as they stand.
-
-    The file may be a pipe; more than :data:`LARGEST_FILE` bytes raise.
-    """
-    file = as_path(path)
-    try:
-        with file.open("rb") as stream:
-            raw = stream.read(LARGEST_FILE + 1)
-    except FileNotFoundError:
-        raise InvalidData(f"{file}: no such file") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InvalidData(f"{file}: cannot be read: {reason}") from None
-    if len(raw) > LARGEST_FILE:
-        raise InvalidData(f"{file}: holds more than {LARGEST_FILE} bytes")
-    return _decoded(raw, file)
-
-
-def _decoded(raw: bytes, file: str | Path) -> str:
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise InvalidData(
-            f"{file}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8: save it as UTF-8"
-        ) from None
-
-
-def write_text(path: str | os.PathLike[str], text: str) -> Path:
-    """Write `text` as UTF-8 in one step: whoever reads sees the old content or the new.
-
-    Raises
-    ------
-    InvalidData
-        The text or the file cannot be written, or the path leads to no regular file.
-    """
-    try:
-        raw = required("text", text, str).encode()
-    except UnicodeEncodeError as error:
-        raise InvalidData(f"{path}: {text[error.start]!r} cannot be written as UTF-8") from None
-    return write_bytes(path, raw)
-
-
-def write_bytes(path: str | os.PathLike[str], raw: bytes) -> Path:
-    """Write `raw` in one step, as :func:`write_text` does; an existing file keeps its mode."""
-    file = as_path(path)
-    # A link stays a link: what it points at is replaced.
-    target = Path(os.path.realpath(file))
-    partial = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
-    try:
-        old = target.stat() if target.exists() else None
-        _require_regular(file, old)
-        with partial.open("xb") as stream:
-            if old is not None:
-                os.fchmod(stream.fileno(), stat.S_IMODE(old.st_mode))
-            stream.write(raw)
-            stream.flush()
-            os.fsync(stream.fileno())
-        partial.replace(target)
-    except OSError as error:
-        raise InvalidData(f"{file}: cannot be written: {error.strerror}") from None
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink()
-    return file
-
-
-def _require_regular(file: Path, found: os.stat_result | None) -> None:
-    """Raise where `found` is no regular file: a device or a pipe must not be replaced by a file."""
-    if found is not None and not stat.S_ISREG(found.st_mode):
-        raise InvalidData(f"{file}: is no regular file, and only such are written", field="file")
-
-
 def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
     """Return the plan of `model` in a file.
 
@@ -290,7 +197,7 @@ def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
     """
     model = as_model(model)
     standard = isinstance(source, str) and source == "-"
-    text = _decoded(sys.stdin.buffer.read(), "standard input") if standard else read_text(source)
+    text = decoded(sys.stdin.buffer.read(), "standard input") if standard else read_text(source)
     data = parse_json(text)
     if isinstance(data, Mapping) and "plan" in data:
         if data["plan"] is None:
@@ -298,32 +205,6 @@ def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
             raise InvalidData(f"{source}: the solution holds no plan ({state})", field="plan")
         data = data["plan"]
     return model.plan_from_data(data)
-
-
-def writable(path: str | os.PathLike[str], suffixes: Sequence[str] = ()) -> Path:
-    """Return the path of a file to write; whatever would keep it from being written raises now.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-    suffixes : sequence of str
-        What its name may end in; anything where empty.
-    """
-    file = as_path(path)
-    if suffixes and file.suffix.lower() not in suffixes:
-        raise InvalidData(
-            f"{file}: the file's name must end in {', '.join(suffixes)}", field="file"
-        )
-    if not file.parent.is_dir():
-        raise InvalidData(f"{file}: folder {file.parent} does not exist", field="file")
-    exists = file.exists()
-    _require_regular(file, file.stat() if exists else None)
-    # What replaces the file is written beside it first.
-    folder = Path(os.path.realpath(file)).parent
-    if not os.access(folder, os.W_OK) or (exists and not os.access(file, os.W_OK)):
-        raise InvalidData(f"{file}: cannot be written", field="file")
-    return file
 
 
 def number(text: str, where: str, field: str) -> float:

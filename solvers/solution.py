@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidData
+from ..files import read_text, write_text
 from ..models.fields import Array, Optional, Real, Spec, Text, Whole
-from ..models.model import Model, as_model
+from ..models.model import Model, as_model, parse_json
 from ..models.records import Anything, Member, Sequence, Table, recorded
-from ..models.verification import Verification
+from ..models.verification import ROUNDING, TOLERANCE, Verification
 from .enums import Guarantee, Limit, Termination
 from .report.tables import frame, markup, render, solutions_table, verification_table
 
@@ -256,6 +259,49 @@ class Solution(Generic[PlanT]):
                 "starts": tuple(cls.from_dict(start, model) for start in found["starts"]),
             }
         )
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the solution as JSON, in one step; return the path.
+
+        Raises
+        ------
+        InvalidData
+            The file cannot be written.
+        """
+        return write_text(path, self.to_json(indent=2) + "\n")
+
+    @classmethod
+    def load(
+        cls, path: str | os.PathLike[str], model: Model[PlanT] | None = None
+    ) -> Solution[PlanT]:
+        """Return the solution that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file.
+        model : Model, optional
+            What it is a solution of. The plan comes back as an object then, and is verified anew;
+            without it there is only :attr:`plan_data`, which nobody has looked at.
+
+        Raises
+        ------
+        InvalidData
+            The file cannot be read, is for another model, or claims what does not hold.
+        """
+        found = cls.from_dict(parse_json(read_text(path)), model)
+        if model is None or found.plan is None:
+            return found
+        checked = model.verify(found.plan, tolerance=found.options.get("tolerance", TOLERANCE))
+        claimed, value = found.primal_bound, checked.objective
+        if not checked.ok or value is None:
+            raise InvalidData(f"{path}: the plan does not hold: {checked.summary()}", field="plan")
+        if claimed is None or abs(claimed - value) > ROUNDING * max(abs(value), checked.scale):
+            raise InvalidData(
+                f"{path}: claims the objective {claimed!r}, its plan has {value!r}",
+                field="primal_bound",
+            )
+        return replace(found, verification=checked)
 
     def parts(self) -> list[Any]:
         """Return what to print: a table of the answer, the plan, its checks, and the message."""

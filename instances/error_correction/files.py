@@ -21,11 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...files import as_path, read_text, write_text
 from ...models.error_correction.model import ErrorCorrectionRouting
 from ...models.error_correction.points import as_kind, kind_word
 from ...models.fields import required, show
 from ..spreadsheets import xlsx_rows
-from ..storage import Find, as_path, number, pretty, read_text, write_model, write_text
+from ..storage import Find, number, pretty, write_model
 
 __all__ = [
     "PointTable",

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ...errors import InvalidData
+from ...files import as_path, read_text, write_text
 from ...models.fields import required
 from ...models.minimum_snap.trajectory import Trajectory
 from ...models.model import parse_json
-from ..storage import as_path, read_text, write_text
 
 __all__ = ["read_bezier", "write_bezier"]
 

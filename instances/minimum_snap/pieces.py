@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...files import read_text
 from ...models.fields import Array, Real, frozen, show
 from ...models.minimum_snap.polynomials import factorials
 from ...models.minimum_snap.trajectory import Trajectory
-from ..storage import read_text
 from .tables import numbers_of, numeric_rows
 
 __all__ = ["Poly7", "Precision"]

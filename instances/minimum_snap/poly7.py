@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...files import as_path, write_text
 from ...models.fields import Flag
 from ...models.minimum_snap.bounds import derivative_name, derivative_unit
 from ...models.minimum_snap.trajectory import Trajectory
-from ..storage import as_path, write_text
 from .pieces import Poly7, Precision
 
 __all__ = [

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...files import as_path, read_text, write_text
 from ...models.fields import Whole, required, show
 from ...models.minimum_snap.trajectory import Trajectory
 from ..spreadsheets import xlsx_rows
-from ..storage import NUMBER, Find, as_path, number, read_text, write_text
+from ..storage import NUMBER, Find, number
 
 __all__ = [
     "Samples",

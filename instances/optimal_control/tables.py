@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ...files import write_text
 from ...models.fields import required
 from ...models.optimal_control.plan import ControlPlan
 from ...models.sampling import sample_count
 from ..exports import ExportFormat
-from ..storage import write_text
 
 __all__ = ["SAMPLES", "write_control_samples"]
 

@@ -252,7 +252,7 @@ def test_compare_verdicts_and_resume(instance, tmp_path):
 
 def test_interrupted_is_130_with_the_incumbent(tmp_path):
     """A program that nobody solves in a minute, stopped by Ctrl-C."""
-    from crosstrack.instances.storage import write_text
+    from crosstrack.files import write_text
     from crosstrack.models import MixedIntegerProgram
 
     generator = __import__("numpy").random.default_rng(1)

@@ -13,7 +13,7 @@ import pytest
 from commands import run
 
 from crosstrack.errors import InvalidData
-from crosstrack.instances.storage import writable, write_text
+from crosstrack.files import writable, write_text
 from crosstrack.solvers.report.terminal import emit
 
 INSTANCE = "error-correction/example-1"

@@ -1,5 +1,6 @@
 """Tables fit their terminal: columns fold or go by rank, and a number is never cut."""
 
+import json
 import sys
 from dataclasses import replace
 
@@ -7,7 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 import crosstrack as ct
-from crosstrack.errors import BackendMissing
+from crosstrack.errors import BackendMissing, InvalidData
 from crosstrack.solvers.report.tables import render, solutions_table, table
 
 NUMBERS = ("124250.503", "0.000123", "1e+09")
@@ -123,3 +124,31 @@ def test_a_route_is_a_sequence_of_points(comparison):
 
 def test_the_packages_are_listed():
     assert {"models", "solvers", "instances", "errors", "solve"} <= set(dir(ct))
+
+
+def test_a_solution_is_kept_in_a_file(comparison, tmp_path):
+    solution = ct.solve(ct.load("error-correction/example-1"), "label-setting")
+    model = ct.load("error-correction/example-1")
+    file = solution.save(tmp_path / "kept.json")
+    again = ct.Solution.load(file, model)
+    assert again.plan == solution.plan
+    assert again.to_dict() == solution.to_dict()
+    assert ct.Solution.load(file).plan is None
+    assert ct.Solution.load(file).plan_data == solution.plan_data
+    with pytest.raises(InvalidData, match="digest"):
+        ct.Solution.load(file, ct.load("error-correction/7"))
+
+
+def test_a_kept_solution_must_hold(tmp_path):
+    model = ct.load("error-correction/example-1")
+    data = ct.solve(model).to_dict()
+    for change, words in (
+        (
+            {"plan": {"route": [data["plan"]["route"][0], data["plan"]["route"][-1]]}},
+            "does not hold",
+        ),
+        ({"primal_bound": data["primal_bound"] * 0.9}, "claims the objective"),
+    ):
+        (tmp_path / "false.json").write_text(json.dumps({**data, **change}), "utf-8")
+        with pytest.raises(InvalidData, match=words):
+            ct.Solution.load(tmp_path / "false.json", model)

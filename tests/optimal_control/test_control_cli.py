@@ -111,7 +111,7 @@ def test_export_writes_samples_and_no_pieces(solved, tmp_path):
 
 
 def test_a_problem_of_ones_own_goes_through_its_file(tmp_path):
-    from crosstrack.instances.storage import write_text
+    from crosstrack.files import write_text
 
     path = tmp_path / "push.json"
     write_text(path, push(1.0).to_json())
@@ -126,7 +126,7 @@ def test_a_problem_of_ones_own_goes_through_its_file(tmp_path):
 
 
 def test_dependent_equations_are_bad_data(tmp_path):
-    from crosstrack.instances.storage import write_text
+    from crosstrack.files import write_text
 
     path = tmp_path / "turn.json"
     write_text(path, turn().to_json())

@@ -151,7 +151,9 @@ def assemble(
     for kind, segment, entries, constants, row in groups:
         number, flat = segment.size, entries.ravel()
         local = casadi.mtimes(casadi.MX(dm(matrix[flat])), x[count:, 0]) + casadi.DM(constant[flat])
-        z = casadi.vertcat(x[segment.tolist(), 0].T, casadi.reshape(local, entries.shape[1], number))
+        z = casadi.vertcat(
+            x[segment.tolist(), 0].T, casadi.reshape(local, entries.shape[1], number)
+        )
         c = casadi.DM(constants.T)
         value = kind.value.map(number)(z, c)
         firsts.append(casadi.vec(kind.first.map(number)(z, c)))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from crosstrack.instances import CatalogueEntry, ExportFormat
+from crosstrack.instances import CatalogueEntry, ExportFormat, write_text
 from crosstrack.instances.demos import Demo, DemoOption
-from crosstrack.instances.storage import write_text
 from crosstrack.solvers.report.layout import Column, PaperTable, PaperTables
 
 from .model import Covering
