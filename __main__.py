@@ -11,9 +11,10 @@ from __future__ import annotations
 import contextlib
 import errno
 import importlib
+import shutil
 import sys
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, cast
 
 import click
@@ -41,12 +42,27 @@ _HOMES = {
 }
 
 
+class _Help(click.HelpFormatter):
+    """Help that fits a narrow terminal: there, what an option does stands below it."""
+
+    def write_dl(
+        self, rows: Iterable[tuple[str, str]], col_max: int = 30, col_spacing: int = 2
+    ) -> None:
+        super().write_dl(rows, col_max if self.width >= 60 else 2, col_spacing)
+
+
+class _Context(click.Context):
+    formatter_class = _Help
+
+
 class _Commands(Mapping[str, click.Command]):
     """The commands by name, each loaded when it is asked for."""
 
     def __getitem__(self, name: str) -> click.Command:
         home = importlib.import_module(f".cli.{_HOMES[name]}", __package__)
-        return cast(click.Command, getattr(home, name))
+        command = cast(click.Command, getattr(home, name))
+        command.context_class = _Context
+        return command
 
     def __iter__(self) -> Iterator[str]:
         return iter(_HOMES)
@@ -65,6 +81,9 @@ def cli() -> None:
     INSTANCE is a catalogue name such as error-correction/7, a JSON file, or a CSV or Excel file with
     --data for what it lacks.
     """
+
+
+cli.context_class = _Context
 
 
 def fail(code: int, error: BaseException, as_json: bool) -> NoReturn:
@@ -88,7 +107,11 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     prepare()
     reserve()
     try:
-        code = cli.main(arguments, prog_name="crosstrack", standalone_mode=False)
+        # Without this, click takes no terminal to be narrower than 50 columns.
+        width = min(shutil.get_terminal_size().columns, 80) - 2
+        code = cli.main(
+            arguments, prog_name="crosstrack", standalone_mode=False, terminal_width=width
+        )
     except click.ClickException as error:
         fail(USAGE, error, as_json)
     except (BackendMissing, BackendBroken) as error:

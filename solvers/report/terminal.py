@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -16,6 +17,7 @@ from ...errors import InvalidData
 __all__ = [
     "discard",
     "emit",
+    "fold",
     "prepare",
     "progress",
     "reserve",
@@ -76,7 +78,26 @@ def show(*parts: Any) -> None:
     with _writing() as out:
         console = Whole(file=out, width=None if out.isatty() else 160, highlight=False)
         for part in parts:
-            console.print(part, markup=False, soft_wrap=isinstance(part, str))
+            words = isinstance(part, str)
+            if words and out.isatty():
+                part = fold(part, console.width)
+            console.print(part, markup=False, soft_wrap=words)
+
+
+def fold(text: str, width: int) -> str:
+    """Return `text` in lines of at most `width` characters where its words and numbers allow it.
+
+    A line ends at a space, or at the hyphen between two numbers of a route; the terminal itself would
+    end it anywhere.
+    """
+    lines: list[str] = []
+    for line in text.split("\n"):
+        lines.append("")
+        for word in re.split(r"(?<=\S )|(?<=[0-9]-)(?=[0-9])", line):
+            if lines[-1].strip() and len(lines[-1] + word.rstrip()) > width:
+                lines.append("")
+            lines[-1] += word
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def emit(data: Any) -> None:
@@ -132,5 +153,10 @@ def progress(text: str) -> Iterator[Callable[[str], None]]:
         return
     from rich.console import Console
 
-    with Console(stderr=True).status(text) as status:
-        yield lambda news: status.update(f"{text} {news}")
+    console = Console(stderr=True)
+
+    def line(words: str) -> str:
+        return words[: console.width - 4]  # beside the spinner; two lines of it would flicker
+
+    with console.status(line(text)) as status:
+        yield lambda news: status.update(line(f"{text} {news}"))
