@@ -131,6 +131,7 @@ def compare(
     repeats: int = 1,
     warm_start: Any = None,
     backend_options: Mapping[str, Mapping[str, Any]] | None = None,
+    compiled: bool = False,
     workers: int = 1,
     pool: Executor | None = None,
     record: str | Path | None = None,
@@ -169,6 +170,9 @@ def compare(
     backend_options : mapping of str to mapping, optional
         Own options by the backend's name; what is not given is as the backend's
         ``comparison_options`` say, ``polish=False`` for solvers of quadratic programs.
+    compiled : bool
+        Compile the loops of our own algorithms instead of interpreting short ones, so that the seconds
+        of runs compare.
     workers : int
         How many jobs run at the same time.
     pool : concurrent.futures.Executor, optional
@@ -212,7 +216,7 @@ def compare(
     common = {
         "formulation_options": given("formulation_options", formulation_options),
         "time_limit": time_limit, "gap": gap, "tolerance": tolerance, "seed": seed, "threads": threads,
-        "evaluations": evaluations, "target_value": target,
+        "evaluations": evaluations, "target_value": target, "compiled": compiled,
     }  # fmt: skip
     known = {_name_of(backend) for backend in backends}
     for name in own:

@@ -85,6 +85,8 @@ def claim(
         if on_prepare is not None:
             on_prepare(False)
 
+    if job.compiled:
+        jit.compile_always()
     with compiling():
         backend.prepare()
     prepared = run.seconds["compile"]

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import cache, cached_property, update_wrapper
 from time import perf_counter
-from typing import Any, TypeVar, overload
+from typing import Any, TypeVar, cast, overload
 
 log = logging.getLogger("crosstrack")
 
@@ -114,19 +114,27 @@ class Kernel:
             stack.enter_context(_compiling)
             for watcher in tuple(_watchers):
                 stack.enter_context(watcher())
+            import numba
+            from numba.core import event
+
             timer = threading.Timer(_SILENCE, self._announce)
             timer.daemon = True
-            timer.start()
             stack.callback(timer.cancel)
-            self._compile_now(arguments)
+
+            class Begun(event.Listener):
+                """Told when something is compiled, rather than loaded from disk."""
+
+                def on_start(self, event: Any) -> None:
+                    if timer.ident is None:
+                        timer.start()
+
+                def on_end(self, event: Any) -> None:
+                    pass
+
+            stack.enter_context(event.install_listener("numba:compile", Begun()))
+            if hasattr(self.dispatcher, "compile"):  # not where NUMBA_DISABLE_JIT is set
+                self.dispatcher.compile(tuple(map(cast(Any, numba.typeof), arguments)))
         self._ready = True
-
-    def _compile_now(self, arguments: tuple[Any, ...]) -> None:
-        import numba
-
-        if hasattr(self.dispatcher, "compile"):  # not where NUMBA_DISABLE_JIT is set
-            types = tuple(numba.typeof(one) for one in arguments)  # type: ignore[no-untyped-call]
-            self.dispatcher.compile(types)
 
     def _announce(self) -> None:
         size = sum(len(one.py_func.__code__.co_code) // 2 for one in _called(self))

@@ -36,7 +36,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Job:
-    """A model, a backend and all options; see :func:`crosstrack.solve` for their meaning."""
+    """A model, a backend and all options; :func:`crosstrack.solve` and ``compare`` say what they mean."""
 
     model: Model[Any]
     backend: str | Backend = "auto"
@@ -54,6 +54,7 @@ class Job:
     starts: int = 1
     verbose: bool = False
     backend_options: Mapping[str, Any] = field(default_factory=dict)
+    compiled: bool = False
 
     def __post_init__(self) -> None:
         if self.time_limit is not None:

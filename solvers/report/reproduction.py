@@ -116,6 +116,7 @@ def reproduce(
                     time_limit=time_limit,
                     tolerance=layout.tolerance,
                     warm_start=start,
+                    compiled=True,
                     on_solution=on_solution,
                 )
                 interrupted = part.interrupted
