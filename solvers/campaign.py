@@ -63,7 +63,7 @@ class Record:
         try:
             # Created where it is missing, and emptied by nobody: another may just have created it.
             descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
-            self._file = os.fdopen(descriptor, "r+b")
+            self._file = os.fdopen(descriptor, "r+b", buffering=0)
         except OSError as error:
             raise InvalidData(
                 f"record {self.path} cannot be written: {error}", field="record"
@@ -141,11 +141,12 @@ class Record:
         data = {**solution.to_dict(), "key": job.key()}
         line = json.dumps(data, allow_nan=False, ensure_ascii=False).encode() + b"\n"
         try:
-            self._file.write(line)
-            self._file.flush()
+            while line:
+                line = line[self._file.write(line) :]
             os.fsync(self._file.fileno())
         except OSError as error:
             raise InvalidData(
-                f"record {self.path} cannot be written: {error.strerror}", field="record"
+                f"record {self.path} cannot be written: {error}; what stands in it is whole",
+                field="record",
             ) from None
         self._done[data["key"]] = data

@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -249,6 +250,25 @@ os.kill(os.getpid(), 9)
 def test_a_record_is_a_regular_file(model):
     with pytest.raises(InvalidData, match="no regular file"):
         ct.compare(model, [Fixed()], record="/dev/null")
+
+
+def test_a_full_disk_is_said_and_costs_no_line_before(model, tmp_path):
+    """What was cut off is removed at the resume."""
+    record = tmp_path / "record.jsonl"
+    ct.compare(model, [Fixed()], record=record)
+    whole = record.read_bytes()
+    most = len(whole) + 100
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
+    try:
+        with pytest.raises(InvalidData, match=r"cannot be written: .*File too large"):
+            ct.compare(model, [Fixed(), Fixed("b")], record=record, resume=True)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert record.stat().st_size == most
+    assert record.read_bytes().startswith(whole)
+    ct.compare(model, [Fixed(), Fixed("b")], record=record, resume=True)
+    assert len(record.read_text().splitlines()) == 2
 
 
 def test_interrupted_campaign_goes_on(tmp_path):
