@@ -103,7 +103,7 @@ def test_the_worst_violation_is_ringed():
     assert ring.get_ydata()[0] == pytest.approx(0.25)
     assert "worst violation" in legend(figure)
     # A tolerance that accepts it rings nothing.
-    lenient = ct.plot(braking(bound=0.2), plan, tolerance=0.1)
+    lenient = ct.plot(braking(bound=0.2), plan, tolerance=0.5)
     assert "NOT VALID" not in lenient.get_suptitle()
     assert artists(panels(lenient)["x"], "worst violation") == []
 
@@ -173,7 +173,7 @@ def test_wild_and_still_plans_draw():
         ({"costates": "yes"}, "costates", "got 'yes'"),
         ({"deviation": None}, "deviation", "got None"),
         ({"mesh": 0}, "mesh", "got 0"),
-        ({"tolerance": 0}, "tolerance", "be a number > 0, got 0"),
+        ({"tolerance": 0}, "tolerance", "be a number > 0 and < 1, got 0"),
         ({"tolerance": True}, "tolerance", "got True"),
         ({"columns": 0}, "columns", "from 1 to 6, got 0"),
         ({"columns": 1.5}, "columns", "got 1.5"),
