@@ -4,33 +4,25 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import queue
-import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import cloudpickle
 
 from ..errors import CrosstrackError, InvalidData, UnknownName, UnsupportedOption
 from ..models.fields import show
 from ..models.model import Model, as_model
 from ..models.records import Table, given
 from ..models.verification import check_number
-from .assembly import Claim, assemble
-from .backend import Backend, Feature, Limit, Termination
+from .backend import Backend, Feature, Limit
 from .campaign import Record
 from .execution import GRACE
-from .interrupts import on_interrupt
-from .isolation import Worker
 from .job import Job
 from .registry import find_backend, recommended
 from .report.tables import frame, markup, render
-from .running import PATIENCE
+from .scheduling import Task, run_by_pool, run_by_threads
 from .solution import Solution
 from .verdict import Outcome, Verdict, judge
 
@@ -101,17 +93,6 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         return markup(*self.parts())
-
-
-@dataclass
-class _Task:
-    """One job of a comparison, with the place of its answer."""
-
-    row: int
-    column: int
-    turn: int
-    job: Job
-    refusal: CrosstrackError | None = None
 
 
 def compare(
@@ -241,7 +222,7 @@ def compare(
     answers: dict[tuple[int, int, int], Solution[Any]] = {}
     with contextlib.ExitStack() as stack:
         book = stack.enter_context(Record(record, resume=resume)) if record is not None else None
-        open_tasks: deque[_Task] = deque()
+        open_tasks: deque[Task] = deque()
         for task in tasks:
             found = book.find(task.job, task.job.model) if book is not None else None
             if found is None:
@@ -249,7 +230,7 @@ def compare(
             else:
                 answers[task.row, task.column, task.turn] = found
 
-        def finished(task: _Task, solution: Solution[Any]) -> None:
+        def finished(task: Task, solution: Solution[Any]) -> None:
             answers[task.row, task.column, task.turn] = solution
             if book is not None and solution.limit is not Limit.INTERRUPTED:
                 book.add(task.job, solution)
@@ -257,9 +238,9 @@ def compare(
                 on_solution(solution)
 
         if pool is not None:
-            interrupted = _by_pool(open_tasks, pool, grace, finished)
+            interrupted = run_by_pool(open_tasks, pool, grace, finished)
         else:
-            interrupted = _by_threads(open_tasks, min(workers, len(tasks)), grace, finished)
+            interrupted = run_by_threads(open_tasks, min(workers, len(tasks)), grace, finished)
     verdicts = []
     for row, model in enumerate(models):
         found_here = [answers[place] for place in sorted(answers) if place[0] == row]
@@ -321,7 +302,7 @@ def _task(
     common: Mapping[str, Any],
     warm_start: Any,
     own: Mapping[str, Any],
-) -> _Task:
+) -> Task:
     """Return the task with the common options that the backend knows."""
     asked = dict(common)
     for name, feature in (
@@ -354,176 +335,5 @@ def _task(
     except CrosstrackError as error:
         if isinstance(error, UnknownName):
             raise
-        return _Task(*place, job, error)
-    return _Task(*place, job)
-
-
-def _refused(task: _Task) -> Solution[Any]:
-    """Return the row of a backend that cannot run the job at all."""
-    return failed(task.job, f"{type(task.refusal).__name__}: {task.refusal}")
-
-
-def failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
-    """Return the solution of a job that did not run to an answer."""
-    broken = Claim(
-        Termination.FAILED,
-        formulation=job.formulation,
-        seconds={"total": seconds},
-        messages=(message,),
-    )
-    return assemble(job, broken)
-
-
-def _run(worker: Worker, job: Job, grace: float) -> Solution[Any]:
-    begin = time.monotonic()
-    try:
-        return worker.solve(job, grace=grace)
-    except Exception as error:  # whatever one row meets, the others go on
-        if not isinstance(error, CrosstrackError):
-            log.error("%s could not be run", job.backend, exc_info=error)
-        return failed(job, f"{type(error).__name__}: {error}", time.monotonic() - begin)
-
-
-Finished = Callable[[_Task, Solution[Any]], None]
-
-
-def _by_threads(tasks: deque[_Task], count: int, grace: float, finished: Finished) -> bool:
-    """Run the tasks in threads that drive workers; return whether Ctrl-C ended it.
-
-    A worker serves one backend only, and lives while that backend has jobs left.
-    """
-    # None for each thread that has ended.
-    results: queue.SimpleQueue[tuple[_Task, Solution[Any] | BaseException] | None]
-    results = queue.SimpleQueue()
-    lock = threading.Lock()
-    idle: dict[int, list[Worker]] = {}
-    busy: set[Worker] = set()
-    left: dict[int, int] = {}
-    stop = threading.Event()
-    for task in tasks:
-        left[task.column] = left.get(task.column, 0) + 1
-
-    def work() -> None:
-        try:
-            drive()
-        finally:
-            results.put(None)
-
-    def drive() -> None:
-        while True:
-            with lock:
-                if stop.is_set() or not tasks:
-                    return
-                task = tasks.popleft()
-                if task.refusal is None:
-                    worker = (idle.get(task.column) or [Worker()]).pop()
-                    busy.add(worker)
-            outcome: Solution[Any] | BaseException
-            if task.refusal is not None:
-                outcome = _refused(task)
-            else:
-                try:
-                    outcome = _run(worker, task.job, grace)
-                except BaseException as error:  # raised again in the waiting thread
-                    outcome = error
-            with lock:
-                left[task.column] -= 1
-                if task.refusal is None:
-                    busy.discard(worker)
-                    if left[task.column] and not stop.is_set():
-                        idle.setdefault(task.column, []).append(worker)
-                    else:
-                        worker.close()
-                        for other in idle.pop(task.column, []):
-                            other.close()
-            results.put((task, outcome))
-
-    def interrupt() -> None:
-        interrupted.append(True)
-        stop.set()
-        with lock:
-            for worker in busy:
-                worker.interrupt()
-
-    interrupted: list[bool] = []
-    threads = [
-        threading.Thread(target=work, name="crosstrack-compare", daemon=True) for _ in range(count)
-    ]
-    running = count
-    try:
-        for thread in threads:
-            thread.start()
-        with on_interrupt(interrupt):
-            while running:
-                received = results.get()
-                if received is None:
-                    running -= 1
-                    continue
-                task, outcome = received
-                if isinstance(outcome, BaseException):
-                    raise outcome
-                finished(task, outcome)
-    finally:
-        stop.set()
-        with lock:
-            tasks.clear()
-            for worker in [*busy, *(w for group in idle.values() for w in group)]:
-                worker.close()
-    return bool(interrupted)
-
-
-def _by_pool(tasks: deque[_Task], pool: Executor, grace: float, finished: Finished) -> bool:
-    """Run the tasks in an executor whose tasks only launch workers; return whether Ctrl-C ended it."""
-    futures: dict[Future[bytes], _Task] = {}
-    interrupted: list[float] = []
-
-    def interrupt() -> None:
-        interrupted.append(time.monotonic())
-        for worker in _launched.copy():
-            worker.interrupt()
-
-    with on_interrupt(interrupt):
-        for task in tasks:
-            if interrupted:
-                break
-            if task.refusal is not None:
-                finished(task, _refused(task))
-            else:
-                futures[pool.submit(_launch, cloudpickle.dumps((task.job, grace)))] = task
-        while futures:
-            if interrupted:
-                futures = {f: task for f, task in futures.items() if not f.cancel()}
-                if time.monotonic() - interrupted[0] > 3 * PATIENCE:
-                    break  # it runs elsewhere, where nobody was told
-            # Polled, for executors of other libraries do not fit concurrent.futures.wait.
-            done = [future for future in futures if future.done()]
-            if not done:
-                time.sleep(0.02)
-            for future in done:
-                task = futures.pop(future)
-                try:
-                    data = cloudpickle.loads(future.result())
-                except KeyboardInterrupt:  # Ctrl-C reached the executor's processes as well
-                    interrupted.append(time.monotonic())
-                except Exception as error:  # the executor lost the task: its row, no other
-                    log.error("the executor lost a task", exc_info=error)
-                    finished(task, failed(task.job, f"executor: {type(error).__name__}: {error}"))
-                else:
-                    finished(task, Solution.from_dict(data, task.job.model))
-    return bool(interrupted)
-
-
-def _launch(request: bytes) -> bytes:
-    """Run one job in a fresh worker; executed inside an executor's process or thread."""
-    job, grace = cloudpickle.loads(request)
-    with Worker() as worker:
-        _launched.add(worker)
-        try:
-            message = cloudpickle.dumps(_run(worker, job, grace).to_dict())
-        finally:
-            _launched.discard(worker)
-    return bytes(message)
-
-
-#: The workers that an executor's threads in this process have launched.
-_launched: set[Worker] = set()
+        return Task(*place, job, error)
+    return Task(*place, job)

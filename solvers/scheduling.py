@@ -1,0 +1,210 @@
+"""Running the jobs of a comparison: threads or an executor, each job in a worker of its own."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+from typing import Any
+
+import cloudpickle
+
+from ..errors import CrosstrackError
+from .assembly import Claim, assemble
+from .enums import Termination
+from .interrupts import on_interrupt
+from .isolation import Worker
+from .job import Job
+from .running import PATIENCE
+from .solution import Solution
+
+__all__ = ["Task", "run_by_pool", "run_by_threads"]
+
+log = logging.getLogger("crosstrack")
+
+
+@dataclass
+class Task:
+    """One job of a comparison, with the place of its answer."""
+
+    row: int
+    column: int
+    turn: int
+    job: Job
+    refusal: CrosstrackError | None = None
+
+
+def _refused(task: Task) -> Solution[Any]:
+    """Return the row of a backend that cannot run the job at all."""
+    return _failed(task.job, f"{type(task.refusal).__name__}: {task.refusal}")
+
+
+def _failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
+    """Return the solution of a job that did not run to an answer."""
+    broken = Claim(
+        Termination.FAILED,
+        formulation=job.formulation,
+        seconds={"total": seconds},
+        messages=(message,),
+    )
+    return assemble(job, broken)
+
+
+def _run(worker: Worker, job: Job, grace: float) -> Solution[Any]:
+    begin = time.monotonic()
+    try:
+        return worker.solve(job, grace=grace)
+    except Exception as error:  # whatever one row meets, the others go on
+        if not isinstance(error, CrosstrackError):
+            log.error("%s could not be run", job.backend, exc_info=error)
+        return _failed(job, f"{type(error).__name__}: {error}", time.monotonic() - begin)
+
+
+Finished = Callable[[Task, Solution[Any]], None]
+
+
+def run_by_threads(tasks: deque[Task], count: int, grace: float, finished: Finished) -> bool:
+    """Run the tasks in threads that drive workers; return whether Ctrl-C ended it.
+
+    A worker serves one backend only, and lives while that backend has jobs left.
+    """
+    # None for each thread that has ended.
+    results: queue.SimpleQueue[tuple[Task, Solution[Any] | BaseException] | None]
+    results = queue.SimpleQueue()
+    lock = threading.Lock()
+    idle: dict[int, list[Worker]] = {}
+    busy: set[Worker] = set()
+    left: dict[int, int] = {}
+    stop = threading.Event()
+    for task in tasks:
+        left[task.column] = left.get(task.column, 0) + 1
+
+    def work() -> None:
+        try:
+            drive()
+        finally:
+            results.put(None)
+
+    def drive() -> None:
+        while True:
+            with lock:
+                if stop.is_set() or not tasks:
+                    return
+                task = tasks.popleft()
+                if task.refusal is None:
+                    worker = (idle.get(task.column) or [Worker()]).pop()
+                    busy.add(worker)
+            outcome: Solution[Any] | BaseException
+            if task.refusal is not None:
+                outcome = _refused(task)
+            else:
+                try:
+                    outcome = _run(worker, task.job, grace)
+                except BaseException as error:  # raised again in the waiting thread
+                    outcome = error
+            with lock:
+                left[task.column] -= 1
+                if task.refusal is None:
+                    busy.discard(worker)
+                    if left[task.column] and not stop.is_set():
+                        idle.setdefault(task.column, []).append(worker)
+                    else:
+                        worker.close()
+                        for other in idle.pop(task.column, []):
+                            other.close()
+            results.put((task, outcome))
+
+    def interrupt() -> None:
+        interrupted.append(True)
+        stop.set()
+        with lock:
+            for worker in busy:
+                worker.interrupt()
+
+    interrupted: list[bool] = []
+    threads = [
+        threading.Thread(target=work, name="crosstrack-compare", daemon=True) for _ in range(count)
+    ]
+    running = count
+    try:
+        for thread in threads:
+            thread.start()
+        with on_interrupt(interrupt):
+            while running:
+                received = results.get()
+                if received is None:
+                    running -= 1
+                    continue
+                task, outcome = received
+                if isinstance(outcome, BaseException):
+                    raise outcome
+                finished(task, outcome)
+    finally:
+        stop.set()
+        with lock:
+            tasks.clear()
+            for worker in [*busy, *(w for group in idle.values() for w in group)]:
+                worker.close()
+    return bool(interrupted)
+
+
+def run_by_pool(tasks: deque[Task], pool: Executor, grace: float, finished: Finished) -> bool:
+    """Run the tasks in an executor whose tasks only launch workers; return whether Ctrl-C ended it."""
+    futures: dict[Future[bytes], Task] = {}
+    interrupted: list[float] = []
+
+    def interrupt() -> None:
+        interrupted.append(time.monotonic())
+        for worker in _launched.copy():
+            worker.interrupt()
+
+    with on_interrupt(interrupt):
+        for task in tasks:
+            if interrupted:
+                break
+            if task.refusal is not None:
+                finished(task, _refused(task))
+            else:
+                futures[pool.submit(_launch, cloudpickle.dumps((task.job, grace)))] = task
+        while futures:
+            if interrupted:
+                futures = {f: task for f, task in futures.items() if not f.cancel()}
+                if time.monotonic() - interrupted[0] > 3 * PATIENCE:
+                    break  # it runs elsewhere, where nobody was told
+            # Polled, for executors of other libraries do not fit concurrent.futures.wait.
+            done = [future for future in futures if future.done()]
+            if not done:
+                time.sleep(0.02)
+            for future in done:
+                task = futures.pop(future)
+                try:
+                    data = cloudpickle.loads(future.result())
+                except KeyboardInterrupt:  # Ctrl-C reached the executor's processes as well
+                    interrupted.append(time.monotonic())
+                except Exception as error:  # the executor lost the task: its row, no other
+                    log.error("the executor lost a task", exc_info=error)
+                    finished(task, _failed(task.job, f"executor: {type(error).__name__}: {error}"))
+                else:
+                    finished(task, Solution.from_dict(data, task.job.model))
+    return bool(interrupted)
+
+
+def _launch(request: bytes) -> bytes:
+    """Run one job in a fresh worker; executed inside an executor's process or thread."""
+    job, grace = cloudpickle.loads(request)
+    with Worker() as worker:
+        _launched.add(worker)
+        try:
+            message = cloudpickle.dumps(_run(worker, job, grace).to_dict())
+        finally:
+            _launched.discard(worker)
+    return bytes(message)
+
+
+#: The workers that an executor's threads in this process have launched.
+_launched: set[Worker] = set()
