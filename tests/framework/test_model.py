@@ -179,8 +179,8 @@ def test_threshold_met_exactly_is_met_and_a_hair_above_is_marked():
     kinds = ["A", "vertical", "B"]
     for far, ok, marked in (
         (3.0, True, False),
-        (3.0 + 5e-6, True, True),
-        (3.0 + 1e-4, False, False),
+        (3.0 + 2e-6, True, True),
+        (3.0 + 5e-6, False, False),
     ):
         model = ErrorCorrectionRouting(
             [[0, 0, 0], [far, 0, 0], [4, 0, 0]], kinds, 0.3, 0.3, 0.3, 0.3, 9, delta=0.1
