@@ -262,15 +262,16 @@ def multistart(
     whole.arm(job.time_limit)
     results: list[Solution[Any]] = []
     try:
-        for start in range(job.starts):
-            left = None if job.time_limit is None else job.time_limit - whole.progress.seconds
-            if results and (whole.stopped or (left is not None and left <= 0)):
-                break
-            one = replace(job, seed=first + start, starts=1, time_limit=left)
-            with whole.stage(left) as part:
-                results.append(run(one, control=part))
-            if results[-1].limit in (Limit.INTERRUPTED, Limit.TARGET):
-                whole.stop(results[-1].limit)
+        with on_interrupt(partial(whole.stop, Limit.INTERRUPTED)):
+            for start in range(job.starts):
+                left = None if job.time_limit is None else job.time_limit - whole.progress.seconds
+                if results and (whole.stopped or (left is not None and left <= 0)):
+                    break
+                one = replace(job, seed=first + start, starts=1, time_limit=left)
+                with whole.stage(left) as part:
+                    results.append(run(one, control=part))
+                if results[-1].limit in (Limit.INTERRUPTED, Limit.TARGET):
+                    whole.stop(results[-1].limit)
     finally:
         whole.disarm()
     best = min(

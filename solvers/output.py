@@ -42,13 +42,16 @@ class Lines:
         """Log the lines that are new, with `rest` also one without an end."""
         if not log.isEnabledFor(level):
             return
-        while block := os.pread(self._descriptor, _BLOCK, self._at):
+        # What is there now: one that prints without end must not keep its reader.
+        most = os.fstat(self._descriptor).st_size - self._at
+        while most > 0 and (block := os.pread(self._descriptor, min(_BLOCK, most), self._at)):
             size = block.rfind(b"\n") + 1
             if not size:
                 if not rest and len(block) < _BLOCK:
                     return
                 size = len(block)
             self._at += size
+            most -= size
             for line in block[:size].decode(errors="replace").splitlines():
                 if line.strip():
                     log.log(level, "%s", line)

@@ -42,6 +42,7 @@ class TimeSimplex(Backend):
     guarantee = Guarantee.HEURISTIC
     features = frozenset({Feature.SEED, Feature.WARM_START, Feature.INCUMBENTS, Feature.INTERRUPT})
     single_threaded = True
+    natives = ("daqp", "clarabel", "piqp")
     options: ClassVar[Mapping[str, Option]] = {
         "inner": Option(
             "choose",

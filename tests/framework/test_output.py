@@ -185,7 +185,6 @@ COMMANDS = [
     (2, "export", "I", "PLAN", "--output", "route.csv"),
     (0, "diagnose", "I"),
     (3, "diagnose", "IMPOSSIBLE", "--in-process"),
-    (3, "diagnose", "IMPOSSIBLE", "--backend", "highs"),
     (2, "reproduce", "error-correction", "--rows", "99"),
     (2, "reproduce", "nothing"),
     (2, "demo", "nothing"),

@@ -15,7 +15,7 @@ from commands import joined
 from fakes import Fixed, Hanging, Patient
 
 import crosstrack as ct
-from crosstrack.solvers import Worker, isolation
+from crosstrack.solvers import Feature, Guarantee, Worker, isolation
 from crosstrack.solvers.job import Job
 
 #: A distribution of a stranger's, whose backends end their process or print to standard output.
@@ -39,6 +39,7 @@ class Base(Backend):
 class Segfault(Base):
     name = "segfault"
     def do(self, control):
+        ctypes.CDLL(None).printf(b"last words\\n")
         ctypes.string_at(0)
 
 class Leaves(Base):
@@ -150,6 +151,7 @@ def test_no_process_outlives_its_worker(tmp_path, model, then, ending):
     """Not even one of a session of its own whose parent has ended."""
     path = tmp_path / "pids"
     with Worker() as worker:
+        worker.solve(Job(model, Fixed()))  # the time limit counts its start
         answer = worker.solve(Job(model, Strays(path, then), time_limit=1.5), grace=0.5)
     assert ending in answer.message
     pids = [int(line) for line in path.read_text().split()]
@@ -170,6 +172,8 @@ def test_a_backend_that_ends_its_process_costs_one_line(command):
     code, out, _ = ended(command(*arguments))
     assert code == 1
     assert "message: worker died: exit code 0" in out
+    code, out, err = ended(command("solve", arguments[1], "--backend", "segfault", "--verbose"))
+    assert (code, err) == (1, "last words\n")
     code, out, _ = ended(command(*arguments, "--json", "--in-process"))
     assert (code, out) == (0, "")  # as asked: the process is the backend's
 
@@ -245,9 +249,15 @@ def test_ctrl_c_reaches_what_an_executor_runs(tmp_path):
         import crosstrack as ct
         from fakes import Fixed, Patient
         model = ct.load("error-correction/example-1")
+
+        def ended(solution):
+            if solution.backend == "fixed":
+                threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+
         with ThreadPoolExecutor(2) as pool:
-            threading.Timer(2.0, os.kill, (os.getpid(), signal.SIGINT)).start()
-            found = ct.compare(model, [Fixed(), Patient("patient")], pool=pool, time_limit=100)
+            found = ct.compare(
+                model, [Fixed(), Patient("patient")], pool=pool, time_limit=100, on_solution=ended
+            )
         print(found.interrupted, [str(s.limit) for s in found.solutions])
         """
     )
@@ -279,3 +289,24 @@ def test_what_does_not_stop_is_given_up_soon(model):
         assert "given up" in answer.message
         assert worker.pid is None
         assert worker.solve(Job(model, Fixed())).termination == "optimal"
+
+
+def test_ctrl_c_between_two_starts_keeps_the_first(model):
+    """Wherever it comes: here while the second is being built."""
+
+    class Drawing(Fixed):
+        features = Fixed.features | {Feature.SEED}
+        guarantee = Guarantee.HEURISTIC
+        prepared = 0
+
+        def prepare(self):
+            self.prepared += 1
+            if self.prepared == 2:
+                os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(0.05)
+
+    drawing = Drawing("drawing", guarantee=Guarantee.HEURISTIC, claims="feasible")
+    answer = ct.solve(model, drawing, starts=5, isolate=False)
+    assert answer.limit == "interrupted"
+    assert 1 <= len(answer.starts) <= 2
+    assert answer.plan.route == (0, 1, 2, 4)

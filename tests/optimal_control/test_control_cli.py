@@ -42,7 +42,7 @@ def interrupted(when: str, tmp_path: Path, *arguments: Any) -> tuple[int, dict[s
     script = tmp_path / "interrupt.py"
     script.write_text(textwrap.dedent(_INTERRUPT.replace("{when}", when)))
     done = subprocess.run(
-        [sys.executable, script, *map(str, arguments), "--json"],
+        [sys.executable, script, *map(str, arguments), "--json", "--in-process"],
         capture_output=True, text=True, timeout=240, check=False,
     )  # fmt: skip
     assert "Traceback" not in done.stderr, done.stderr
