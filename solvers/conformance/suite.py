@@ -14,6 +14,8 @@ from typing import Any
 from ...errors import UnknownName, UnsupportedFormulation, UnsupportedOption
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Backend, Control, Feature, Limit, Request
+from ..output import captured
+from ..registry import is_plain
 from .cases import Case, Run
 from .conic import conic_cases
 from .convex import conic_limit_cases, quadratic_limit_cases
@@ -136,7 +138,9 @@ def run_case(backend: Backend, case: str, options: Mapping[str, Any] | None = No
         )
     started = time.perf_counter()
     try:
-        run = _run(backend, asked, options or {})
+        # As in a run that is dispatched, what the solver prints is nobody's answer.
+        with captured(False, quiet=is_plain(backend)) as printed, printed.by_this_thread():
+            run = _run(backend, asked, options or {})
     except (UnsupportedFormulation, UnsupportedOption) as error:
         status, reason = Status.UNSUPPORTED, str(error)
     except Exception as error:  # whatever a backend raises is its failure, not the suite's
