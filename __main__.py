@@ -20,7 +20,7 @@ from typing import Any, NoReturn, cast
 import click
 
 from .cli.options import INTERNAL, INTERRUPTED, MISSING, USAGE, VERIFIED
-from .errors import BackendBroken, BackendMissing, CrosstrackError, InvalidData
+from .errors import BackendBroken, BackendMissing, CrosstrackError, InvalidData, WorkerFailure
 from .solvers.report.terminal import discard, emit, prepare, reserve, say
 from .version import __version__
 
@@ -121,6 +121,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             _report_bug(error, as_json)
         missing = f"{error}: 'pip install crosstrack' brings all that crosstrack needs"
         fail(MISSING, BackendMissing(missing), as_json)
+    except WorkerFailure as error:
+        fail(INTERNAL, error, as_json)
     except CrosstrackError as error:
         fail(USAGE, error, as_json)
     except (KeyboardInterrupt, click.Abort):

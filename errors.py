@@ -9,7 +9,8 @@
     ├── BackendBroken          the package is installed, yet cannot be used
     ├── UnsupportedOption      the backend or formulation does not know the option or its value
     ├── UnsupportedFormulation the formulation does not cover what the model asks for
-    └── HiddenData             a backend asks for what the model hides from backends
+    ├── HiddenData             a backend asks for what the model hides from backends
+    └── WorkerFailure          what ran in a process of its own has ended that process, or hung
 
 Every message names the field, the value and what is allowed.
 """
@@ -29,6 +30,7 @@ __all__ = [
     "UnknownName",
     "UnsupportedFormulation",
     "UnsupportedOption",
+    "WorkerFailure",
     "show",
     "suggestion",
 ]
@@ -112,3 +114,7 @@ class UnsupportedFormulation(CrosstrackError, ValueError):
 
 class HiddenData(CrosstrackError, AttributeError):
     """A field that the model hides from backends was read where only a backend's view of it is."""
+
+
+class WorkerFailure(CrosstrackError, RuntimeError):
+    """A function called in a worker raised, killed its process, or passed its deadline."""

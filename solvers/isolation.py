@@ -26,7 +26,7 @@ from typing import IO, Any, Self
 import cloudpickle
 
 from .. import errors
-from ..errors import CrosstrackError
+from ..errors import CrosstrackError, WorkerFailure
 from .assembly import Claim, assemble, claim_from_data
 from .backend import Backend, Limit, Termination
 from .execution import GRACE, warm_objective
@@ -37,7 +37,7 @@ from .registry import BackendState, rivals
 from .running import PATIENCE
 from .solution import Incumbent, Solution
 
-__all__ = ["Worker", "WorkerFailure", "in_worker", "probe"]
+__all__ = ["Worker", "in_worker", "probe"]
 
 #: Seconds that what only a first run needs (compilation) may take before the worker is killed.
 PREPARATION = 300.0
@@ -51,10 +51,6 @@ KILLED = 5.0
 log = logging.getLogger("crosstrack")
 
 Listener = Callable[[Incumbent[Any]], None]
-
-
-class WorkerFailure(CrosstrackError, RuntimeError):
-    """A function called in a worker raised, killed its process, or passed its deadline."""
 
 
 class Worker:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...errors import BackendMissing
+from ...errors import BackendMissing, WorkerFailure
 from ..backend import Backend
-from ..isolation import Worker, WorkerFailure
+from ..isolation import Worker
 from ..registry import find_backend
 from .suite import CaseResult, Matrix, Status, cases_for, run_case
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...errors import BackendBroken, UnsupportedFormulation
+from ...errors import BackendBroken, UnsupportedFormulation, WorkerFailure
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Ending, limited, over, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
@@ -254,7 +254,7 @@ def plugins() -> dict[str, str]:
 
     A worker of its own, because a plugin may break what is loaded beside it, or crash.
     """
-    from ..isolation import Worker, WorkerFailure
+    from ..isolation import Worker
 
     found: dict[str, str] = {}
     for name in _PLUGINS:

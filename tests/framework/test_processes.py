@@ -21,7 +21,7 @@ from crosstrack.solvers.job import Job
 #: A distribution of a stranger's, whose backends end their process or print to standard output.
 STRANGER = """
 import ctypes, os, sys, time
-from crosstrack.models import ErrorCorrectionRouting, Route
+from crosstrack.models import ErrorCorrectionRouting, MixedIntegerProgram, Route
 from crosstrack.solvers import Answer, Backend, Feature, Guarantee, Termination
 
 class Base(Backend):
@@ -41,6 +41,11 @@ class Segfault(Base):
     def do(self, control):
         ctypes.CDLL(None).printf(b"last words\\n")
         ctypes.string_at(0)
+
+class Breaks(Segfault):
+    name = "breaks"
+    accepts = MixedIntegerProgram
+    guarantee = Guarantee.EXACT
 
 class Leaves(Base):
     name = "leaves"
@@ -62,7 +67,7 @@ class Hangs(Base):
         while True:
             time.sleep(0.05)
 """
-NAMES = ("segfault", "leaves", "prints", "hangs")
+NAMES = ("segfault", "breaks", "leaves", "prints", "hangs")
 
 
 @pytest.fixture(scope="module")
@@ -161,21 +166,27 @@ def test_no_process_outlives_its_worker(tmp_path, model, then, ending):
 
 def test_a_backend_that_ends_its_process_costs_one_line(command):
     """A segmentation fault and a silent exit: code 1, and the solution says what happened."""
-    for name, words in (("segfault", "SIGSEGV"), ("leaves", "exit code 0")):
-        arguments = ("solve", "error-correction/example-1", "--backend", name)
-        code, out, err = ended(command(*arguments, "--json"))
-        assert code == 1, err
+    instance = "error-correction/example-1"
+    begun = [
+        command("solve", instance, "--backend", "segfault", "--json"),
+        command("solve", instance, "--backend", "leaves", "--json"),
+        command("solve", instance, "--backend", "segfault", "--verbose"),
+        command("diagnose", instance, "--backend", "breaks", "--json"),
+        command("solve", instance, "--backend", "leaves", "--json", "--in-process"),
+    ]
+    *two, talking, diagnosed, here = map(ended, begun)
+    for (code, out, err), words in zip(two, ("SIGSEGV", "exit code 0"), strict=True):
+        assert (code, err) == (1, "")
         data = json.loads(out)
         assert data["termination"] == "failed"
         assert words in data["message"]
-        assert err == ""
-    code, out, _ = ended(command(*arguments))
-    assert code == 1
-    assert "message: worker died: exit code 0" in out
-    code, out, err = ended(command("solve", arguments[1], "--backend", "segfault", "--verbose"))
+    code, out, err = talking
     assert (code, err) == (1, "last words\n")
-    code, out, _ = ended(command(*arguments, "--json", "--in-process"))
-    assert (code, out) == (0, "")  # as asked: the process is the backend's
+    assert "message: worker died: signal 11 (SIGSEGV)" in out
+    code, out, err = diagnosed
+    assert (code, err.count("\n")) == (1, 1)
+    assert json.loads(out)["error"]["type"] == "WorkerFailure"
+    assert here[:2] == (0, "")  # as asked: the process is the backend's
 
 
 @pytest.mark.parametrize("apart", [(), ("--in-process",)])
