@@ -17,7 +17,7 @@ __all__ = ["backends", "instances", "models"]
 @as_json
 def backends(probe: bool, as_json: bool) -> int:
     """List the backends: installed or not, version, what they accept, guarantee, features."""
-    from ..solvers.isolation import probe as probed
+    from ..solvers.probing import probe as probed
     from ..solvers.registry import backend_states
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, progress, show

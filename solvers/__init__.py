@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from .crosscheck import Comparison as Comparison, compare as compare
     from .diagnosis import Diagnosis as Diagnosis, Finding as Finding, diagnose as diagnose
     from .dispatch import solve as solve, verify as verify
-    from .isolation import Worker as Worker, probe as probe
+    from .isolation import Worker as Worker
+    from .probing import probe as probe
     from .registry import (
         BackendState as BackendState,
         backend_names as backend_names,
@@ -93,10 +94,8 @@ __getattr__, __dir__, __all__ = attach(
             "Outcome",
             "Verdict",
         ),
-        "isolation": (
-            "Worker",
-            "probe",
-        ),
+        "isolation": ("Worker",),
+        "probing": ("probe",),
         "dispatch": (
             "solve",
             "verify",

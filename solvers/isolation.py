@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import importlib
 import json
 import logging
 import os
@@ -18,7 +17,6 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import TracebackType
 from typing import IO, Any, Self
@@ -33,16 +31,14 @@ from .execution import GRACE, warm_objective
 from .interrupts import on_interrupt
 from .job import Job
 from .output import Lines
-from .registry import BackendState, rivals
+from .registry import rivals
 from .running import PATIENCE
 from .solution import Incumbent, Solution
 
-__all__ = ["Worker", "in_worker", "probe"]
+__all__ = ["Worker", "in_worker"]
 
 #: Seconds that what only a first run needs (compilation) may take before the worker is killed.
 PREPARATION = 300.0
-#: Seconds for a worker to start and to load a solver's library.
-START = 60.0
 #: Seconds between two looks at what a worker prints.
 POLL = 0.2
 #: Seconds for a worker's keeper to kill what it kept.
@@ -415,33 +411,3 @@ def in_worker(job: Job, *, listener: Listener | None = None) -> Solution[Any]:
         raise outcome
     solution: Solution[Any] = outcome
     return solution
-
-
-def probe(states: tuple[BackendState, ...]) -> tuple[BackendState, ...]:
-    """Load every installed backend in a worker of its own and return the states as found.
-
-    A package that is there but does not load becomes ``"broken"`` with its cause.
-    """
-
-    def probed(state: BackendState) -> BackendState:
-        if state.state != "installed" or not state.requires:
-            return state
-        with Worker() as worker:
-            try:
-                cause = worker.call(_import_all, state.requires, deadline=START)
-            except WorkerFailure as failure:
-                cause = str(failure)
-        return replace(state, state="broken", cause=cause) if cause else state
-
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        return tuple(pool.map(probed, states))
-
-
-def _import_all(requires: tuple[str, ...]) -> str:
-    """Import what a backend needs; return why that fails, empty when it does not."""
-    for name in requires:
-        try:
-            importlib.import_module(name)
-        except Exception as error:  # whatever a broken library raises is the finding
-            return f"{type(error).__name__}: {error}"
-    return ""

@@ -189,7 +189,7 @@ class BackendState:
 
     ``problem`` is the problem whose native algorithm it is, empty for a solver of programs. ``state`` is ``"installed"``, ``"missing"`` or ``"broken"``; ``cause`` says why it is not the
     first. Whether an installed one really loads, with all that it ``requires``, is found in a worker
-    (:func:`crosstrack.solvers.isolation.probe`).
+    (:func:`crosstrack.solvers.probing.probe`).
     """
 
     name: str
