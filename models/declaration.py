@@ -7,6 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
+import numpy as np
+
 from ..errors import InvalidData, suggestion
 from .fields import Spec, show
 
@@ -21,6 +23,7 @@ class Declared:
     :meth:`data` writes them as JSON data. Subclasses are frozen dataclasses with ``eq=False``.
     """
 
+    @np.errstate(all="ignore")  # what overflows is refused where it counts
     def __post_init__(self) -> None:
         sizes: dict[str, tuple[int, str]] = {}
         for name, spec in self._specs():

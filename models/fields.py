@@ -375,6 +375,8 @@ class Array(Spec):
 
 def _refuse_truth(name: str, value: Any, place: tuple[int, ...]) -> None:
     """Raise where a list of numbers holds a boolean, which NumPy would take for 0 or 1."""
+    if {bool, np.bool_, list, tuple}.isdisjoint(map(type, value)):
+        return
     for index, entry in enumerate(value):
         if isinstance(entry, bool | np.bool_):
             raise InvalidData(

@@ -26,7 +26,7 @@ from typing import Any
 HERE = Path(__file__).parent
 
 #: Seconds after which a case hangs; those that solve have a limit of 1 s, and a worker to start.
-PATIENCE = float(os.environ.get("STRANGERS_PATIENCE", 60))
+PATIENCE = float(os.environ.get("STRANGERS_PATIENCE", 120))
 #: Bytes that a process may ask for, so that a size of 10**12 is refused rather than granted.
 MEMORY = 6 * 2**30
 

@@ -140,3 +140,13 @@ def test_what_is_not_covered_is_said():
             TimeAllocation(POINTS, 1, **more).formulate("times")
     with pytest.raises(UnsupportedOption, match="samples"):
         TimeAllocation(POINTS, 1).formulate("times", samples=1)
+
+
+@pytest.mark.parametrize("limit", [None, 0.9])
+def test_a_single_segment_is_timed(limit):
+    """Nothing but its duration is free: the vector of what else is decided has no entries."""
+    model = TimeAllocation([[1.0, 2.0], [3.0, 2.0]], 100.0, velocity_limit=limit)
+    best = ct.solve(model, "ipopt")
+    assert best.verified
+    if limit is None:
+        assert best.primal_bound == pytest.approx(ct.solve(model, "time-gradient").primal_bound)
