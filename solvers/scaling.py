@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..models.programs.blocks import Block
 from ..models.programs.linear import MixedIntegerProgram, QuadraticProgram
+from ..models.verification import ROUNDING
 from .backend import Answer, Request
 
 __all__ = ["PLAIN", "Scaling", "common"]
@@ -47,6 +48,8 @@ class Scaling:
         whole = entries @ sp.diags_array(integral.astype(float))
         # What the continuous columns of a row are held against.
         constants = np.maximum(bounds, whole.max(axis=1).toarray().ravel() if whole.nnz else 0.0)
+        # Bounds that are what rounding left of 0 say nothing of a size.
+        constants[constants <= ROUNDING * constants.max(initial=0.0)] = 0.0
         row = np.repeat(np.arange(program.row_count), np.diff(entries.indptr))
         held = constants[row] > 0
         own = _largest(program.column_lower, program.column_upper)

@@ -140,6 +140,15 @@ def test_scaling_a_program_changes_neither_points_nor_bounds(factor):
         assert one.objective == pytest.approx(program.objective(one.plan), rel=1e-9)
 
 
+def test_bounds_that_rounding_left_scale_nothing():
+    noise = np.full(9, 1e-17)
+    program = QuadraticProgram(
+        hessian=np.eye(1), cost=[1.0], matrix=np.ones((10, 1)), row_lower=[*noise, 1.0],
+        row_upper=np.full(10, np.inf), column_lower=[-np.inf], column_upper=[np.inf],
+    )  # fmt: skip
+    assert Scaling.of(program) is None
+
+
 # -- paths -----------------------------------------------------------------------------------------
 
 
