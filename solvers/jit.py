@@ -25,6 +25,9 @@ MOST_LABELS = 50_000_000
 #: Seconds of interpretation in a process: what importing Numba and loading compiled code takes, so
 #: that no run takes much longer than twice what the better choice would have taken.
 BUDGET = 0.5
+#: Entries of an array above which nothing is interpreted: a loop that calls no kernel notices only at
+#: its end that the budget is used up, and takes about 10 µs for each.
+_MOST = 30_000
 #: Seconds that compiling takes for each bytecode of a kernel and those it calls, as measured.
 _PER_BYTECODE = 1.5e-3
 #: Seconds of silence, after which a person is told what takes so long.
@@ -69,7 +72,7 @@ class Kernel:
                 raise _BudgetUsedUp
             return self.py_func(*arguments)
         if not self._ready:
-            if self.interpretable and _left > 0.0:
+            if self.interpretable and _left > 0.0 and _is_small(arguments):
                 import numpy as np
 
                 begin = perf_counter()
@@ -157,6 +160,11 @@ def _type_of_callee() -> Any:
 
     register_model(Callee)(models.OpaqueModel)
     return Callee
+
+
+def _is_small(arguments: tuple[Any, ...]) -> bool:
+    arrays = (part for one in arguments for part in (one if isinstance(one, tuple) else (one,)))
+    return all(getattr(array, "size", 0) <= _MOST for array in arrays)
 
 
 def _called(kernel: Kernel) -> set[Kernel]:
