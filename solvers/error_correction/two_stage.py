@@ -76,7 +76,7 @@ class TwoStage(RoutingBackend):
         own = {
             "stage1_seconds": between - begin,
             "stage2_seconds": time.perf_counter() - between,
-            "stage1 length": length if first.size else "none",
+            "stage1 length": float(length) if first.size else "none",
             "stage1 labels": made,
             "stage1 weights with a route": hits,
             "points left": int(keep.sum()),
