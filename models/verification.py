@@ -192,8 +192,9 @@ class Check:
             "ok": self.ok,
             "within_tolerance": self.within_tolerance,
             "rounding": _finite(self.rounding),
-            "scale": _finite(self.scale),
-            "limit": self.limit,
+            # Written where they say something, so that records of earlier versions keep their keys.
+            **({"scale": _finite(self.scale)} if self.scale != 1.0 else {}),
+            **({"limit": self.limit} if self.limit is not None else {}),
         }
 
     @classmethod
@@ -267,7 +268,7 @@ class Verification:
             "objective": self.objective,
             "checks": [check.to_dict() for check in self.checks],
             **({"spread": self.spread} if self.spread else {}),
-            "scale": _finite(self.scale),
+            **({"scale": _finite(self.scale)} if self.scale != 1.0 else {}),
         }
 
     @classmethod

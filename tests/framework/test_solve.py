@@ -277,7 +277,7 @@ def test_solution_json_round_trip(model):
             "gap", "plan", "verification", "seconds")  # fmt: skip
     assert next(iter(data)) == "model"
     assert set(keys) <= set(data)
-    assert set(data["verification"]) == {"ok", "objective", "checks"}
+    assert {"ok", "objective", "checks"} <= set(data["verification"])
     assert {"name", "equation", "worst", "unit", "tolerance", "where", "ok"} <= set(
         data["verification"]["checks"][0]
     )
