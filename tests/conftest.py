@@ -61,7 +61,7 @@ points = [[0.0, 0.0], [1.0, 0.5], [2.0, 2.0]]
 for more in ({}, {"weights": [0.0, 0.1, 0.0, 1.0]}, {"velocity_limit": 1.0}):
     model = ct.models.TimeAllocation(points, 1.0, **more)
     ct.solve(model, "time-gradient")
-    ct.solve(model.at([0.5, 0.5]), "interior-point")
+    ct.solve(model.at([0.0, 0.5, 1.0]), "interior-point")
 """,
 )
 
