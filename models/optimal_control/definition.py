@@ -364,7 +364,7 @@ class Definition(_Stacked):
         Its functions stand there as CasADi's own text, as in files of version 0.1.
         """
         data = self.data()
-        data["endpoint"] = canonical_text(self.endpoint)
-        for phase, part in zip(self.phases, data["phases"], strict=True):
-            part["function"] = canonical_text(phase.function)
+        data["endpoint"] = canonical_text(data["endpoint"])
+        for phase in data["phases"]:
+            phase["function"] = canonical_text(phase["function"])
         return json.dumps(data, sort_keys=True, allow_nan=False)

@@ -27,10 +27,9 @@ def require_casadi(what: str) -> None:
         ) from error
 
 
-def canonical_text(function: casadi.Function) -> str:
-    """Return the text that digests hash: CasADi's own, of the function as a file gives it back."""
-    text: str = readable(function)[1].serialize()
-    return text
+def canonical_text(encoded: Any) -> str:
+    """Return what digests hash for a function in a file: CasADi's own text of it."""
+    return encoded if isinstance(encoded, str) else read(encoded).serialize()
 
 
 @dataclass(frozen=True)
@@ -77,4 +76,4 @@ class Compiled(Spec):
         return readable(value)[0]
 
     def feed(self, value: casadi.Function) -> Iterable[bytes]:
-        yield canonical_text(value).encode()
+        yield readable(value)[1].serialize().encode()

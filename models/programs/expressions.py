@@ -30,6 +30,7 @@ import itertools
 import math
 import struct
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -184,6 +185,7 @@ def _write(
     return known[key]
 
 
+@cache
 def operation_names() -> dict[int, str]:
     """Return CasADi's numbers of operations with their names, which do not change by version."""
     import casadi

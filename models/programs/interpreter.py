@@ -152,6 +152,10 @@ class _Reader:
             self.refuse(f"{what} must be a whole number >= 0 and < {end}, got {show(data)}")
         return data
 
+    def times(self, data: Any) -> int:
+        """Return `data` where it says how often: CasADi divides by it."""
+        return self.whole(data, LARGEST, "times") or self.refuse("times must be >= 1, got 0")
+
     def wholes(self, data: Any, end: int, what: str) -> list[int]:
         if not isinstance(data, list | tuple):
             self.refuse(f"{what} must be a list, got {show(data)}")
@@ -234,7 +238,7 @@ class _Reader:
             yield one
 
     def _map(self, data: Any, place: str) -> casadi.Function:
-        times = self.whole(data["times"], LARGEST, "times")
+        times = self.times(data["times"])
         return self.called(data["of"], times).map(times)
 
     def _table(self, data: Any, place: str) -> casadi.Function:
@@ -395,7 +399,9 @@ class _Reader:
         return [self.casadi.mac(taken[1], taken[2], taken[0])]
 
     def _getnonzeros(self, name: str, taken: list[Any], shape: Any, places: Any) -> list[Any]:
-        return [taken[0].nzref(self.shape(shape), self._places(places, taken[0].nnz()))]
+        wanted = self.shape(shape)
+        found = taken[0].nz[self.casadi.DM(wanted, self._places(places, taken[0].nnz()))]
+        return [found if found.shape == wanted.shape else self.casadi.reshape(found, wanted)]
 
     def _setnonzeros(self, name: str, taken: list[Any], places: Any) -> list[Any]:
         made = self.casadi.MX(taken[0])
@@ -410,12 +416,15 @@ class _Reader:
         return list(range(start, stop, self.whole(data["step"], end + 1, "step") or 1))
 
     def _horzrepmat(self, name: str, taken: list[Any], times: Any) -> list[Any]:
-        count = self.whole(times, LARGEST, "times")
+        count = self.times(times)
         self.count(count * (taken[0].nnz() + taken[0].size2()))
         return [self.casadi.repmat(taken[0], 1, count)]
 
     def _horzrepsum(self, name: str, taken: list[Any], times: Any) -> list[Any]:
-        return [self.casadi.repsum(taken[0], 1, self.whole(times, LARGEST, "times"))]
+        count = self.times(times)
+        if taken[0].size2() % count:
+            self.refuse(f"{taken[0].size2()} columns are no {count} blocks")
+        return [self.casadi.repsum(taken[0], 1, count)]
 
     def _horzsplit(self, name: str, taken: list[Any], offsets: Any) -> list[Any]:
         ends = self.wholes(offsets, max(taken[0].shape) + 1, "offsets")

@@ -281,6 +281,9 @@ DOUBLE = [one(SINE, "scalar")["functions"][0]] + [
         (one(SINE, name="no name"), "no valid function"),
         (one(SINE, name=7), "must be a string, got 7"),
         (one([["horzsplit", 0, [0, 5]]]), "offsets must be a whole number"),
+        (one([["horzrepmat", 0, 0]]), "times must be >= 1, got 0"),
+        (one([["horzrepsum", 0, 0]]), "times must be >= 1, got 0"),  # CasADi divides by it
+        (one([["horzrepsum", 0, 2]]), "1 columns are no 2 blocks"),
         (
             {
                 "graph": 1,
