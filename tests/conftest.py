@@ -49,7 +49,7 @@ from crosstrack.solvers.jit import compile_always
 compile_always()
 points = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [2.2, 0, 0]]
 kinds = ["A", "horizontal", "vertical", "B"]
-model = ct.models.ErrorCorrectionRouting(points, kinds, 1.6, 1.6, 1.6, 1.6, 1.75, 1.0, revisits=False)
+model = ct.models.ErrorCorrectionRouting(points, kinds, 1.6, 1.6, 1.6, 1.6, 1.75, delta=1.0, revisits=False)
 for name in ("label-setting", "two-stage", "pulse", "dynamic-programming"):
     ct.solve(model, name)
 """,
