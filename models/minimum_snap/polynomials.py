@@ -122,6 +122,11 @@ def critical_points(coefficients: Floats) -> Floats:
     degree = slope.shape[1] - 1
     if degree < 1 or count == 0:
         return ends.copy()
+    wide = ~np.isfinite(slope).all(axis=1)
+    if wide.any():
+        # What overflows in the slope alone is scaled first; values beyond floats have no such points.
+        size = np.abs(coefficients[wide]).max(axis=1, keepdims=True)
+        slope[wide] = derived(np.where(np.isfinite(size), coefficients[wide] / size, 0.0), 1)
     largest = np.abs(slope).max(axis=1, keepdims=True)
     slope = slope / np.where(largest > 0, largest, 1.0)
     lead = slope[:, -1]

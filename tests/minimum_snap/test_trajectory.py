@@ -236,3 +236,12 @@ def test_sampled():
 def test_bad_plan_data(data, words):
     with pytest.raises(InvalidData, match=words):
         make().plan_from_data(data)
+
+
+def test_extremes_are_found_where_the_slope_alone_overflows():
+    """Its coefficients are floats, those of its slope are beyond: 0 at both ends, large between."""
+    plan = Trajectory([0, 1], [[[0.0], [0.0], [1.5e308], [-1.5e308]]])
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = plan.extremes()
+    assert found.largest_time[0, 0] == pytest.approx(2 / 3)
+    assert found.largest[0, 0] == pytest.approx(1.5e308 / 27 * 4)

@@ -83,6 +83,7 @@ class UnitBasisFormulation(PiecewiseFormulation):
                 total += (weight * model.durations ** (1.0 - 2 * order))[:, None, None] * unit
         return total * self.scales[:, :, None] * self.scales[:, None, :]
 
+    @np.errstate(over="ignore", invalid="ignore")  # a trajectory refuses what is beyond floats
     def to_powers(self, local: Floats) -> Floats:
         """Return the coefficients as powers of s."""
         return (local * self.scales[:, None, :]) @ self.powers.T
