@@ -18,7 +18,7 @@ from .execution import execute, multistart
 from .isolation import in_worker
 from .job import Job
 from .output import shown
-from .registry import rivals
+from .registry import is_ours, rivals
 from .solution import Incumbent, Solution
 from .stopping import Criterion
 
@@ -143,13 +143,14 @@ def _run(
         raise UnsupportedOption(
             f"model {model.kind!r} hides data from backends, which run in a worker: isolate=False"
         )
-    if hides and job.starts > 1:
-        job.target()
+    if not (hides or (needs_worker(job) if isolate is None else isolate)):
+        return execute(job, listener=listener)
+    job.target()  # what cannot be had raises here, before a process starts
+    assert isinstance(job.backend, Backend)
+    if job.starts > 1 and (hides or not is_ours(job.backend)):
+        # Each start is judged here, not where it ran.
         return multistart(job, lambda one, **_: in_worker(one, listener=listener))
-    if hides or (needs_worker(job) if isolate is None else isolate):
-        job.target()  # what cannot be had raises here, before a process starts
-        return in_worker(job, listener=listener)
-    return execute(job, listener=listener)
+    return in_worker(job, listener=listener)
 
 
 def needs_worker(job: Job) -> bool:

@@ -15,11 +15,12 @@ from typing import Any
 from ..errors import InvalidData
 from . import jit
 from .assembly import Claim, assemble
-from .backend import Answer, Control, Request
+from .backend import Answer, Backend, Control, Request
 from .enums import Feature, Limit, Termination
 from .interrupts import on_interrupt
 from .job import GAP, Job
 from .refinement import CLAIMS_NONE, proven_bound, proves, refine
+from .registry import is_ours
 from .running import GRACE, Listener, Run
 from .solution import Solution
 
@@ -56,7 +57,7 @@ def execute(
     asked = job.model.digest
     control = control or Control()
     found = claim(job, listener=listener, on_prepare=on_prepare, control=control)
-    if type(job.backend).__module__.partition(".")[0] != __name__.partition(".")[0]:
+    if isinstance(job.backend, Backend) and not is_ours(job.backend):
         job, found = _as_asked(job, asked, found)
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # what was found is verified
         solution = assemble(job, found)

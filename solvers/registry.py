@@ -25,6 +25,7 @@ __all__ = [
     "default_formulation",
     "find_backend",
     "fitting",
+    "is_ours",
     "is_plain",
     "recommended",
     "register_backend",
@@ -255,8 +256,12 @@ def _state(declared: _Declared) -> BackendState:
 
 def is_plain(backend: Backend) -> bool:
     """Return whether `backend` is ours and loads no solver: it prints nothing, and does not crash."""
-    ours = type(backend).__module__.partition(".")[0] == __name__.partition(".")[0]
-    return ours and not backend.requires and not backend.natives
+    return is_ours(backend) and not backend.requires and not backend.natives
+
+
+def is_ours(backend: Backend) -> bool:
+    """Return whether `backend` is part of crosstrack; what others wrote is not trusted with models."""
+    return type(backend).__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
 def rivals(backend: Backend) -> frozenset[str]:

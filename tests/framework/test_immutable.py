@@ -7,12 +7,13 @@ import warnings
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from framework.fakes import Fixed
+from fakes import Fixed
 
 import crosstrack as ct
 from crosstrack.models import MixedIntegerProgram, NonlinearProgram, Route
 from crosstrack.models.fields import frozen
-from crosstrack.solvers import Answer, Termination
+from crosstrack.models.verification import Check
+from crosstrack.solvers import Answer, Feature, Guarantee, Termination
 
 MODELS = (
     "error-correction/example-1",
@@ -174,6 +175,22 @@ def test_what_is_derived_is_derived_again_before_a_foreign_backend_is_judged():
     found = ct.solve(far(), Bending(bend), isolate=False)
     assert found.termination is Termination.REJECTED and found.plan is None
     assert "horizontal error at B" in found.message
+
+
+def _everything_holds(model):
+    Check.ok = property(lambda self: True)
+
+
+@pytest.mark.parametrize("starts", [1, 2])
+def test_what_a_backend_bends_in_its_worker_judges_nothing(starts):
+    class Drawing(Bending):
+        features = frozenset({*Bending.features, Feature.SEED})
+
+    backend = Drawing(_everything_holds)
+    backend.guarantee = Guarantee.HEURISTIC
+    found = ct.solve(far(), backend, isolate=True, starts=starts)
+    assert found.termination is Termination.REJECTED and found.plan is None
+    assert Check("", "", 1.0, "", 0.0, "").ok is False
 
 
 def test_a_plan_is_kept_as_it_was_judged():
