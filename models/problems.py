@@ -87,7 +87,10 @@ def resolve(target: Any) -> Any:
     try:
         return getattr(importlib.import_module(module, __package__.rpartition(".")[0]), name)
     except Exception as error:  # whatever a stranger's module raises, the cause is named
-        raise BackendBroken(f"{target} cannot be loaded: {error}") from error
+        ours = module.partition(".")[0] in ("", __name__.partition(".")[0])
+        gone = ours and isinstance(error, ModuleNotFoundError)
+        hint = ": 'pip install crosstrack' brings all that crosstrack needs" if gone else ""
+        raise BackendBroken(f"{target} cannot be loaded: {error}{hint}") from error
 
 
 def loadable(room: str, name: str) -> Iterator[tuple[str, Any]]:

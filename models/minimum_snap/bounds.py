@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..fields import Array, Broadcast, Optional, Whole, declared, frozen
 from ..model import Model
+from .polynomials import step_peak
 from .trajectory import Trajectory
 
 __all__ = ["FREE", "Bound", "Halfspaces", "PathData", "derivative_name", "derivative_unit"]
@@ -216,12 +217,13 @@ class PathData(Model[Trajectory]):
     def derivative_scale(self, order: int) -> Floats:
         """Return what a violation of a derivative is held against at least, shape (dimensions,).
 
-        :attr:`position_scale`, covered in equal segments of the whole duration.
+        The peak that it has where :attr:`position_scale` is covered from rest to rest in equal
+        segments of the whole duration.
         """
         if order == 0:
             return self.position_scale
         mean = float(self.durations.mean())
-        return self.position_scale / self.segments / mean**order
+        return self.position_scale / self.segments * step_peak(self.order, order) / mean**order
 
     @cached_property
     def objective_scale(self) -> float:

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-import strange
 
 from crosstrack.errors import InvalidData
 
@@ -160,16 +159,12 @@ def changed(value: Any, draw: random.Random) -> Any:
         if draw.random() < 0.3:
             del copy[key]
         else:
-            copy[key] = _beside_casadi(key, changed(copy[key], draw))
+            copy[key] = changed(copy[key], draw)
         return copy
     if isinstance(value, float | int) and not isinstance(value, bool) and draw.random() < 0.5:
         large = value * 1e300 if abs(value) < 1e300 else value
         return draw.choice([-value, large, 2.5, float("inf"), 0, [value]])
     return odd(draw)
-
-
-def _beside_casadi(key: Any, value: Any) -> Any:
-    return None if isinstance(value, str) and key in strange.CASADI else value
 
 
 def strange_call(number: int) -> tuple[str, Callable[..., Any], list[Any], dict[str, Any]]:
@@ -182,7 +177,7 @@ def strange_call(number: int) -> tuple[str, Callable[..., Any], list[Any], dict[
         places: list[Any] = [*range(len(positional)), *named]
         at = draw.choice(places)
         holder: Any = positional if isinstance(at, int) else named
-        holder[at] = _beside_casadi(at, changed(holder[at], draw))
+        holder[at] = changed(holder[at], draw)
     return name, function, positional, named
 
 

@@ -134,7 +134,7 @@ def test_the_instance_file_itself_may_be_a_pipe_but_not_endless(instance, tmp_pa
     pipe.symlink_to(f"/dev/fd/{read}")
     assert len(ct.load(pipe).digest) == 64
     os.close(read)
-    monkeypatch.setattr(storage, "LARGEST_FILE", 1_000_000)
+    monkeypatch.setattr("crosstrack.files.LARGEST_FILE", 1_000_000)
     with pytest.raises(InvalidData, match="/dev/zero: holds more than 1000000 bytes"):
         ct.load("/dev/zero")
 

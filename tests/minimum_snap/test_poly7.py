@@ -229,7 +229,10 @@ def test_load_says_what_a_csv_file_is(tmp_path):
     for text, message in (
         (HEADER.upper() + "\n" + ROW, r": a poly7.*a plan, and no instance.*read_poly7\(path\)"),
         ("t,x,y\n0,1,2\n", r": a CSV file of samples.*read_samples\(path\)"),
-        ("0,1,2\n3,4,5\n", r"minimum-snap, minimum-derivative: .*'times' is missing.*data={"),
+        (
+            "0,1,2\n3,4,5\n",
+            r"minimum-snap: key 'times' is missing.*minimum-derivative: .*'times'.*data={",
+        ),
         ("x,y,z\n3,4,5\n", "minimum-snap.*must hold at least 2 waypoints"),
         ("id,x,y,z,kind\n", "error-correction: .*no points below the header"),
         ("", "the file is empty"),

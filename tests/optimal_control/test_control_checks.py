@@ -303,12 +303,12 @@ def test_what_does_not_fit_is_refused():
     for parameters, words in (
         ({}, r"parameters of the plan must be \['rate'\], got \[\]"),
         ({"rate": [1.0]}, "must be 2 finite numbers"),
-        ({"rate": [1.0, np.nan]}, "must be 2 finite numbers"),
+        ({"rate": [1.0, np.nan]}, r"parameters\['rate'\]\[1\] must be finite"),
         ({"rate": [1.0, 0.5], "more": [1.0]}, "parameters of the plan"),
     ):
         with pytest.raises(InvalidData, match=words) as caught:
             verify_control(problem.definition, ControlPlan((part,), parameters), 1e-6)
-        assert caught.value.field == "parameters"
+        assert caught.value.field.startswith("parameters")
     with pytest.raises(InvalidData, match="state_names of phase 'phase 1'"):
         problem.verify(replace(plan, phases=(replace(part, state_names=("y", "x")),)))
     with pytest.raises(InvalidData, match="control_names of phase 'phase 1'"):

@@ -191,7 +191,10 @@ def test_values_that_are_not_allowed(options, field, message):
 
 def test_options_and_forms_of_plans():
     model, plan = braking(), cruising()
-    with pytest.raises(UnsupportedOption, match="no option 'colour'; its options: only, paths"):
+    with pytest.raises(
+        UnsupportedOption,
+        match="no option 'colour'; did you mean 'columns.* its options: only, paths",
+    ):
         ct.plot(model, plan, colour="red")
     figure = ct.plot(model, plan, columns=3, size=(9, 3), title="a title\nof two lines")
     assert figure.get_size_inches().tolist() == [9, 3]

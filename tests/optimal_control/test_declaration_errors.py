@@ -267,7 +267,7 @@ def bad_definitions():
         (put("parameters", 3), ["parameters must be a list", "3"]),
         (put("parameters", []), ["p of the function has 1 entries, 0 are declared"]),
         (put("boundaries", []), ["boundary of the function has"]),
-        (put("endpoint", "nonsense"), ["endpoint is no serialised casadi.Function"]),
+        (put("endpoint", "nonsense"), ["endpoint is stored as CasADi's own text", "trusted=True"]),
         (put("endpoint", 3), ["endpoint must be a casadi.Function", "3"]),
         (put(*one, "states", []), ["phase 'first' has no state"]),
         (put(*one, "states", 3), ["states must be a list"]),
