@@ -264,11 +264,12 @@ def test_interrupted_is_130_with_the_incumbent(tmp_path):
     path = tmp_path / "hard.json"
     write_text(path, program.to_json())
     process = subprocess.Popen(
-        [sys.executable, "-m", "crosstrack", "solve", str(path), "--backend", "highs", "--json"],
+        [sys.executable, "-m", "crosstrack", "solve", str(path), "--backend", "highs", "--json", "--verbose"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     try:
-        time.sleep(4)
+        assert any("incumbent" in line for line in process.stderr)
+        time.sleep(0.5)
         os.kill(process.pid, signal.SIGINT)
         output, errors = process.communicate(timeout=60)
     finally:

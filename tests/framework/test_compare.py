@@ -316,7 +316,9 @@ def test_interrupted_campaign_goes_on(tmp_path):
         process.stdin.close()
         assert process.stdout.readline() == "start\n", process.stderr.read()
         if interrupt:
-            time.sleep(2.2)
+            record = tmp_path / "record.jsonl"
+            while not record.exists() or len(record.read_text().splitlines()) < 2:
+                time.sleep(0.02)
             os.kill(process.pid, signal.SIGINT)
         output = process.stdout.read()
         process.wait(timeout=60)

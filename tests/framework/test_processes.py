@@ -242,7 +242,7 @@ def test_ctrl_c_while_a_worker_starts(model, monkeypatch):
     """The run is stopped as it begins."""
     fresh = []
     monkeypatch.setattr(isolation, "_idle", fresh)
-    threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+    threading.Timer(0.4, os.kill, (os.getpid(), signal.SIGINT)).start()
     begin = time.perf_counter()
     answer = ct.solve(model, Patient(), time_limit=60, isolate=True)
     assert answer.limit == "interrupted"

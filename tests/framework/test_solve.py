@@ -147,8 +147,11 @@ def test_a_listener_that_raises_ends_the_run(model, isolate):
 @pytest.mark.parametrize("isolate", [False, True])
 def test_ctrl_c_keeps_the_incumbent(model, isolate):
     ct.solve(model, Fixed(), isolate=isolate)  # a worker that stands ready
-    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
-    answer = ct.solve(model, Patient(), time_limit=30, isolate=isolate)
+
+    def press(incumbent):
+        threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    answer = ct.solve(model, Patient(), time_limit=30, isolate=isolate, on_incumbent=press)
     assert answer.limit == "interrupted"
     assert answer.plan.route == (0, 1, 2, 4)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

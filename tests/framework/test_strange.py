@@ -232,7 +232,7 @@ def test_verbs_name_what_is_no_model(value):
         with pytest.raises(CrosstrackError):
             call()
     model = ct.load("error-correction/example-1")
-    with pytest.raises(CrosstrackError, match="pool must be a concurrent.futures.Executor"):
+    with pytest.raises(CrosstrackError, match=r"pool must be a concurrent\.futures\.Executor"):
         ct.compare(model, ["label-setting"], pool=5)
     with pytest.raises(CrosstrackError):
         ct.compare(model, value)

@@ -193,7 +193,7 @@ def test_options_and_forms_of_plans():
     model, plan = braking(), cruising()
     with pytest.raises(
         UnsupportedOption,
-        match="no option 'colour'; did you mean 'columns.* its options: only, paths",
+        match=r"no option 'colour'; did you mean 'columns.* its options: only, paths",
     ):
         ct.plot(model, plan, colour="red")
     figure = ct.plot(model, plan, columns=3, size=(9, 3), title="a title\nof two lines")
