@@ -36,6 +36,10 @@ __all__ = [
 ]
 
 
+#: Names above which an error does not list them all.
+MOST = 48
+
+
 def show(value: Any) -> str:
     """Return `value` for an error message, cut to a readable length."""
     try:
@@ -91,6 +95,8 @@ class UnknownName(CrosstrackError, LookupError):
     def __init__(self, what: str, name: Any, known: Iterable[str]) -> None:
         names = sorted(known)
         listed = ", ".join(names) if names else "none"
+        if len(names) > MOST:
+            listed = f"{', '.join(names[:3])} … ({len(names)} in all)"
         super().__init__(f"unknown {what} {show(name)}: {suggestion(name, names)}known: {listed}")
         self.what = what
         self.name = name

@@ -173,10 +173,17 @@ def _kept(value: Any) -> Any:
 
 def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:
     """Return a claim as JSON data, for a worker that must not verify it itself."""
+    plan, undecodable, messages = None, claim.undecodable, list(claim.messages)
+    if claim.plan is not None:
+        try:
+            plan = job.model.plan_to_data(claim.plan)
+        except Exception as error:  # whatever a backend that is not ours calls a plan
+            undecodable = True
+            messages.append(f"the point is no plan: {error}")
     return {
         "termination": str(claim.termination),
         "limit": None if claim.limit is None else str(claim.limit),
-        "plan": None if claim.plan is None else job.model.plan_to_data(claim.plan),
+        "plan": plan,
         "primal_bound": claim.primal_bound,
         "dual_bound": claim.dual_bound,
         "proves": claim.proves,
@@ -185,8 +192,8 @@ def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:
         "statistics": dict(claim.statistics),
         "incumbents": [[one.seconds, one.objective] for one in claim.incumbents],
         "duals": None if claim.duals is None else claim.duals.tolist(),
-        "messages": list(claim.messages),
-        "undecodable": claim.undecodable,
+        "messages": messages,
+        "undecodable": undecodable,
     }
 
 

@@ -77,7 +77,8 @@ def test_a_kernel_starts_again_where_its_budget_ends(budget):
     assert total._ready
     assert not jit.interpreting()
     assert np.array_equal(out, values / 2)
-    assert len(total.dispatcher.signatures) == len(halved.dispatcher.signatures) == 1
+    assert len(total.dispatcher.signatures) == 1
+    assert len(halved.dispatcher.signatures) <= 1  # none where `total` was loaded from the disk
 
 
 def test_what_must_not_be_interpreted_is_compiled_at_once(budget):
