@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InvalidData
+from ..errors import InvalidData, show
 from ..models.fields import frozen
 from ..models.verification import Verification
 from ..version import __version__
@@ -179,7 +179,7 @@ def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:
             plan = job.model.plan_to_data(claim.plan)
         except Exception as error:  # whatever a backend that is not ours calls a plan
             undecodable = True
-            messages.append(f"the point is no plan: {error}")
+            messages.append(f"the point {show(claim.plan)} is no plan: {error}")
     return {
         "termination": str(claim.termination),
         "limit": None if claim.limit is None else str(claim.limit),
