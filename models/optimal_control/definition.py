@@ -196,6 +196,10 @@ class Guess(Declared):
             )
 
 
+#: Sizes from here to 1 are solved and held as 1 is: a stricter measure would cost meshes for nothing.
+PLAIN = 0.1
+
+
 class _Stacked(Declared):
     """What holds tuples of quantities and restrictions, and gives them as vectors."""
 
@@ -205,8 +209,12 @@ class _Stacked(Declared):
         return np.concatenate([*parts, np.empty(0)])
 
     def least_scale(self, what: str) -> Floats:
-        """Return the size that all in `what` have where nothing is larger: as declared, at most 1."""
-        return np.minimum(self.stacked(what, "scale"), 1.0)
+        """Return the size that all in `what` have where nothing is larger.
+
+        As declared, at most 1; from :data:`PLAIN` on it counts as 1, as solvers take it.
+        """
+        declared = self.stacked(what, "scale")
+        return np.where(declared >= PLAIN, 1.0, declared)
 
     def bounds(self, what: str, side: str = "") -> tuple[Floats, Floats]:
         """Return both bounds of all in `what`; `side` may be ``"initial"`` or ``"final"``."""

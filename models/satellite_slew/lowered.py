@@ -71,7 +71,7 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
     )
     phase.path(
         casadi.det(jacobian @ jacobian.T),
-        lower=model.singularity_limit, name="singularity measure", equation="12",
+        lower=model.singularity_limit, name="singularity measure", equation="12", scale=1.0,
     )  # fmt: skip
     most = model.planned_torque
     phase.path(torque, lower=-most, upper=most, name="control torque", equation="9", unit="N m")

@@ -21,7 +21,7 @@ from ..plots.options import check_flags, check_option
 from ..plots.panels import panel_sheet
 from ..plots.style import number, title_of
 from ..verification import TOLERANCE, Verification, check_tolerance
-from .checks import slew_phase
+from .checks import limit_size, slew_phase
 from .dynamics import SlewMotion
 from .gyros import singularity_measure
 from .model import SatelliteSlew
@@ -167,14 +167,14 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
         return Panel(title, unit, curves, limits, marks, whole=True)
 
     def within(most: float, whole: float | None = None) -> list[Limit]:
-        found = [Limit(ends, -most, most, (), tolerance * most)]
+        found = [Limit(ends, -most, most, (), tolerance * limit_size(most))]
         if whole is not None and whole > most:
             label = "limit, nothing in reserve"
             found.append(Limit(ends, -whole, whole, label=label, dashes=":", shaded=False))
         return found
 
     least = model.singularity_limit
-    safe = Limit(ends, least, np.inf, (), tolerance * (least or 1.0))
+    safe = Limit(ends, least, np.inf, (), tolerance)
     return [
         panel("quaternion", "", _ATTITUDE, states[:, :4], (nodes, at_nodes[:, :4])),
         panel(
