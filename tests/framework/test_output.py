@@ -136,7 +136,8 @@ def test_several_runs_at_the_same_time_share_one_capture(model, caplog, capfd):
     lines = {record.getMessage() for record in caplog.records if record.name == LOG}
     assert {f"p{k} {does}" for k in range(4) for does in ("prints", "writes")} <= lines
     os.write(1, b"mine again\n")
-    assert capfd.readouterr().out == "the user's\n" * 4 + "mine again\n"
+    # Lines of threads may run into one another; nothing of them is lost.
+    assert capfd.readouterr().out.replace("\n", "") == "the user's" * 4 + "mine again"
 
 
 def test_threads_are_bounded_by_the_machine(caplog):
