@@ -277,7 +277,7 @@ def _named(
     """Return the backend and the formulation that ``"name:formulation"`` asks for."""
     if isinstance(backend, str) and ":" in backend:
         backend, _, formulation = backend.partition(":")
-    if backend == "auto":
+    if isinstance(backend, str) and backend == "auto":
         return recommended(model, formulation), formulation
     return find_backend(backend, model), formulation
 

@@ -175,7 +175,7 @@ def filtered(
         if not isinstance(written.program, RowProgram):
             raise UnsupportedFormulation(f"formulation {written.name!r} has no linear rows")
         program = written.program
-    if backend is None or backend == "auto":
+    if backend is None or (isinstance(backend, str) and backend == "auto"):
         solver = recommended(program)
     else:
         solver = find_backend(backend, program)

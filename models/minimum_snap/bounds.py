@@ -222,8 +222,10 @@ class PathData(Model[Trajectory]):
         """
         if order == 0:
             return self.position_scale
-        mean = float(self.durations.mean())
-        return self.position_scale / self.segments * step_peak(self.order, order) / mean**order
+        peak = step_peak(self.order, order) / self.segments
+        with np.errstate(all="ignore"):  # durations beyond reason leave a scale of 0 or infinity
+            scale: Floats = self.position_scale * peak / self.durations.mean() ** order
+        return scale
 
     @cached_property
     def objective_scale(self) -> float:
