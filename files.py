@@ -6,6 +6,7 @@ import contextlib
 import os
 import secrets
 import stat
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 from .errors import InvalidData, show
 
 __all__ = [
-    "LARGEST_FILE", "as_path", "decoded", "read_text", "writable", "write_bytes", "write_text",
+    "LARGEST_FILE", "as_path", "decoded", "read_input", "read_text", "writable", "write_bytes", "write_text",
 ]  # fmt: skip
 
 #: Bytes that a file may hold, and so may all files together that an instance refers to.
@@ -44,13 +45,18 @@ def read_text(path: str | os.PathLike[str]) -> str:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InvalidData(f"{file}: cannot be read: {reason}") from None
-    if len(raw) > LARGEST_FILE:
-        raise InvalidData(f"{file}: holds more than {LARGEST_FILE} bytes")
     return decoded(raw, file)
+
+
+def read_input() -> str:
+    """Return the UTF-8 text on standard input, bounded as files are."""
+    return decoded(sys.stdin.buffer.read(LARGEST_FILE + 1), "standard input")
 
 
 def decoded(raw: bytes, file: str | Path) -> str:
     """Return the text in `raw`, which `file` holds; what is no UTF-8 raises, naming the line."""
+    if len(raw) > LARGEST_FILE:
+        raise InvalidData(f"{file}: holds more than {LARGEST_FILE} bytes")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -12,13 +12,12 @@ import math
 import os
 import re
 import stat
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidData
-from ..files import LARGEST_FILE, as_path, decoded, read_text, write_text
+from ..files import LARGEST_FILE, as_path, read_input, read_text, write_text
 from ..models.fields import show
 from ..models.model import Model, as_model, parse_json
 from ..models.problems import resolve, table
@@ -197,7 +196,7 @@ def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
     """
     model = as_model(model)
     standard = isinstance(source, str) and source == "-"
-    text = decoded(sys.stdin.buffer.read(), "standard input") if standard else read_text(source)
+    text = read_input() if standard else read_text(source)
     data = parse_json(text)
     if isinstance(data, Mapping) and "plan" in data:
         if data["plan"] is None:

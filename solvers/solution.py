@@ -272,7 +272,11 @@ class Solution(Generic[PlanT]):
 
     @classmethod
     def load(
-        cls, path: str | os.PathLike[str], model: Model[PlanT] | None = None
+        cls,
+        path: str | os.PathLike[str],
+        model: Model[PlanT] | None = None,
+        *,
+        tolerance: float = TOLERANCE,
     ) -> Solution[PlanT]:
         """Return the solution that :meth:`save` wrote.
 
@@ -283,6 +287,9 @@ class Solution(Generic[PlanT]):
         model : Model, optional
             What it is a solution of. The plan comes back as an object then, and is verified anew;
             without it there is only :attr:`plan_data`, which nobody has looked at.
+        tolerance : float
+            Largest violation accepted, relative to the scale that each check names. It is yours to
+            say: what the file was solved with does not count.
 
         Raises
         ------
@@ -292,7 +299,7 @@ class Solution(Generic[PlanT]):
         found = cls.from_dict(parse_json(read_text(path)), model)
         if model is None or found.plan is None:
             return found
-        checked = model.verify(found.plan, tolerance=found.options.get("tolerance", TOLERANCE))
+        checked = model.verify(found.plan, tolerance=tolerance)
         claimed, value = found.primal_bound, checked.objective
         if not checked.ok or value is None:
             raise InvalidData(f"{path}: the plan does not hold: {checked.summary()}", field="plan")

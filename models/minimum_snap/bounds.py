@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ..fields import Array, Broadcast, Optional, Whole, declared, frozen
 from ..model import Model
-from .polynomials import step_peak
 from .trajectory import Trajectory
 
 __all__ = ["FREE", "Bound", "Halfspaces", "PathData", "derivative_name", "derivative_unit"]
@@ -217,22 +216,28 @@ class PathData(Model[Trajectory]):
     def derivative_scale(self, order: int) -> Floats:
         """Return what a violation of a derivative is held against at least, shape (dimensions,).
 
-        The peak that it has where :attr:`position_scale` is covered from rest to rest in equal
-        segments of the whole duration.
+        The peak that it has where :attr:`position_scale` is covered in equal segments of the whole
+        duration, each in half a wave.
         """
         if order == 0:
             return self.position_scale
-        peak = step_peak(self.order, order) / self.segments
-        with np.errstate(all="ignore"):  # durations beyond reason leave a scale of 0 or infinity
-            scale: Floats = self.position_scale * peak / self.durations.mean() ** order
-        return scale
+        return 0.5 * np.pi**order * self._mean_rate(order)
+
+    def _mean_rate(self, order: int) -> Floats:
+        """Return the mean step of the path over the mean duration to a power, shape (dimensions,)."""
+        with np.errstate(all="ignore"):  # durations beyond reason leave a rate of 0 or infinity
+            rate: Floats = self.position_scale / self.segments / self.durations.mean() ** order
+        return rate
 
     @cached_property
     def objective_scale(self) -> float:
-        """The objective of a path whose derivatives are :meth:`derivative_scale` throughout."""
+        """The objective of a path whose derivatives are the mean rates throughout.
+
+        Half waves would have thousands of times as much, more than smooth paths in corridors have.
+        """
         whole = float(self.durations.sum())
         parts = (
-            weight * float((self.derivative_scale(order) ** 2).sum())
+            weight * float((self._mean_rate(order) ** 2).sum())
             for order, weight in enumerate(self.order_weights.tolist(), start=1)
         )
         return float(whole * sum(parts))

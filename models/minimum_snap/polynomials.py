@@ -19,7 +19,6 @@ __all__ = [
     "gauss_legendre",
     "horner",
     "power_matrix",
-    "step_peak",
 ]
 
 Floats = NDArray[np.float64]
@@ -81,19 +80,6 @@ def bernstein_matrix(degree: int) -> Floats:
         for power in range(row + 1):
             matrix[row, power] = math.comb(row, power) / math.comb(degree, power)
     return matrix
-
-
-@cache
-def step_peak(order: int, derivative: int) -> float:
-    """Return the largest value of a derivative of the smoothest step from 0 to 1 in a second.
-
-    Its derivatives below `order` are 0 at both ends: for 4, the least snap, peaks are 2.1875 (velocity),
-    7.51, 52.5 and 840. Derivatives beyond the last that is not 0 count as that one.
-    """
-    slope = np.polynomial.Polynomial([0.0, 1.0, -1.0]) ** (order - 1)
-    taken = slope.deriv(min(derivative - 1, 2 * order - 2))
-    peak = np.abs(taken(np.linspace(0.0, 1.0, 257))).max()
-    return float(peak / slope.integ()(1.0))
 
 
 @cache

@@ -231,3 +231,13 @@ def test_control_problems_of_every_size(size):
     assert verdict["final values"] == "violated"
     tight = states(carrying(size / 10).verify(found.plan))
     assert tight["bounds of states"] == tight["final values"] == "violated"
+
+
+@pytest.mark.parametrize("name", ["minimum-snap/corridor-10", "minimum-snap/square"])
+def test_a_false_bound_contradicts_a_path_however_gentle(name):
+    """What objectives are held against is no more than theirs, or a verdict would accept anything."""
+    model = ct.load(name)
+    best = ct.solve(model)
+    assert best.verification.scale <= 10 * best.primal_bound
+    liar = replace(best, backend="liar", dual_bound=1.01 * best.primal_bound)
+    assert judge(name, [best, liar], model).outcome == "CONTRADICTION"

@@ -148,6 +148,13 @@ def test_a_kept_solution_must_hold(tmp_path):
             "does not hold",
         ),
         ({"primal_bound": data["primal_bound"] * 0.9}, "claims the objective"),
+        (
+            {
+                "plan": {"route": [data["plan"]["route"][0], data["plan"]["route"][-1]]},
+                "options": {**data["options"], "tolerance": 0.999},
+            },
+            "does not hold",
+        ),
     ):
         (tmp_path / "false.json").write_text(json.dumps({**data, **change}), "utf-8")
         with pytest.raises(InvalidData, match=words):
