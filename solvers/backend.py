@@ -261,7 +261,7 @@ class Backend(ABC):
         """Do what only the first run needs, such as compiling; timed apart as ``seconds.compile``.
 
         The clock of a time limit starts after it. It never trains: what is learned is a file that an
-        option names. Kernels of :mod:`crosstrack.solvers.jit` need no preparation: they are compiled
+        option names. Kernels of :mod:`crosstrack.jit` need no preparation: they are compiled
         when a run has use for it, with its clock standing still.
         """
 

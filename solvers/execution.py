@@ -12,8 +12,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from .. import jit
 from ..errors import InvalidData
-from . import jit
 from .assembly import Claim, assemble
 from .backend import Answer, Backend, Control, Request
 from .enums import Feature, Limit, Termination

@@ -45,7 +45,7 @@ _MADE = {
 _COMPILE = (
     """
 import crosstrack as ct
-from crosstrack.solvers.jit import compile_always
+from crosstrack.jit import compile_always
 compile_always()
 points = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [2.2, 0, 0]]
 kinds = ["A", "horizontal", "vertical", "B"]
@@ -55,7 +55,7 @@ for name in ("label-setting", "two-stage", "pulse", "dynamic-programming"):
 """,
     """
 import crosstrack as ct
-from crosstrack.solvers.jit import compile_always
+from crosstrack.jit import compile_always
 compile_always()
 points = [[0.0, 0.0], [1.0, 0.5], [2.0, 2.0]]
 for more in ({}, {"weights": [0.0, 0.1, 0.0, 1.0]}, {"velocity_limit": 1.0}):

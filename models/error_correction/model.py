@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Flag, Optional, Real, declared, frozen, show
+from ..labels import Ids
 from ..model import Model
 from ..verification import ROUNDING, TOLERANCE, Check, Verification, check_tolerance
-from .points import END, HORIZONTAL, KIND_WORDS, START, VERTICAL, Ids, Kinds
+from .points import END, HORIZONTAL, KIND_WORDS, START, VERTICAL, Kinds
 
 __all__ = ["END", "HORIZONTAL", "START", "VERTICAL", "ErrorCorrectionRouting", "Route"]
 

@@ -18,7 +18,6 @@ __all__ = [
     "KIND_WORDS",
     "START",
     "VERTICAL",
-    "Ids",
     "Kinds",
     "as_kind",
     "kind_word",
@@ -87,42 +86,3 @@ class Kinds(Spec):
 
     def refreeze(self, value: NDArray[np.str_]) -> NDArray[np.str_]:
         return frozen(value)
-
-
-@dataclass(frozen=True)
-class Ids(Spec):
-    """The points' names in the file they come from: labels, all different."""
-
-    content: bool = False
-
-    def coerce(
-        self, name: str, value: Any, sizes: dict[str, tuple[int, str]]
-    ) -> tuple[int | str, ...]:
-        if isinstance(value, str) or not isinstance(value, Iterable):
-            raise InvalidData(
-                f"{name} must be a list of numbers or words, got {show(value)}", field=name
-            )
-        ids: list[int | str] = []
-        rows: dict[int | str, int] = {}
-        for row, entry in enumerate(value):
-            if isinstance(entry, bool) or not isinstance(entry, int | np.integer | str):
-                raise InvalidData(
-                    f"{name}[{row}] must be a whole number or a word, got {show(entry)}", field=name
-                )
-            label = entry if isinstance(entry, str) else int(entry)
-            if label in rows:
-                raise InvalidData(
-                    f"{name}[{row}] is {label!r}, as is {name}[{rows[label]}]: ids must differ",
-                    field=name,
-                )
-            rows[label] = row
-            ids.append(label)
-        known, source = sizes.setdefault("n", (len(ids), name))
-        if known != len(ids):
-            raise InvalidData(
-                f"{name} has {len(ids)} entries where {source} has {known}", field=name
-            )
-        return tuple(ids)
-
-    def encode(self, value: tuple[int | str, ...]) -> Any:
-        return list(value)

@@ -18,7 +18,7 @@ from heapq import heappop, heappush
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import MOST_LABELS, kernel
+from ...jit import MOST_LABELS, kernel
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, build, near
 from .outcomes import FOUND, FULL, NOTHING, STOPPED

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ...jit import kernel
 from .airspace import HORIZONTAL, VERTICAL, Airspace
 
 __all__ = ["Grid", "build", "near", "reach"]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ...jit import kernel
 
 __all__ = ["Labels", "add", "dominated", "grown", "link", "make", "visited"]
 

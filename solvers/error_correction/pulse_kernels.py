@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import MOST_LABELS, kernel
+from ...jit import MOST_LABELS, kernel
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
 from .labels import add, dominated, grown, link, make, visited

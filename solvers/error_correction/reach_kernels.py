@@ -7,7 +7,7 @@ from heapq import heappop, heappush
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ...jit import kernel
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
 from .steps import REFUSED, arrive, distances_to, radius_of

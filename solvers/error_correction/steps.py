@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ...jit import kernel
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, near, reach
 

@@ -12,7 +12,7 @@ from heapq import heappop, heappush
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import MOST_LABELS, kernel
+from ...jit import MOST_LABELS, kernel
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
 from .labels import add, dominated, grown, link, make, visited

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ...jit import kernel
 from .hermite import REFINED
 
 __all__ = ["accelerate", "is_usual", "jerk", "snap"]

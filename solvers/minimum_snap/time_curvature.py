@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ...jit import kernel
 from .chain_kernels import factorise, rescale, solve_factors
 from .time_rows import knot_scales, pose
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ...jit import kernel
 
 __all__ = ["knot_scales", "pose", "slopes"]
 

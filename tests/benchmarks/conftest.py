@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 from benchmarks.ledger import Ledger
 
-from crosstrack.solvers.jit import compile_always
+from crosstrack.jit import compile_always
 
 _LEDGER = pytest.StashKey[Ledger]()
 

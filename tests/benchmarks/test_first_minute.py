@@ -16,7 +16,7 @@ from typing import Any
 from benchmarks.ledger import Ledger, duration
 
 SOLVE = "import crosstrack as ct; print(ct.solve(ct.load('error-correction/7')))"
-COMPILE = "from crosstrack.solvers.jit import compile_always; compile_always(); " + SOLVE
+COMPILE = "from crosstrack.jit import compile_always; compile_always(); " + SOLVE
 LIBRARIES = "import numpy, scipy.sparse"
 #: Name of a process: its script, and whether its folder of compiled code is new each time.
 PROCESSES = {

@@ -36,7 +36,7 @@ TINY = {
 SAME = """
 import json, sys
 import crosstrack as ct
-from crosstrack.solvers import jit
+from crosstrack import jit
 jit._left = float(sys.argv[1])
 from crosstrack.instances.error_correction.generator import random_small
 answers = []

@@ -18,6 +18,7 @@ import crosstrack
 MAY_LOAD = {
     "cli": {"click"},
     "errors": set(),
+    "jit": {"numba"},
     "lazy": set(),
     "version": set(),
     "models": {"casadi", "numpy", "scipy"},

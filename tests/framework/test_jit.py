@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 import crosstrack as ct
+from crosstrack import jit
 from crosstrack.instances.error_correction.generator import random_small, uniform_slab
-from crosstrack.solvers import Request, find_backend, jit
+from crosstrack.jit import kernel
+from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.control import Control
 from crosstrack.solvers.enums import Limit
-from crosstrack.solvers.jit import kernel
 from crosstrack.solvers.stopping import Seconds
 
 
@@ -113,7 +114,7 @@ def test_threads_interpret_side_by_side(budget):
 SLOW = """
 import sys
 import numpy as np
-from crosstrack.solvers import jit
+from crosstrack import jit
 jit._SILENCE = 0.2
 jit.compile_always()
 sys.stderr = sys.stdout
