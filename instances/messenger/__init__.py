@@ -1,0 +1,1 @@
+"""Instances of messenger tours: seeded ones with the sizes of the paper, and readers."""

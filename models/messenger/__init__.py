@@ -1,0 +1,17 @@
+"""The tour of a messenger UAV over moving ground vehicles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .model import MessengerTour as MessengerTour
+    from .plan import Primitive as Primitive, TourPlan as TourPlan
+
+MODELS = {"messenger-tour": ".model:MessengerTour"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__, {"model": ("MessengerTour",), "plan": ("Primitive", "TourPlan")}
+)

@@ -1,0 +1,149 @@
+"""A tour as it is flown: when and where each vehicle is met, and the path between."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import Array, Real, Whole, show
+
+__all__ = ["Primitive", "TourPlan"]
+
+Floats = NDArray[np.float64]
+
+#: Curvature by the turn's letter, in units of the largest.
+SIGNS = {"L": 1.0, "S": 0.0, "R": -1.0}
+
+
+class Primitive(NamedTuple):
+    """A piece of the path: a turn at the least radius, or a straight line.
+
+    Parameters
+    ----------
+    leg : int
+        0 leads to the first vehicle of the order, k to the k-th after it; one more leads back.
+    turn : {"L", "S", "R"}
+        Left, straight on, right.
+    length : float
+        m.
+    heading : float
+        Where it begins, rad, counter-clockwise from the x axis.
+    """
+
+    leg: int
+    turn: str
+    length: float
+    heading: float
+
+
+@dataclass(frozen=True, eq=False)
+class TourPlan:
+    """A flight over the vehicles.
+
+    Parameters
+    ----------
+    order : tuple of int
+        Indices of the vehicles in the order in which they are met.
+    times : ndarray, shape (n,)
+        When each is met, in that order, s.
+    points : ndarray, shape (n, 2)
+        Where the UAV is then, m.
+    start : ndarray, shape (3,)
+        Where the path begins: x, y (m), heading (rad).
+    primitives : tuple of Primitive
+        The path.
+    """
+
+    order: tuple[int, ...]
+    times: Floats
+    points: Floats
+    start: Floats
+    primitives: tuple[Primitive, ...]
+
+    def __post_init__(self) -> None:
+        sizes: dict[str, tuple[int, str]] = {}
+        order = Array(("vehicles",), int).coerce("order", self.order, sizes)
+        found = {
+            "order": tuple(order.tolist()),
+            "times": Array(("vehicles",)).coerce("times", self.times, sizes),
+            "points": Array(("vehicles", 2)).coerce("points", self.points, sizes),
+            "start": Array((3,)).coerce("start", self.start, sizes),
+            "primitives": _primitives(self.primitives),
+        }
+        for name, value in found.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def length(self) -> float:
+        """The length of the path, m."""
+        return math.fsum(one.length for one in self.primitives)
+
+    def leg(self, number: int) -> tuple[Primitive, ...]:
+        """Return the primitives of one leg."""
+        return tuple(one for one in self.primitives if one.leg == number)
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the plan as JSON data."""
+        return {
+            "order": list(self.order),
+            "times": self.times.tolist(),
+            "points": self.points.tolist(),
+            "start": self.start.tolist(),
+            "primitives": [one._asdict() for one in self.primitives],
+        }
+
+    @classmethod
+    def from_data(cls, data: Any) -> TourPlan:
+        """Return the plan that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        keys = ("order", "times", "points", "start", "primitives")
+        if not isinstance(data, Mapping):
+            raise InvalidData(f"a plan must be an object, got {show(data)}", field="plan")
+        for key in data:
+            if key not in keys:
+                raise InvalidData(
+                    f"unknown key {key!r} in a plan; allowed: {', '.join(keys)}", field=str(key)
+                )
+        for key in keys:
+            if key not in data:
+                raise InvalidData(f"a plan needs the key {key!r}", field=key)
+        return cls(**data)
+
+    def __str__(self) -> str:
+        return f"{'-'.join(map(str, self.order))}, {self.length:.10g} m"
+
+
+def _primitives(value: Any) -> tuple[Primitive, ...]:
+    if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
+        raise InvalidData(f"primitives must be a list, got {show(value)}", field="primitives")
+    found = []
+    for row, entry in enumerate(value):
+        name = f"primitives[{row}]"
+        if isinstance(entry, Mapping):
+            if set(entry) != set(Primitive._fields):
+                raise InvalidData(
+                    f"{name} must have the keys {', '.join(Primitive._fields)}, got {show(entry)}",
+                    field=name,
+                )
+            entry = tuple(entry[key] for key in Primitive._fields)
+        if not isinstance(entry, list | tuple) or len(entry) != len(Primitive._fields):
+            raise InvalidData(
+                f"{name} must be {', '.join(Primitive._fields)}, got {show(entry)}", field=name
+            )
+        leg, turn, length, heading = entry
+        if not isinstance(turn, str) or turn not in SIGNS:
+            raise InvalidData(f"{name}.turn must be L, S or R, got {show(turn)}", field=name)
+        found.append(
+            Primitive(
+                Whole(0).coerce(f"{name}.leg", leg, {}),
+                turn,
+                Real().coerce(f"{name}.length", length, {}),
+                Real().coerce(f"{name}.heading", heading, {}),
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""Native algorithms for tours of a messenger UAV; the loops are compiled by Numba."""
