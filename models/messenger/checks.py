@@ -1,0 +1,184 @@
+"""The independent check of a tour: its primitives are integrated, and nothing else is believed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import required
+from ..verification import Check, Verification, check_tolerance
+from .plan import SIGNS, TourPlan
+
+if TYPE_CHECKING:
+    from .model import MessengerTour
+
+__all__ = ["integrated", "verify_tour"]
+
+Floats = NDArray[np.float64]
+
+#: Digits that a path of many pieces leaves of its coordinates.
+DIGITS = 1e-13
+
+
+def integrated(plan: TourPlan, turning_radius: float) -> Floats:
+    """Return the poses between the primitives, each following from the one before.
+
+    Parameters
+    ----------
+    plan : TourPlan
+        The tour.
+    turning_radius : float
+        Of the turns, m. At 0 the UAV turns on the spot, to the heading that the next primitive has.
+
+    Returns
+    -------
+    ndarray, shape (k + 1, 3)
+        x, y (m), heading (rad), at the start and after each of the k primitives.
+    """
+    pieces = plan.primitives
+    lengths = np.array([one.length for one in pieces])
+    signs = np.array([SIGNS[one.turn] for one in pieces])
+    said = np.array([one.heading for one in pieces])
+    if turning_radius > 0:
+        turned = np.concatenate([[0.0], np.cumsum(signs * lengths / turning_radius)])
+        headings = plan.start[2] + turned
+    else:
+        headings = np.concatenate([said, said[-1:]]) if len(pieces) else plan.start[2:]
+    begin, middle = headings[:-1], 0.5 * (headings[:-1] + headings[1:])
+    # The chord of an arc, which a straight line is one of.
+    half = 0.5 * (headings[1:] - begin)
+    chord = lengths * np.sinc(half / np.pi)
+    steps = np.stack([chord * np.cos(middle), chord * np.sin(middle)], axis=1)
+    places = plan.start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    return np.column_stack([places, headings])
+
+
+def verify_tour(model: MessengerTour, plan: TourPlan, tolerance: float) -> Verification:
+    """Return the length of `plan` and every constraint of `model`."""
+    check_tolerance(tolerance)
+    required("plan", plan, TourPlan)
+    n = model.size
+    for row, vehicle in enumerate(plan.order):
+        if not 0 <= vehicle < n:
+            raise InvalidData(f"order[{row}] must lie in 0 … {n - 1}, got {vehicle}", field="order")
+    legs = np.array([one.leg for one in plan.primitives], int)
+    lengths = np.array([one.length for one in plan.primitives])
+    poses = integrated(plan, model.turning_radius)
+    flown = np.concatenate([[0.0], np.cumsum(lengths)])
+    # The pose at which each leg ends: after the last primitive that is tagged with it or less.
+    ends = np.searchsorted(legs, np.arange(len(plan.order)), side="right")
+    met = np.array(plan.order, int)
+    size = _sizes(model)
+    noise = DIGITS * float(np.abs(poses[:, :2]).max() + np.abs(model.positions).max() + flown[-1])
+    at = poses[ends, :2]
+    vehicles = model.positions[met] + model.velocities[met] * plan.times[:, None]
+    apart = np.hypot(*(at - vehicles).T) - model.radius[met]
+    late = np.abs(flown[ends] - model.speed * plan.times)
+    said = np.hypot(*(at - plan.points).T)
+
+    def worst(
+        name: str, values: Floats, unit: str, places: Sequence[str], scale: Floats | float,
+        limits: Floats | None = None,
+    ) -> Check:  # fmt: skip
+        """Return the check of the entry that uses up most of its tolerance."""
+        if not values.size:
+            return Check.scaled(name, "", 0.0, unit, "", tolerance, 0.0, noise=noise)
+        scales = np.broadcast_to(scale, values.shape)
+        share = np.where(values > 0, values, 0.0) / np.maximum(tolerance * scales + noise, 1e-300)
+        # What is no number is worst of all.
+        k = int(np.argmax(np.where(np.isnan(share), np.inf, share)))
+        value = float(values[k])
+        return Check.scaled(
+            name, "", value if np.isnan(value) else max(value, 0.0), unit, places[k], tolerance,
+            float(scales[k]), noise=noise, limit=None if limits is None else float(limits[k]),
+        )  # fmt: skip
+
+    names = [f"vehicle {model.label(k)}" for k in plan.order]
+    pieces = [f"primitive {k}" for k in range(len(lengths))]
+    counts = np.bincount(met, minlength=n)
+    wrong = np.flatnonzero(counts != 1)
+    ordered = np.diff(legs)
+    last = n if model.closed else n - 1
+    stray = (ordered < 0).sum() + ((legs < 0) | (legs > last)).sum()
+    checks = [
+        _count(
+            "each vehicle met once", float(wrong.size), "vehicles",
+            f"vehicle {model.label(int(wrong[0]))}" if wrong.size else "",
+        ),
+        _count("legs in order", float(stray), "primitives", ""),
+        worst("lengths at least 0", -lengths, "m", pieces, 0.0),
+        *_joined(model, plan, poses, tolerance),
+        *_started(model, plan, tolerance, float(size.min()), noise),
+        worst("length flown is speed times time", late, "m", names, size[met]),
+        worst("encounter at its point", said, "m", names, size[met]),
+        worst("encounter within radius", apart, "m", names, size[met], model.radius[met]),
+    ]  # fmt: skip
+    if model.closed:
+        gap = np.array([np.hypot(*(poses[-1, :2] - poses[0, :2]))])
+        checks.append(worst("ends where it begins", gap, "m", ["end"], float(size.min())))
+    elif len(plan.order):
+        beyond = np.array([flown[-1] - flown[ends[-1]]])
+        checks.append(worst("ends at the last encounter", beyond, "m", ["end"], float(size.min())))
+    # A length is its own scale.
+    return Verification(float(flown[-1]), tuple(checks), scale=0.0)
+
+
+def _sizes(model: MessengerTour) -> Floats:
+    """Return what a position is held against for each vehicle, m: its radius, or the room it has."""
+    room = model.extent / model.size
+    return np.where(model.radius > 0, model.radius, room)
+
+
+def _count(name: str, number: float, unit: str, where: str) -> Check:
+    return Check(name, "", number, unit, 0.0, where, 0.0)
+
+
+def _turned(angle: Floats | float) -> Floats:
+    """Return how far headings are apart, rad, at most π."""
+    return np.abs(np.remainder(np.asarray(angle, float) + np.pi, 2 * np.pi) - np.pi)
+
+
+def _joined(model: MessengerTour, plan: TourPlan, poses: Floats, tolerance: float) -> list[Check]:
+    """Return the checks that the path has no corner and no turn tighter than the least radius."""
+    if model.turning_radius == 0:
+        turns = [k for k, one in enumerate(plan.primitives) if one.turn != "S" and one.length > 0]
+        where = f"primitive {turns[0]}" if turns else ""
+        return [
+            _count("straight but for turns on the spot", float(len(turns)), "primitives", where)
+        ]
+    said = np.array([one.heading for one in plan.primitives])
+    off = _turned(poses[:-1, 2] - said)
+    if model.closed:
+        off = np.append(off, _turned(poses[-1, 2] - plan.start[2]))
+    k = int(np.argmax(np.where(np.isnan(off), np.inf, off))) if off.size else 0
+    where = "" if not off.size else "end" if k == len(said) else f"primitive {k}"
+    worst = float(off[k]) if off.size else 0.0
+    noise = DIGITS * float(np.abs(poses[:, 2]).max())
+    return [
+        Check.scaled(
+            "headings without a jump", "", worst, "rad", where, tolerance, 1.0, noise=noise
+        )
+    ]
+
+
+def _started(
+    model: MessengerTour, plan: TourPlan, tolerance: float, size: float, noise: float
+) -> list[Check]:
+    """Return the checks that the path begins where it should."""
+    checks = []
+    if model.start is not None:
+        off = float(np.hypot(*(plan.start[:2] - model.start[:2])))
+        checks.append(
+            Check.scaled("starts at its place", "", off, "m", "start", tolerance, size, noise=noise)
+        )
+    # A UAV that turns on the spot has any heading at once.
+    if model.heading is not None and model.turning_radius > 0:
+        turn = float(_turned(plan.start[2] - model.heading))
+        checks.append(
+            Check.scaled("starts with its heading", "", turn, "rad", "start", tolerance, 1.0)
+        )
+    return checks
