@@ -1,0 +1,364 @@
+"""Shortest paths of bounded curvature in the plane, after Dubins.
+
+Coordinates, lengths and the turning radius are in m, headings in rad, counter-clockwise from the x
+axis. A path is a sequence of primitives: a left turn, a straight line or a right turn, each with its
+length; a turn by an angle is as long as the radius times the angle. With radius 0 a turn has length 0
+and leads to any heading, so paths are straight lines.
+
+Where rounding alone decides whether a turn is 0 or a full circle, it is 0: the end of the path moves
+by no more than coordinates of that size are exact.
+
+Sources: L. E. Dubins, American Journal of Mathematics 79 (1957) 497-516, for the six words;
+J.-D. Boissonnat and X.-N. Bui, INRIA report 2295 (1994), for paths that end with any heading. The
+formulas are from the circles' centres.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...errors import InvalidData
+from ...jit import kernel
+
+__all__ = [
+    "RELAXED_WORDS",
+    "WORDS",
+    "L",
+    "R",
+    "S",
+    "advance",
+    "dubins_length",
+    "dubins_path",
+    "relaxed",
+    "relaxed_length",
+    "shortest",
+    "word_lengths",
+]
+
+#: Primitives, by the sign of their curvature: left turn, straight line, right turn.
+L, S, R = 1, 0, -1
+#: Primitives of the six words by code: LSL, RSR, LSR, RSL, RLR, LRL.
+WORDS = np.array([[L, S, L], [R, S, R], [L, S, R], [R, S, L], [R, L, R], [L, R, L]])
+#: Primitives of the words with free end heading by code: LS, RS, LR, RL.
+RELAXED_WORDS = np.array([[L, S], [R, S], [L, R], [R, L]])
+
+FULL = 2.0 * math.pi
+#: Relative error of what is computed from coordinates.
+ROUNDING = 4e-15
+#: Angle that may be missing to a full circle, in rad, for the turn to count as none.
+NO_TURN = 1e-12
+
+Length3 = tuple[float, float, float]
+
+
+@kernel
+def turn(angle: float, tolerance: float) -> float:
+    """Return `angle` within a full circle, and 0 where at most `tolerance` is missing to that."""
+    rest = angle - FULL * math.floor(angle / FULL)
+    return 0.0 if rest >= FULL - tolerance else rest
+
+
+@kernel
+def norm(x: float, y: float) -> float:
+    """Return the length of a vector, interpreted and compiled to the same bit."""
+    return math.sqrt(x * x + y * y)
+
+
+@kernel
+def local(x0: float, y0: float, h0: float, x1: float, y1: float, r: float) -> Length3:
+    """Return the target ahead and to the left of the start, and the coordinates' rounding (m)."""
+    dx, dy = x1 - x0, y1 - y0
+    cos, sin = math.cos(h0), math.sin(h0)
+    slack = ROUNDING * (abs(x0) + abs(y0) + abs(x1) + abs(y1) + r)
+    return dx * cos + dy * sin, dy * cos - dx * sin, slack
+
+
+@kernel
+def _same(u: float, v: float, phi: float, r: float, slack: float) -> Length3:
+    """Return the lengths of LSL to (`u`, `v`) with heading `phi`, from the origin with heading 0."""
+    half = math.sin(0.5 * phi)
+    x, y = u - r * math.sin(phi), v - 2.0 * r * half * half
+    b = norm(x, y)
+    if b <= slack:
+        return r * turn(phi, NO_TURN), 0.0, 0.0
+    tolerance = NO_TURN + slack / b
+    theta = turn(math.atan2(y, x), tolerance)
+    return r * theta, b, r * turn(phi - theta, tolerance)
+
+
+@kernel
+def _cross(u: float, v: float, phi: float, r: float, slack: float) -> Length3:
+    """Return the lengths of LSR to (`u`, `v`) with heading `phi`; inf where there is none."""
+    half = math.sin(0.5 * phi)
+    sin, lift = math.sin(phi), 2.0 * half * half
+    # The far centre lies at (x, w - 2 r) from the near one; b² is its distance² less (2 r)².
+    x, w = u + r * sin, v + r * lift
+    square = u * u + v * v + 2.0 * r * (u * sin - v * (2.0 - lift)) - 2.0 * r * r * lift
+    if square < -4.0 * slack * r or (square < 0.0 and r == 0.0):
+        return math.inf, math.inf, math.inf
+    b = math.sqrt(max(square, 0.0))
+    rise = 2.0 * r * (x - b) + w * b
+    if x > 0.0:  # without cancellation: x² - b² = w (4 r - w)
+        rise = w * (2.0 * r * (4.0 * r - w) / (x + b) + b)
+    tolerance = NO_TURN + slack / (b + 2.0 * r) if b + r > 0.0 else NO_TURN
+    theta = turn(math.atan2(rise, x * b + 2.0 * r * (2.0 * r - w)), tolerance)
+    return r * theta, b, r * turn(theta - phi, tolerance)
+
+
+@kernel
+def _arcs(u: float, v: float, phi: float, r: float, slack: float) -> Length3:
+    """Return the lengths of LRL to (`u`, `v`) with heading `phi`; inf where there is none.
+
+    Of the two middle arcs it is the one beyond half a circle: the other is never part of a shortest
+    path.
+    """
+    half = math.sin(0.5 * phi)
+    x, y = u - r * math.sin(phi), v - 2.0 * r * half * half
+    d = norm(x, y)
+    if r == 0.0 or d > 4.0 * r + slack:
+        return math.inf, math.inf, math.inf
+    gamma = 2.0 * math.asin(min(0.25 * d / r, 1.0))
+    tolerance = NO_TURN + slack / max(d, r)
+    a = turn(math.atan2(y, x) + math.pi - 0.5 * gamma, tolerance)
+    return r * a, r * (FULL - gamma), r * turn(phi - a - gamma, tolerance)
+
+
+@kernel
+def word_local(u: float, v: float, phi: float, r: float, slack: float, word: int) -> Length3:
+    """Return the lengths of a word to (`u`, `v`) with heading `phi` from the origin with heading 0."""
+    if word == 1 or word == 3 or word == 4:  # begins with R: the mirror image
+        v, phi = -v, -phi
+    if word < 2:
+        return _same(u, v, phi, r, slack)
+    if word < 4:
+        return _cross(u, v, phi, r, slack)
+    return _arcs(u, v, phi, r, slack)
+
+
+@kernel(interpretable=True)
+def word_lengths(
+    x0: float, y0: float, h0: float, x1: float, y1: float, h1: float, r: float, word: int
+) -> Length3:
+    """Return the lengths (m) of the three primitives of one word between two configurations.
+
+    Parameters
+    ----------
+    x0, y0, h0, x1, y1, h1 : float
+        Start and end: coordinates (m) and heading (rad).
+    r : float
+        Turning radius (m), 0 or above.
+    word : int
+        Row of :data:`WORDS`.
+
+    Returns
+    -------
+    tuple of 3 float
+        inf where the word does not exist.
+    """
+    u, v, slack = local(x0, y0, h0, x1, y1, r)
+    return word_local(u, v, h1 - h0, r, slack, word)
+
+
+@kernel(interpretable=True)
+def shortest(
+    x0: float, y0: float, h0: float, x1: float, y1: float, h1: float, r: float
+) -> tuple[float, float, float, int]:
+    """Return the lengths (m) of the shortest path between two configurations, and its word.
+
+    Parameters are those of :func:`word_lengths`. Of words of equal length the first one is taken.
+    """
+    u, v, slack = local(x0, y0, h0, x1, y1, r)
+    best, best_word = (math.inf, math.inf, math.inf), 0
+    least = math.inf
+    for word in range(6):
+        found = word_local(u, v, h1 - h0, r, slack, word)
+        length = found[0] + found[1] + found[2]
+        if length < least:
+            least, best, best_word = length, found, word
+    return best[0], best[1], best[2], best_word
+
+
+@kernel
+def outside(u: float, v: float, r: float, slack: float) -> float:
+    """Return the tangent from (`u`, `v`) to the left circle; -1 inside of it, 0 on it."""
+    power = u * u + v * v - 2.0 * r * v
+    if power < 0.0 and (power < -2.0 * r * slack or r == 0.0):
+        return -1.0
+    return math.sqrt(max(power, 0.0))
+
+
+@kernel
+def left_straight(u: float, v: float, b: float, r: float, slack: float) -> float:
+    """Return the angle of the turn of LS to (`u`, `v`), whose tangent to the left circle is `b`."""
+    rise = r * (u - b) + v * b
+    if u > 0.0:  # without cancellation: u² - b² = v (2 r - v)
+        rise = v * (r * (2.0 * r - v) / (u + b) + b)
+    tolerance = NO_TURN + slack / (b + r) if b + r > 0.0 else NO_TURN
+    return turn(math.atan2(rise, u * b + r * (r - v)), tolerance)
+
+
+@kernel
+def right_left(u: float, v: float, r: float, major: bool) -> tuple[float, float]:
+    """Return the angles of RL to (`u`, `v`), within 3 r of the right centre and not inside its circle.
+
+    `major` asks for the second turn beyond half a circle.
+    """
+    d = norm(u, v + r)
+    beta = math.acos(min((3.0 * r * r + d * d) / (4.0 * r * d), 1.0))
+    delta = math.acos(max(1.25 - 0.25 * (d / r) * (d / r), -1.0))
+    theta = math.atan2(v + r, u)
+    if major:
+        return turn(0.5 * math.pi - theta + beta, NO_TURN), FULL - delta
+    return turn(0.5 * math.pi - theta - beta, NO_TURN), delta
+
+
+@kernel
+def relaxed_local(u: float, v: float, r: float, slack: float) -> tuple[float, float, int]:
+    """Return :func:`relaxed` from the origin with heading 0 to (`u`, `v`)."""
+    mirrored = v < 0.0
+    v = abs(v)
+    b = outside(u, v, r, slack)
+    if b >= 0.0:
+        return r * left_straight(u, v, b, r, slack), b, 1 if mirrored else 0
+    first, second = right_left(u, v, r, True)
+    return r * first, r * second, 2 if mirrored else 3
+
+
+@kernel(interpretable=True)
+def relaxed(
+    x0: float, y0: float, h0: float, x1: float, y1: float, r: float
+) -> tuple[float, float, int]:
+    """Return the lengths (m) of the shortest path to a point with free end heading, and its word.
+
+    Towards a point to the left it is LS, or RL with a second turn beyond half a circle where the
+    point lies inside the left turning circle; mirrored to the right.
+
+    Parameters
+    ----------
+    x0, y0, h0 : float
+        Start: coordinates (m) and heading (rad).
+    x1, y1 : float
+        Target (m).
+    r : float
+        Turning radius (m), 0 or above.
+
+    Returns
+    -------
+    tuple of float, float, int
+        Lengths of the two primitives, and the row of :data:`RELAXED_WORDS`.
+    """
+    u, v, slack = local(x0, y0, h0, x1, y1, r)
+    return relaxed_local(u, v, r, slack)
+
+
+@kernel(interpretable=True)
+def relaxed_length(x0: float, y0: float, h0: float, x1: float, y1: float, r: float) -> float:
+    """Return the length (m) of :func:`relaxed`."""
+    u, v, slack = local(x0, y0, h0, x1, y1, r)
+    a, b, _ = relaxed_local(u, v, r, slack)
+    return a + b
+
+
+@kernel(interpretable=True)
+def advance(x: float, y: float, h: float, s: float, sign: int, r: float) -> Length3:
+    """Return the configuration after a primitive of length `s` (m) whose curvature has `sign`.
+
+    A turn with radius 0 stays where it is and keeps the heading, for its length does not tell how
+    far it turns.
+    """
+    if sign == 0:
+        return x + s * math.cos(h), y + s * math.sin(h), h
+    if r == 0.0:
+        return x, y, h
+    half = 0.5 * sign * s / r
+    chord = 2.0 * r * math.sin(0.5 * s / r)
+    return x + chord * math.cos(h + half), y + chord * math.sin(h + half), h + 2.0 * half
+
+
+@kernel(interpretable=True)
+def _all_shortest(
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    lengths: NDArray[np.float64],
+    words: NDArray[np.int64],
+) -> None:
+    """Fill `lengths` (n, 3) and `words` (n,) with the shortest paths between rows (n, 3)."""
+    for i in range(len(start)):
+        a, b, c, word = shortest(
+            start[i, 0], start[i, 1], start[i, 2], end[i, 0], end[i, 1], end[i, 2], radius[i]
+        )
+        lengths[i, 0], lengths[i, 1], lengths[i, 2], words[i] = a, b, c, word
+
+
+def _shortest_paths(
+    start: ArrayLike, end: ArrayLike, r: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return lengths, shape (…, 3), and words, shape (…), for arguments that broadcast."""
+    first, last = np.asarray(start, float), np.asarray(end, float)
+    radius = np.asarray(r, float)
+    for name, ends in (("start", first), ("end", last)):
+        if ends.shape[-1:] != (3,) or not np.isfinite(ends).all():
+            raise InvalidData(
+                f"{name} must be finite x, y, heading along the last axis; got {ends}"
+            )
+    if not (np.isfinite(radius).all() and (radius >= 0.0).all()):
+        raise InvalidData(f"r must be finite and 0 or above; got {radius}")
+    shape = np.broadcast_shapes(first.shape[:-1], last.shape[:-1], radius.shape)
+    first, last = (
+        np.ascontiguousarray(np.broadcast_to(ends, (*shape, 3))).reshape(-1, 3)
+        for ends in (first, last)
+    )
+    radius = np.ascontiguousarray(np.broadcast_to(radius, shape)).reshape(-1)
+    lengths, words = np.empty((len(first), 3)), np.empty(len(first), np.int64)
+    _all_shortest(first, last, radius, lengths, words)
+    return lengths.reshape(*shape, 3), words.reshape(shape)
+
+
+def dubins_length(start: ArrayLike, end: ArrayLike, r: ArrayLike) -> NDArray[np.float64]:
+    """Return the lengths of the shortest paths between configurations.
+
+    Parameters
+    ----------
+    start, end : array_like, shape (…, 3)
+        x, y (m) and heading (rad); leading axes broadcast, also against `r`.
+    r : array_like
+        Turning radius (m), 0 or above.
+
+    Returns
+    -------
+    ndarray, shape (…)
+        Lengths (m).
+
+    Raises
+    ------
+    InvalidData
+        Where a configuration is not finite or not of three numbers, or a radius is negative.
+    """
+    lengths, _ = _shortest_paths(start, end, r)
+    total: NDArray[np.float64] = lengths.sum(axis=-1)
+    return total
+
+
+def dubins_path(start: ArrayLike, end: ArrayLike, r: float) -> list[tuple[str, float]]:
+    """Return the shortest path between two configurations as primitives with their lengths (m).
+
+    Parameters are those of :func:`dubins_length`, without leading axes. Primitives of length 0 are
+    left out.
+
+    Returns
+    -------
+    list of (str, float)
+        ``"L"``, ``"S"`` or ``"R"``, and the length.
+    """
+    lengths, words = _shortest_paths(start, end, r)
+    if words.ndim:
+        raise InvalidData(f"start, end and r must be of one path; got shape {words.shape}")
+    return [
+        ("RSL"[sign + 1], float(length))
+        for sign, length in zip(WORDS[words], lengths, strict=True)
+        if length > 0.0
+    ]
