@@ -77,10 +77,14 @@ def local(x0: float, y0: float, h0: float, x1: float, y1: float, r: float) -> Le
 
 
 @kernel
-def _same(u: float, v: float, phi: float, r: float, slack: float) -> Length3:
-    """Return the lengths of LSL to (`u`, `v`) with heading `phi`, from the origin with heading 0."""
-    half = math.sin(0.5 * phi)
-    x, y = u - r * math.sin(phi), v - 2.0 * r * half * half
+def _same(
+    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float
+) -> Length3:
+    """Return the lengths of LSL to (`u`, `v`) with heading `phi`, from the origin with heading 0.
+
+    Here and below `sin` is that of `phi`, and `lift` is 1 less its cosine, without cancellation.
+    """
+    x, y = u - r * sin, v - r * lift
     b = norm(x, y)
     if b <= slack:
         return r * turn(phi, NO_TURN), 0.0, 0.0
@@ -90,10 +94,10 @@ def _same(u: float, v: float, phi: float, r: float, slack: float) -> Length3:
 
 
 @kernel
-def _cross(u: float, v: float, phi: float, r: float, slack: float) -> Length3:
+def _cross(
+    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float
+) -> Length3:
     """Return the lengths of LSR to (`u`, `v`) with heading `phi`; inf where there is none."""
-    half = math.sin(0.5 * phi)
-    sin, lift = math.sin(phi), 2.0 * half * half
     # The far centre lies at (x, w - 2 r) from the near one; b² is its distance² less (2 r)².
     x, w = u + r * sin, v + r * lift
     square = u * u + v * v + 2.0 * r * (u * sin - v * (2.0 - lift)) - 2.0 * r * r * lift
@@ -109,14 +113,15 @@ def _cross(u: float, v: float, phi: float, r: float, slack: float) -> Length3:
 
 
 @kernel
-def _arcs(u: float, v: float, phi: float, r: float, slack: float) -> Length3:
+def _arcs(
+    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float
+) -> Length3:
     """Return the lengths of LRL to (`u`, `v`) with heading `phi`; inf where there is none.
 
     Of the two middle arcs it is the one beyond half a circle: the other is never part of a shortest
     path.
     """
-    half = math.sin(0.5 * phi)
-    x, y = u - r * math.sin(phi), v - 2.0 * r * half * half
+    x, y = u - r * sin, v - r * lift
     d = norm(x, y)
     if r == 0.0 or d > 4.0 * r + slack:
         return math.inf, math.inf, math.inf
@@ -127,15 +132,24 @@ def _arcs(u: float, v: float, phi: float, r: float, slack: float) -> Length3:
 
 
 @kernel
-def word_local(u: float, v: float, phi: float, r: float, slack: float, word: int) -> Length3:
+def word_local(
+    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float, word: int
+) -> Length3:
     """Return the lengths of a word to (`u`, `v`) with heading `phi` from the origin with heading 0."""
     if word == 1 or word == 3 or word == 4:  # begins with R: the mirror image
-        v, phi = -v, -phi
+        v, phi, sin = -v, -phi, -sin
     if word < 2:
-        return _same(u, v, phi, r, slack)
+        return _same(u, v, phi, sin, lift, r, slack)
     if word < 4:
-        return _cross(u, v, phi, r, slack)
-    return _arcs(u, v, phi, r, slack)
+        return _cross(u, v, phi, sin, lift, r, slack)
+    return _arcs(u, v, phi, sin, lift, r, slack)
+
+
+@kernel
+def sine_and_lift(phi: float) -> tuple[float, float]:
+    """Return the sine of `phi`, and 1 less its cosine."""
+    half = math.sin(0.5 * phi)
+    return math.sin(phi), 2.0 * half * half
 
 
 @kernel(interpretable=True)
@@ -159,7 +173,8 @@ def word_lengths(
         inf where the word does not exist.
     """
     u, v, slack = local(x0, y0, h0, x1, y1, r)
-    return word_local(u, v, h1 - h0, r, slack, word)
+    sin, lift = sine_and_lift(h1 - h0)
+    return word_local(u, v, h1 - h0, sin, lift, r, slack, word)
 
 
 @kernel(interpretable=True)
@@ -171,10 +186,12 @@ def shortest(
     Parameters are those of :func:`word_lengths`. Of words of equal length the first one is taken.
     """
     u, v, slack = local(x0, y0, h0, x1, y1, r)
+    phi = h1 - h0
+    sin, lift = sine_and_lift(phi)
     best, best_word = (math.inf, math.inf, math.inf), 0
     least = math.inf
     for word in range(6):
-        found = word_local(u, v, h1 - h0, r, slack, word)
+        found = word_local(u, v, phi, sin, lift, r, slack, word)
         length = found[0] + found[1] + found[2]
         if length < least:
             least, best, best_word = length, found, word
@@ -202,17 +219,19 @@ def left_straight(u: float, v: float, b: float, r: float, slack: float) -> float
 
 @kernel
 def right_left(u: float, v: float, r: float, major: bool) -> tuple[float, float]:
-    """Return the angles of RL to (`u`, `v`), within 3 r of the right centre and not inside its circle.
+    """Return the angles of RL to (`u`, `v`), `v` >= 0, at most 3 r from the right circle's centre.
 
-    `major` asks for the second turn beyond half a circle.
+    `major` asks for the second turn beyond half a circle. Without it the point must lie ahead and
+    outside the left circle. From the triangle of both centres and the point, with sides 2 r and r.
     """
-    d = norm(u, v + r)
-    beta = math.acos(min((3.0 * r * r + d * d) / (4.0 * r * d), 1.0))
-    delta = math.acos(max(1.25 - 0.25 * (d / r) * (d / r), -1.0))
-    theta = math.atan2(v + r, u)
+    power = u * u + v * v + 2.0 * r * v  # the third side² less r²
+    area = math.sqrt(max((8.0 * r * r - power) * power, 0.0))
+    ahead = math.atan2(u, v + r)
+    beta = math.atan2(area, 4.0 * r * r + power)
+    delta = math.atan2(area, 4.0 * r * r - power)
     if major:
-        return turn(0.5 * math.pi - theta + beta, NO_TURN), FULL - delta
-    return turn(0.5 * math.pi - theta - beta, NO_TURN), delta
+        return max(ahead + beta, 0.0), FULL - delta
+    return max(ahead - beta, 0.0), delta
 
 
 @kernel
