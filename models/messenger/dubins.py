@@ -9,8 +9,8 @@ Where rounding alone decides whether a turn is 0 or a full circle, it is 0: the 
 by no more than coordinates of that size are exact.
 
 Sources: L. E. Dubins, American Journal of Mathematics 79 (1957) 497-516, for the six words;
-J.-D. Boissonnat and X.-N. Bui, INRIA report 2295 (1994), for paths that end with any heading. The
-formulas are from the circles' centres.
+E. J. Cockayne and G. W. C. Hall, SIAM Journal on Control 13 (1975) 197-220, for paths that end with
+any heading. The formulas are from the circles' centres.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def _cross(
     b = math.sqrt(max(square, 0.0))
     rise = 2.0 * r * (x - b) + w * b
     if x > 0.0:  # without cancellation: x² - b² = w (4 r - w)
-        rise = w * (2.0 * r * (4.0 * r - w) / (x + b) + b)
+        rise = 2.0 * r * min(w * (4.0 * r - w) / (x + b), x) + w * b
     tolerance = NO_TURN + slack / (b + 2.0 * r) if b + r > 0.0 else NO_TURN
     theta = turn(math.atan2(rise, x * b + 2.0 * r * (2.0 * r - w)), tolerance)
     return r * theta, b, r * turn(theta - phi, tolerance)
@@ -212,7 +212,7 @@ def left_straight(u: float, v: float, b: float, r: float, slack: float) -> float
     """Return the angle of the turn of LS to (`u`, `v`), whose tangent to the left circle is `b`."""
     rise = r * (u - b) + v * b
     if u > 0.0:  # without cancellation: u² - b² = v (2 r - v)
-        rise = v * (r * (2.0 * r - v) / (u + b) + b)
+        rise = r * min(v * (2.0 * r - v) / (u + b), u) + v * b
     tolerance = NO_TURN + slack / (b + r) if b + r > 0.0 else NO_TURN
     return turn(math.atan2(rise, u * b + r * (r - v)), tolerance)
 

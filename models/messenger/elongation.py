@@ -23,7 +23,7 @@ What follows was derived anew and compared with local searches over paths of 16 
    all lengths below ``far`` are missing. At the start itself the gap is (0, 2 π r). Turning towards
    the target first, LR, gives no length beyond ``low``.
 
-Source: Y. Ding, B. Xin and J. Chen, Automatica 108 (2019) 108515, state the elongation problem.
+For both ends given the question is answered by Z. Chen, K. Wang and Y. Lu, arXiv 2109.02125.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def left_straight_whole(u: float, v: float, r: float) -> tuple[float, float, flo
     b = math.sqrt(max(u * u + v * v - 2.0 * r * v, 0.0))
     rise = r * (u - b) + v * b
     if u > 0.0:
-        rise = v * (r * (2.0 * r - v) / (u + b) + b)
+        rise = r * min(v * (2.0 * r - v) / (u + b), u) + v * b
     run = u * b + r * (r - v)
     angle = math.atan2(rise, run)
     size = math.sqrt(rise * rise + run * run)
@@ -137,6 +137,15 @@ def gap_local(u: float, v: float, r: float, slack: float) -> tuple[float, float]
     a, c = right_left(u, v, r, True)
     high = r * (a + c)
     return (low, high) if low < high else (math.inf, math.inf)
+
+
+@kernel
+def reachable(u: float, v: float, r: float, d: float, slack: float) -> bool:
+    """Return whether a path of length `d` leads from the origin with heading 0 to (`u`, `v`)."""
+    first, second, _ = relaxed_local(u, v, r, slack)
+    low, high = gap_local(u, v, r, slack)
+    slight = NO_TURN * (d + r) + slack
+    return d >= first + second - slight and (d <= low + slight or d >= high - slight)
 
 
 @kernel(interpretable=True)
