@@ -136,7 +136,7 @@ def test_shortest_lengths_are_those_of_ompl(tmp_path, run_python):
 
 
 def test_wild_lengths_are_those_of_long_numbers():
-    rows, radius = wild(np.random.default_rng(3), 160)
+    rows, radius = wild(np.random.default_rng(3), 100)
     ours = dubins_length(rows[:, :3], rows[:, 3:], radius)
     exact = [exact_lengths(row, r) for row, r in zip(rows, radius, strict=True)]
     np.testing.assert_allclose(ours, exact, rtol=1e-14)
@@ -155,8 +155,8 @@ def test_every_word_ends_where_it_should():
 
 def test_a_path_to_a_point_is_the_best_over_end_headings():
     rng = np.random.default_rng(5)
-    rows, radius = rng.uniform(-2.5, 2.5, (3000, 6)), np.ones(3000)
-    least, found, count = np.empty(3000), np.empty(3000), 600
+    rows, radius = rng.uniform(-2.5, 2.5, (1500, 6)), np.ones(1500)
+    least, found, count = np.empty(1500), np.empty(1500), 600
     over_headings(rows, radius, count, least, found)
     assert (found < least + 1e-12).all()
     # The length is flat where the end heading is best, or ends there as a turn vanishes.
