@@ -44,13 +44,14 @@ def integrated(plan: TourPlan, turning_radius: float) -> Floats:
     signs = np.array([SIGNS[one.turn] for one in pieces])
     said = np.array([one.heading for one in pieces])
     if turning_radius > 0:
-        turned = np.concatenate([[0.0], np.cumsum(signs * lengths / turning_radius)])
-        headings = plan.start[2] + turned
+        angles = signs * lengths / turning_radius
+        headings = plan.start[2] + np.concatenate([[0.0], np.cumsum(angles)])
     else:
+        angles = np.zeros(len(pieces))
         headings = np.concatenate([said, said[-1:]]) if len(pieces) else plan.start[2:]
-    begin, middle = headings[:-1], 0.5 * (headings[:-1] + headings[1:])
     # The chord of an arc, which a straight line is one of.
-    half = 0.5 * (headings[1:] - begin)
+    half = 0.5 * angles
+    middle = headings[:-1] + half
     chord = lengths * np.sinc(half / np.pi)
     steps = np.stack([chord * np.cos(middle), chord * np.sin(middle)], axis=1)
     places = plan.start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
