@@ -19,6 +19,8 @@ LINE, AHEAD, MAJOR, EDGES = -1, -2, -3, -4
 #: Smallest step by what it may change, in turning radii, for edges and words; and its growth, so that
 #: steps end.
 FINEST, COARSE, GROWTH = 1e-7, 2e-2, 1.05
+#: Smallest step likewise where a word's length is off by full circles.
+JUMP = 0.3
 #: Error of a length, relative to itself and the radius, that no more steps improve.
 ROUNDING = 1e-15
 #: Steps of a search for a root between bounds, at most.
@@ -156,6 +158,8 @@ def stepping(
                 return math.inf
             distance -= FULL * c.r * math.floor(distance / (FULL * c.r))
             distance = min(distance, FULL * c.r - distance)
+            if abs(found) > math.pi * c.r:  # only a jump may make this a root
+                distance = max(distance, JUMP * c.r)
         distance = max(distance, least)
         least *= GROWTH
         # The step that may change the excess by the distance, and the time that it takes.

@@ -63,6 +63,7 @@ def left_straight_whole(u: float, v: float, r: float) -> tuple[float, float, flo
 def far_turn(u: float, v: float, r: float) -> tuple[float, float, float]:
     """Return turn, line and cosine of RS to a point with `v` >= 0: at least half a circle."""
     angle, b, cos = left_straight_whole(u, -v, r)
+    # 0 stands for a full circle.
     return angle if angle > 1.0 or r == 0.0 else angle + FULL, b, cos
 
 

@@ -77,7 +77,7 @@ def intercept(
     """Return the first time at which the UAV can meet a moving point with any heading.
 
     A path of length ``speed * (t - t0)`` to where the point is at ``t`` exists then, and at no time
-    before.
+    before, but where the way flown passes the edge of a gap by less than 1e-7 r and falls back.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def earliest(word: int, t: float, end: float, c: Chase) -> float:
         mirror = 1.0 if word == 4 else -1.0
         x, y = c.u + mirror * c.r * c.sin, c.v + mirror * c.r * c.lift
         first, second = crossings(x, y, 4.0 * c.r, c)
-        low, high = max(t, first), min(end, second)
+        low, high = max(t, first, math.pi * c.r / c.speed), min(end, second)
         if not low < high:
             return math.inf
         return stepping(word, low, high, x, y, 4.0 * c.r, 4.0 * c.r, c)
@@ -189,9 +189,9 @@ def intercept_heading(
 ) -> tuple[float, int]:
     """Return a time at which the UAV can meet a moving point with a given heading, and by which word.
 
-    The earliest time at which one of the six words is as long as the way flown, however late. Roots
-    within 1e-9 of the time between two jumps of a word's length are missed, and C C C that
-    touch the way flown without crossing it.
+    The earliest time at which one of the six words is as long as the way flown, however late. Missed
+    may be what lies within 1e-9 of the time next to a jump of a word's length, and a C C C that is in
+    reach for less than 0.3 r of way.
 
     Parameters
     ----------
