@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import cache, cached_property, update_wrapper
+from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar, cast, overload
 
@@ -100,7 +101,13 @@ class Kernel:
         # Nobody calls kernels from C, and a wrapper for that takes a tenth of the compiling.
         how: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
         try:
-            return numba.njit(cache=True, **how)(self.py_func)
+            made = numba.njit(cache=True, **how)(self.py_func)
+            # Numba looks at this function's file alone, and would call what a kernel of another file
+            # was when this one was compiled.
+            kept = getattr(getattr(made, "_cache", None), "_cache_file", None)
+            if kept is not None:  # not where NUMBA_DISABLE_JIT is set
+                kept._source_stamp = _stamp(self)
+            return made
         except RuntimeError as error:
             # Neither beside the source nor in the user's folder may anything be written.
             log.info("compiled code is not kept: %s", error)
@@ -179,6 +186,13 @@ def _called(kernel: Kernel) -> set[Kernel]:
             values = (one.py_func.__globals__.get(name) for name in names)
             todo += [value for value in values if isinstance(value, Kernel)]
     return found
+
+
+def _stamp(kernel: Kernel) -> tuple[tuple[str, int, int], ...]:
+    """Return what changes when a file does beside which `kernel`, or one that it calls, is written."""
+    folders = {Path(one.py_func.__code__.co_filename).parent for one in _called(kernel)}
+    files = sorted(path for folder in folders for path in folder.glob("*.py"))
+    return tuple((path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in files)
 
 
 @overload

@@ -265,3 +265,26 @@ def test_no_kernel_that_may_start_again_updates_what_it_is_given():
     finally:
         jit._here.deadline = 0.0
     assert all(np.array_equal(*pair) for pair in zip(before, space, strict=True))
+
+
+def test_what_is_kept_on_disk_follows_the_kernels_that_it_calls(tmp_path, run_python):
+    """Numba stamps what it keeps with the caller's file alone."""
+    package = tmp_path / "kept"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    inner = "from crosstrack.jit import kernel\n@kernel\ndef inner(x):\n    return {} * x\n"
+    (package / "below.py").write_text(inner.format("2.0"))
+    (package / "above.py").write_text(
+        "from crosstrack.jit import compile_always, kernel\nfrom kept.below import inner\n"
+        "@kernel\ndef outer(x):\n    return inner(x) + 1.0\n"
+        "compile_always()\nprint(outer(3.0))\n"
+        "print(sum(outer.dispatcher.stats.cache_hits.values()))\n"
+    )
+
+    def printed():
+        return run_python("-c", "import kept.above", cwd=tmp_path).split()
+
+    assert printed() == ["7.0", "0"]
+    assert printed() == ["7.0", "1"]
+    (package / "below.py").write_text(inner.format("20.0"))
+    assert printed() == ["61.0", "0"]

@@ -8,9 +8,9 @@ import math
 import mpmath
 import numpy as np
 import pytest
+from numba import njit
 
 from crosstrack.errors import InvalidData
-from crosstrack.jit import kernel
 from crosstrack.models.messenger.dubins import (
     RELAXED_WORDS,
     WORDS,
@@ -41,7 +41,7 @@ np.save(sys.argv[1], found)
 """
 
 
-@kernel
+@njit  # not kept on disk, where it would outlive changes of what it calls
 def ends(rows, radius, off, turned):
     """Fill where the paths of each word, and the relaxed one, end: distance to and angle from it."""
     for i in range(len(rows)):
@@ -60,7 +60,7 @@ def ends(rows, radius, off, turned):
         off[i, 6] = math.sqrt((x - x1) ** 2 + (y - y1) ** 2)
 
 
-@kernel
+@njit
 def over_headings(rows, radius, count, least, found):
     """Fill the relaxed length, and the least shortest length over `count` end headings."""
     for i in range(len(rows)):
@@ -155,8 +155,8 @@ def test_every_word_ends_where_it_should():
 
 def test_a_path_to_a_point_is_the_best_over_end_headings():
     rng = np.random.default_rng(5)
-    rows, radius = rng.uniform(-2.5, 2.5, (1500, 6)), np.ones(1500)
-    least, found, count = np.empty(1500), np.empty(1500), 600
+    rows, radius = rng.uniform(-2.5, 2.5, (1000, 6)), np.ones(1000)
+    least, found, count = np.empty(1000), np.empty(1000), 600
     over_headings(rows, radius, count, least, found)
     assert (found < least + 1e-12).all()
     # The length is flat where the end heading is best, or ends there as a turn vanishes.

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 import pytest
+from numba import njit
 from scipy.optimize import minimize
 
-from crosstrack.jit import kernel
 from crosstrack.models.messenger.dubins import advance, relaxed_length
 from crosstrack.models.messenger.elongation import elongated, gap
 
 
-@kernel
+@njit  # not kept on disk, where it would outlive changes of what it calls
 def limits(rows, radius, found):
     """Fill the shortest length and the gap."""
     for i in range(len(rows)):
@@ -22,7 +22,7 @@ def limits(rows, radius, found):
         found[i, 1], found[i, 2] = gap(x0, y0, h0, x1, y1, radius[i])
 
 
-@kernel
+@njit
 def walks(rows, radius, wanted, found):
     """Fill distance to the target, total and smallest length of the path, and whether there is one."""
     for i in range(len(rows)):

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from numba import njit
 
-from crosstrack.jit import kernel
 from crosstrack.models.messenger.dubins import dubins_length, relaxed_length, word_lengths
 from crosstrack.models.messenger.elongation import elongated
 from crosstrack.models.messenger.interception import intercept, intercept_heading
@@ -18,7 +18,7 @@ X, Y, H, T0, PX, PY, VX, VY, SPEED, RADIUS, H1 = range(11)
 LENGTHS = [X, Y, PX, PY, VX, VY, SPEED, RADIUS]
 
 
-@kernel
+@njit  # not kept on disk, where it would outlive changes of what it calls
 def meetings(cases, times, ok):
     """Fill when the points are met, and whether there is a path then and one just as long."""
     for i in range(len(cases)):
@@ -28,7 +28,7 @@ def meetings(cases, times, ok):
         ok[i] = elongated(x, y, h, px + vx * t, py + vy * t, r, speed * (t - t0))[6]
 
 
-@kernel
+@njit
 def meetings_with_heading(cases, times, words):
     """Fill when the points are met with the heading wanted, and by which word."""
     for i in range(len(cases)):
@@ -36,7 +36,7 @@ def meetings_with_heading(cases, times, words):
         times[i], words[i] = intercept_heading(x, y, h, t0, px, py, vx, vy, h1, speed, r)
 
 
-@kernel
+@njit
 def excesses(case, times, found):
     """Fill what is flown beyond the length of each word at each time."""
     x, y, h, t0, px, py, vx, vy, speed, r, h1 = case
@@ -96,14 +96,14 @@ def reachable(u, v, length, r):
 
 @pytest.mark.parametrize("wild", [False, True])
 def test_no_point_is_met_later_than_a_scan_says(wild):
-    cases = drawn(np.random.default_rng(21 + wild), 1200, wild)
+    cases = drawn(np.random.default_rng(21 + wild), 700, wild)
     times, ok = np.empty(len(cases)), np.empty(len(cases), bool)
     meetings(cases, times, ok)
     assert ok.all() and (times >= cases[:, T0]).all() and np.isfinite(times).all()
     some = cases[:, RADIUS] > 0
     cases, times = cases[some], times[some]
     r, speed = cases[:, RADIUS, None], cases[:, SPEED, None]
-    flown = np.linspace(0, 1 - 1e-8, 1500)[1:] * (times - cases[:, T0])[:, None]
+    flown = np.linspace(0, 1 - 1e-8, 1000)[1:] * (times - cases[:, T0])[:, None]
     course = np.exp(-1j * cases[:, H, None])
     place = cases[:, PX] - cases[:, X] + cases[:, VX] * cases[:, T0]
     place = place + 1j * (cases[:, PY] - cases[:, Y] + cases[:, VY] * cases[:, T0])
@@ -157,7 +157,7 @@ def test_a_point_as_fast_as_the_uav_is_not_sought(pace):
 
 @pytest.mark.parametrize("wild", [False, True])
 def test_with_a_heading_the_time_is_true_and_hardly_ever_late(wild):
-    cases = drawn(np.random.default_rng(25 + wild), 400, wild)
+    cases = drawn(np.random.default_rng(25 + wild), 200, wild)
     cases = cases[cases[:, RADIUS] > 0]
     times, words = np.empty(len(cases)), np.empty(len(cases), np.int64)
     meetings_with_heading(cases, times, words)

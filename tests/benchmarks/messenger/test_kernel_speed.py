@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba import njit
 
-from crosstrack.jit import kernel
 from crosstrack.models.messenger.dubins import relaxed_length, shortest
 from crosstrack.models.messenger.elongation import elongated
 from crosstrack.models.messenger.interception import intercept, intercept_heading
@@ -43,7 +43,7 @@ print(median(spent) / 20_000, median(empty) / 20_000)
 """
 
 
-@kernel
+@njit
 def run_shortest(rows):
     total = 0.0
     for i in range(len(rows)):
@@ -52,7 +52,7 @@ def run_shortest(rows):
     return total
 
 
-@kernel
+@njit
 def run_relaxed(rows):
     total = 0.0
     for i in range(len(rows)):
@@ -60,7 +60,7 @@ def run_relaxed(rows):
     return total
 
 
-@kernel
+@njit
 def run_elongated(rows):
     total = 0.0
     for i in range(len(rows)):
@@ -69,7 +69,7 @@ def run_elongated(rows):
     return total
 
 
-@kernel
+@njit
 def run_intercept(rows):
     total = 0.0
     for i in range(len(rows)):
@@ -78,7 +78,7 @@ def run_intercept(rows):
     return total
 
 
-@kernel
+@njit
 def run_heading(rows):
     total = 0.0
     for i in range(len(rows)):
