@@ -60,7 +60,7 @@ def solve(
         What is asked.
     backend : str or Backend
         A name from :func:`crosstrack.backends`, or ``"auto"``: the first exact one installed,
-        native algorithms before programs.
+        native algorithms before programs; where there is none, one that also proves a bound.
     formulation : str, optional
         Name of the formulation, for a backend that takes programs; the model's default one.
     formulation_options, backend_options : mapping, optional

@@ -13,7 +13,7 @@ from ..errors import BackendBroken, InvalidData, UnknownName, UnsupportedFormula
 from ..models.fields import show
 from ..models.model import Model
 from ..models.problems import PROBLEMS, declared_in, problem_of, resolve
-from .backend import Backend, Guarantee
+from .backend import PROVING, Backend, Feature, Guarantee
 
 log = logging.getLogger("crosstrack")
 
@@ -358,13 +358,20 @@ def fitting(model: Model[Any]) -> tuple[str, ...]:
 def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
     """Return the backend that ``"auto"`` means for `model`: the first exact one that is installed.
 
+    Where there is none, one that finds plans and proves bounds; else the one with the best guarantee.
+
     Raises
     ------
     UnsupportedFormulation
         No installed backend accepts the model.
     """
     best: Backend | None = None
-    order = [Guarantee.EXACT, Guarantee.LOCAL, Guarantee.HEURISTIC, Guarantee.RELAXATION]
+    order = [Guarantee.LOCAL, Guarantee.HEURISTIC, Guarantee.RELAXATION]
+
+    def rank(one: Backend) -> int:
+        finds = Feature.INCUMBENTS in one.features
+        return -1 if finds and one.guarantee in PROVING else order.index(one.guarantee)
+
     for backend in _loadable(model):
         step = accepted(model, backend, formulation)
         if step is None:
@@ -373,7 +380,7 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
             continue
         if backend.guarantee is Guarantee.EXACT:
             return backend
-        if best is None or order.index(backend.guarantee) < order.index(best.guarantee):
+        if best is None or rank(backend) < rank(best):
             best = backend
     if best is None:
         what = f"formulation {formulation!r} of " if formulation else ""

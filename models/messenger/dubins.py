@@ -78,16 +78,20 @@ def local(x0: float, y0: float, h0: float, x1: float, y1: float, r: float) -> Le
 
 @kernel
 def _same(
-    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float
-) -> Length3:
+    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float,
+    most: float,
+) -> Length3:  # fmt: skip
     """Return the lengths of LSL to (`u`, `v`) with heading `phi`, from the origin with heading 0.
 
-    Here and below `sin` is that of `phi`, and `lift` is 1 less its cosine, without cancellation.
+    Here and below `sin` is that of `phi`, and `lift` is 1 less its cosine, without cancellation. A path
+    is infinite where it is seen early that it is no shorter than `most`.
     """
     x, y = u - r * sin, v - r * lift
     b = norm(x, y)
     if b <= slack:
         return r * turn(phi, NO_TURN), 0.0, 0.0
+    if b >= most:
+        return math.inf, math.inf, math.inf
     tolerance = NO_TURN + slack / b
     theta = turn(math.atan2(y, x), tolerance)
     return r * theta, b, r * turn(phi - theta, tolerance)
@@ -95,8 +99,9 @@ def _same(
 
 @kernel
 def _cross(
-    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float
-) -> Length3:
+    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float,
+    most: float,
+) -> Length3:  # fmt: skip
     """Return the lengths of LSR to (`u`, `v`) with heading `phi`; inf where there is none."""
     # The far centre lies at (x, w - 2 r) from the near one; b² is its distance² less (2 r)².
     x, w = u + r * sin, v + r * lift
@@ -104,6 +109,8 @@ def _cross(
     if square < -4.0 * slack * r or (square < 0.0 and r == 0.0):
         return math.inf, math.inf, math.inf
     b = math.sqrt(max(square, 0.0))
+    if b >= most:
+        return math.inf, math.inf, math.inf
     rise = 2.0 * r * (x - b) + w * b
     if x > 0.0:  # without cancellation: x² - b² = w (4 r - w)
         rise = 2.0 * r * min(w * (4.0 * r - w) / (x + b), x) + w * b
@@ -114,8 +121,9 @@ def _cross(
 
 @kernel
 def _arcs(
-    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float
-) -> Length3:
+    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float,
+    most: float,
+) -> Length3:  # fmt: skip
     """Return the lengths of LRL to (`u`, `v`) with heading `phi`; inf where there is none.
 
     Of the two middle arcs it is the one beyond half a circle: the other is never part of a shortest
@@ -123,7 +131,7 @@ def _arcs(
     """
     x, y = u - r * sin, v - r * lift
     d = norm(x, y)
-    if r == 0.0 or d > 4.0 * r + slack:
+    if r == 0.0 or d > 4.0 * r + slack or math.pi * r >= most:
         return math.inf, math.inf, math.inf
     gamma = 2.0 * math.asin(min(0.25 * d / r, 1.0))
     tolerance = NO_TURN + slack / max(d, r)
@@ -133,16 +141,17 @@ def _arcs(
 
 @kernel
 def word_local(
-    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float, word: int
-) -> Length3:
+    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float, word: int,
+    most: float = math.inf,
+) -> Length3:  # fmt: skip
     """Return the lengths of a word to (`u`, `v`) with heading `phi` from the origin with heading 0."""
     if word == 1 or word == 3 or word == 4:  # begins with R: the mirror image
         v, phi, sin = -v, -phi, -sin
     if word < 2:
-        return _same(u, v, phi, sin, lift, r, slack)
+        return _same(u, v, phi, sin, lift, r, slack, most)
     if word < 4:
-        return _cross(u, v, phi, sin, lift, r, slack)
-    return _arcs(u, v, phi, sin, lift, r, slack)
+        return _cross(u, v, phi, sin, lift, r, slack, most)
+    return _arcs(u, v, phi, sin, lift, r, slack, most)
 
 
 @kernel
@@ -191,7 +200,7 @@ def shortest(
     best, best_word = (math.inf, math.inf, math.inf), 0
     least = math.inf
     for word in range(6):
-        found = word_local(u, v, phi, sin, lift, r, slack, word)
+        found = word_local(u, v, phi, sin, lift, r, slack, word, least)
         length = found[0] + found[1] + found[2]
         if length < least:
             least, best, best_word = length, found, word

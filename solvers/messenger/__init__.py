@@ -1,1 +1,5 @@
 """Native algorithms for tours of a messenger UAV; the loops are compiled by Numba."""
+
+BACKENDS = {
+    "tour-search": ".search:TourSearch",
+}

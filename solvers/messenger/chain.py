@@ -1,0 +1,272 @@
+"""Tours as chains of poses, each fixed to a vehicle that may move, joined by shortest paths.
+
+A pose is where the UAV is when it meets a node: an offset from the node's centre, and a heading. Node
+n, the depot, is where the path begins; a path that begins anywhere has a vehicle in its place. A leg
+arrives as soon as a path of its exact length does: at the first root found of D(t) = v (t - t0), D the
+length of the shortest path to where the pose is at time t.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from ...models.messenger.dubins import (
+    RELAXED_WORDS,
+    local,
+    relaxed,
+    shortest,
+    sine_and_lift,
+    word_lengths,
+    word_local,
+)
+from ...models.messenger.interception import intercept_heading
+
+__all__ = [
+    "DISC",
+    "FIXED",
+    "RIM",
+    "TURNS",
+    "arrive",
+    "beyond",
+    "fly",
+    "hop",
+    "jiggle",
+    "leg",
+    "place",
+    "where",
+]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: What of a pose may move: nothing, the heading, the offset along the boundary, all within the disc.
+FIXED, TURNS, RIM, DISC = 0, 1, 2, 3
+#: Steps of the search for a root before it is given up, and the error left, by the length.
+STEPS, EXACT = 40, 1e-14
+#: Relative difference of lengths that rounding explains.
+NEAR = 1e-9
+
+
+@kernel
+def arrive(
+    x: float, y: float, h: float, t: float, node: Floats, pose: Floats, speed: float, r: float
+) -> float:
+    """Return when the UAV, at (x, y, h) at time t, reaches `pose` of `node`; inf where it cannot be found.
+
+    `node` holds the centre at time 0 (m), the velocity (m/s) and the radius (m).
+    """
+    qx, qy = node[0] + pose[0], node[1] + pose[1]
+    vx, vy = node[2], node[3]
+    a, b, c, word = shortest(x, y, h, qx + vx * t, qy + vy * t, pose[2], r)
+    d = a + b + c
+    s = d / speed
+    if (vx == 0.0 and vy == 0.0) or d == 0.0:
+        return t + s
+    before, gap = 0.0, d
+    slowest = -0.5 * (speed - math.sqrt(vx * vx + vy * vy))
+    sin, lift = sine_and_lift(pose[2] - h)
+    enough = EXACT * (d + abs(qx) + abs(qy))
+    for _ in range(STEPS):
+        ex, ey = qx + vx * (t + s), qy + vy * (t + s)
+        u, v, slack = local(x, y, h, ex, ey, r)
+        a, b, c = word_local(u, v, pose[2] - h, sin, lift, r, slack, word)
+        now = a + b + c - speed * s
+        if abs(now) <= enough:
+            # The root of one word; another may be shorter there.
+            a, b, c, shorter = shortest(x, y, h, ex, ey, pose[2], r)
+            if shorter == word or a + b + c >= speed * s - enough:
+                return t + s
+            word, now = shorter, a + b + c - speed * s
+        elif not now < math.inf:
+            a, b, c, word = shortest(x, y, h, ex, ey, pose[2], r)
+            now = a + b + c - speed * s
+        # The secant where its slope can be one; else the step as if the pose stood still.
+        slope = (now - gap) / (s - before) if s != before else -speed
+        if slope > slowest or slope < -3.0 * speed:
+            slope = -speed
+        before, gap = s, now
+        s = max(s - now / slope, 0.0)
+    return intercept_heading(x, y, h, t, qx, qy, vx, vy, pose[2], speed, r)[0]
+
+
+@kernel
+def where(node: Floats, pose: Floats, t: float) -> tuple[float, float, float]:
+    """Return the configuration that `pose` of `node` is at time t."""
+    return node[0] + node[2] * t + pose[0], node[1] + node[3] * t + pose[1], pose[2]
+
+
+@kernel
+def leg(
+    x: float, y: float, h: float, ex: float, ey: float, eh: float, r: float, length: float
+) -> tuple[float, float, float, int]:  # fmt: skip
+    """Return the lengths and the word of the path between two configurations that is as long as `length`.
+
+    It is the shortest, but where a moving pose can only be met later.
+    """
+    a, b, c, word = shortest(x, y, h, ex, ey, eh, r)
+    off = abs(a + b + c - length)
+    if off > NEAR * (length + r):
+        for other in range(6):
+            d, e, f = word_lengths(x, y, h, ex, ey, eh, r, other)
+            if abs(d + e + f - length) < off:
+                off = abs(d + e + f - length)
+                a, b, c, word = d, e, f, other
+    return a, b, c, word
+
+
+@kernel
+def hop(i: int, t: float, j: int, nodes: Floats, poses: Floats, speed: float, r: float) -> float:
+    """Return when node j is met, the UAV meeting node i at time t."""
+    x, y, h = where(nodes[i], poses[i], t)
+    return arrive(x, y, h, t, nodes[j], poses[j], speed, r)
+
+
+@kernel
+def fly(
+    order: Ints, count: int, begin: int, closed: bool, nodes: Floats, poses: Floats, speed: float,
+    r: float, ceiling: float, times: Floats,
+) -> float:  # fmt: skip
+    """Fill `times` of the places from `begin` (at least 1) on, and return when the path ends.
+
+    `order` holds `count` nodes. What exceeds `ceiling` is infinite.
+    """
+    for k in range(begin, count):
+        times[k] = hop(order[k - 1], times[k - 1], order[k], nodes, poses, speed, r)
+        if not times[k] <= ceiling:
+            return math.inf
+    end: float = times[count - 1]
+    if closed:
+        end = hop(order[count - 1], end, order[0], nodes, poses, speed, r)
+    return end
+
+
+@kernel
+def beyond(
+    before: int, t: float, i: int, after: int, pose: Floats, nodes: Floats, poses: Floats,
+    speed: float, r: float, most: float,
+) -> float:  # fmt: skip
+    """Return when node `after` is met, `before` being met at t and node i between them with `pose`.
+
+    Without a node after it (-1), when node i is met. Infinite where it is seen early that this is
+    not before `most`.
+    """
+    x, y, h = where(nodes[before], poses[before], t)
+    t = arrive(x, y, h, t, nodes[i], pose, speed, r)
+    if after < 0 or not t < most:
+        return t
+    x, y, h = where(nodes[i], pose, t)
+    # The straight line is a lower bound.
+    dx, dy, _ = where(nodes[after], poses[after], most)
+    if most < math.inf and (dx - x) ** 2 + (dy - y) ** 2 >= (speed * (most - t)) ** 2:
+        return math.inf
+    met: float = arrive(x, y, h, t, nodes[after], poses[after], speed, r)
+    return met
+
+
+@kernel
+def confine(pose: Floats, radius: float, freedom: int) -> None:
+    """Move the offset of `pose` into the disc, or onto its boundary."""
+    size = math.sqrt(pose[0] * pose[0] + pose[1] * pose[1])
+    if size > radius or (freedom == RIM and size > 0.0):
+        pose[0] *= radius / size
+        pose[1] *= radius / size
+    elif freedom == RIM:
+        pose[0] = radius
+
+
+@kernel
+def jiggle(
+    before: int, t: float, i: int, after: int, nodes: Floats, poses: Floats, freedom: int,
+    speed: float, r: float, rounds: int, trial: Floats, draw: Generator,
+) -> float:  # fmt: skip
+    """Improve the pose of node i between its neighbours by random steps of all sizes."""
+    pose, radius = poses[i], nodes[i, 4]
+    best = beyond(before, t, i, after, pose, nodes, poses, speed, r, math.inf)
+    moves = freedom >= RIM and radius > 0.0
+    for _ in range(rounds if moves or r > 0.0 else 0):
+        size = draw.random() ** 3
+        for j in range(3):
+            trial[j] = pose[j]
+        choice = draw.random()
+        if r > 0.0 and (choice < 0.7 or not moves):
+            trial[2] += 2.0 * size * (2.0 * draw.random() - 1.0)
+        if moves and (choice > 0.3 or r == 0.0):
+            trial[0] += radius * size * (2.0 * draw.random() - 1.0)
+            trial[1] += radius * size * (2.0 * draw.random() - 1.0)
+            confine(trial, radius, freedom)
+        value = beyond(before, t, i, after, trial, nodes, poses, speed, r, best)
+        if value < best:
+            best = value
+            for j in range(3):
+                pose[j] = trial[j]
+    return best
+
+
+@kernel
+def towards(x: float, y: float, h: float, px: float, py: float, r: float) -> float:
+    """Return the heading with which the shortest path to a point arrives."""
+    if r == 0.0:
+        return math.atan2(py - y, px - x)
+    a, b, word = relaxed(x, y, h, px, py, r)
+    turned: float = (RELAXED_WORDS[word, 0] * a + RELAXED_WORDS[word, 1] * b) / r
+    return h + turned
+
+
+@kernel
+def place(
+    before: int, t: float, i: int, after: int, nodes: Floats, poses: Floats, freedom: int,
+    speed: float, r: float, hint: Floats, trial: Floats, pose: Floats,
+) -> float:  # fmt: skip
+    """Fill `pose` with a good one for node i between its neighbours; return what :func:`beyond` does.
+
+    Tried are the offset of the `hint`, a pose of the node's own, the inside of the corner and the
+    centre, with the hint's heading and those of the shortest ways there and on.
+    """
+    x, y, h = where(nodes[before], poses[before], t)
+    radius, best = nodes[i, 4], math.inf
+    heading_in = heading_out = turn = 0.0
+    for spot in range(3):
+        if spot == 0:
+            trial[0], trial[1] = hint[0], hint[1]
+        elif spot == 1:
+            side = 0.5 * (heading_in + heading_out) + (
+                0.5 * math.pi if turn >= 0.0 else -0.5 * math.pi
+            )
+            if after < 0:
+                side = heading_in + math.pi
+            trial[0], trial[1] = radius * math.cos(side), radius * math.sin(side)
+        else:
+            if freedom == RIM or radius == 0.0:
+                break
+            trial[0], trial[1] = 0.0, 0.0
+        confine(trial, radius, freedom)
+        px, py = nodes[i, 0] + trial[0], nodes[i, 1] + trial[1]
+        dx, dy = px + nodes[i, 2] * t - x, py + nodes[i, 3] * t - y
+        late = t + math.sqrt(dx * dx + dy * dy) / speed
+        px, py = px + nodes[i, 2] * late, py + nodes[i, 3] * late
+        heading_in = towards(x, y, h, px, py, r)
+        heading_out = heading_in
+        if after >= 0:
+            ax, ay, ah = where(nodes[after], poses[after], late)
+            late += math.sqrt((ax - px) ** 2 + (ay - py) ** 2) / speed
+            ax, ay, ah = where(nodes[after], poses[after], late)
+            heading_out = towards(ax, ay, ah + math.pi, px, py, r) + math.pi
+        turn = heading_out - heading_in
+        turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+        heading_out = heading_in + turn
+        for which in range(4 if after >= 0 else 2):
+            if which == 0:
+                trial[2] = hint[2]
+            else:
+                trial[2] = heading_in + (0.0 if which == 1 else turn if which == 2 else 0.5 * turn)
+            value = beyond(before, t, i, after, trial, nodes, poses, speed, r, best)
+            if value < best:
+                best = value
+                for j in range(3):
+                    pose[j] = trial[j]
+    return best

@@ -1,0 +1,165 @@
+"""A chain of poses as a plan: the primitives that are flown, cut where vehicles are met."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.messenger.dubins import WORDS, advance
+from ...models.messenger.model import MessengerTour
+from ...models.messenger.plan import Primitive, TourPlan
+from .chain import DISC, FIXED, RIM, TURNS, leg, where
+from .passing import CLOSEST, PIECE, PIECES, passed, trace
+
+__all__ = ["Chain", "cut"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+LETTERS = {1: "L", 0: "S", -1: "R"}
+
+
+class Chain:
+    """The arrays that kernels work on: a tour's stops with their poses, and the vehicles' data.
+
+    Parameters
+    ----------
+    problem : MessengerTour
+        The model.
+    interior : bool
+        Whether vehicles may be met inside their discs, or on the boundaries only.
+    """
+
+    def __init__(self, problem: MessengerTour, *, interior: bool = True) -> None:
+        n = problem.size
+        self.problem = problem
+        self.nodes: Floats = np.zeros((n + 1, 5))
+        self.nodes[:n, :2], self.nodes[:n, 2:4] = problem.positions, problem.velocities
+        self.nodes[:n, 4] = problem.radius
+        self.poses: Floats = np.zeros((n + 1, 3))
+        self.freedom: Ints = np.full(n + 1, DISC if interior else RIM)
+        self.order: Ints = np.zeros(n + 1, np.int64)
+        self.times: Floats = np.zeros(n + 1)
+        self.count = 1
+        if problem.start is None:
+            # It begins at the first vehicle, wherever it is met.
+            self.poses[0, 0] = 0.0 if interior else problem.radius[0]
+        else:
+            self.order[0] = n
+            self.nodes[n, :2] = problem.start[:2]
+            self.freedom[n] = TURNS if problem.heading is None else FIXED
+            self.poses[n, 2] = problem.heading or 0.0
+
+    def copy(self) -> Chain:
+        """Return a chain that may be changed apart from this one."""
+        new = object.__new__(Chain)
+        new.__dict__ = {
+            name: value.copy() if isinstance(value, np.ndarray) else value
+            for name, value in self.__dict__.items()
+        }
+        return new
+
+    def plan(self) -> TourPlan:
+        """Return the tour, each vehicle met where it stops at it or first passes near it."""
+        problem, speed, r = self.problem, self.problem.speed, self.problem.turning_radius
+        flown, primitives, stops = 0.0, [], {}
+        for k in range(self.count + problem.closed):
+            if k:
+                a, b = int(self.order[k - 1]), int(self.order[k % self.count])
+                begin = where(self.nodes[a], self.poses[a], self.times[k - 1])
+                t = self.times[k] if k < self.count else 0.0
+                end = where(self.nodes[b], self.poses[b], t)
+                length = max(speed * (t - self.times[k - 1]), 0.0)  # 0 for the shortest way back
+                *lengths, word = leg(*begin, *end, r, length)
+                for length, sign in zip(lengths, WORDS[word].tolist(), strict=True):
+                    if length > 0.0:
+                        towards = math.atan2(end[1] - begin[1], end[0] - begin[0])
+                        primitives.append((sign, float(length), towards if r == 0.0 else None))
+                        flown += float(length)
+            if k < self.count and self.order[k] < problem.size:
+                stops[int(self.order[k])] = flown
+        start = where(self.nodes[self.order[0]], self.poses[self.order[0]], 0.0)
+        pieces = np.empty((PIECES * (problem.size + 2), PIECE))
+        size = trace(
+            self.order, self.count, problem.closed, self.nodes, self.poses, self.times, speed, r,
+            pieces,
+        )  # fmt: skip
+        legs, hints, gaps = np.empty(CLOSEST, np.int64), np.empty((CLOSEST, 4)), np.empty(CLOSEST)
+        for i in range(problem.size):
+            if i not in stops:
+                passed(self.nodes[i], pieces, size, False, speed, r, legs, hints, gaps)
+                stops[i] = float(hints[0, 3]) * speed
+                if self.freedom[i] == RIM and problem.radius[i] > 0.0:
+                    stops[i] = self._crossing(i, pieces[:size], stops[i])
+        return cut(problem, start, primitives, stops)
+
+    def _crossing(self, i: int, pieces: Floats, inside: float) -> float:
+        """Return the length flown at which the path crosses the boundary of the i-th disc."""
+        from scipy.optimize import brentq
+
+        speed, r = self.problem.speed, self.problem.turning_radius
+
+        def gap(length: float) -> float:
+            t = length / speed
+            k = max(int(np.searchsorted(pieces[:, 3], t, side="right")) - 1, 0)
+            x, y, h, begin, _, sign, _ = pieces[k]
+            x, y, h = advance(x, y, h, speed * (t - begin), int(sign), r)
+            px, py = self.problem.where(i, t)
+            return math.hypot(x - px, y - py) - float(self.problem.radius[i])
+
+        last = pieces[-1]
+        for length in (*(pieces[:, 3] * speed).tolist(), float(last[3] + last[4]) * speed):
+            if gap(length) >= 0.0:
+                low, high = sorted((length, inside))
+                return float(brentq(gap, low, high, xtol=1e-12)) if gap(inside) < 0.0 else inside
+        return inside
+
+
+def cut(
+    problem: MessengerTour,
+    start: tuple[float, float, float],
+    path: Iterable[tuple[int, float, float | None]],
+    stops: dict[int, float],
+) -> TourPlan:
+    """Return the plan of a path, its primitives cut where vehicles are met.
+
+    Parameters
+    ----------
+    problem : MessengerTour
+        The model.
+    start : tuple of 3 float
+        x, y (m), heading (rad).
+    path : iterable of (int, float, float)
+        The sign of the curvature and the length (m) of each primitive, and its heading (rad) where
+        the UAV turns on the spot.
+    stops : dict of int to float
+        The length flown (m) at which each vehicle is met. An open tour ends at the last.
+    """
+    r, speed = problem.turning_radius, problem.speed
+    order = sorted(stops, key=lambda i: (stops[i], i))
+    x, y, h = map(float, start)
+    begin = (x, y, h)
+    points, primitives, number, flown = [], [], 0, 0.0
+    for sign, length, towards in path:
+        h = h if towards is None else towards
+        end = flown + length
+        while number < len(order) and stops[order[number]] < end:
+            step = max(stops[order[number]] - flown, 0.0)
+            if step > 0.0:
+                primitives.append(Primitive(number, LETTERS[sign], step, h))
+                x, y, h = advance(x, y, h, step, sign, r)
+            flown = max(flown, stops[order[number]])
+            points.append((x, y))
+            number += 1
+        if number == len(order) and not problem.closed:
+            break
+        if end > flown:
+            primitives.append(Primitive(number, LETTERS[sign], end - flown, h))
+            x, y, h = advance(x, y, h, end - flown, sign, r)
+        flown = end
+    points += [(x, y)] * (len(order) - len(points))
+    times = np.array([min(stops[i], flown) for i in order]) / speed
+    return TourPlan(tuple(order), times, np.array(points), np.array(begin), tuple(primitives))

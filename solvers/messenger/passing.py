@@ -1,0 +1,138 @@
+"""Vehicles that a path passes on its way to others: found on pieces of the path, met without a detour."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from ...models.messenger.dubins import WORDS, advance
+from .chain import leg, where
+
+__all__ = ["CLOSEST", "PIECE", "PIECES", "passed", "trace"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Arcs are cut into pieces of at most this angle, rad.
+CUT = 0.6
+#: Columns of a piece: x, y, heading and time at its begin, its duration, its curvature's sign, its leg.
+PIECE = 7
+#: Pieces of a leg at most: a straight line and two arcs.
+PIECES = 2 * (int(2.0 * math.pi / CUT) + 2) + 1
+#: Legs that are remembered as the nearest to a vehicle.
+CLOSEST = 3
+
+
+@kernel
+def _cut(
+    x: float, y: float, h: float, t: float, ex: float, ey: float, eh: float, number: int, speed: float,
+    r: float, length: float, pieces: Floats, count: int,
+) -> int:  # fmt: skip
+    a, b, c, word = leg(x, y, h, ex, ey, eh, r, length)
+    for part in range(3):
+        length = a if part == 0 else b if part == 1 else c
+        sign = WORDS[word, part]
+        if length <= 0.0:
+            continue
+        if sign == 0 and r == 0.0:
+            h = math.atan2(ey - y, ex - x)
+        cuts = 1 if sign == 0 else int(length / (CUT * r)) + 1
+        step = length / cuts
+        for _ in range(cuts):
+            piece = pieces[count]
+            piece[0], piece[1], piece[2], piece[3], piece[4] = x, y, h, t, step / speed
+            piece[5], piece[6] = sign, number
+            x, y, h = advance(x, y, h, step, sign, r)
+            t += step / speed
+            count += 1
+    return count
+
+
+@kernel
+def trace(
+    order: Ints, count: int, closed: bool, nodes: Floats, poses: Floats, times: Floats, speed: float,
+    r: float, pieces: Floats,
+) -> int:  # fmt: skip
+    """Fill `pieces` with the path of a chain, and return how many they are."""
+    # The start is a piece too.
+    pieces[0, 0], pieces[0, 1], pieces[0, 2] = where(nodes[order[0]], poses[order[0]], 0.0)
+    pieces[0, 3], pieces[0, 4], pieces[0, 5], pieces[0, 6] = 0.0, 0.0, 0.0, 1.0
+    found = 1
+    for k in range(1, count + closed):
+        i = order[k - 1]
+        x, y, h = where(nodes[i], poses[i], times[k - 1])
+        j = order[k] if k < count else order[0]
+        # Only what is at rest is returned to.
+        ex, ey, eh = where(nodes[j], poses[j], times[k] if k < count else 0.0)
+        length = speed * (times[k] - times[k - 1]) if k < count else 0.0
+        found = _cut(x, y, h, times[k - 1], ex, ey, eh, k, speed, r, length, pieces, found)
+    return found
+
+
+@kernel
+def passed(
+    node: Floats, pieces: Floats, count: int, rim: bool, speed: float, r: float, legs: Ints,
+    hints: Floats, gaps: Floats,
+) -> bool:  # fmt: skip
+    """Return whether a path comes within the radius of a node; if so, how in ``hints[0]``.
+
+    Parameters
+    ----------
+    rim : bool
+        Whether it must be met on the boundary.
+    legs, hints, gaps : ndarray, shapes (3,), (3, 4), (3,)
+        Filled with the legs that come nearest, in that order: the pose that the UAV then has in
+        terms of the node, and the time; by how much it is too far (m), inf where there is none.
+    """
+    for j in range(CLOSEST):
+        gaps[j], legs[j] = math.inf, 0
+    outside = False
+    for p in range(count):
+        piece = pieces[p]
+        t, duration = piece[3], piece[4]
+        dx = node[0] + node[2] * t - piece[0]
+        dy = node[1] + node[3] * t - piece[1]
+        sign = int(piece[5])
+        ex, ey, eh = advance(piece[0], piece[1], piece[2], speed * duration, sign, r)
+        # The node against the chord of the piece.
+        wx, wy = node[2], node[3]
+        if duration > 0.0:
+            wx -= (ex - piece[0]) / duration
+            wy -= (ey - piece[1]) / duration
+        square = wx * wx + wy * wy
+        s = min(max(-(dx * wx + dy * wy) / square, 0.0), duration) if square > 0.0 else 0.0
+        outside = outside or dx * dx + dy * dy >= node[4] * node[4]
+        ex, ey, eh = advance(piece[0], piece[1], piece[2], speed * s, sign, r)
+        ox, oy = ex - node[0] - node[2] * (t + s), ey - node[1] - node[3] * (t + s)
+        gap = math.sqrt(ox * ox + oy * oy) - node[4]
+        number = int(piece[6])
+        place = CLOSEST
+        for j in range(CLOSEST):
+            if legs[j] == number:
+                place = j
+                break
+        if place < CLOSEST and gap >= gaps[place]:
+            continue
+        if place == CLOSEST:
+            if gap >= gaps[CLOSEST - 1]:
+                continue
+            place = CLOSEST - 1
+        while place > 0 and gap < gaps[place - 1]:
+            gaps[place], legs[place] = gaps[place - 1], legs[place - 1]
+            for j in range(4):
+                hints[place, j] = hints[place - 1, j]
+            place -= 1
+        gaps[place], legs[place] = gap, number
+        hints[place, 0], hints[place, 1], hints[place, 2], hints[place, 3] = ox, oy, eh, t + s
+        if gap <= 0.0 and not rim:
+            return True
+    if count:
+        piece = pieces[count - 1]
+        t = piece[3] + piece[4]
+        ex, ey, _ = advance(piece[0], piece[1], piece[2], speed * piece[4], int(piece[5]), r)
+        dx, dy = node[0] + node[2] * t - ex, node[1] + node[3] * t - ey
+        outside = outside or dx * dx + dy * dy >= node[4] * node[4]
+    return gaps[0] <= 0.0 and (outside or not rim)

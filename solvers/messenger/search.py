@@ -1,0 +1,177 @@
+"""``tour-search``: annealing from many starts, polished as a nonlinear program, with a proven bound."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from ...models.messenger.model import MessengerTour
+from ...models.messenger.plan import TourPlan
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from .annealing import anneal
+from .emission import Chain
+
+__all__ = ["TourSearch"]
+
+#: Temperatures, by the length of the tour: at a start, at a reheating, and at the end of both.
+HOT, WARM, COLD = 0.1, 0.02, 1e-3
+#: Steps of one annealing, by the number of vehicles, and the least.
+STEPS, LEAST = 60, 300
+#: Tours kept to be annealed again.
+KEPT = 4
+#: Share of the time, and seconds where there is no limit, for the bound.
+BOUND_SHARE, BOUND_SECONDS = 0.2, 3.0
+#: By how much a tour may be longer than the best to be polished.
+NEAR = 1.03
+
+
+class TourSearch(Backend):
+    """Ruin and recreate under annealing, from many starts, then the best tours again; ours.
+
+    What is best is polished by the nonlinear program of its order and turns, and never made worse.
+    The bound is that of :class:`.bound.EuclideanBound`, so that the tour comes with a gap.
+    """
+
+    name = "tour-search"
+    accepts = MessengerTour
+    guarantee = Guarantee.RELAXATION
+    features = frozenset(
+        {
+            Feature.SEED, Feature.INCUMBENTS, Feature.INTERRUPT, Feature.WARM_START,
+            Feature.DUAL_BOUND, Feature.GAP,
+        }
+    )  # fmt: skip
+    single_threaded = True
+    options: ClassVar[Mapping[str, Option]] = {
+        "interior": Option(
+            True, "Whether vehicles may be met inside their discs, or on the boundaries only.", bool
+        ),
+        "polish": Option(True, "Whether to polish tours by a nonlinear program.", bool),
+        "bound": Option(True, "Whether to prove a bound as well.", bool),
+        "starts": Option(
+            16,
+            "Annealings without a time limit: half from scratch, half from the best.",
+            int,
+            lower=1,
+        ),
+        "steps": Option(
+            0, "Steps of one annealing; 0 means 60 a vehicle, and 300 at the least.", int, lower=0
+        ),
+    }
+    summary = "annealing, polish and Euclidean bound; ours"
+
+    def run(self, problem: MessengerTour, request: Request) -> Answer:
+        """Search until the time is up, or for as many starts as the options say."""
+        return _Search(self, problem, request).answer()
+
+
+@dataclass
+class _Search:
+    """One run."""
+
+    backend: TourSearch
+    problem: MessengerTour
+    request: Request
+    kept: list[tuple[float, int, Chain]] = field(default_factory=list)
+    best: TourPlan | None = None
+    polished: float = float("inf")
+    runs: int = 0
+    polishes: int = 0
+
+    def answer(self) -> Answer:
+        """Search, and say what was found."""
+        begin = time.perf_counter()
+        request, options = self.request, self.request.options
+        self.draw = np.random.default_rng(0 if request.seed is None else request.seed)
+        if request.warm_start is not None:
+            self.offer(request.warm_start)
+        bound = self.bounded() if options["bound"] else None
+        proven = time.perf_counter() - begin
+        steps = options["steps"] or max(STEPS * self.problem.size, LEAST)
+        while not self.ended(bound):
+            scratch = len(self.kept) < KEPT or self.runs % 2 == 0
+            self.anneal(steps, scratch)
+        limit = self.request.control.reason if self.request.control.stopped else None
+        if limit is None and request.left() == 0.0:
+            limit = Limit.TIME
+        statistics = {"annealings": self.runs, "polishes": self.polishes}
+        seconds = {"solve": time.perf_counter() - begin, "bound": proven}
+        if self.best is None:
+            return Answer(
+                Termination.NO_SOLUTION, limit, None, None, bound, seconds=seconds,
+                statistics=statistics,
+            )  # fmt: skip
+        done = self.within_gap(bound)
+        return Answer(
+            Termination.OPTIMAL if done else Termination.FEASIBLE, None if done else limit, self.best,
+            self.best.length, bound, seconds=seconds, statistics=statistics,
+        )  # fmt: skip
+
+    def ended(self, bound: float | None) -> bool:
+        """Return whether the search is over."""
+        left = self.request.left()
+        if self.request.control.stopped or left == 0.0 or self.within_gap(bound):
+            return True
+        return left is None and self.runs >= self.request.options["starts"]
+
+    def within_gap(self, bound: float | None) -> bool:
+        """Return whether the best tour is proven to be as good as was asked."""
+        if self.best is None or bound is None:
+            return False
+        return self.best.length - bound <= self.request.gap * self.best.length
+
+    def bounded(self) -> float | None:
+        """Return a proven lower bound."""
+        from .bound import EuclideanBound
+
+        left = self.request.left()
+        seconds = BOUND_SECONDS if left is None else BOUND_SHARE * left
+        found = self.request.within(EuclideanBound(), self.problem, time_limit=seconds)
+        if found.point is not None:
+            self.offer(found.point)
+        bound = found.dual_bound
+        if bound is not None:
+            self.request.control.bound = bound
+        return bound
+
+    def anneal(self, steps: int, scratch: bool) -> None:
+        """Anneal from scratch, or one of the tours that were kept, and keep what is good."""
+        problem, request = self.problem, self.request
+        chain = Chain(problem, interior=request.options["interior"])
+        if not scratch:
+            chain = self.kept[int(self.draw.integers(len(self.kept)))][2].copy()
+        chain.count, value = anneal(
+            chain.order, chain.count, problem.closed, chain.nodes, chain.poses, chain.freedom,
+            problem.speed, problem.turning_radius, chain.times, steps, HOT if scratch else WARM,
+            COLD, self.draw, request.control.flag,
+        )  # fmt: skip
+        self.runs += 1
+        if not value < float("inf"):
+            return
+        length = value * problem.speed
+        if all(abs(length - one[0]) > 1e-9 * length for one in self.kept):
+            self.kept = sorted([*self.kept, (length, self.runs, chain)])[:KEPT]
+        if length < NEAR * (self.polished if self.best is None else self.best.length):
+            self.offer(self.polish(chain.plan()))
+
+    def polish(self, plan: TourPlan) -> TourPlan:
+        """Return a plan no longer than `plan`, by the nonlinear program of its order and turns."""
+        if not self.request.options["polish"] or self.request.control.stopped:
+            return plan
+        from .polish import polish
+
+        self.polishes += 1
+        return polish(self.problem, plan, self.request)
+
+    def offer(self, plan: TourPlan) -> None:
+        """Keep `plan` where it is the best and keeps what the model asks."""
+        if self.best is not None and plan.length >= self.best.length:
+            return
+        found = self.problem.verify(plan, tolerance=self.request.tolerance)
+        if found.ok:
+            self.best = plan
+            self.request.control.incumbent(plan.length, plan)
