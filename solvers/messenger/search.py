@@ -104,6 +104,7 @@ class _Search:
             return Answer(
                 Termination.NO_SOLUTION, limit, None, None, bound, seconds=seconds,
                 statistics=statistics,
+                message="no tour was found whose coordinates floating-point numbers can hold",
             )  # fmt: skip
         done = self.within_gap(bound)
         return Answer(

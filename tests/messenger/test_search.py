@@ -1,0 +1,214 @@
+"""``tour-search``: plans that keep what the model asks, whatever the case; and the best on small ones."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from numpy.random import default_rng
+
+import crosstrack as ct
+from crosstrack.models import MessengerTour
+from crosstrack.models.messenger.checks import integrated
+from crosstrack.models.messenger.dubins import dubins_length
+from crosstrack.solvers.messenger.chain import arrive
+from crosstrack.solvers.messenger.emission import Chain
+
+QUICK = {"bound": False, "polish": False, "starts": 2, "steps": 200}
+
+
+def drawn(n, seed, *, side=60.0, fastest=3.5, **fields):
+    """A tour over `n` vehicles in a square, the UAV in its corner."""
+    draw = default_rng(seed)
+    headings, speeds = draw.uniform(0.0, 2 * np.pi, n), draw.uniform(0.0, fastest, n)
+    velocities = np.column_stack([np.cos(headings), np.sin(headings)]) * speeds[:, None]
+    return MessengerTour(draw.uniform(0.0, side, (n, 2)), velocities, **fields)
+
+
+def searched(model, seed=1, **options):
+    return ct.solve(model, "tour-search", seed=seed, backend_options={**QUICK, **options})
+
+
+WILD = {
+    "one": MessengerTour([[30.0, 0.0]]),
+    "behind": MessengerTour([[0.0, -1.0]], radius=0.0),
+    "many": drawn(60, 0, side=150.0),
+    "dense": drawn(12, 1, side=15.0),
+    "targets": drawn(8, 2, radius=0.0),
+    "on the spot": drawn(8, 2, turning_radius=0.0),
+    "points on the spot": drawn(8, 2, turning_radius=0.0, radius=0.0),
+    "wide turns": drawn(5, 3, turning_radius=500.0),
+    "narrow turns": drawn(6, 3, turning_radius=1e-4),
+    "closed": drawn(7, 4, closed=True),
+    "closed, any heading": drawn(7, 4, closed=True, start=[5.0, 5.0]),
+    "any heading": drawn(7, 5, start=[0.0, 0.0]),
+    "any start": drawn(7, 6, fastest=0.0, closed=True, start=None),
+    "any start, points": drawn(7, 6, fastest=0.0, closed=True, start=None, radius=0.0),
+    "one, any start": MessengerTour([[3.0, 4.0]], start=None, closed=True),
+    "a line": MessengerTour([[10.0 * k, 0.0] for k in range(1, 8)], [[3.0, 0.0]] * 7),
+    "one place": MessengerTour([[40.0, 40.0]] * 5, radius=[0.0, 0.0, 1.0, 5.0, 50.0]),
+    "touching": MessengerTour([[20.0, 0.0], [30.0, 0.0], [40.0, 0.0]], radius=5.0),
+    "fleeing": MessengerTour([[30.0, 0.0]], [[9.99, 0.0]]),
+    "approaching": MessengerTour([[300.0, 10.0], [0.0, 500.0]], [[-9.99, 0.0], [0.0, -9.99]]),
+    "all sizes": drawn(6, 7, radius=[1e-3, 1.0, 1e3, 0.0, 10.0, 1e-6]),
+    "millimetres": drawn(6, 8, side=0.06, fastest=3.5e-3, speed=0.01, radius=5e-3, turning_radius=5e-3),
+    "thousands of km": drawn(6, 8, side=6e6, fastest=350.0, speed=1e3, radius=5e5, turning_radius=5e5),
+    "far from the origin": MessengerTour(
+        drawn(6, 9).positions + 1e6, drawn(6, 9).velocities, start=[1e6, 1e6, 0.0]
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("interior", [True, False], ids=["inside", "boundary"])
+@pytest.mark.parametrize("model", WILD.values(), ids=WILD)
+def test_a_plan_of_any_case_holds(model, interior):
+    found = searched(model, interior=interior)
+    assert found.plan is not None, found
+    assert found.verification.ok
+    legs_are_possible(model, found.plan)
+    if not interior:
+        on_the_boundary(model, found.plan)
+
+
+def legs_are_possible(model, plan):
+    """No leg is shorter than the shortest path between its ends."""
+    poses = integrated(plan, model.turning_radius)
+    legs = np.array([one.leg for one in plan.primitives])
+    lengths = np.array([one.length for one in plan.primitives])
+    for leg in np.unique(legs):
+        at = np.flatnonzero(legs == leg)
+        least = dubins_length(poses[at[0]], poses[at[-1] + 1], model.turning_radius)
+        size = lengths[at].sum() + np.abs(poses[:, :2]).max()
+        if model.turning_radius > 0:
+            # A turn of nothing may be a full circle where an end is off by its last digit.
+            off = (least - lengths[at].sum()) / (2 * np.pi * model.turning_radius)
+            assert off < 1e-6 or abs(off - round(off)) < 1e-6
+        else:
+            assert least <= lengths[at].sum() + 1e-12 * size
+
+
+def on_the_boundary(model, plan):
+    for k, i in enumerate(plan.order):
+        apart = math.dist(plan.points[k], model.where(i, plan.times[k]))
+        assert apart == pytest.approx(model.radius[i], rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_on_the_spot_and_at_rest_it_is_the_shortest_of_all_orders(seed):
+    model = drawn(6, seed, fastest=0.0, radius=0.0, turning_radius=0.0, closed=seed % 2 == 1)
+    stops = [model.start[:2], *model.positions]
+
+    def length(order):
+        way = [0, *order, *([0] if model.closed else [])]
+        return sum(math.dist(stops[a], stops[b]) for a, b in itertools.pairwise(way))
+
+    best = min(map(length, itertools.permutations(range(1, 7))))
+    assert searched(model, steps=600).primal_bound == pytest.approx(best, rel=1e-9)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_at_points_at_rest_it_beats_a_grid_of_headings(seed, closed):
+    model = drawn(4, seed, side=25.0, fastest=0.0, radius=0.0, closed=closed)
+    headings = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
+    best = math.inf
+    for order in itertools.permutations(range(4)):
+        poses, lengths = np.array([model.start]), np.zeros(1)
+        for i in order:
+            new = np.column_stack([np.tile(model.positions[i], (48, 1)), headings])
+            legs = dubins_length(poses[:, None], new[None], model.turning_radius)
+            poses, lengths = new, (lengths[:, None] + legs).min(axis=0)
+        if closed:
+            lengths = lengths + dubins_length(poses, model.start, model.turning_radius)
+        best = min(best, lengths.min())
+    found = searched(model, steps=800, starts=4)
+    assert found.primal_bound <= best * (1 + 1e-9)
+    assert found.primal_bound >= 0.9 * best  # 48 headings are near enough to the best
+
+
+def test_the_same_seed_gives_the_same_plan():
+    model = drawn(9, 3)
+    first, again, other = (searched(model, seed) for seed in (1, 1, 2))
+    assert first.plan.to_data() == again.plan.to_data()
+    assert first.plan.to_data() != other.plan.to_data()
+
+
+def test_a_warm_start_is_never_lost():
+    model = drawn(9, 4)
+    good = searched(model, steps=2000, starts=4)
+    poor = ct.solve(
+        model, "tour-search", seed=1, warm_start=good, backend_options={**QUICK, "steps": 1, "starts": 1}
+    )  # fmt: skip
+    assert poor.primal_bound <= good.primal_bound
+
+
+def test_answers_scale():
+    model = drawn(6, 5)
+    for scale in (1e-3, 1e5):
+        larger = MessengerTour(
+            model.positions * scale, model.velocities * scale, model.radius * scale,
+            model.speed * scale, model.turning_radius * scale,
+        )  # fmt: skip
+        ratio = searched(larger).primal_bound / searched(model).primal_bound
+        assert ratio == pytest.approx(scale, rel=0.01)
+
+
+def test_vehicles_met_at_the_start_cost_nothing():
+    model = MessengerTour([[1.0, 0.0], [0.0, -4.9]])
+    found = searched(model)
+    assert found.primal_bound == 0.0
+    assert found.plan.primitives == ()
+    assert found.plan.times.tolist() == [0.0, 0.0]
+    outwards = searched(model, interior=False)
+    assert outwards.primal_bound > 0.0
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_leg_arrives_when_its_length_is_flown(seed):
+    draw = default_rng(seed)
+    speed, r = 10.0, float(draw.choice([0.0, 1.0, 5.0, 50.0]))
+    pace = draw.choice([0.0, 3.0, 9.0, 9.99])
+    angle, h = draw.uniform(0.0, 2 * np.pi, 2)
+    node = np.array([*draw.uniform(-60, 60, 2), pace * np.cos(angle), pace * np.sin(angle), 5.0])
+    pose = np.array([*draw.uniform(-4, 4, 2), draw.uniform(0.0, 2 * np.pi)])
+    t = arrive(0.0, 0.0, h, 2.0, node, pose, speed, r)
+    assert 2.0 <= t < math.inf
+    end = [*(node[:2] + node[2:4] * t + pose[:2]), pose[2]]
+    flown = speed * (t - 2.0)
+    # As long as one of the words, the shortest but where the pose runs away from it.
+    from crosstrack.models.messenger.dubins import word_lengths
+
+    words = [sum(word_lengths(0.0, 0.0, h, *end, r, word)) for word in range(6)]
+    assert min(abs(length - flown) for length in words) <= 1e-9 * (flown + r)
+
+
+def test_limits_and_incumbents():
+    model = drawn(30, 6)
+    seen = []
+    found = ct.solve(
+        model, "tour-search", time_limit=1.0, seed=0, on_incumbent=seen.append,
+        backend_options={"polish": False, "bound": False},
+    )  # fmt: skip
+    assert found.limit == "time"
+    assert found.plan is not None
+    assert [one.objective for one in seen] == sorted((one.objective for one in seen), reverse=True)
+    assert seen[-1].objective == found.primal_bound
+
+
+def test_what_numbers_cannot_hold_ends_without_a_plan():
+    """Each vehicle that is caught makes the next a thousand times as far."""
+    draw = default_rng(0)
+    angles = draw.uniform(0.0, 2 * np.pi, 9)
+    flight = np.column_stack([np.cos(angles), np.sin(angles)])
+    model = MessengerTour(20.0 * flight, 9.99 * flight)
+    found = searched(model)
+    assert found.plan is None
+    assert "no tour" in found.message
+
+
+def test_chains_of_other_models_are_not_shared():
+    model = drawn(4, 1)
+    chain = Chain(model)
+    other = chain.copy()
+    other.poses[:] = 1.0
+    assert not chain.poses[:-1].any()
