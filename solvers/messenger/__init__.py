@@ -2,4 +2,6 @@
 
 BACKENDS = {
     "tour-search": ".search:TourSearch",
+    "euclidean-bound": ".bound:EuclideanBound",
+    "curvature-bound": ".bound:CurvatureBound",
 }

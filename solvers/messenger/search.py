@@ -33,7 +33,7 @@ class TourSearch(Backend):
     """Ruin and recreate under annealing, from many starts, then the best tours again; ours.
 
     What is best is polished by the nonlinear program of its order and turns, and never made worse.
-    The bound is that of :class:`.bound.EuclideanBound`, so that the tour comes with a gap.
+    The bound is that of :class:`.bound.CurvatureBound`, so that the tour comes with a gap.
     """
 
     name = "tour-search"
@@ -62,7 +62,7 @@ class TourSearch(Backend):
             0, "Steps of one annealing; 0 means 60 a vehicle, and 300 at the least.", int, lower=0
         ),
     }
-    summary = "annealing, polish and Euclidean bound; ours"
+    summary = "annealing, polish, and a proven bound; ours"
 
     def run(self, problem: MessengerTour, request: Request) -> Answer:
         """Search until the time is up, or for as many starts as the options say."""
@@ -127,11 +127,11 @@ class _Search:
 
     def bounded(self) -> float | None:
         """Return a proven lower bound."""
-        from .bound import EuclideanBound
+        from .bound import CurvatureBound
 
         left = self.request.left()
         seconds = BOUND_SECONDS if left is None else BOUND_SHARE * left
-        found = self.request.within(EuclideanBound(), self.problem, time_limit=seconds)
+        found = self.request.within(CurvatureBound(), self.problem, time_limit=seconds)
         if found.point is not None:
             self.offer(found.point)
         bound = found.dual_bound

@@ -1,0 +1,161 @@
+"""The Euclidean relaxation of a tour for a given order: a second-order cone program.
+
+Without the limit on curvature a tour that meets the vehicles in a given order is a chain of legs,
+each at least as long as the distance between its ends. Counting time in the length s = v t that is
+flown meanwhile, with W = V / v, the program is::
+
+    minimise    s_L
+    subject to  |Q_k - Q_{k-1}| <= s_k - s_{k-1}         each leg
+                Q_k = P_k + W_k s_k + r_k e_k, |e_k| <= 1   each encounter
+
+No tour in this order, or in one that has more vehicles in between, is shorter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...errors import InvalidData
+from ..programs.builder import ProgramBuilder
+from ..programs.cones import ConeKind
+
+if TYPE_CHECKING:
+    from ..programs.conic import ConicProgram
+    from .model import MessengerTour
+
+__all__ = ["Field", "euclidean_relaxation"]
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """A model's vehicles, then its start as one more at rest, in units in which numbers are small.
+
+    Parameters
+    ----------
+    centres : ndarray, shape (n + 1, 2)
+        P in the unit, from where the path begins; without a start, from the vehicles' mean.
+    velocities : ndarray, shape (n + 1, 2)
+        V / v.
+    radii : ndarray, shape (n + 1,)
+        r in the unit; 0 for the start.
+    unit : float
+        m.
+    origin : ndarray, shape (2,)
+        Where the centres are counted from, m.
+    closed, free : bool
+        Whether the path leads back; whether it may begin anywhere.
+    """
+
+    centres: Floats
+    velocities: Floats
+    radii: Floats
+    unit: float
+    origin: Floats
+    closed: bool
+    free: bool
+
+    @classmethod
+    def of(cls, model: MessengerTour) -> Field:
+        """Return the field of a model."""
+        free = model.start is None
+        origin = model.positions.mean(axis=0) if model.start is None else model.start[:2]
+        apart = model.positions - origin
+        unit = float(np.hypot(*apart.T).max()) or float(model.radius.max()) or 1.0
+        return cls(
+            np.vstack([apart, np.zeros((1, 2))]) / unit,
+            np.vstack([model.velocities / model.speed, np.zeros((1, 2))]),
+            np.append(model.radius, 0.0) / unit,
+            unit,
+            origin,
+            model.closed,
+            free,
+        )
+
+    @property
+    def size(self) -> int:
+        """The number of vehicles."""
+        return len(self.radii) - 1
+
+    def chain(self, order: Sequence[int]) -> Indices:
+        """Return the stops of a path, the first and the last included; the start is the last index.
+
+        Without a start, the path begins and ends at the first vehicle of the order.
+        """
+        if self.free:
+            return np.array([*order, *order[:1]], np.int64)
+        return np.array([self.size, *order, *([self.size] if self.closed else [])], np.int64)
+
+
+def euclidean_relaxation(model: MessengerTour, order: Sequence[int]) -> ConicProgram:
+    """Return the program of the shortest path without curvature that meets `order`.
+
+    Parameters
+    ----------
+    model : MessengerTour
+        What is relaxed.
+    order : sequence of int
+        Vehicles as they are met, each at most once; those that are left out need not be met.
+
+    Returns
+    -------
+    ConicProgram
+        Columns ``offset`` (e_k, a pair a stop) and ``flown`` (s_k, in the field's unit); its
+        objective is the length of the path, m.
+
+    Raises
+    ------
+    InvalidData
+        An empty order, a vehicle that the model does not have, or one twice.
+    """
+    met = [int(one) for one in order]
+    if not met or len(set(met)) < len(met) or not all(0 <= one < model.size for one in met):
+        raise InvalidData(
+            f"order must name vehicles 0 … {model.size - 1}, at least one and each once, "
+            f"got {list(order)}",
+            field="order",
+        )
+    field = Field.of(model)
+    stops = field.chain(met)
+    legs, count = len(stops) - 1, len(met)
+    # The stop that each end of a leg is a vehicle's, -1 for the start, which has no freedom.
+    place = {vehicle: k for k, vehicle in enumerate(met)}
+    own = np.array([place.get(int(stop), -1) for stop in stops])
+    builder = ProgramBuilder()
+    offset = builder.columns("offset", 2 * count, lower=-np.inf).reshape(-1, 2)
+    flown = builder.columns("flown", legs, lower=0.0, cost=np.eye(legs)[-1] * field.unit)
+    leg = np.arange(legs)
+    terms: list[tuple[ArrayLike, ArrayLike, ArrayLike]] = [
+        (3 * leg, flown, 1.0),
+        (3 * leg[1:], flown[:-1], -1.0),
+    ]
+    for axis in range(2):
+        row = 3 * leg + 1 + axis
+        for end, sign in ((1, 1.0), (0, -1.0)):
+            stop, vehicle = stops[end:][:legs], own[end:][:legs]
+            driven = leg + end - 1
+            moves = driven >= 0
+            terms.append(
+                (row[moves], flown[driven[moves]], sign * field.velocities[stop[moves], axis])
+            )
+            real = vehicle >= 0
+            terms.append((row[real], offset[vehicle[real], axis], sign * field.radii[stop[real]]))
+    steps = np.column_stack([np.zeros(legs), np.diff(field.centres[stops], axis=0)])
+    builder.cones(
+        "legs", ConeKind.SECOND_ORDER, legs, 3, *terms, offset=steps,
+        template="leg {0}", index=leg,
+    )  # fmt: skip
+    one = np.arange(count)
+    builder.cones(
+        "within radius", ConeKind.SECOND_ORDER, count, 3,
+        *((3 * one + 1 + axis, offset[:, axis], 1.0) for axis in range(2)),
+        offset=np.tile([1.0, 0.0, 0.0], (count, 1)), template="vehicle {0}", index=np.array(met),
+    )  # fmt: skip
+    return builder.build_conic(name=f"{model.name} in order" if model.name else "")

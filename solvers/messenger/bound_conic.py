@@ -1,0 +1,193 @@
+"""Shortest paths without curvature for a given order, by Clarabel called with prepared matrices."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...models.messenger.model import MessengerTour
+from ...models.messenger.relaxation import Field
+from .bound_kernels import ascended, omissions, proven
+
+__all__ = ["Chains", "Path"]
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class Path(NamedTuple):
+    """A shortest path, as far as the solver's tolerance goes, and what is proven of all.
+
+    Parameters
+    ----------
+    bound : float
+        In the field's unit; no path over the stops is shorter.
+    directions : ndarray, shape (L, 2)
+        What proves it.
+    points, times : ndarray, shapes (L + 1, 2) and (L + 1,)
+        Where and when it meets the stops.
+    """
+
+    bound: float
+    directions: Floats
+    points: Floats
+    times: Floats
+
+
+class Chains:
+    """Solves the relaxation for one order after another, all in one field.
+
+    Parameters
+    ----------
+    model : MessengerTour
+        Whose orders are solved.
+    curved : bool
+        Whether what is proven makes use of the limit on curvature.
+    tolerance : float
+        Of the solver.
+    """
+
+    def __init__(self, model: MessengerTour, curved: bool = False, tolerance: float = 1e-9) -> None:
+        import clarabel  # type: ignore[import-untyped]
+
+        self.field = field = Field.of(model)
+        self.curved = curved and model.turning_radius > 0
+        self.solved = 0
+        #: What the kernels ask of the field and of the limit on curvature.
+        self._gaps = _gaps(field)
+        self.data = (field.centres, field.velocities, field.radii, self._gaps, np.zeros(3))
+        if self.curved:
+            heading = (0.0, 0.0) if model.heading is None else (1.0, model.heading)
+            self.data[-1][:] = model.turning_radius / field.unit, *heading
+        self._clarabel = clarabel
+        self._settings = settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.max_threads = 1
+        settings.presolve_enable = False
+        for name in ("tol_feas", "tol_gap_abs", "tol_gap_rel"):
+            setattr(settings, name, tolerance)
+        self._shapes: dict[int, Any] = {}
+
+    def prove(self, stops: Indices, directions: Floats) -> float:
+        """Return the bound that `directions` prove, in the field's unit."""
+        return float(proven(*self.data, stops, directions))
+
+    def solve(self, stops: Indices) -> Path:
+        """Return the shortest path over `stops`."""
+        field, legs = self.field, len(stops) - 1
+        centres, velocities = field.centres[stops], field.velocities[stops]
+        if legs < 2 and stops[0] == stops[-1]:
+            # One place, where the path stays.
+            return Path(0.0, np.zeros((legs, 2)), centres, np.zeros(legs + 1))
+        self.solved += 1
+        radii = field.radii[stops].copy()
+        if not field.free:
+            radii[0] = 0.0
+        matrix, sources, signs = self._shape(legs)
+        values = np.concatenate([[1.0], velocities.ravel(), np.repeat(radii, 2)])
+        matrix.data = values[sources] * signs
+        right = np.zeros(matrix.shape[0])
+        right[: 3 * legs].reshape(-1, 3)[:, 1:] = np.diff(centres, axis=0)
+        right[3 * legs :: 3] = 1.0
+        cost = np.zeros(matrix.shape[1])
+        cost[legs - 1] = 1.0
+        cones = [self._clarabel.SecondOrderConeT(3)] * (2 * legs + 1)
+        found = self._clarabel.DefaultSolver(
+            sp.csc_matrix((len(cost), len(cost))), cost, matrix, right, cones, self._settings
+        ).solve()
+        x = np.array(found.x, float)
+        pull = np.array(found.z[: 3 * legs], float).reshape(-1, 3)
+        if not (np.isfinite(x).all() and np.isfinite(pull).all()):
+            # Any directions prove something; a solver that failed has no better ones.
+            x, pull = np.nan_to_num(x), np.nan_to_num(pull)
+        directions = -pull[:, 1:] / np.maximum(pull[:, :1], 1e-300)
+        times = np.append(0.0, x[:legs])
+        offsets = x[legs:].reshape(-1, 2)
+        if field.free:
+            offsets[-1] = offsets[0]
+            radii[-1] = radii[0]
+        points = centres + velocities * times[:, None] + radii[:, None] * offsets
+        bound = self.prove(stops, directions)
+        if self.curved:
+            bound, directions = self._ascended(stops, directions)
+            bound = max(bound, self._thinned(bound, stops, directions))
+        return Path(bound, directions, points, times)
+
+    def _ascended(self, stops: Indices, directions: Floats) -> tuple[float, Floats]:
+        found = np.empty_like(directions)
+        return float(ascended(*self.data, stops, directions, found)), found
+
+    def _thinned(self, bound: float, stops: Indices, directions: Floats) -> float:
+        """Return what is proven with stops left out, one after another, as long as that is more."""
+        while len(stops) > 2:
+            bounds = np.empty(len(directions))
+            omissions(*self.data, stops, directions, bounds)
+            k = int(bounds.argmax())
+            # The leg that remains begins with the longer one's direction.
+            first, second = self._gaps[stops[k], stops[k + 1]], -1.0
+            if k + 1 < len(directions):
+                second = self._gaps[stops[k + 1], stops[k + 2]]
+            stops = np.delete(stops, k + 1)
+            fewer = np.delete(directions, k + int(first >= second >= 0), axis=0)
+            found, directions = self._ascended(stops, fewer)
+            if not found > bound:
+                break
+            bound = found
+        return bound
+
+    def _shape(self, legs: int) -> tuple[Any, Indices, Floats]:
+        """Return the matrix of a path with as many legs, and where its values come from.
+
+        Columns are s of all stops but the first, then the offsets of all stops; the rows are those of
+        the legs, and then those of the discs. Values are 1, the velocities, and the radii twice.
+        """
+        if legs in self._shapes:
+            shape: tuple[Any, Indices, Floats] = self._shapes[legs]
+            return shape
+        rows, columns, sources, signs = [], [], [], []
+
+        def entry(row: int, column: int, source: int, sign: float) -> None:
+            rows.append(row)
+            columns.append(column)
+            sources.append(source)
+            signs.append(-sign)  # the solver's rows are right - matrix @ x
+
+        for leg in range(legs):
+            for stop, sign in ((leg + 1, 1.0), (leg, -1.0)):
+                # Without a start, the path ends at the point where it begins.
+                own = 0 if self.field.free and stop == legs else stop
+                for axis in range(2):
+                    row = 3 * leg + 1 + axis
+                    if stop:
+                        entry(row, stop - 1, 1 + 2 * stop + axis, sign)
+                    entry(row, legs + 2 * own + axis, 1 + 2 * (legs + 1 + own) + axis, sign)
+                if stop:
+                    entry(3 * leg, stop - 1, 0, sign)
+        for stop in range(legs + 1):
+            for axis in range(2):
+                entry(3 * (legs + stop) + 1 + axis, legs + 2 * stop + axis, 0, 1.0)
+        number = np.arange(1, len(rows) + 1)
+        size = (3 * (2 * legs + 1), legs + 2 * (legs + 1))
+        matrix = sp.csc_matrix(sp.coo_matrix((number, (rows, columns)), size), dtype=float)
+        at = matrix.data.astype(int) - 1
+        self._shapes[legs] = matrix, np.array(sources)[at], np.array(signs)[at]
+        return self._shapes[legs]  # type: ignore[no-any-return]
+
+
+def _gaps(field: Field) -> Floats:
+    """Return how long a flight from one stop to another is at least, shape (n + 1, n + 1).
+
+    Over a length L the second stop moves by at most |W| L after the first one is met, at whatever
+    time that is.
+    """
+    apart = field.centres[None] - field.centres[:, None]
+    drift = field.velocities[None] - field.velocities[:, None]
+    speed = (drift**2).sum(axis=2)
+    nearest = np.maximum(-(apart * drift).sum(axis=2) / np.where(speed > 0, speed, 1.0), 0.0)
+    least = np.hypot(*np.moveaxis(apart + drift * nearest[:, :, None], 2, 0))
+    free = least - field.radii[:, None] - field.radii[None]
+    gaps: Floats = np.maximum(free, 0.0) / (1 + np.hypot(*field.velocities.T)) * (1 - 1e-12)
+    return gaps

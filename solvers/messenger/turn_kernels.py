@@ -1,0 +1,93 @@
+"""Loops of the bounds: what a flight with a limit on curvature loses where its direction changes.
+
+A flight of length L_k from stop to stop, with headings theta(s),
+has ``lambda_k L_k = u_k . (Q_k - Q_{k-1}) + integral of lambda_k - u_k . e(theta(s)) ds``: the dual
+of :mod:`.bound_kernels` bounds the sum of the first terms, and nothing but its sign is used of the integrals. These are at
+least ``lambda_k |d_k|`` times that of 1 - cos of the angle between theta(s) and d_k. Headings change by
+no more than s / r_min over a length s: where the angle is a at one end of the leg, and the leg is
+no shorter than l, its half at that end takes at least, in units of r_min::
+
+    f(a) = integral of 1 - cos(max(0, a - s)) for s from 0 to l / 2
+         = F(a) - F(max(0, a - l / 2)),    F(a) = a - sin a
+
+At a stop, the two angles between its heading and the directions before and after sum up to no less
+than the angle between these; f rises, so the least sum over all headings is that over the ways to
+divide this angle. So a bound needs no headings, and it holds for vehicles that move. It is exact for
+a flight of long legs between fixed points, each leg straight but for a turn of at most half a circle
+at either end.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ...jit import kernel
+
+__all__ = ["between", "corner", "turned"]
+
+
+@kernel
+def turned(angle: float, half: float) -> float:
+    """Return f: what at least is lost on half a leg whose heading is off by `angle` at its end."""
+    lost = angle - math.sin(angle)
+    if angle > half:
+        lost -= angle - half - math.sin(angle - half)
+    return lost
+
+
+@kernel
+def _steepness(angle: float, half: float) -> float:
+    """Return the derivative of :func:`turned` by the angle."""
+    return math.cos(max(angle - half, 0.0)) - math.cos(angle)
+
+
+@kernel
+def corner(angle: float, before: float, first: float, after: float, second: float) -> float:
+    """Return the least of ``before f(x) + after f(angle - x)``, or a little less.
+
+    Parameters
+    ----------
+    angle : float
+        Between the directions of two legs, rad, at most π.
+    before, after : float
+        Weights of the legs.
+    first, second : float
+        Half their least lengths, in units of the turning radius.
+    """
+    if angle <= 0.0:
+        return 0.0
+    if angle <= min(first, second):
+        # Where both slopes, 2 before sin²(x / 2) and 2 after sin²((angle - x) / 2), are the same.
+        root, other = math.sqrt(before), math.sqrt(after)
+        y, x = other * math.sin(0.5 * angle), root + other * math.cos(0.5 * angle)
+        if x <= 0.0:
+            return 0.0
+        low = 2.0 * math.atan2(y, x)
+        slope = before * _steepness(low, first) - after * _steepness(angle - low, second)
+        value = before * turned(low, first) + after * turned(angle - low, second)
+        return max(value - abs(slope) * angle, 0.0)
+    if angle > 0.5 * (math.pi + min(first, second)):
+        # f is concave beyond: the least of all cells, each with the least of both parts.
+        cells = 128
+        least = math.inf
+        for k in range(cells):
+            low, rest = angle * k / cells, angle * (cells - 1 - k) / cells
+            least = min(least, before * turned(low, first) + after * turned(rest, second))
+        return least
+    low, high = 0.0, angle
+    for _ in range(9):
+        x = 0.5 * (low + high)
+        if before * _steepness(x, first) < after * _steepness(angle - x, second):
+            low = x
+        else:
+            high = x
+    # A convex function lies above its tangents.
+    slope = before * _steepness(low, first) - after * _steepness(angle - low, second)
+    value = before * turned(low, first) + after * turned(angle - low, second)
+    return max(value + min(slope, 0.0) * (high - low), 0.0)
+
+
+@kernel
+def between(ax: float, ay: float, bx: float, by: float) -> float:
+    """Return the angle between two vectors, rad, in [0, π]."""
+    return abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
