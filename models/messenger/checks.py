@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +10,8 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import required
 from ..verification import Check, Verification, check_tolerance
+from .data import TourData
 from .plan import SIGNS, TourPlan
-
-if TYPE_CHECKING:
-    from .model import MessengerTour
 
 __all__ = ["integrated", "verify_tour"]
 
@@ -42,15 +39,13 @@ def integrated(plan: TourPlan, turning_radius: float) -> Floats:
     pieces = plan.primitives
     lengths = np.array([one.length for one in pieces])
     signs = np.array([SIGNS[one.turn] for one in pieces])
-    said = np.array([one.heading for one in pieces])
+    # Half of what each primitive turns by: the chord of an arc, which a line is one of, leads there.
+    half = 0.5 * signs * lengths / turning_radius if turning_radius > 0 else np.zeros(len(pieces))
     if turning_radius > 0:
-        angles = signs * lengths / turning_radius
-        headings = plan.start[2] + np.concatenate([[0.0], np.cumsum(angles)])
+        headings = plan.start[2] + np.concatenate([[0.0], np.cumsum(2.0 * half)])
     else:
-        angles = np.zeros(len(pieces))
-        headings = np.concatenate([said, said[-1:]]) if len(pieces) else plan.start[2:]
-    # The chord of an arc, which a straight line is one of.
-    half = 0.5 * angles
+        said = np.array([one.heading for one in pieces])
+        headings = np.append(said, said[-1:] if len(pieces) else plan.start[2:])
     middle = headings[:-1] + half
     chord = lengths * np.sinc(half / np.pi)
     steps = np.stack([chord * np.cos(middle), chord * np.sin(middle)], axis=1)
@@ -58,7 +53,7 @@ def integrated(plan: TourPlan, turning_radius: float) -> Floats:
     return np.column_stack([places, headings])
 
 
-def verify_tour(model: MessengerTour, plan: TourPlan, tolerance: float) -> Verification:
+def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verification:
     """Return the length of `plan` and every constraint of `model`."""
     check_tolerance(tolerance)
     required("plan", plan, TourPlan)
@@ -74,28 +69,33 @@ def verify_tour(model: MessengerTour, plan: TourPlan, tolerance: float) -> Verif
     ends = np.searchsorted(legs, np.arange(len(plan.order)), side="right")
     met = np.array(plan.order, int)
     size = _sizes(model)
-    noise = DIGITS * float(np.abs(poses[:, :2]).max() + np.abs(model.positions).max() + flown[-1])
     at = poses[ends, :2]
     vehicles = model.positions[met] + model.velocities[met] * plan.times[:, None]
+    # What has been flown so far tells what digits are left; what lies ahead, however far, does not.
+    far = np.maximum.accumulate(np.abs(poses[:, :2]).max(axis=1)) + flown
+    lost = DIGITS * (far[ends] + np.abs(model.positions[met]).max(axis=1))
+    noise = DIGITS * float(far[-1])
     apart = np.hypot(*(at - vehicles).T) - model.radius[met]
     late = np.abs(flown[ends] - model.speed * plan.times)
     said = np.hypot(*(at - plan.points).T)
 
     def worst(
         name: str, values: Floats, unit: str, places: Sequence[str], scale: Floats | float,
-        limits: Floats | None = None,
+        limits: Floats | None = None, digits: Floats | float = noise,
     ) -> Check:  # fmt: skip
         """Return the check of the entry that uses up most of its tolerance."""
         if not values.size:
             return Check.scaled(name, "", 0.0, unit, "", tolerance, 0.0, noise=noise)
-        scales = np.broadcast_to(scale, values.shape)
-        share = np.where(values > 0, values, 0.0) / np.maximum(tolerance * scales + noise, 1e-300)
+        scales, excused = (np.broadcast_to(one, values.shape) for one in (scale, digits))
+        share = np.where(values <= 0, 0.0, values) / np.maximum(
+            tolerance * scales + excused, 1e-300
+        )
         # What is no number is worst of all.
         k = int(np.argmax(np.where(np.isnan(share), np.inf, share)))
         value = float(values[k])
         return Check.scaled(
             name, "", value if np.isnan(value) else max(value, 0.0), unit, places[k], tolerance,
-            float(scales[k]), noise=noise, limit=None if limits is None else float(limits[k]),
+            float(scales[k]), noise=float(excused[k]), limit=None if limits is None else float(limits[k]),
         )  # fmt: skip
 
     names = [f"vehicle {model.label(k)}" for k in plan.order]
@@ -113,10 +113,12 @@ def verify_tour(model: MessengerTour, plan: TourPlan, tolerance: float) -> Verif
         _count("legs in order", float(stray), "primitives", ""),
         worst("lengths at least 0", -lengths, "m", pieces, 0.0),
         *_joined(model, plan, poses, tolerance),
-        *_started(model, plan, tolerance, float(size.min()), noise),
-        worst("length flown is speed times time", late, "m", names, size[met]),
-        worst("encounter at its point", said, "m", names, size[met]),
-        worst("encounter within radius", apart, "m", names, size[met], model.radius[met]),
+        *_started(model, plan, tolerance, float(size.min())),
+        worst("length flown is speed times time", late, "m", names, size[met], digits=lost),
+        worst("encounter at its point", said, "m", names, size[met], digits=lost),
+        worst(
+            "encounter within radius", apart, "m", names, size[met], model.radius[met], digits=lost
+        ),
     ]  # fmt: skip
     if model.closed:
         gap = np.array([np.hypot(*(poses[-1, :2] - poses[0, :2]))])
@@ -128,7 +130,7 @@ def verify_tour(model: MessengerTour, plan: TourPlan, tolerance: float) -> Verif
     return Verification(float(flown[-1]), tuple(checks), scale=0.0)
 
 
-def _sizes(model: MessengerTour) -> Floats:
+def _sizes(model: TourData) -> Floats:
     """Return what a position is held against for each vehicle, m: its radius, or the room it has."""
     room = model.extent / model.size
     return np.where(model.radius > 0, model.radius, room)
@@ -143,7 +145,7 @@ def _turned(angle: Floats | float) -> Floats:
     return np.abs(np.remainder(np.asarray(angle, float) + np.pi, 2 * np.pi) - np.pi)
 
 
-def _joined(model: MessengerTour, plan: TourPlan, poses: Floats, tolerance: float) -> list[Check]:
+def _joined(model: TourData, plan: TourPlan, poses: Floats, tolerance: float) -> list[Check]:
     """Return the checks that the path has no corner and no turn tighter than the least radius."""
     if model.turning_radius == 0:
         turns = [k for k, one in enumerate(plan.primitives) if one.turn != "S" and one.length > 0]
@@ -166,13 +168,12 @@ def _joined(model: MessengerTour, plan: TourPlan, poses: Floats, tolerance: floa
     ]
 
 
-def _started(
-    model: MessengerTour, plan: TourPlan, tolerance: float, size: float, noise: float
-) -> list[Check]:
+def _started(model: TourData, plan: TourPlan, tolerance: float, size: float) -> list[Check]:
     """Return the checks that the path begins where it should."""
     checks = []
     if model.start is not None:
         off = float(np.hypot(*(plan.start[:2] - model.start[:2])))
+        noise = DIGITS * float(np.abs(model.start[:2]).max())
         checks.append(
             Check.scaled("starts at its place", "", off, "m", "start", tolerance, size, noise=noise)
         )

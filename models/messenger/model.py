@@ -7,38 +7,22 @@ Coordination", IEEE Transactions on Automation Science and Engineering, doi
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...errors import InvalidData
-from ..fields import Array, Flag, Optional, Real, declared, show
-from ..labels import Ids
 from ..model import Model
 from ..verification import TOLERANCE, Verification
 from .checks import verify_tour
+from .data import TourData
 from .plan import TourPlan
 
 __all__ = ["MessengerTour"]
 
-Floats = NDArray[np.float64]
-
-
-class EachVehicle(Array):
-    """One number a vehicle, or one for all; the full table is kept."""
-
-    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        if np.ndim(value) == 0 and not isinstance(value, str | dict | set):
-            value = np.full(sizes["n"][0], Real(self.lower).coerce(name, value, {}))
-        return super().coerce(name, value, sizes)
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MessengerTour(Model[TourPlan]):
+class MessengerTour(TourData, Model[TourPlan]):
     r"""The shortest flight of a fixed-wing UAV that comes within radio range of every vehicle.
 
     Vehicle i drives along the known line P_i + V_i t. The UAV flies at a constant speed v along a
@@ -85,89 +69,13 @@ class MessengerTour(Model[TourPlan]):
     2 vehicles, radius 5 m, turning radius 5 m
     """
 
-    positions: Floats = declared(Array(("n", 2)))
-    velocities: Floats = declared(Optional(Array(("n", 2))), default=None)
-    radius: Floats = declared(EachVehicle(("n",), lower=0), default=5.0)
-    speed: float = declared(Real(lower=0, strict=True, unit="m/s"), default=10.0)
-    turning_radius: float = declared(Real(lower=0, unit="m"), default=5.0)
-    start: Floats | None = declared(Optional(Array(("k",))), default=(0.0, 0.0, 0.5 * math.pi))
-    closed: bool = declared(Flag(), default=False)
-    ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
-
     kind: ClassVar[str] = "messenger-tour"
     objective_unit: ClassVar[str] = "m"
     plan_type: ClassVar[type] = TourPlan
-
-    def check(self) -> None:
-        """Fill in velocities, and refuse what no tour can be found for or no path begins at."""
-        if not self.size:
-            raise InvalidData(
-                "positions must hold at least one vehicle, got none", field="positions"
-            )
-        if self.velocities is None:
-            rest = Array(("n", 2)).coerce("velocities", np.zeros((self.size, 2)), {})
-            object.__setattr__(self, "velocities", rest)
-        fast = np.hypot(*self.velocities.T)
-        if (fast >= self.speed).any():
-            row = int(np.flatnonzero(fast >= self.speed)[0])
-            raise InvalidData(
-                f"velocities[{row}] must be slower than the UAV, {self.speed:g} m/s: it might never be "
-                f"caught; got {show(self.velocities[row])}, {fast[row]:g} m/s",
-                field="velocities",
-            )
-        if self.start is None:
-            if not self.closed or self.velocities.any():
-                raise InvalidData(
-                    "start must be given, got None: only a closed tour over vehicles at rest may "
-                    "begin anywhere",
-                    field="start",
-                )
-        elif self.start.size not in (2, 3):
-            raise InvalidData(
-                f"start must be x, y and possibly a heading, got {self.start.size} numbers",
-                field="start",
-            )
-
-    @property
-    def size(self) -> int:
-        """The number of vehicles."""
-        return len(self.positions)
-
-    @property
-    def heading(self) -> float | None:
-        """The heading at the start, rad; None where any will do."""
-        fixed = self.start is not None and self.start.size == 3
-        return float(self.start[2]) if fixed and self.start is not None else None
-
-    @property
-    def at_rest(self) -> bool:
-        """Whether no vehicle moves."""
-        return not self.velocities.any()
-
-    @cached_property
-    def extent(self) -> float:
-        """The diagonal of the box around the vehicles at time 0 and the start, m."""
-        corners = [*self.positions, *([] if self.start is None else [self.start[:2]])]
-        return float(np.hypot(*np.ptp(np.array(corners), axis=0)))
-
-    @property
-    def sparsity(self) -> float:
-        """κ_P, the mean distance of vehicles at time 0 beyond their radii, by the turning radius."""
-        from scipy.spatial.distance import pdist
-
-        if self.size < 2 or self.turning_radius == 0:
-            return math.inf
-        gaps = float(pdist(self.positions).mean()) - 2 * float(self.radius.mean())
-        return gaps / self.turning_radius
-
-    def where(self, vehicle: int, time: float) -> Floats:
-        """Return where a vehicle is at a time, m, shape (2,)."""
-        place: Floats = self.positions[vehicle] + self.velocities[vehicle] * time
-        return place
-
-    def label(self, vehicle: int) -> str:
-        """Return the name of `vehicle`: its id, or its index."""
-        return str(vehicle if self.ids is None else self.ids[vehicle])
+    formulations: ClassVar[dict[str, Any]] = {
+        "primitives": ".models.messenger.primitives:PrimitivesFormulation"
+    }
+    default_formulation: ClassVar[str] = "primitives"
 
     # -- plans -----------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import TourPlan
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 from .annealing import anneal
+from .chain import confine
 from .emission import Chain
 
 __all__ = ["TourSearch"]
@@ -23,8 +25,8 @@ HOT, WARM, COLD = 0.1, 0.02, 1e-3
 STEPS, LEAST = 60, 300
 #: Tours kept to be annealed again.
 KEPT = 4
-#: Share of the time, and seconds where there is no limit, for the bound.
-BOUND_SHARE, BOUND_SECONDS = 0.2, 3.0
+#: Share of the time for the bound; where there is no limit, programs that are solved for it.
+BOUND_SHARE, BOUND_PROGRAMS = 0.2, 3000
 #: By how much a tour may be longer than the best to be polished.
 NEAR = 1.03
 
@@ -89,12 +91,13 @@ class _Search:
         self.draw = np.random.default_rng(0 if request.seed is None else request.seed)
         if request.warm_start is not None:
             self.offer(request.warm_start)
+        self.steps = options["steps"] or max(STEPS * self.problem.size, LEAST)
         bound = self.bounded() if options["bound"] else None
         proven = time.perf_counter() - begin
-        steps = options["steps"] or max(STEPS * self.problem.size, LEAST)
         while not self.ended(bound):
-            scratch = len(self.kept) < KEPT or self.runs % 2 == 0
-            self.anneal(steps, scratch)
+            again = len(self.kept) == KEPT and self.runs % 2 == 1
+            one = int(self.draw.integers(len(self.kept))) if again else 0
+            self.anneal(self.steps, self.kept[one][2].copy() if again else None)
         limit = self.request.control.reason if self.request.control.stopped else None
         if limit is None and request.left() == 0.0:
             limit = Limit.TIME
@@ -125,26 +128,50 @@ class _Search:
             return False
         return self.best.length - bound <= self.request.gap * self.best.length
 
-    def bounded(self) -> float | None:
-        """Return a proven lower bound."""
-        from .bound import CurvatureBound
+    def bounded(self) -> float:
+        """Return a proven lower bound, and keep tours in the orders that came nearest to it."""
+        from .bound import straight
+        from .bound_search import OrderSearch, guide
 
-        left = self.request.left()
-        seconds = BOUND_SECONDS if left is None else BOUND_SHARE * left
-        found = self.request.within(CurvatureBound(), self.problem, time_limit=seconds)
-        if found.point is not None:
-            self.offer(found.point)
-        bound = found.dual_bound
-        if bound is not None:
-            self.request.control.bound = bound
-        return bound
+        control, left = self.request.control, self.request.left()
+        end = math.inf if left is None else time.perf_counter() + BOUND_SHARE * left
+        search = OrderSearch(self.problem, curved=True)
 
-    def anneal(self, steps: int, scratch: bool) -> None:
-        """Anneal from scratch, or one of the tours that were kept, and keep what is good."""
+        def rising(bound: float) -> None:
+            control.bound = bound
+
+        def stopped() -> bool:
+            # Counted where it can be, so that the same seed gives the same plan.
+            many = left is None and search.chains.solved >= BOUND_PROGRAMS
+            return control.stopped or many or time.perf_counter() > end
+
+        search.run(stopped, rising, self.request.gap)
+        if search.best is not None:  # where turns are free
+            times = search.best.times / self.problem.speed
+            self.offer(straight(self.problem, search.best.order, search.best.points, times))
+        for _, order in sorted(search.orders)[:KEPT]:
+            chain = Chain(self.problem, interior=self.request.options["interior"])
+            first = chain.count if self.problem.start is not None else 0
+            if self.problem.start is None:
+                # Any vehicle may be the first; a chain begins at vehicle 0.
+                at = order.index(0)
+                order = order[at:] + order[:at]
+            near = guide(self.problem, order)
+            chain.order[first : first + len(order)] = order
+            chain.count = first + len(order)
+            chain.poses[list(order), :2] = near.offsets
+            chain.poses[list(order), 2] = near.headings
+            for i in order:
+                confine(chain.poses[i], float(self.problem.radius[i]), int(chain.freedom[i]))
+            self.anneal(self.steps, chain)
+        return search.bound
+
+    def anneal(self, steps: int, chain: Chain | None = None) -> None:
+        """Anneal `chain`, or a tour from scratch, and keep what is good."""
         problem, request = self.problem, self.request
-        chain = Chain(problem, interior=request.options["interior"])
-        if not scratch:
-            chain = self.kept[int(self.draw.integers(len(self.kept)))][2].copy()
+        scratch = chain is None
+        if chain is None:
+            chain = Chain(problem, interior=request.options["interior"])
         chain.count, value = anneal(
             chain.order, chain.count, problem.closed, chain.nodes, chain.poses, chain.freedom,
             problem.speed, problem.turning_radius, chain.times, steps, HOT if scratch else WARM,

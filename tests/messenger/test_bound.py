@@ -211,6 +211,19 @@ def crowd(n):
     return MessengerTour(draw.uniform(0, 1000, (n, 2)), draw.uniform(-4, 4, (n, 2)))
 
 
+class Counted(Control):
+    """Stops a run when it has been asked so many times."""
+
+    def __init__(self, most):
+        super().__init__()
+        self.left = most
+
+    @property
+    def stopped(self):
+        self.left -= 1
+        return self.left < 0
+
+
 def test_what_stops_the_search_leaves_a_bound():
     model = crowd(60)
     found = ct.solve(model, "euclidean-bound", time_limit=0.3)
@@ -222,10 +235,13 @@ def test_what_stops_the_search_leaves_a_bound():
     answer = backend.run(model, Request(control=control))
     assert answer.limit is Limit.INTERRUPTED
     assert answer.dual_bound == 0 < found.dual_bound
+    # Stopped after its first tour, it has a plan where the tour is one.
+    model = crowd(20)
     plain = MessengerTour(model.positions, model.velocities, turning_radius=0)
-    found = ct.solve(plain, "euclidean-bound", time_limit=0.3)
-    assert found.termination == "feasible" and found.limit == "time"
-    assert 0 < found.dual_bound < found.primal_bound
+    answer = backend.run(plain, Request(control=Counted(60), gap=0.0))
+    assert answer.termination is Termination.FEASIBLE and answer.limit is Limit.INTERRUPTED
+    assert 0 < answer.dual_bound < answer.primal_bound
+    assert plain.verify(answer.point).ok
 
 
 @pytest.mark.parametrize("curved", [False, True])

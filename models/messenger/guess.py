@@ -1,0 +1,159 @@
+"""A first guess at a tour: the vehicle that is met soonest comes next, headings lie halfway."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from .dubins import WORDS, shortest, word_lengths
+from .model import MessengerTour
+from .motion import tour
+from .plan import TourPlan
+
+__all__ = ["guessed", "met_after"]
+
+Floats = NDArray[np.float64]
+
+#: Letters of the six words by code.
+LETTERS = ["".join("RSL"[sign + 1] for sign in word) for word in WORDS.tolist()]
+#: Angle by which a turn of a word that is not one of the six begins, rad.
+ANGLE = 0.1
+
+
+def met_after(model: MessengerTour, place: Floats, time: float, vehicles: Sequence[int]) -> Floats:
+    """Return how long straight flights to vehicles take, s.
+
+    Parameters
+    ----------
+    model : MessengerTour
+        The model.
+    place : ndarray, shape (2,)
+        Where they begin, m.
+    time : float
+        When, s.
+    vehicles : sequence of int
+        Which.
+    """
+    rate = model.velocities[vehicles]
+    way = model.positions[vehicles] + rate * time - place
+    along, fast = (way * rate).sum(axis=1), np.hypot(*rate.T)
+    room = (model.speed - fast) * (model.speed + fast)
+    after: Floats = (along + np.sqrt(along**2 + room * (way**2).sum(axis=1))) / room
+    return after
+
+
+def guessed(
+    model: MessengerTour, order: Sequence[int] | None, words: Sequence[str] | None
+) -> TourPlan:
+    """Return a tour that meets vehicles at their centres, unless a word is given that does not lead there.
+
+    Parameters
+    ----------
+    model : MessengerTour
+        The model.
+    order : sequence of int, optional
+        The vehicles; by default the one that is met soonest on a straight line comes next.
+    words : sequence of str, optional
+        Turns of each leg; by default those of the shortest way.
+    """
+    n, r = model.size, model.turning_radius
+    met: list[int] = []
+
+    def soonest(place: Floats, time: float) -> tuple[int, Floats, float]:
+        """Return which vehicle comes next, and where and after how long a straight line meets it."""
+        left = [k for k in range(n) if k not in met] if order is None else [order[len(met)]]
+        after = met_after(model, place, time, left)
+        k = int(np.argmin(after))
+        return left[k], model.where(left[k], time + float(after[k])), float(after[k])
+
+    place = model.positions[0 if order is None else order[0]]
+    place, time = place if model.start is None else model.start[:2], 0.0
+    _, goal, after = soonest(place, time)
+    ahead = goal - place
+    heading = math.atan2(ahead[1], ahead[0]) if model.heading is None else model.heading
+    start = pose = np.append(place, heading)
+    found: list[tuple[str, tuple[float, ...], float]] = []
+    for row in range(n + model.closed):
+        goal, after, rate, end = start[:2], 0.0, np.zeros(2), float(start[2])
+        if row < n:
+            vehicle, goal, after = soonest(place, time)
+            met.append(vehicle)
+            rate = model.velocities[vehicle]
+            beyond = start[:2] if model.closed else goal
+            if row + 1 < n:
+                beyond = soonest(goal, time + after)[1]
+            end = _halfway(goal - place, beyond - goal)
+        ahead = goal - place
+        leg: tuple[str, tuple[float, ...]] = ("S", (float(np.hypot(*ahead)),))
+        if r > 0.0:
+            word = None if words is None else words[row]
+            goal = goal + rate * _delay(model.speed, pose, goal, end, rate, r, word, after)
+            leg = _leg(pose, np.append(goal, end), r, word)
+        found.append((*leg, math.atan2(ahead[1], ahead[0])))
+        time += sum(leg[1]) / model.speed
+        place, pose = goal, np.append(goal, end)
+    return tour(
+        model, met, [word for word, *_ in found], start,
+        np.array([length for _, lengths, _ in found for length in lengths]),
+        np.repeat([way for *_, way in found], [len(lengths) for _, lengths, _ in found]),
+    )  # fmt: skip
+
+
+def _halfway(before: Floats, after: Floats) -> float:
+    """Return the heading halfway between the directions of two sides of a path."""
+    x, y = before / (math.hypot(*before) or 1.0) + after / (math.hypot(*after) or 1.0)
+    return math.atan2(y, x)
+
+
+def _delay(
+    speed: float, pose: Floats, goal: Floats, heading: float, rate: Floats, r: float,
+    word: str | None, after: float,
+) -> float:  # fmt: skip
+    """Return by how much a vehicle is met later than on a straight line, s.
+
+    Parameters
+    ----------
+    speed : float
+        Of the UAV, m/s.
+    pose : ndarray, shape (3,)
+        Where it is.
+    goal, heading, rate : ndarray of shape (2,), float, ndarray of shape (2,)
+        Where a straight line meets the vehicle, m, the heading there, rad, and its velocity, m/s.
+    r, word : float, str or None
+        The turning radius, m, and the word of the leg.
+    after : float
+        How long the straight line takes, s.
+    """
+
+    def early(late: float) -> float:
+        _, lengths = _leg(pose, np.array([*(goal + rate * late), heading]), r, word)
+        return speed * (after + late) - sum(lengths)
+
+    if not rate.any():
+        return 0.0
+    least = early(0.0)
+    if least >= 0.0:
+        return 0.0
+    most = -least / speed
+    while early(most) < 0.0:
+        most *= 2.0
+    # The length jumps by a full circle here and there; then the delay is one of two sides of that.
+    return float(brentq(early, 0.0, most, xtol=1e-12 * most))
+
+
+def _leg(a: Floats, b: Floats, r: float, word: str | None) -> tuple[str, tuple[float, ...]]:
+    """Return a word from a pose to another, and its lengths; of a word of its own, a guess."""
+    (x0, y0, h0), (x1, y1, h1) = a.tolist(), b.tolist()
+    if word is None:
+        first, second, third, code = shortest(x0, y0, h0, x1, y1, h1, r)
+        return LETTERS[code], (first, second, third)
+    if word in LETTERS:
+        lengths = word_lengths(x0, y0, h0, x1, y1, h1, r, LETTERS.index(word))
+        if math.isfinite(lengths[0]):
+            return word, lengths
+    straight = float(np.hypot(*(b - a)[:2])) / max(word.count("S"), 1)
+    return word, tuple(straight if letter == "S" else ANGLE * r for letter in word)

@@ -1,0 +1,204 @@
+"""The motion along a tour as equations, and a tour from the lengths of its primitives.
+
+Columns are the start, the length of every primitive and the state at every encounter: the offset
+from the vehicle, the heading and the length flown. A leg then ties two states to each other and to
+its own lengths only, so that Jacobian and Hessian are banded, and an offset keeps its digits however
+far apart the vehicles are. With the start at the origin, c_i = V_i / v and the offset d_i, vehicle i
+is met at P_i + c_i s_i + d_i after a flight of s_i. A turn of length l and sign σ leads ahead by
+2 r sin(l / 2r) in the direction h + σ l / 2r, a straight line by l in the direction h.
+
+Where the turning radius is 0, a leg of length l leads anywhere within l: what is left of l is flown
+out and back. With nothing but |P - Q| <= l, a cone, the program of an order is convex.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from .checks import integrated
+from .model import MessengerTour
+from .plan import Primitive, TourPlan
+
+__all__ = ["Layout", "equations", "tour", "words_of"]
+
+Floats = NDArray[np.float64]
+
+
+class Layout(NamedTuple):
+    """Where the columns lie.
+
+    Parameters
+    ----------
+    counts : tuple of int
+        Primitives of each leg; one where the turning radius is 0.
+    vehicles : int
+        How many there are; one leg more than that leads back.
+    turning : bool
+        Whether the turning radius is above 0.
+    """
+
+    counts: tuple[int, ...]
+    vehicles: int
+    turning: bool
+
+    @property
+    def pieces(self) -> int:
+        """The number of primitives."""
+        return sum(self.counts)
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Entries of each block of columns, in their order."""
+        n, k = self.vehicles, self.pieces
+        heading = n if self.turning else 0
+        return {"start": 3, "length": k, "offset": 2 * n, "heading": heading, "flown": n}
+
+    def split(self, x: Any) -> dict[str, Any]:
+        """Return the blocks of a column vector, by their names."""
+        at, found = 0, {}
+        for name, size in self.sizes.items():
+            found[name] = x[at : at + size]
+            at += size
+        return found
+
+
+def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]) -> dict[str, Any]:
+    """Return objective and rows as expressions of the columns.
+
+    Parameters
+    ----------
+    x : casadi.SX, shape (n,)
+        The columns, as in `layout`.
+    layout : Layout
+        Where they lie.
+    signs : sequence
+        Sign of every primitive's curvature: numbers, or symbols that stand for -1, 0 or 1.
+    data : dict
+        ``"place"`` (n, 2), P_i in the order of encounters from the start's place, m; ``"drift"``
+        (n, 2), c_i; ``"radius"`` of turning, m; ``"winding"``, full circles that a closed tour turns
+        by; ``"blunt"``, what rounds the tip of the cone of a leg without turns, m. Numbers or symbols.
+
+    Returns
+    -------
+    dict
+        ``"length"``, the objective, and of the rows, as lists: ``"motion"``, two a leg, m, 0;
+        ``"turn"``, one a leg, rad, 0; where the turning radius is 0 instead ``"straight"``, one a
+        leg, m, at most 0; ``"flown"``, one a vehicle, m, 0; ``"apart"``, the squared offset of each
+        vehicle, m².
+    """
+    import casadi as ca
+
+    part = layout.split(x)
+    place, drift, r = data["place"], data["drift"], data["radius"]
+    (x0, y0, h0), offset, flown = (
+        (part["start"][k] for k in range(3)),
+        part["offset"],
+        part["flown"],
+    )
+    here, heading, before = (x0, y0), h0, 0.0
+    names = ("motion", "turn", "straight", "flown", "apart")
+    rows: dict[str, Any] = {name: [] for name in names}
+    piece = 0
+    for leg, count in enumerate(layout.counts):
+        ahead, left, way = here[0], here[1], before
+        for k in range(piece, piece + count):
+            length, sign = part["length"][k], signs[k]
+            if not layout.turning:
+                bend = chord = 0.0
+            elif isinstance(sign, float):
+                bend = 0.5 * sign * length / r
+                chord = length if sign == 0 else 2.0 * r * ca.sin(0.5 * length / r)
+            else:
+                bend, turns = 0.5 * sign * length / r, sign * sign
+                chord = turns * 2.0 * r * ca.sin(0.5 * length / r) + (1.0 - turns) * length
+            ahead += chord * ca.cos(heading + bend)
+            left += chord * ca.sin(heading + bend)
+            heading, way = heading + 2.0 * bend, way + length
+        piece += count
+        if leg < layout.vehicles:
+            s, dx, dy = flown[leg], offset[2 * leg], offset[2 * leg + 1]
+            here = (
+                place[leg, 0] + drift[leg, 0] * s + dx,
+                place[leg, 1] + drift[leg, 1] * s + dy,
+            )
+            rows["flown"].append(way - s)
+            rows["apart"].append(dx * dx + dy * dy)
+            goal, before = part["heading"][leg] if layout.turning else 0.0, s
+        else:
+            here, goal = (x0, y0), h0 + 2.0 * math.pi * data["winding"]
+        ahead, left = ahead - here[0], left - here[1]
+        if layout.turning:
+            rows["motion"] += [ahead, left]
+            rows["turn"].append(heading - goal)
+            heading = goal
+        else:
+            chord = ca.sqrt(ahead * ahead + left * left + data["blunt"] ** 2)
+            rows["straight"].append(chord - part["length"][leg])
+    rows["length"] = way
+    return rows
+
+
+def tour(
+    model: MessengerTour,
+    order: Sequence[int],
+    words: Sequence[str],
+    start: Floats,
+    lengths: Floats,
+    directions: Floats | None = None,
+) -> TourPlan:
+    """Return the plan that flies given primitives, met and timed as they lead it.
+
+    Parameters
+    ----------
+    model : MessengerTour
+        The model.
+    order : sequence of int
+        The vehicles.
+    words : sequence of str
+        Turns of each leg.
+    start : ndarray, shape (3,)
+        x, y (m), heading (rad).
+    lengths : ndarray, shape (k,)
+        Of all primitives, m.
+    directions : ndarray, shape (k,), optional
+        Their headings where the turning radius is 0, rad.
+    """
+    letters = "".join(words)
+    legs = np.repeat(np.arange(len(words)), [len(word) for word in words])
+    said = np.zeros(len(letters)) if directions is None else directions
+    pieces = [
+        Primitive(int(leg), turn, float(length), float(heading))
+        for leg, turn, length, heading in zip(legs, letters, lengths, said, strict=True)
+    ]
+    n = len(order)
+    bare = TourPlan(tuple(order), np.zeros(n), np.zeros((n, 2)), start, tuple(pieces))
+    poses = integrated(bare, model.turning_radius)
+    ends = np.searchsorted(legs, np.arange(n), side="right")
+    flown = np.concatenate([[0.0], np.cumsum(lengths)])
+    headed = (one._replace(heading=float(h)) for one, h in zip(pieces, poses[:, 2], strict=False))
+    return replace(
+        bare, times=flown[ends] / model.speed, points=poses[ends, :2], primitives=tuple(headed)
+    )
+
+
+def words_of(model: MessengerTour, plan: TourPlan) -> tuple[str, ...]:
+    """Return the turns of each leg of `plan`: one line where the turning radius is 0.
+
+    Raises ``InvalidData`` where a primitive belongs to no leg.
+    """
+    words = [""] * (model.size + model.closed)
+    for row, one in enumerate(plan.primitives):
+        if not 0 <= one.leg < len(words):
+            raise InvalidData(
+                f"primitives[{row}].leg must lie in 0 … {len(words) - 1}, got {one.leg}",
+                field="primitives",
+            )
+        words[one.leg] += one.turn
+    return tuple(words) if model.turning_radius > 0 else ("S",) * len(words)

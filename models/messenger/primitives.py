@@ -1,0 +1,400 @@
+"""A tour of given order and turns as a nonlinear program: the lengths of its primitives are free."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData, UnsupportedOption, show
+from ..formulation import Formulation
+from ..programs.blocks import Block
+from ..programs.compiled import require_casadi
+from ..programs.nonlinear import NonlinearProgram
+from ..verification import ROUNDING
+from .checks import integrated
+from .guess import guessed
+from .model import MessengerTour
+from .motion import Layout, equations, tour, words_of
+from .plan import SIGNS, TourPlan
+
+__all__ = ["PrimitivesFormulation"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Scaled violation of the rows up to which the last digits of a point are mended, and how often.
+MENDED, ROUNDS = 1e-3, 4
+#: Share of a leg's length that the size of a row is at least: finer, rounding would decide.
+FINEST = 1e-3
+#: Scaled slack up to which a row binds.
+SPARE, LEAST = 1e-6, 1e-11
+#: Share of a leg's typical length by which the tip of a cone is rounded: solvers do not find a leg of
+#: length 0 at a sharp one.
+BLUNT = 1e-5
+
+
+class _Rows(NamedTuple):
+    """A block of rows: its entries, their sizes and bounds, and where they lie."""
+
+    name: str
+    entries: list[Any]
+    scale: Floats
+    lower: float
+    upper: float
+    place: str
+    entry: Ints
+    unit: str = "m"
+
+
+@dataclass(frozen=True, eq=False)
+class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
+    """The lengths of the primitives and the states at encounters, for one order and its turns.
+
+    A local optimum is one among the tours of this order and these words, so it bounds nothing.
+
+    Parameters
+    ----------
+    model : MessengerTour
+        The model.
+    order : sequence of int, optional
+        The vehicles in the order in which they are met; by default the one that is met soonest on a
+        straight line comes next.
+    words : sequence of str, optional
+        The turns of each leg, such as ``"LSR"``, of any number of letters; a closed tour has a leg
+        more than vehicles. By default those of the shortest way between headings that lie halfway
+        between the directions from the vehicle before and to the next. Where the turning radius is
+        0, every word is ``"S"``.
+
+    Raises
+    ------
+    UnsupportedOption
+        `order` does not have every vehicle once, or `words` not a word of L, S and R for each leg.
+    """
+
+    order: Sequence[int] | None = None
+    words: Sequence[str] | None = None
+    near: TourPlan | None = field(default=None, init=False, repr=False)
+
+    name = "primitives"
+    summary = "lengths of the turns and lines of a given order, as a nonlinear program"
+    program_type = NonlinearProgram
+    relaxes = False
+    # Positions are held against their radius, and an offset violates its square by twice as much.
+    precision = 0.1
+
+    def __post_init__(self) -> None:
+        require_casadi(f"formulation {self.name!r}")
+        n, legs = self.model.size, self.model.size + self.model.closed
+        order, words = self.order, self.words
+        if order is not None:
+            row = np.asarray(order)
+            whole = row.dtype.kind in "iu" and row.ndim == 1
+            if not whole or sorted(row.tolist()) != list(range(n)):
+                raise UnsupportedOption(
+                    f"order must have each of the vehicles 0 … {n - 1} once, got {show(order)}"
+                )
+            object.__setattr__(self, "order", tuple(row.tolist()))
+        if words is None:
+            return
+        listed = isinstance(words, list | tuple)
+        if not listed or not all(
+            isinstance(word, str) and set(word) <= set(SIGNS) for word in words
+        ):
+            raise UnsupportedOption(
+                f"words must be a list of strings of the letters {', '.join(SIGNS)}, got {show(words)}"
+            )
+        if len(words) != legs:
+            raise UnsupportedOption(f"words must be {legs}, one a leg, got {len(words)}")
+        if self.model.turning_radius == 0 and set(words) != {"S"}:
+            raise UnsupportedOption(
+                f"words must be 'S' each where the turning radius is 0, got {show(words)}"
+            )
+        object.__setattr__(self, "words", tuple(words))
+
+    @cached_property
+    def guess(self) -> TourPlan:
+        """The plan that the formulation was fitted to, or one that need not keep the constraints."""
+        if self.near is not None:
+            return self.near
+        return guessed(self.model, self.order, self.words)
+
+    @cached_property
+    def turns(self) -> tuple[str, ...]:
+        """The word of each leg."""
+        return tuple(self.words) if self.words is not None else words_of(self.model, self.guess)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where the columns lie."""
+        counts = tuple(map(len, self.turns))
+        return Layout(counts, self.model.size, self.model.turning_radius > 0)
+
+    @cached_property
+    def reach(self) -> float:
+        """The typical length of a leg, m."""
+        model = self.model
+        mean = self.guess.length / len(self.turns)
+        return max(mean, model.extent / model.size, float(model.radius.max())) or 1.0
+
+    @cached_property
+    def winding(self) -> int:
+        """Full circles that a closed tour turns by."""
+        if not (self.model.closed and self.layout.turning):
+            return 0
+        end = integrated(self.guess, self.model.turning_radius)[-1, 2]
+        return round(float(end - self.guess.start[2]) / (2.0 * math.pi))
+
+    @cached_property
+    def _origin(self) -> Floats:
+        return self.guess.start[:2] if self.model.start is None else self.model.start[:2]
+
+    def build(self) -> NonlinearProgram:
+        """Return the program, with its exact derivatives."""
+        import casadi as ca
+
+        model, met = self.model, list(self.guess.order)
+        x = ca.SX.sym("x", sum(self.layout.sizes.values()))
+        data = {
+            "place": model.positions[met] - self._origin,
+            "drift": model.velocities[met] / model.speed,
+            "radius": model.turning_radius,
+            "winding": self.winding,
+            "blunt": BLUNT * self.reach,
+        }
+        found = equations(x, self.layout, [SIGNS[one] for one in "".join(self.turns)], data)
+        rows = self._rows(found)
+        f = ca.SX(found["length"])
+        g = ca.vertcat(*(one for row in rows for one in row.entries))
+        lam_f, lam_g = ca.SX.sym("lam_f"), ca.SX.sym("lam_g", g.shape[0])
+        hess = ca.triu(ca.hessian(lam_f * f + ca.dot(lam_g, g), x)[0])
+        first = [ca.gradient(f, x), ca.jacobian(g, x)]
+        counts = np.array([len(row.entries) for row in rows])
+        lower, upper = self._bounds
+        return NonlinearProgram(
+            function=ca.Function("tour", [x], [f, g], ["x"], ["f", "g"]),
+            derivatives=ca.Function("slopes", [x], first, ["x"], ["grad_f", "jac_g"]),
+            hessian=ca.Function(
+                "bends", [x, lam_f, lam_g], [hess], ["x", "lam_f", "lam_g"], ["hess"]
+            ),
+            row_lower=np.repeat([row.lower for row in rows], counts),
+            row_upper=np.repeat([row.upper for row in rows], counts),
+            column_lower=lower,
+            column_upper=upper,
+            guess=np.clip(self.encode(self.guess), lower, upper),
+            column_scale=self._scale,
+            row_scale=np.concatenate([row.scale for row in rows]),
+            objective_scale=self.reach * len(self.turns),
+            columns=tuple(self._columns()),
+            rows=tuple(
+                Block(row.name, "", int(start), len(row.entries), row.place, row.entry, row.unit)
+                for row, start in zip(rows, np.cumsum(counts) - counts, strict=True)
+            ),
+            name=f"{model.name or model.kind}, {self.name}",
+        )
+
+    def _rows(self, found: dict[str, Any]) -> list[_Rows]:
+        """Return the blocks of rows that are not empty."""
+        legs = np.arange(len(self.turns))[:, None]
+        met = np.array(self.guess.order)
+        radius = self.model.radius[met]
+        discs = np.flatnonzero(radius > 0)
+        apart = [found["apart"][k] / radius[k] ** 2 for k in discs]
+        # A position is held against the vehicle's radius, as far as rounding allows.
+        fine = np.maximum(radius, FINEST * self.reach)
+        least = np.append(fine, fine.min())[: len(legs)]
+        axes = np.column_stack([np.repeat(legs, 2), [0, 1] * len(legs)])
+        inf, one = math.inf, np.ones(len(legs))
+        blocks = [
+            _Rows("motion", found["motion"], least.repeat(2), 0.0, 0.0, "on leg {0}, axis {1}", axes),
+            _Rows("turn", found["turn"], one, 0.0, 0.0, "on leg {0}", legs, "rad"),
+            _Rows("straight", found["straight"], least, -inf, 0.0, "on leg {0}", legs),
+            _Rows("flown", found["flown"], fine, 0.0, 0.0, "to vehicle {0}", met[:, None]),
+            _Rows("within radius", apart, one[: discs.size], -inf, 1.0, "of vehicle {0}",
+                  met[discs][:, None], ""),
+        ]  # fmt: skip
+        return [row._replace(scale=row.scale[: len(row.entries)]) for row in blocks if row.entries]
+
+    def _columns(self) -> Iterator[Block]:
+        """Yield the blocks of columns."""
+        met = np.array(self.guess.order)[:, None]
+        legs = np.repeat(np.arange(len(self.turns)), self.layout.counts)
+        axes = np.column_stack([np.repeat(met, 2), [0, 1] * len(met)])
+        places: dict[str, tuple[str, Ints]] = {
+            "start": ("entry {0}", np.arange(3)[:, None]),
+            "length": (
+                "of primitive {1} on leg {0}",
+                np.column_stack([legs, np.arange(legs.size)]),
+            ),
+            "offset": ("from vehicle {0}, axis {1}", axes),
+            "heading": ("at vehicle {0}", met),
+            "flown": ("at vehicle {0}", met),
+        }
+        at = 0
+        for name, size in self.layout.sizes.items():
+            if size:
+                unit = {"heading": "rad", "start": ""}.get(name, "m")
+                yield Block(name, "", at, size, *places[name], unit)
+            at += size
+
+    @cached_property
+    def _turning(self) -> NDArray[np.bool_]:
+        """Which primitives are turns."""
+        return np.array([letter != "S" for letter in "".join(self.turns)], bool)
+
+    @cached_property
+    def _bounds(self) -> tuple[Floats, Floats]:
+        """The bounds of the columns."""
+        model, layout = self.model, self.layout
+        size = sum(layout.sizes.values())
+        lower, upper = np.full(size, -np.inf), np.full(size, np.inf)
+        low, high = layout.split(lower), layout.split(upper)
+        low["length"][:] = low["flown"][:] = 0.0
+        # More than a full circle is of no use, and solvers stray there.
+        own = layout.split(self.encode(self.guess))["length"][self._turning]
+        high["length"][self._turning] = np.maximum(2.0 * math.pi * model.turning_radius, own)
+        if model.start is not None:
+            low["start"][:2] = high["start"][:2] = 0.0
+        if model.heading is not None or not layout.turning:
+            # Without turns it counts for nothing.
+            low["start"][2] = high["start"][2] = model.heading or 0.0
+        most = np.where(model.radius[list(self.guess.order)] > 0, np.inf, 0.0).repeat(2)
+        low["offset"][:], high["offset"][:] = -most, most
+        return lower, upper
+
+    @cached_property
+    def _scale(self) -> Floats:
+        """The typical sizes of the columns."""
+        scale = np.full(sum(self.layout.sizes.values()), self.reach)
+        part = self.layout.split(scale)
+        part["start"][2] = 1.0
+        part["length"][self._turning] = min(self.model.turning_radius, self.reach)
+        radius = self.model.radius[list(self.guess.order)]
+        part["offset"][:] = np.where(radius > 0, radius, self.reach).repeat(2)
+        part["heading"][:] = 1.0
+        return scale
+
+    # -- plans -----------------------------------------------------------------------------------
+
+    def fitted(self, plan: TourPlan) -> Self:
+        """Return the formulation with the order and the turns of `plan`."""
+        found = replace(self, order=plan.order, words=words_of(self.model, plan))
+        object.__setattr__(found, "near", plan)
+        return found
+
+    def encode(self, plan: TourPlan) -> Floats:
+        """Return the columns of `plan`, whose order is this one's and whose turns this one's words have.
+
+        Letters that a leg of the plan lacks have length 0. Raises ``InvalidData`` where the order or a
+        word is another.
+        """
+        layout, model = self.layout, self.model
+        if plan.order != self.guess.order:
+            raise InvalidData(
+                f"order must be that of the formulation, {list(self.guess.order)}, got {list(plan.order)}",
+                field="order",
+            )
+        poses = integrated(plan, model.turning_radius)
+        lengths = np.array([one.length for one in plan.primitives])
+        legs = [one.leg for one in plan.primitives]
+        ends = np.searchsorted(legs, np.arange(model.size), side="right")
+        flown = np.concatenate([[0.0], np.cumsum(lengths)])[ends]
+        met = list(plan.order)
+        vehicles = model.positions[met] + model.velocities[met] * (flown / model.speed)[:, None]
+        x = np.zeros(sum(layout.sizes.values()))
+        part = layout.split(x)
+        part["start"][:2] = plan.start[:2] - self._origin
+        # Where the turning radius is 0, all lines of a leg are one column.
+        np.add.at(part["length"], self._embedded(plan) if layout.turning else legs, lengths)
+        part["offset"][:] = (poses[ends, :2] - vehicles).ravel()
+        part["flown"][:] = flown
+        part["start"][2] = model.heading or 0.0
+        if layout.turning:
+            # Headings count from the model's own, whichever full circle the plan's has.
+            circles = (
+                0.0 if model.heading is None else (model.heading - plan.start[2]) / (2 * math.pi)
+            )
+            part["start"][2] = plan.start[2] + 2 * math.pi * round(circles)
+            part["heading"][:] = poses[ends, 2] + 2 * math.pi * round(circles)
+        return x
+
+    def _embedded(self, plan: TourPlan) -> Ints:
+        """Return which of this one's primitives each of the plan's is."""
+        found, first = [], 0
+        for leg, (word, wanted) in enumerate(
+            zip(words_of(self.model, plan), self.turns, strict=True)
+        ):
+            at = -1
+            for letter in word:
+                at = wanted.find(letter, at + 1)
+                if at < 0:
+                    raise InvalidData(
+                        f"primitives: leg {leg} turns {word!r}, the formulation's word is {wanted!r}",
+                        field="primitives",
+                    )
+                found.append(first + at)
+            first += len(wanted)
+        return np.array(found, int)
+
+    def decode(self, point: Floats) -> TourPlan:
+        """Return the tour with these lengths, flown from the start.
+
+        The rows of `point` hold up to a solver's tolerance, and what they lack would add up along the
+        way: where they do not hold to rounding, the nearest columns are taken at which they do.
+        """
+        point = np.asarray(point, float)
+        plan = self._tour(point, SPARE)
+        if self.model.verify(plan, tolerance=ROUNDING).ok:
+            return plan
+        return self._tour(self._mended(point), LEAST)
+
+    def _tour(self, point: Floats, least: float) -> TourPlan:
+        """Return the tour with the lengths of `point`.
+
+        Without turns, a leg bends that is longer than its line by `least` of the typical length.
+        """
+        part, order = self.layout.split(point), self.guess.order
+        start = np.append(self._origin + part["start"][:2], part["start"][2])
+        lengths = np.maximum(part["length"], 0.0)
+        if self.layout.turning:
+            return tour(self.model, order, self.turns, start, lengths)
+        met = list(order)
+        vehicles = self.model.positions[met] + self.model.velocities[met] * (
+            part["flown"] / self.model.speed
+        )[:, None]  # fmt: skip
+        back = [start[:2]] * self.model.closed
+        path = np.vstack([start[:2], vehicles + part["offset"].reshape(-1, 2), *back])
+        along = np.diff(path, axis=0)
+        chord, towards = np.hypot(*along.T), np.arctan2(along[:, 1], along[:, 0])
+        # What a leg is longer than its line is flown out and back, as two sides of a triangle.
+        spare = lengths - chord > least * self.reach
+        bent = np.arccos(np.where(spare, chord / np.where(spare, lengths, 1.0), 1.0))
+        turns = np.where(spare, 2, 1)
+        signs = np.concatenate([[1.0, -1.0][:count] for count in turns])
+        return tour(
+            self.model, order, ["S" * int(count) for count in turns], start,
+            np.repeat(lengths / turns, turns), np.repeat(towards, turns) + signs * np.repeat(bent, turns),
+        )  # fmt: skip
+
+    def _mended(self, point: Floats) -> Floats:
+        """Return the nearest point at which the rows that bind hold to rounding, by Newton's method."""
+        program, x = self.program, point.copy()
+        assert isinstance(program, NonlinearProgram)
+        free = np.flatnonzero(program.column_lower < program.column_upper)
+        scale = program.column_scale[free]
+        for _ in range(ROUNDS):
+            off = (program.values(x)[1] - program.row_upper) / program.row_scale
+            held = np.flatnonzero((program.row_lower == program.row_upper) | (off > -SPARE))
+            off = off[held]
+            if not np.abs(off).max(initial=0.0) <= MENDED:
+                return point
+            slopes = program.jacobian(x).toarray()[np.ix_(held, free)]
+            slopes *= scale / program.row_scale[held][:, None]
+            x[free] -= scale * np.linalg.lstsq(slopes, off, rcond=None)[0]
+            x = np.clip(x, program.column_lower, program.column_upper)
+        return x
