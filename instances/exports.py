@@ -26,8 +26,9 @@ class ExportFormat:
     suffix : str
         What a file's name must end in, such as ``".csv"``.
     write : callable
-        ``(plan, path, **options)``; writes the file in one step. What it returns may have a
-        ``to_dict`` and a ``str``, which report what the format could not hold.
+        ``(plan, path, **options)``; writes the file in one step. Where it has a parameter ``model``,
+        it receives what the plan is for. What it returns may have a ``to_dict`` and a ``str``, which
+        report what the format could not hold.
     """
 
     summary: str
@@ -37,7 +38,18 @@ class ExportFormat:
     @property
     def options(self) -> tuple[str, ...]:
         """Names of the options of :attr:`write`."""
+        return tuple(name for name in self._parameters if name != "model")
+
+    @property
+    def _parameters(self) -> tuple[str, ...]:
         return tuple(inspect.signature(self.write).parameters)[2:]
+
+    def written(
+        self, model: Model[Any], plan: Any, path: str | os.PathLike[str], options: Mapping[str, Any]
+    ) -> Any:
+        """Write `plan` for `model`, and return the format's report."""
+        needed = {"model": model} if "model" in self._parameters else {}
+        return self.write(plan, path, **needed, **options)
 
 
 def export_formats(model: Model[Any]) -> Mapping[str, ExportFormat]:
@@ -106,4 +118,4 @@ def export_plan(
         There is no such format, or the format has no such option.
     """
     _, chosen = choose_format(model, format, options)
-    return chosen.write(model.as_plan(plan), path, **options)
+    return chosen.written(model, model.as_plan(plan), path, options)

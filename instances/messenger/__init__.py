@@ -1,1 +1,29 @@
 """Instances of messenger tours: seeded ones with the sizes of the paper, and readers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .dtspn import read_best_known as read_best_known, read_dtspn as read_dtspn
+    from .generator import generate as generate
+    from .samples import write_tour_samples as write_tour_samples
+    from .vehicles import read_vehicles as read_vehicles
+
+CATALOGUE = {"messenger": ".listing:catalogue_entries"}
+REFERENCES = {"messenger-tour": ".vehicles:resolve_references"}
+TABLE_FILES = {"messenger-tour": ".vehicles:read_vehicles"}
+DEMOS = {"messenger": ".demo:DEMO"}
+EXPORTS = {"samples": ".samples:SAMPLES"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "dtspn": ("read_best_known", "read_dtspn"),
+        "generator": ("generate",),
+        "samples": ("write_tour_samples",),
+        "vehicles": ("read_vehicles",),
+    },
+)

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from .plan import Primitive as Primitive, TourPlan as TourPlan
 
 MODELS = {"messenger-tour": ".model:MessengerTour"}
+PICTURES = {"messenger-tour": ".plot:draw"}
 
 __getattr__, __dir__, __all__ = attach(
     __name__, {"model": ("MessengerTour",), "plan": ("Primitive", "TourPlan")}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -19,6 +18,8 @@ Floats = NDArray[np.float64]
 
 #: Curvature by the turn's letter, in units of the largest.
 SIGNS = {"L": 1.0, "S": 0.0, "R": -1.0}
+#: The greatest number that a leg may have.
+MOST_LEGS = 2**31
 
 
 class Primitive(NamedTuple):
@@ -82,7 +83,8 @@ class TourPlan:
     @property
     def length(self) -> float:
         """The length of the path, m."""
-        return math.fsum(one.length for one in self.primitives)
+        # What overflows is infinite, and so violated.
+        return float(sum(one.length for one in self.primitives))
 
     def leg(self, number: int) -> tuple[Primitive, ...]:
         """Return the primitives of one leg."""
@@ -140,7 +142,7 @@ def _primitives(value: Any) -> tuple[Primitive, ...]:
             raise InvalidData(f"{name}.turn must be L, S or R, got {show(turn)}", field=name)
         found.append(
             Primitive(
-                Whole(0).coerce(f"{name}.leg", leg, {}),
+                Whole(0, MOST_LEGS).coerce(f"{name}.leg", leg, {}),
                 turn,
                 Real().coerce(f"{name}.length", length, {}),
                 Real().coerce(f"{name}.heading", heading, {}),

@@ -11,7 +11,7 @@ from ...errors import UnsupportedOption
 from ..fields import show
 
 __all__ = [
-    "check_flags", "check_list", "check_option", "check_size", "is_number", "is_whole",
+    "check_flags", "check_frames", "check_list", "check_option", "check_size", "is_number", "is_whole",
 ]  # fmt: skip
 
 
@@ -38,6 +38,14 @@ def check_flags(**flags: Any) -> None:
     """Raise where one of the options is neither True nor False."""
     for name, value in flags.items():
         check_option(name, value, isinstance(value, bool), "be True or False")
+
+
+def check_frames(frames: Any, interval: Any) -> None:
+    """Raise unless an animation can have so many `frames`, each for `interval` (ms)."""
+    few = "be a whole number from 2 to 10000"
+    check_option("frames", frames, is_whole(frames, 2, 10_000), few)
+    finite = is_number(interval) and 0 < interval < np.inf
+    check_option("interval", interval, finite, "be a finite number > 0")
 
 
 def check_list(

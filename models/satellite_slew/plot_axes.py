@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..optimal_control.plan import ControlPlan
-from ..plots.options import check_option, is_number, is_whole
+from ..plots.options import check_frames, check_option, is_number
 from ..plots.space import dots, space_axes
 from ..plots.style import DARK, GREY, axis_style, headline, key, legend_below, sheet
 from .checks import slew_phase
@@ -104,10 +104,7 @@ def animate_slew(
     from matplotlib.animation import FuncAnimation
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    few = "be a whole number from 2 to 10000"
-    check_option("frames", frames, is_whole(frames, 2, 10_000), few)
-    finite = is_number(interval) and 0 < interval < np.inf
-    check_option("interval", interval, finite, "be a finite number > 0")
+    check_frames(frames, interval)
     check_option("turn", turn, is_number(turn) and np.isfinite(turn), "be a finite number")
     part = slew_phase(model.as_plan(plan))
     text = (model.name or model.describe()) if title is None else title

@@ -165,6 +165,7 @@ def _examples() -> list[tuple[Any, Any]]:
         ConicProgram,
         ControlPlan,
         ErrorCorrectionRouting,
+        MessengerTour,
         MinimumDerivative,
         MinimumSnap,
         NonlinearProgram,
@@ -176,6 +177,7 @@ def _examples() -> list[tuple[Any, Any]]:
         TimeAllocation,
         Trajectory,
     )  # fmt: skip
+    from crosstrack.models.messenger import Primitive, TourPlan
     from crosstrack.models.optimal_control.plan import Piecewise
 
     points = [[0, 0, 0], [1.0, 0, 0], [1.5, 0, 0], [9, 9, 9], [3.5, 0, 0]]
@@ -247,6 +249,11 @@ def _examples() -> list[tuple[Any, Any]]:
             ),
         )
     )  # fmt: skip
+    tour = MessengerTour([[0, 30], [9, 60]], [[0, 0], [1, -2]], ids=("a", 1))
+    flown = TourPlan(
+        (0, 1), [2.5, 5.0], [[0.0, 25.0], [8.0, 48.0]], tour.start,
+        (Primitive(0, "S", 25.0, np.pi / 2), Primitive(1, "R", 2.0, np.pi / 2), Primitive(1, "S", 23.0, 1.17)),
+    )  # fmt: skip
     vector = np.array([2.0, 0.0, 1.0])
     return [
         (routing, Route((0, 1, 2, 4))), (named, Route((0, 1, 2, 4))),
@@ -257,7 +264,7 @@ def _examples() -> list[tuple[Any, Any]]:
         (TimeAllocation(through, total_time=5.0, order=3, velocity_limit=3.0), path),
         (mixed, vector), (quadratic, vector), (conic, vector), (nonlinear, np.array([1.0, 1.0])),
         (braking(bound=9.0, mixed_path={"upper": 9.0}).build(), cruising(costates=True)), (relay().build(), relayed()),
-        (slew, resting),
+        (slew, resting), (tour, flown),
     ]  # fmt: skip
 
 

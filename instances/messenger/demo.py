@@ -1,0 +1,9 @@
+"""The demonstration of messenger tours: ten vehicles, of the paper's sparsity."""
+
+from __future__ import annotations
+
+from ..demos import Demo
+
+__all__ = ["DEMO"]
+
+DEMO = Demo("messenger/B-10-05")

@@ -1,0 +1,122 @@
+"""The public instances of the Dubins travelling salesman problem with neighbourhoods.
+
+Each line of a file holds the centre and the radius of a disc, ``x y radius``; the turning radius
+is the third number in the file's name, in hundredths. Tours are closed, nothing moves, and the path
+may begin anywhere. Source: https://github.com/comrob/OptimalDTSPN.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import re
+from pathlib import Path
+
+from ...errors import InvalidData
+from ...files import as_path, read_text
+from ...models.fields import show
+from ...models.messenger.model import MessengerTour
+from ..storage import number
+
+__all__ = ["read_best_known", "read_dtspn"]
+
+_NAME = re.compile(r"dtspn-[0-9]+-[0-9]+-([0-9]+)-[0-9]+")
+_COLUMNS = ("x", "y", "radius")
+
+
+def read_dtspn(
+    path: str | os.PathLike[str], *, turning_radius: float | None = None
+) -> MessengerTour:
+    """Return the closed tour over the discs in a file, for a UAV of speed 1 m/s.
+
+    Parameters
+    ----------
+    path : path-like
+        The file, such as ``dtspn-06-01-025-0.txt``.
+    turning_radius : float, optional
+        m; by default what the file's name says, 0.25 in the example.
+
+    Raises
+    ------
+    InvalidData
+        Naming file, line and value: what is no finite number, a negative radius, a line of more or
+        fewer than three numbers, a file without any, a name without a turning radius.
+    """
+    file = as_path(path)
+    if turning_radius is None:
+        found = _NAME.fullmatch(file.stem)
+        if found is None:
+            raise InvalidData(
+                f"{file}: turning_radius must be given, or stand in the name in hundredths as in "
+                "dtspn-06-01-025-0.txt",
+                field="turning_radius",
+            )
+        turning_radius = int(found[1]) / 100
+    rows = []
+    for line, text in enumerate(read_text(file).splitlines(), start=1):
+        values = text.split()
+        if not values:
+            continue
+        where = f"{file}, line {line}"
+        if len(values) != len(_COLUMNS):
+            raise InvalidData(
+                f"{where}: must be x y radius, got {len(values)} values: {show(text)}", field="line"
+            )
+        rows.append(
+            [
+                number(value, f"{where}, {name}", name)
+                for value, name in zip(values, _COLUMNS, strict=True)
+            ]
+        )
+        if rows[-1][2] < 0:
+            raise InvalidData(
+                f"{where}, radius: must be >= 0, got {show(values[2])}", field="radius"
+            )
+    if not rows:
+        raise InvalidData(f"{file}: must hold at least one line x y radius", field="positions")
+    data = {
+        "positions": [row[:2] for row in rows],
+        "radius": [row[2] for row in rows],
+        "speed": 1.0,
+        "turning_radius": turning_radius,
+        "start": None,
+        "closed": True,
+    }
+    return MessengerTour.from_data(data, name=file.stem)
+
+
+def read_best_known(path: str | os.PathLike[str]) -> dict[str, tuple[float, float]]:
+    """Return the published bounds in a CSV file with the columns ``instance``, ``LB`` and ``UB``.
+
+    Returns
+    -------
+    dict
+        The lower and the upper bound (m) by the name of the instance, without ``.txt``.
+
+    Raises
+    ------
+    InvalidData
+        Naming file, line and value: a missing column, what is no finite number, a name that
+        repeats, a lower bound above the upper one.
+    """
+    file = as_path(path)
+    # A line that is too short gives None, one that is too long a column without a name.
+    reader = csv.DictReader(io.StringIO(read_text(file)), restval="")
+    for name in ("instance", "LB", "UB"):
+        if name not in (reader.fieldnames or ()):
+            raise InvalidData(f"{file}, line 1: must have a column {name}", field=name)
+    found: dict[str, tuple[float, float]] = {}
+    for row in reader:
+        where = f"{file}, line {reader.line_num}"
+        name = Path(row["instance"]).stem
+        lower, upper = (number(row[key], f"{where}, {key}", key) for key in ("LB", "UB"))
+        if not name or name in found:
+            raise InvalidData(
+                f"{where}: instance must be a name that no other line has, got {show(name)}",
+                field="instance",
+            )
+        if lower > upper:
+            raise InvalidData(f"{where}: LB must be <= UB = {upper!r}, got {lower!r}", field="LB")
+        found[name] = (lower, upper)
+    return found

@@ -1,0 +1,143 @@
+"""What the catalogue holds of messenger tours: the sizes of the paper's instances, and special cases."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...models.messenger.model import MessengerTour
+from ..catalogue import CatalogueEntry, Provenance
+from .generator import generate
+
+__all__ = ["PAPER", "SIZES", "SPARSITY", "TABLE_4", "catalogue_entries"]
+
+PAPER = (
+    "A Memetic Algorithm for Curvature-Constrained Path Planning of Messenger UAV in Air-Ground "
+    "Coordination, IEEE Transactions on Automation Science and Engineering, doi "
+    "10.1109/TASE.2021.3135044"
+)
+
+#: Numbers of vehicles in the paper's instances (paper: N).
+SIZES = (2, 3, 10, 20, 30, 40)
+#: Least and greatest sparsity of the paper's instances (paper: κ_P), and how many of a size are here.
+SPARSITY, EACH = (-1.4, 17.0), 10
+#: Shortest and longest mean length (m) that table IV prints for the memetic algorithm, by size.
+TABLE_4 = {10: (205.0, 480.0), 20: (1770.0, 3194.0), 30: (0.96e4, 2.96e4), 40: (8.3e4, 2.4e5)}
+
+_OURS = (
+    "The paper does not publish its instances: this one is ours by seed, with the paper's number of "
+    "vehicles and range of sparsity, so lengths are not comparable with the paper's."
+)
+_SPECIAL = "Ours: the paper has no such instance."
+
+
+def catalogue_entries() -> tuple[CatalogueEntry, ...]:
+    """Return the instances."""
+    papers = (_paper_entry(size, row) for size in SIZES for row in range(1, EACH + 1))
+    return (*papers, *_special())
+
+
+def _paper_entry(size: int, row: int) -> CatalogueEntry:
+    low, high = SPARSITY
+    sparsity = round(low + (high - low) * (row - 1) / (EACH - 1), 2)
+    name = f"B-{size:02}-{row:02}"
+    published: dict[str, Any] = {}
+    if size in TABLE_4:
+        published = {
+            "table": 4,
+            "row": 100 * size + row,
+            "range": list(TABLE_4[size]),
+            "source": f"table IV: memetic algorithm, means of 25 runs over all instances of {size}",
+        }
+    return _entry(
+        name,
+        f"{size} vehicles, sparsity {sparsity:g}",
+        partial(generate, size, sparsity, 100 * size + row),
+        _OURS,
+        Provenance.SEEDED,
+        published,
+    )
+
+
+def _special() -> tuple[CatalogueEntry, ...]:
+    seeded, ours = Provenance.SEEDED, Provenance.OURS
+    return (
+        _entry(
+            "static-closed",
+            "A closed tour over 8 vehicles at rest, which may begin anywhere",
+            _static,
+            f"{_SPECIAL} The Dubins travelling salesman problem with neighbourhoods.",
+            seeded,
+        ),
+        _entry(
+            "moving-targets",
+            "7 moving vehicles that must be met exactly",
+            partial(generate, 7, 6.0, 3, radius=0.0),
+            f"{_SPECIAL} The Dubins travelling salesman problem with moving targets.",
+            seeded,
+        ),
+        _entry(
+            "euclidean",
+            "8 moving vehicles, and a UAV that turns on the spot",
+            _euclidean,
+            f"{_SPECIAL} Without curvature the relaxation that gives bounds is the problem itself.",
+            seeded,
+        ),
+        _entry(
+            "gap",
+            "A vehicle that slips out of the UAV's turning circle",
+            partial(_given, [[-5.0, 4.4], [-40.0, 30.0]], [[0.0, 0.5], [0.0, -1.0]], 0.0),
+            f"{_SPECIAL} The first vehicle leaves the left turning circle after 1.2 s, when the UAV has "
+            "flown 12 m. The shortest path there drops to 7.9 m at once, but none has 12 m: waiting is "
+            "not possible, and the meeting comes later.",
+            ours,
+        ),
+        _entry(
+            "met-at-start",
+            "4 vehicles whose discs all hold the start: the optimum is 0 m",
+            partial(
+                _given,
+                [[1.0, 2.0], [-3.0, 1.0], [0.0, -4.0], [2.0, -2.0]],
+                [[1.0, 0.0], [0.0, 3.0], [-2.0, 2.0], [0.0, 0.0]],
+                5.0,
+            ),
+            f"{_SPECIAL} Every vehicle is met at time 0.",
+            ours,
+            {"optimum": 0.0, "source": "no path is shorter than none"},
+        ),
+    )
+
+
+def _entry(
+    name: str, title: str, builder: Callable[[], MessengerTour], note: str, provenance: Provenance,
+    published: Mapping[str, Any] | None = None,
+) -> CatalogueEntry:  # fmt: skip
+    return CatalogueEntry(
+        name=f"messenger/{name}",
+        model="messenger-tour",
+        title=title,
+        paper=PAPER,
+        provenance=provenance,
+        builder=builder,
+        published=published or {},
+        note=note,
+    )
+
+
+def _given(
+    positions: list[list[float]], velocities: list[list[float]], radius: float
+) -> MessengerTour:
+    data = {"positions": positions, "velocities": velocities, "radius": radius}
+    return MessengerTour.from_data(data)
+
+
+def _static() -> MessengerTour:
+    return dataclasses.replace(generate(8, 6.0, 1, fastest=0.0), start=None, closed=True)
+
+
+def _euclidean() -> MessengerTour:
+    return dataclasses.replace(generate(8, 6.0, 2), turning_radius=0.0, start=np.zeros(2))

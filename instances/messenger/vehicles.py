@@ -1,0 +1,117 @@
+"""Vehicles of messenger tours in CSV and Excel files, and instances that refer to them.
+
+A file has a header with the columns ``x,y`` and any of ``vx,vy``, ``radius`` and ``id``, in any
+order; at least the velocities or the radius must be there, as ``x,y`` alone are waypoints.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ...errors import InvalidData
+from ...files import as_path, read_text
+from ...models.fields import show
+from ..spreadsheets import xlsx_rows
+from ..storage import Find, number
+
+__all__ = ["read_vehicles", "resolve_references"]
+
+_COLUMNS = ("x", "y", "vx", "vy", "radius", "id")
+#: Sets of columns that come together or not at all.
+_PAIRS = (("x", "y"), ("vx", "vy"))
+
+
+def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the data of an instance that a CSV or Excel file of vehicles holds.
+
+    Returns
+    -------
+    dict
+        ``positions`` (m), and of ``velocities`` (m/s), ``radius`` (m) and ``ids`` what the file has:
+        what :class:`~crosstrack.models.messenger.MessengerTour` takes.
+
+    Raises
+    ------
+    BackendMissing
+        It is an Excel file, and openpyxl is not installed.
+    InvalidData
+        Naming file, line, column and value: columns that are missing, repeat or are not known, a row
+        too short or too long, what is no finite number, an id that is empty, a file without vehicles.
+    """
+    file = as_path(path)
+    rows = _rows(file)
+    line, header = next(rows, (1, []))
+    names = [name.strip().lstrip("# ").casefold() for name in header]
+    _check_header(names, f"{file}, line {line}")
+    table: dict[str, list[Any]] = {name: [] for name in names}
+    for line, values in rows:
+        where = f"{file}, line {line}"
+        if len(values) != len(names):
+            raise InvalidData(
+                f"{where}: {len(values)} values where the header has {len(names)}: "
+                f"{show(','.join(values))}",
+                field="positions",
+            )
+        for name, value in zip(names, values, strict=True):
+            read = _identified if name == "id" else number
+            table[name].append(read(value, f"{where}, column {name}", name))
+    if not table["x"]:
+        raise InvalidData(f"{file}: no vehicles below the header", field="positions")
+    found: dict[str, Any] = {"positions": list(zip(table["x"], table["y"], strict=True))}
+    if "vx" in table:
+        found["velocities"] = list(zip(table["vx"], table["vy"], strict=True))
+    if "radius" in table:
+        found["radius"] = table["radius"]
+    if "id" in table:
+        found["ids"] = table["id"]
+    return found
+
+
+def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
+    """Return `data` of an instance with ``"positions": "file.csv"`` replaced by the content."""
+    found = dict(data)
+    if isinstance(found.get("positions"), str):
+        held = read_vehicles(find(found.pop("positions")))
+        for key in held:
+            if key in found:
+                raise InvalidData(f"{key} must not be given: the file holds it", field=key)
+        found.update(held)
+    return found
+
+
+def _rows(file: Path) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number and the cells of every row that is not blank."""
+    if file.suffix.casefold() == ".xlsx":
+        yield from xlsx_rows(file)
+        return
+    reader = csv.reader(io.StringIO(read_text(file), newline=""), strict=True)
+    try:
+        for row in reader:
+            if any(value.strip() for value in row):
+                yield reader.line_num, [value.strip() for value in row]
+    except csv.Error as error:
+        raise InvalidData(f"{file}, line {reader.line_num}: no valid CSV: {error}") from None
+
+
+def _check_header(names: list[str], where: str) -> None:
+    """Raise where the columns are none of a file of vehicles."""
+    given = set(names)
+    halves = any(len(given & set(pair)) == 1 for pair in _PAIRS)
+    known = given <= set(_COLUMNS) and len(given) == len(names) and not halves
+    if not known or "x" not in given or not given & {"vx", "radius"}:
+        raise InvalidData(
+            f"{where}: must be a header of vehicles: x,y with vx,vy, radius or both, and id where "
+            f"they have names; got {show(','.join(names))}",
+            field="header",
+        )
+
+
+def _identified(text: str, where: str, field: str) -> str:
+    if not text:
+        raise InvalidData(f"{where}: must name the vehicle, got nothing", field=field)
+    return text

@@ -1,0 +1,87 @@
+"""The plain data of a tour's picture: its path, where vehicles are met, and what it breaks."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..verification import Verification
+from .checks import integrated
+from .model import MessengerTour
+from .plan import TourPlan
+from .sampling import outline
+
+__all__ = ["FAR", "Drawn", "together", "within"]
+
+Floats = NDArray[np.float64]
+
+#: Farther away nothing is drawn: an invalid plan may lead anywhere (m).
+FAR = 1e100
+#: Encounters nearer to one another than this part of the map are one place on it.
+_NEAR = 1e-3
+
+
+class Drawn:
+    """What is drawn of a plan, in m."""
+
+    def __init__(self, model: MessengerTour, plan: TourPlan, found: Verification) -> None:
+        self.model, self.plan, self.found = model, plan, found
+        self.path = outline(plan, model.turning_radius)
+        self.met = np.array(plan.order, int)
+        self.meetings = model.positions[self.met] + model.velocities[self.met] * plan.times[:, None]
+        self.broken = _broken(self)
+
+    @property
+    def everything(self) -> Floats:
+        """Places that the map must show: the path, the tracks and the discs."""
+        reach = self.model.radius[self.met][:, None]
+        parts = [
+            self.path.poses[:, :2], self.model.positions, self.plan.points, self.meetings - reach,
+            self.meetings + reach,
+        ]  # fmt: skip
+        return _finite(np.concatenate(parts))
+
+    @property
+    def first_half(self) -> Floats:
+        """Places that a map of the first half of the encounters must show."""
+        count = max(1, len(self.met) // 2)
+        until = float(self.plan.times[:count].max()) if len(self.met) else 0.0
+        flown = self.path.flown <= until * self.model.speed
+        reach = self.model.radius[self.met[:count]][:, None]
+        first = self.meetings[:count]
+        return _finite(np.concatenate([self.path.poses[flown, :2], first - reach, first + reach]))
+
+
+def _finite(places: Floats) -> Floats:
+    """Return the places that can be drawn."""
+    kept: Floats = places[(np.abs(places) < FAR).all(axis=1)]
+    return kept if len(kept) else np.zeros((1, 2))
+
+
+def _broken(tour: Drawn) -> Floats:
+    """Return the worst place of every rule that is broken, shape (k, 2)."""
+    model, plan = tour.model, tour.plan
+    poses = integrated(plan, model.turning_radius)
+    places = {"start": poses[0, :2], "end": poses[-1, :2]}
+    places |= {f"primitive {k}": pose[:2] for k, pose in enumerate(poses[:-1])}
+    for k in range(model.size):
+        at = np.flatnonzero(tour.met == k)
+        places[f"vehicle {model.label(k)}"] = plan.points[at[0]] if at.size else model.positions[k]
+    found = [places[check.where] for check in tour.found.violated if check.where in places]
+    return _finite(np.array(found)) if found else np.empty((0, 2))
+
+
+def within(places: Floats, least: Floats, most: Floats) -> NDArray[np.bool_]:
+    """Return which places lie within a box."""
+    return np.asarray(((places >= least) & (places <= most)).all(axis=1))
+
+
+def together(points: Floats, extent: float) -> list[tuple[int, int]]:
+    """Return the first and the last of encounters in a row that share a place on the map."""
+    runs: list[tuple[int, int]] = []
+    for k, point in enumerate(points):
+        if runs and np.hypot(*(point - points[runs[-1][0]])) <= _NEAR * extent:
+            runs[-1] = (runs[-1][0], k)
+        else:
+            runs.append((k, k))
+    return runs

@@ -1,0 +1,97 @@
+"""Where the UAV is on the way of a tour, between the ends of its primitives."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .checks import integrated
+from .plan import SIGNS, TourPlan
+
+__all__ = ["Track", "outline", "track"]
+
+Floats = NDArray[np.float64]
+
+#: Angle of a turn that a picture draws as one straight line, rad.
+_TURN = math.radians(4.0)
+
+
+class Track(NamedTuple):
+    """Places on the path of a tour.
+
+    Parameters
+    ----------
+    flown : ndarray, shape (k,)
+        Length of the path up to them, m.
+    poses : ndarray, shape (k, 3)
+        x, y (m), heading (rad); headings are not wrapped.
+    legs : ndarray of int, shape (k,)
+        The leg that they lie on; where two meet, the earlier one.
+    """
+
+    flown: Floats
+    poses: Floats
+    legs: NDArray[np.int64]
+
+
+def track(plan: TourPlan, turning_radius: float, flown: ArrayLike) -> Track:
+    """Return where the UAV is after lengths of the path.
+
+    Parameters
+    ----------
+    plan : TourPlan
+        The tour.
+    turning_radius : float
+        Of the turns, m; at 0 the UAV turns on the spot.
+    flown : array_like, shape (k,)
+        Lengths, m; what lies beyond the path's ends is taken for them.
+
+    Returns
+    -------
+    Track
+    """
+    lengths = np.array([one.length for one in plan.primitives])
+    ends = np.cumsum(lengths)
+    at = np.clip(np.asarray(flown, float), 0.0, ends[-1] if ends.size else 0.0)
+    piece = np.minimum(np.searchsorted(ends, at), ends.size - 1)
+    rest = at - (ends - lengths)[piece] if ends.size else at
+    return Track(at, *_advanced(plan, turning_radius, piece, rest))
+
+
+def outline(plan: TourPlan, turning_radius: float) -> Track:
+    """Return as many places of the path as draw it: the ends of lines, and turns in small steps."""
+    around = 2 * math.pi * turning_radius
+    parts, pieces = [np.zeros(1)], [0]
+    for k, one in enumerate(plan.primitives):
+        steps, length = np.array([one.length]), abs(one.length)
+        if one.turn != "S" and around > 0 and length > 0:
+            # Rounds between the first and the last lie on them.
+            drawn = length if length <= 2 * around else around + math.fmod(length, around)
+            count = math.ceil(drawn / turning_radius / _TURN)
+            fine = drawn * np.arange(1, count + 1) / count
+            steps = np.sign(one.length) * np.where(fine > around, fine + (length - drawn), fine)
+        parts.append(steps)
+        pieces += [k] * len(steps)
+    rest, piece = np.concatenate(parts), np.array(pieces)
+    lengths = np.array([0.0, *(one.length for one in plan.primitives)])
+    flown = np.cumsum(lengths)[piece] + rest
+    return Track(flown, *_advanced(plan, turning_radius, piece, rest))
+
+
+def _advanced(
+    plan: TourPlan, turning_radius: float, piece: NDArray[np.int64], rest: Floats
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Return poses and legs at lengths `rest` from the begin of primitives."""
+    poses = integrated(plan, turning_radius)
+    if not plan.primitives:
+        return np.repeat(poses, rest.size, axis=0), np.zeros(rest.size, np.int64)
+    begin = poses[piece]
+    signs = np.array([SIGNS[one.turn] for one in plan.primitives])[piece]
+    angle = signs * rest / turning_radius if turning_radius > 0 else np.zeros(rest.size)
+    # The chord of the part of an arc, of which a straight line is one.
+    chord, middle = rest * np.sinc(0.5 * angle / np.pi), begin[:, 2] + 0.5 * angle
+    found = begin + np.column_stack([chord * np.cos(middle), chord * np.sin(middle), angle])
+    return found, np.array([one.leg for one in plan.primitives])[piece]
