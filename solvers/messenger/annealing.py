@@ -14,7 +14,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .chain import FIXED, RIM, confine, fly, hop, jiggle, place
+from .chain import FIXED, RIM, confine, fly, hop, jiggle, place, where
 from .passing import CLOSEST, PIECE, PIECES, passed, trace
 
 __all__ = ["anneal"]
@@ -87,6 +87,37 @@ def _turn_start(
 
 
 @kernel
+def _amplified(
+    order: Ints, count: int, closed: bool, nodes: Floats, poses: Floats, times: Floats, speed: float,
+    growth: Floats,
+) -> None:  # fmt: skip
+    """Fill `growth` with how much later a tour ends for each second that it is late at a stop.
+
+    A leg in direction u from stop a to stop b grows by (v - u.V_a) / (v - u.V_b), poses being fixed to
+    the vehicles.
+    """
+    growth[count - 1] = 1.0
+    if closed:
+        i = order[count - 1]
+        x, y, _ = where(nodes[i], poses[i], times[count - 1])
+        ex, ey, _ = where(nodes[order[0]], poses[order[0]], 0.0)
+        size = math.sqrt((ex - x) ** 2 + (ey - y) ** 2)
+        if size > 0.0:
+            along = ((ex - x) * nodes[i, 2] + (ey - y) * nodes[i, 3]) / size
+            growth[count - 1] = (speed - along) / speed
+    for k in range(count - 1, 0, -1):
+        i, j = order[k - 1], order[k]
+        x, y, _ = where(nodes[i], poses[i], times[k - 1])
+        ex, ey, _ = where(nodes[j], poses[j], times[k])
+        size = math.sqrt((ex - x) ** 2 + (ey - y) ** 2)
+        growth[k - 1] = growth[k]
+        if size > 0.0:
+            ux, uy = (ex - x) / size, (ey - y) / size
+            before = speed - ux * nodes[i, 2] - uy * nodes[i, 3]
+            growth[k - 1] *= before / (speed - ux * nodes[j, 2] - uy * nodes[j, 3])
+
+
+@kernel
 def recreate(
     order: Ints, count: int, closed: bool, nodes: Floats, poses: Floats, freedom: Ints, speed: float,
     r: float, times: Floats, value: float, ceiling: float, pieces: Floats,
@@ -101,19 +132,29 @@ def recreate(
     for k in range(count):
         member[order[k]] = 1
     legs, hints, gaps = np.empty(CLOSEST, np.int64), np.empty((CLOSEST, 4)), np.empty(CLOSEST)
+    growth = np.ones(n + 1)
     trial, pose, best_pose, hint = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    rule = int(draw.integers(0, 2) * 2)
     while value < math.inf:
-        found, size = 0, trace(order, count, closed, nodes, poses, times, speed, r, pieces)
+        found, chosen, extreme = 0, 0, 0.0
+        size = trace(order, count, closed, nodes, poses, times, speed, r, pieces)
         for i in range(n):
             if not member[i]:
                 rim = freedom[i] == RIM and nodes[i, 4] > 0.0
                 if not passed(nodes[i], pieces, size, rim, speed, r, legs, hints, gaps):
                     missed[found] = i
+                    if (
+                        found == 0
+                        or (rule == 0 and gaps[0] > extreme)
+                        or (rule == 1 and gaps[0] < extreme)
+                    ):
+                        chosen, extreme = found, gaps[0]
                     found += 1
         if found == 0:
             return count, value
-        i = missed[int(draw.integers(0, found))]
+        i = missed[chosen if rule < 2 else int(draw.integers(0, found))]
         passed(nodes[i], pieces, size, False, speed, r, legs, hints, gaps)
+        _amplified(order, count, closed, nodes, poses, times, speed, growth)
         best, place_at = math.inf, -1
         for c in range(CLOSEST + 1):
             if c < CLOSEST:
@@ -135,6 +176,8 @@ def recreate(
                 order[k - 1], times[k - 1], i, after, nodes, poses, freedom[i], speed, r, hint,
                 trial, pose,
             ) - then  # fmt: skip
+            if k < count:
+                cost *= growth[k]
             if cost < best:
                 best, place_at = cost, k
                 for j in range(3):

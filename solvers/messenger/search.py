@@ -20,13 +20,15 @@ from .emission import Chain
 __all__ = ["TourSearch"]
 
 #: Temperatures, by the length of the tour: at a start, at a reheating, and at the end of both.
-HOT, WARM, COLD = 0.1, 0.02, 1e-3
+HOT, WARM, COLD = 0.3, 0.02, 1e-3
 #: Steps of one annealing, by the number of vehicles, and the least.
 STEPS, LEAST = 60, 300
 #: Tours kept to be annealed again.
 KEPT = 4
 #: Share of the time for the bound; where there is no limit, programs that are solved for it.
 BOUND_SHARE, BOUND_PROGRAMS = 0.2, 3000
+#: By how much a tour must be shorter to count as such, relative.
+BETTER = 1e-6
 #: By how much a tour may be longer than the best to be polished.
 NEAR = 1.03
 
@@ -54,9 +56,9 @@ class TourSearch(Backend):
         ),
         "polish": Option(True, "Whether to polish tours by a nonlinear program.", bool),
         "bound": Option(True, "Whether to prove a bound as well.", bool),
-        "starts": Option(
+        "patience": Option(
             16,
-            "Annealings without a time limit: half from scratch, half from the best.",
+            "Annealings in a row without a shorter tour, after which the search ends.",
             int,
             lower=1,
         ),
@@ -67,7 +69,7 @@ class TourSearch(Backend):
     summary = "annealing, polish, and a proven bound; ours"
 
     def run(self, problem: MessengerTour, request: Request) -> Answer:
-        """Search until the time is up, or for as many starts as the options say."""
+        """Search until the time is up, the gap is closed, or nothing better comes any more."""
         return _Search(self, problem, request).answer()
 
 
@@ -82,6 +84,7 @@ class _Search:
     best: TourPlan | None = None
     polished: float = float("inf")
     runs: int = 0
+    idle: int = 0
     polishes: int = 0
 
     def answer(self) -> Answer:
@@ -117,10 +120,9 @@ class _Search:
 
     def ended(self, bound: float | None) -> bool:
         """Return whether the search is over."""
-        left = self.request.left()
-        if self.request.control.stopped or left == 0.0 or self.within_gap(bound):
+        if self.request.control.stopped or self.request.left() == 0.0 or self.within_gap(bound):
             return True
-        return left is None and self.runs >= self.request.options["starts"]
+        return self.idle >= int(self.request.options["patience"])
 
     def within_gap(self, bound: float | None) -> bool:
         """Return whether the best tour is proven to be as good as was asked."""
@@ -178,6 +180,7 @@ class _Search:
             COLD, self.draw, request.control.flag,
         )  # fmt: skip
         self.runs += 1
+        self.idle += 1
         if not value < float("inf"):
             return
         length = value * problem.speed
@@ -201,5 +204,7 @@ class _Search:
             return
         found = self.problem.verify(plan, tolerance=self.request.tolerance)
         if found.ok:
+            if self.best is None or plan.length < self.best.length * (1.0 - BETTER):
+                self.idle = 0
             self.best = plan
             self.request.control.incumbent(plan.length, plan)

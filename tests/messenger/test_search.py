@@ -14,7 +14,7 @@ from crosstrack.models.messenger.dubins import dubins_length
 from crosstrack.solvers.messenger.chain import arrive
 from crosstrack.solvers.messenger.emission import Chain
 
-QUICK = {"bound": False, "polish": False, "starts": 2, "steps": 200}
+QUICK = {"bound": False, "polish": False, "patience": 1, "steps": 200}
 
 
 def drawn(n, seed, *, side=60.0, fastest=3.5, **fields):
@@ -121,7 +121,7 @@ def test_at_points_at_rest_it_beats_a_grid_of_headings(seed, closed):
         if closed:
             lengths = lengths + dubins_length(poses, model.start, model.turning_radius)
         best = min(best, lengths.min())
-    found = searched(model, steps=800, starts=4)
+    found = searched(model, steps=800, patience=3)
     assert found.primal_bound <= best * (1 + 1e-9)
     assert found.primal_bound >= 0.9 * best  # 48 headings are near enough to the best
 
@@ -135,9 +135,9 @@ def test_the_same_seed_gives_the_same_plan():
 
 def test_a_warm_start_is_never_lost():
     model = drawn(9, 4)
-    good = searched(model, steps=2000, starts=4)
+    good = searched(model, steps=2000, patience=3)
     poor = ct.solve(
-        model, "tour-search", seed=1, warm_start=good, backend_options={**QUICK, "steps": 1, "starts": 1}
+        model, "tour-search", seed=1, warm_start=good, backend_options={**QUICK, "steps": 1, "patience": 1}
     )  # fmt: skip
     assert poor.primal_bound <= good.primal_bound
 
