@@ -22,7 +22,7 @@ __all__ = ["TourSearch"]
 #: Temperatures, by the length of the tour: at a start, at a reheating, and at the end of both.
 HOT, WARM, COLD = 0.3, 0.02, 1e-3
 #: Steps of one annealing, by the number of vehicles, and the least.
-STEPS, LEAST = 60, 300
+STEPS, LEAST = 20, 300
 #: Tours kept to be annealed again.
 KEPT = 4
 #: Share of the time for the bound; where there is no limit, programs that are solved for it.
@@ -63,7 +63,7 @@ class TourSearch(Backend):
             lower=1,
         ),
         "steps": Option(
-            0, "Steps of one annealing; 0 means 60 a vehicle, and 300 at the least.", int, lower=0
+            0, "Steps of one annealing; 0 means 20 a vehicle, and 300 at the least.", int, lower=0
         ),
     }
     summary = "annealing, polish, and a proven bound; ours"
