@@ -63,6 +63,15 @@ for more in ({}, {"weights": [0.0, 0.1, 0.0, 1.0]}, {"velocity_limit": 1.0}):
     ct.solve(model, "time-gradient")
     ct.solve(model.at([0.0, 0.5, 1.0]), "interior-point")
 """,
+    """
+import crosstrack as ct
+from crosstrack.jit import compile_always
+from crosstrack.solvers.messenger import BACKENDS
+compile_always()
+model = ct.models.MessengerTour([[60.0, 20.0], [10.0, 70.0], [50.0, 80.0]], [[1.0, 0.0]] * 3)
+for name in BACKENDS:
+    ct.solve(model, name, time_limit=60)
+""",
 )
 
 

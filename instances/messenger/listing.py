@@ -45,7 +45,7 @@ def _paper_entry(size: int, row: int) -> CatalogueEntry:
     low, high = SPARSITY
     sparsity = round(low + (high - low) * (row - 1) / (EACH - 1), 2)
     name = f"B-{size:02}-{row:02}"
-    published: dict[str, Any] = {}
+    published: dict[str, Any] = {"table": 3, "row": 100 * size + row}
     if size in TABLE_4:
         published = {
             "table": 4,

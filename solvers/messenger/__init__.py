@@ -2,6 +2,14 @@
 
 BACKENDS = {
     "tour-search": ".search:TourSearch",
+    "memetic": ".memetic:Memetic",
+    "memetic-untransformed": ".memetic:MemeticUntransformed",
+    "memetic-relaxed": ".memetic:MemeticRelaxed",
+    "variable-neighbourhood": ".neighbourhood:VariableNeighbourhood",
+    "greedy-boundary": ".greedy:GreedyBoundary",
+    "greedy-centre": ".greedy:GreedyCentre",
+    "direct-sampling": ".sampling:DirectSampling",
     "euclidean-bound": ".bound:EuclideanBound",
     "curvature-bound": ".bound:CurvatureBound",
 }
+PAPER_TABLES = {"messenger": ".paper_tables:TABLES"}

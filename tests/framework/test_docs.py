@@ -20,8 +20,9 @@ PAGES = sorted(
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
 #: Examples and pages that run for five seconds and more; `make docs` runs all examples for the gallery.
 SLOW = {
-    *("plot_bases_and_backends.py", "plot_own_control_problem.py", "plot_satellite_slew.py"),
-    *("campaign.md", "optimal-control.md", "satellite-slew.md"),
+    *("plot_bases_and_backends.py", "plot_messenger.py"),
+    *("plot_own_control_problem.py", "plot_satellite_slew.py"),
+    *("campaign.md", "messenger.md", "optimal-control.md", "satellite-slew.md"),
 }
 
 

@@ -20,6 +20,12 @@ SLOW = {
     *("optimal-control/harmonic-oscillator", "optimal-control/hypersensitive"),
     *("optimal-control/quadrotor", "optimal-control/rayleigh"),
     "satellite-slew",
+    # Of each size the first few are quick.
+    *(
+        f"messenger/B-{n:02}-{k:02}"
+        for n in (2, 3, 10, 20, 30, 40)
+        for k in range(1 if n > 10 else 2, 11)
+    ),
 }
 #: Tolerances by problem, where the usual one is not meant to be reached.
 TOLERANCES = {"satellite-slew": 1e-3}
