@@ -27,6 +27,8 @@ STEPS, LEAST = 20, 300
 KEPT = 4
 #: Share of the time for the bound; where there is no limit, programs that are solved for it.
 BOUND_SHARE, BOUND_PROGRAMS = 0.2, 3000
+#: Programs that are solved for tours without curvature, where the bound's search met no whole order.
+SKETCH_PROGRAMS = 300
 #: By how much a tour must be shorter to count as such, relative.
 BETTER = 1e-6
 #: By how much a tour may be longer than the best to be polished.
@@ -133,7 +135,7 @@ class _Search:
     def bounded(self) -> float:
         """Return a proven lower bound, and keep tours in the orders that came nearest to it."""
         from .bound import straight
-        from .bound_search import OrderSearch, guide
+        from .bound_search import OrderSearch
 
         control, left = self.request.control, self.request.left()
         end = math.inf if left is None else time.perf_counter() + BOUND_SHARE * left
@@ -151,22 +153,39 @@ class _Search:
         if search.best is not None:  # where turns are free
             times = search.best.times / self.problem.speed
             self.offer(straight(self.problem, search.best.order, search.best.points, times))
-        for _, order in sorted(search.orders)[:KEPT]:
-            chain = Chain(self.problem, interior=self.request.options["interior"])
-            first = chain.count if self.problem.start is not None else 0
-            if self.problem.start is None:
-                # Any vehicle may be the first; a chain begins at vehicle 0.
-                at = order.index(0)
-                order = order[at:] + order[:at]
-            near = guide(self.problem, order)
-            chain.order[first : first + len(order)] = order
-            chain.count = first + len(order)
-            chain.poses[list(order), :2] = near.offsets
-            chain.poses[list(order), 2] = near.headings
-            for i in order:
-                confine(chain.poses[i], float(self.problem.radius[i]), int(chain.freedom[i]))
-            self.anneal(self.steps, chain)
+        orders = [order for _, order in sorted(search.orders)]
+        if not orders:
+            # Without curvature the search dives for tours.
+            sketch = OrderSearch(self.problem)
+
+            def enough() -> bool:
+                many = len(sketch.tours) >= KEPT or sketch.chains.solved >= SKETCH_PROGRAMS
+                return control.stopped or many or self.request.left() == 0.0
+
+            sketch.run(enough, lambda bound: None, self.request.gap)
+            orders = [
+                one.order for one in sorted(sketch.tours.values(), key=lambda one: one.length)
+            ]
+        for order in orders[:KEPT]:
+            self.anneal(self.steps, self.guided(order))
         return search.bound
+
+    def guided(self, order: tuple[int, ...]) -> Chain:
+        """Return the chain of an order, where its bound would have the UAV fly."""
+        from .bound_search import guide
+
+        chain = Chain(self.problem, interior=self.request.options["interior"])
+        if self.problem.start is None:
+            # Any vehicle may be the first; a chain begins at vehicle 0.
+            at = order.index(0)
+            order, chain.count = order[at:] + order[:at], 0
+        near, members = guide(self.problem, order), list(order)
+        chain.order[chain.count : chain.count + len(order)] = members
+        chain.count += len(order)
+        chain.poses[members, :2], chain.poses[members, 2] = near.offsets, near.headings
+        for i in order:
+            confine(chain.poses[i], float(self.problem.radius[i]), int(chain.freedom[i]))
+        return chain
 
     def anneal(self, steps: int, chain: Chain | None = None) -> None:
         """Anneal `chain`, or a tour from scratch, and keep what is good."""
