@@ -62,11 +62,12 @@ with TemporaryDirectory() as folder:
 # Beside the paper's algorithm
 # ----------------------------
 # The memetic algorithm is the paper's, the greedy one a rival of it; both are heuristics, and both meet
-# lorries on the edge of their discs only. What bounds tours from below is the shortest tour of a UAV that turns on the spot. Nobody proves that a tour is the best
-# here, so the verdict stays inconclusive; a tour below the bound would be a contradiction.
+# lorries on the edge of their discs only. The third proves what no tour can be shorter than. Nobody
+# proves that a tour is the best here, so the verdict stays inconclusive; a tour below the bound would be
+# a contradiction.
 
 comparison = ct.compare(
-    [model], ["memetic", "greedy-boundary", "euclidean-bound"], time_limit=10, seed=1
+    [model], ["memetic", "greedy-boundary", "curvature-bound"], time_limit=10, seed=1
 )
 print(comparison)
 runs = comparison.verdicts[0].solutions

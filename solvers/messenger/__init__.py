@@ -12,4 +12,5 @@ BACKENDS = {
     "euclidean-bound": ".bound:EuclideanBound",
     "curvature-bound": ".bound:CurvatureBound",
 }
+DIAGNOSES = {"messenger-tour": ".diagnosis:diagnose_tour"}
 PAPER_TABLES = {"messenger": ".paper_tables:TABLES"}

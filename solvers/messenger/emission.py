@@ -8,17 +8,20 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.messenger.checks import integrated
 from ...models.messenger.dubins import WORDS, advance
 from ...models.messenger.model import MessengerTour
-from ...models.messenger.plan import Primitive, TourPlan
+from ...models.messenger.plan import SIGNS, Primitive, TourPlan
 from .chain import DISC, FIXED, RIM, TURNS, leg, where
 from .passing import CLOSEST, PIECE, PIECES, passed, trace
 
-__all__ = ["Chain", "cut"]
+__all__ = ["Chain", "cut", "on_the_rim"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Share of a radius by which the boundary may be off.
+RIM_NEAR = 1e-9
 LETTERS = {1: "L", 0: "S", -1: "R"}
 
 
@@ -93,29 +96,72 @@ class Chain:
                 passed(self.nodes[i], pieces, size, False, speed, r, legs, hints, gaps)
                 stops[i] = float(hints[0, 3]) * speed
                 if self.freedom[i] == RIM and problem.radius[i] > 0.0:
-                    stops[i] = self._crossing(i, pieces[:size], stops[i])
+                    found = crossing(problem, i, pieces[:size], stops[i])
+                    stops[i] = stops[i] if found is None else found
         return cut(problem, start, primitives, stops)
 
-    def _crossing(self, i: int, pieces: Floats, inside: float) -> float:
-        """Return the length flown at which the path crosses the boundary of the i-th disc."""
-        from scipy.optimize import brentq
 
-        speed, r = self.problem.speed, self.problem.turning_radius
+def crossing(problem: MessengerTour, i: int, pieces: Floats, inside: float) -> float | None:
+    """Return the length flown at which a path crosses the boundary of a disc; None where it does not.
 
-        def gap(length: float) -> float:
-            t = length / speed
-            k = max(int(np.searchsorted(pieces[:, 3], t, side="right")) - 1, 0)
-            x, y, h, begin, _, sign, _ = pieces[k]
-            x, y, h = advance(x, y, h, speed * (t - begin), int(sign), r)
-            px, py = self.problem.where(i, t)
-            return math.hypot(x - px, y - py) - float(self.problem.radius[i])
+    Parameters
+    ----------
+    problem : MessengerTour
+        The model.
+    i : int
+        The vehicle.
+    pieces : ndarray, shape (k, 7)
+        The path, as :func:`.passing.trace` fills it.
+    inside : float
+        A length flown at which the UAV is in the disc, m.
+    """
+    from scipy.optimize import brentq
 
-        last = pieces[-1]
-        for length in (*(pieces[:, 3] * speed).tolist(), float(last[3] + last[4]) * speed):
-            if gap(length) >= 0.0:
-                low, high = sorted((length, inside))
-                return float(brentq(gap, low, high, xtol=1e-12)) if gap(inside) < 0.0 else inside
+    speed, r, radius = problem.speed, problem.turning_radius, float(problem.radius[i])
+
+    def gap(length: float) -> float:
+        t = length / speed
+        k = max(int(np.searchsorted(pieces[:, 3], t, side="right")) - 1, 0)
+        x, y, h, begin, _, sign, _ = pieces[k].tolist()
+        x, y, _ = advance(x, y, h, speed * (t - begin), int(sign), r)
+        px, py = problem.where(i, t)
+        return math.hypot(x - px, y - py) - radius
+
+    depth = gap(inside)
+    if abs(depth) <= RIM_NEAR * radius:
         return inside
+    last = pieces[-1]
+    ends = [*(pieces[:, 3] * speed).tolist(), float(last[3] + last[4]) * speed]
+    for length in sorted(ends, key=lambda one: abs(one - inside)):
+        if gap(length) >= 0.0:
+            low, high = sorted((length, inside))
+            return float(brentq(gap, low, high, xtol=1e-15 * max(high, radius)))
+    return None
+
+
+def on_the_rim(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
+    """Return the same path with every vehicle met on the boundary of its disc; None where it cannot be."""
+    poses = integrated(plan, problem.turning_radius)
+    flown, pieces = 0.0, []
+    for pose, one in zip(poses, plan.primitives, strict=False):
+        pieces.append(
+            [*pose, flown / problem.speed, one.length / problem.speed, SIGNS[one.turn], 0.0]
+        )
+        flown += one.length
+    if not pieces:
+        return plan if all(problem.radius == 0.0) else None
+    stops = {}
+    for k, i in enumerate(plan.order):
+        inside = float(plan.times[k]) * problem.speed
+        found = crossing(problem, i, np.array(pieces), inside) if problem.radius[i] > 0 else inside
+        if found is None:
+            return None
+        stops[i] = found
+    path = [
+        (int(SIGNS[one.turn]), one.length, one.heading if problem.turning_radius == 0 else None)
+        for one in plan.primitives
+    ]
+    return cut(problem, tuple(plan.start.tolist()), path, stops)
 
 
 def cut(

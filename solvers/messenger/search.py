@@ -15,7 +15,7 @@ from ...models.messenger.plan import TourPlan
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 from .annealing import anneal
 from .chain import confine
-from .emission import Chain
+from .emission import Chain, on_the_rim
 
 __all__ = ["TourSearch"]
 
@@ -150,7 +150,7 @@ class _Search:
             return control.stopped or many or time.perf_counter() > end
 
         search.run(stopped, rising, self.request.gap)
-        if search.best is not None:  # where turns are free
+        if search.best is not None and self.request.options["interior"]:  # where turns are free
             times = search.best.times / self.problem.speed
             self.offer(straight(self.problem, search.best.order, search.best.points, times))
         orders = [order for _, order in sorted(search.orders)]
@@ -215,7 +215,10 @@ class _Search:
         from .polish import polish
 
         self.polishes += 1
-        return polish(self.problem, plan, self.request)
+        found = polish(self.problem, plan, self.request)
+        if self.request.options["interior"]:
+            return found
+        return on_the_rim(self.problem, found) or plan
 
     def offer(self, plan: TourPlan) -> None:
         """Keep `plan` where it is the best and keeps what the model asks."""

@@ -53,6 +53,7 @@ WILD = {
     "all sizes": drawn(6, 7, radius=[1e-3, 1.0, 1e3, 0.0, 10.0, 1e-6]),
     "millimetres": drawn(6, 8, side=0.06, fastest=3.5e-3, speed=0.01, radius=5e-3, turning_radius=5e-3),
     "thousands of km": drawn(6, 8, side=6e6, fastest=350.0, speed=1e3, radius=5e5, turning_radius=5e5),
+    "met on the way": MessengerTour([[0.0, 3.0], [0.0, 30.0]], [[0.5, 0.0], [0.0, 0.0]]),
     "far from the origin": MessengerTour(
         drawn(6, 9).positions + 1e6, drawn(6, 9).velocities, start=[1e6, 1e6, 0.0]
     ),
@@ -91,6 +92,12 @@ def on_the_boundary(model, plan):
     for k, i in enumerate(plan.order):
         apart = math.dist(plan.points[k], model.where(i, plan.times[k]))
         assert apart == pytest.approx(model.radius[i], rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("model", [WILD["dense"], WILD["closed"], WILD["all sizes"], drawn(10, 3)])
+def test_polish_and_bound_keep_to_the_boundary(model):
+    found = searched(model, interior=False, polish=True, bound=True)
+    on_the_boundary(model, found.plan)
 
 
 @pytest.mark.parametrize("seed", range(4))
