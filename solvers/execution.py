@@ -145,7 +145,15 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
                 if cutoff is not None:
                     formulation = formulation.bounded(cutoff)
                     run.target = replace(run.target, formulation=formulation)
-                warm = formulation.encode(warm)
+                try:
+                    warm = formulation.encode(warm)
+                except InvalidData:
+                    if job.formulation_options:
+                        raise
+                    # It is for another plan, such as another order of stops.
+                    formulation = formulation.fitted(warm)
+                    run.target = replace(run.target, formulation=formulation)
+                    warm = formulation.encode(warm)
         problem: Any = run.target.model.blinded() if formulation is None else formulation.program
     features = run.target.backend.features
     return problem, Request(

@@ -110,7 +110,7 @@ def crossing(problem: MessengerTour, i: int, pieces: Floats, inside: float) -> f
         The model.
     i : int
         The vehicle.
-    pieces : ndarray, shape (k, 7)
+    pieces : ndarray, shape (k, 6) or more
         The path, as :func:`.passing.trace` fills it.
     inside : float
         A length flown at which the UAV is in the disc, m.
@@ -122,7 +122,7 @@ def crossing(problem: MessengerTour, i: int, pieces: Floats, inside: float) -> f
     def gap(length: float) -> float:
         t = length / speed
         k = max(int(np.searchsorted(pieces[:, 3], t, side="right")) - 1, 0)
-        x, y, h, begin, _, sign, _ = pieces[k].tolist()
+        x, y, h, begin, _, sign = pieces[k, :6].tolist()
         x, y, _ = advance(x, y, h, speed * (t - begin), int(sign), r)
         px, py = problem.where(i, t)
         return math.hypot(x - px, y - py) - radius

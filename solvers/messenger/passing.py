@@ -18,8 +18,11 @@ Ints = NDArray[np.int64]
 
 #: Arcs are cut into pieces of at most this angle, rad.
 CUT = 0.6
-#: Columns of a piece: x, y, heading and time at its begin, its duration, its curvature's sign, its leg.
-PIECE = 7
+#: How far an arc of that angle is from its chord, by its radius.
+BULGE = 1.0 - math.cos(0.5 * CUT)
+#: Columns of a piece: x, y, heading and time at its begin, its duration, its curvature's sign, its leg,
+#: and x and y at its end.
+PIECE = 9
 #: Pieces of a leg at most: a straight line and two arcs.
 PIECES = 2 * (int(2.0 * math.pi / CUT) + 2) + 1
 #: Legs that are remembered as the nearest to a vehicle.
@@ -46,6 +49,7 @@ def _cut(
             piece[0], piece[1], piece[2], piece[3], piece[4] = x, y, h, t, step / speed
             piece[5], piece[6] = sign, number
             x, y, h = advance(x, y, h, step, sign, r)
+            piece[7], piece[8] = x, y
             t += step / speed
             count += 1
     return count
@@ -60,6 +64,7 @@ def trace(
     # The start is a piece too.
     pieces[0, 0], pieces[0, 1], pieces[0, 2] = where(nodes[order[0]], poses[order[0]], 0.0)
     pieces[0, 3], pieces[0, 4], pieces[0, 5], pieces[0, 6] = 0.0, 0.0, 0.0, 1.0
+    pieces[0, 7], pieces[0, 8] = pieces[0, 0], pieces[0, 1]
     found = 1
     for k in range(1, count + closed):
         i = order[k - 1]
@@ -95,19 +100,22 @@ def passed(
         t, duration = piece[3], piece[4]
         dx = node[0] + node[2] * t - piece[0]
         dy = node[1] + node[3] * t - piece[1]
-        sign = int(piece[5])
-        ex, ey, eh = advance(piece[0], piece[1], piece[2], speed * duration, sign, r)
         # The node against the chord of the piece.
         wx, wy = node[2], node[3]
         if duration > 0.0:
-            wx -= (ex - piece[0]) / duration
-            wy -= (ey - piece[1]) / duration
+            wx -= (piece[7] - piece[0]) / duration
+            wy -= (piece[8] - piece[1]) / duration
         square = wx * wx + wy * wy
         s = min(max(-(dx * wx + dy * wy) / square, 0.0), duration) if square > 0.0 else 0.0
         outside = outside or dx * dx + dy * dy >= node[4] * node[4]
-        ex, ey, eh = advance(piece[0], piece[1], piece[2], speed * s, sign, r)
-        ox, oy = ex - node[0] - node[2] * (t + s), ey - node[1] - node[3] * (t + s)
+        ox, oy, eh = -dx - wx * s, -dy - wy * s, piece[2]
         gap = math.sqrt(ox * ox + oy * oy) - node[4]
+        if gap - BULGE * r >= gaps[CLOSEST - 1]:
+            continue
+        if piece[5] != 0.0:
+            ex, ey, eh = advance(piece[0], piece[1], eh, speed * s, int(piece[5]), r)
+            ox, oy = ex - node[0] - node[2] * (t + s), ey - node[1] - node[3] * (t + s)
+            gap = math.sqrt(ox * ox + oy * oy) - node[4]
         number = int(piece[6])
         place = CLOSEST
         for j in range(CLOSEST):
@@ -132,7 +140,6 @@ def passed(
     if count:
         piece = pieces[count - 1]
         t = piece[3] + piece[4]
-        ex, ey, _ = advance(piece[0], piece[1], piece[2], speed * piece[4], int(piece[5]), r)
-        dx, dy = node[0] + node[2] * t - ex, node[1] + node[3] * t - ey
+        dx, dy = node[0] + node[2] * t - piece[7], node[1] + node[3] * t - piece[8]
         outside = outside or dx * dx + dy * dy >= node[4] * node[4]
     return gaps[0] <= 0.0 and (outside or not rim)

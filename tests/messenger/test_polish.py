@@ -314,3 +314,18 @@ def test_plans_of_other_words_are_left_to_the_program():
     found = polish(near, wriggled, Request())
     assert near.verify(found, tolerance=1e-9).ok
     assert found.length < wriggled.length
+
+
+def test_a_warm_start_of_another_order_fits_the_program_to_itself():
+    model = MessengerTour([[60.0, 20.0], [10.0, 70.0], [50.0, 80.0]], [[1.0, 0.0]] * 3)
+    default = guessed(model, None, None).order
+    order = [default[0], default[2], default[1]]
+    words = ["LSR", "RSL", "LSL"]
+    how = {"backend_options": MONOTONE}
+    other = ct.solve(model, "ipopt", formulation_options={"order": order, "words": words}, **how)
+    assert list(other.plan.order) == order
+    warm = ct.solve(model, "ipopt", warm_start=other, **how)
+    assert list(warm.plan.order) == order
+    assert warm.primal_bound <= other.primal_bound * (1 + 1e-6)
+    with pytest.raises(InvalidData, match="order"):
+        ct.solve(model, "ipopt", warm_start=other, formulation_options={"order": list(default)})
