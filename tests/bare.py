@@ -17,6 +17,7 @@ from pathlib import Path
 #: One instance of each problem in the catalogue, solved by its default backend.
 INSTANCES = {
     "error-correction": "error-correction/example-1",
+    "messenger-tour": "messenger/met-at-start",
     "minimum-derivative": "minimum-derivative/reach",
     "minimum-snap": "minimum-snap/paper",
     "optimal-control": "optimal-control/double-integrator-energy",
@@ -75,7 +76,11 @@ def main() -> None:
     for extra in ("matplotlib", "pyscipopt", "ortools", "openpyxl", "pandas", "dask"):
         assert importlib.util.find_spec(extra) is None, f"{extra} is no dependency"
     catalogue = {entry["name"] for entry in json.loads(run("instances", "--json").stdout)}
-    assert {name.partition("/")[0] for name in catalogue} == set(INSTANCES)
+    here = {
+        problem if instance.endswith(".json") else instance.partition("/")[0]
+        for problem, instance in INSTANCES.items()
+    }
+    assert {name.partition("/")[0] for name in catalogue} == here
     run("models")
     for state in json.loads(run("backends", "--probe", "--json").stdout):
         assert state["state"] == "installed" or "pip install" in state["cause"], state

@@ -120,12 +120,12 @@ def _amplified(
 @kernel
 def recreate(
     order: Ints, count: int, closed: bool, nodes: Floats, poses: Floats, freedom: Ints, speed: float,
-    r: float, times: Floats, value: float, ceiling: float, pieces: Floats,
-    draw: Generator,
+    r: float, times: Floats, value: float, ceiling: float, pieces: Floats, draw: Generator,
+    flag: NDArray[np.int8],
 ) -> tuple[int, float]:  # fmt: skip
     """Put stops into a tour until it meets all; return their number, and when it ends.
 
-    The end is infinite where it would be beyond `ceiling`.
+    The end is infinite where it would be beyond `ceiling`, or where `flag` asks to stop before.
     """
     n = len(order) - 1
     member, missed = np.zeros(n + 1, np.int8), np.empty(n + 1, np.int64)
@@ -134,8 +134,9 @@ def recreate(
     legs, hints, gaps = np.empty(CLOSEST, np.int64), np.empty((CLOSEST, 4)), np.empty(CLOSEST)
     growth = np.ones(n + 1)
     trial, pose, best_pose, hint = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    rule = int(draw.integers(0, 2) * 2)
-    while value < math.inf:
+    # Either what is missed by most, or any.
+    farthest = draw.random() < 0.5
+    while value < math.inf and not flag[0]:
         found, chosen, extreme = 0, 0, 0.0
         size = trace(order, count, closed, nodes, poses, times, speed, r, pieces)
         for i in range(n):
@@ -143,16 +144,12 @@ def recreate(
                 rim = freedom[i] == RIM and nodes[i, 4] > 0.0
                 if not passed(nodes[i], pieces, size, rim, speed, r, legs, hints, gaps):
                     missed[found] = i
-                    if (
-                        found == 0
-                        or (rule == 0 and gaps[0] > extreme)
-                        or (rule == 1 and gaps[0] < extreme)
-                    ):
+                    if found == 0 or gaps[0] > extreme:
                         chosen, extreme = found, gaps[0]
                     found += 1
         if found == 0:
             return count, value
-        i = missed[chosen if rule < 2 else int(draw.integers(0, found))]
+        i = missed[chosen if farthest else int(draw.integers(0, found))]
         passed(nodes[i], pieces, size, False, speed, r, legs, hints, gaps)
         _amplified(order, count, closed, nodes, poses, times, speed, growth)
         best, place_at = math.inf, -1
@@ -247,7 +244,20 @@ def anneal(
     pieces = np.empty((PIECES * (n + 2), PIECE))
     value = fly(order, count, 1, closed, nodes, poses, speed, r, math.inf, times)
     count, value = recreate(
-        order, count, closed, nodes, poses, freedom, speed, r, times, value, math.inf, pieces, draw
+        order,
+        count,
+        closed,
+        nodes,
+        poses,
+        freedom,
+        speed,
+        r,
+        times,
+        value,
+        math.inf,
+        pieces,
+        draw,
+        flag,
     )
     best, best_count = value, count
     best_order, best_poses, best_times = order.copy(), poses.copy(), times.copy()
@@ -343,6 +353,7 @@ def anneal(
             ceiling,
             pieces,
             draw,
+            flag,
         )
         if found <= ceiling:
             value, count = found, size

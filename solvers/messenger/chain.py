@@ -160,10 +160,11 @@ def beyond(
     if after < 0 or not t < most:
         return t
     x, y, h = where(nodes[i], pose, t)
-    # The straight line is a lower bound.
-    dx, dy, _ = where(nodes[after], poses[after], most)
-    if most < math.inf and (dx - x) ** 2 + (dy - y) ** 2 >= (speed * (most - t)) ** 2:
-        return math.inf
+    if most < math.inf:
+        # The straight line is a lower bound.
+        dx, dy, _ = where(nodes[after], poses[after], most)
+        if (dx - x) ** 2 + (dy - y) ** 2 >= (speed * (most - t)) ** 2:
+            return math.inf
     met: float = arrive(x, y, h, t, nodes[after], poses[after], speed, r)
     return met
 

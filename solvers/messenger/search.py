@@ -84,25 +84,32 @@ class _Search:
     request: Request
     kept: list[tuple[float, int, Chain]] = field(default_factory=list)
     best: TourPlan | None = None
-    polished: float = float("inf")
+    bound: float | None = None
     runs: int = 0
     idle: int = 0
     polishes: int = 0
+
+    def __post_init__(self) -> None:
+        self.draw = np.random.default_rng(self.request.seed or 0)
 
     def answer(self) -> Answer:
         """Search, and say what was found."""
         begin = time.perf_counter()
         request, options = self.request, self.request.options
-        self.draw = np.random.default_rng(0 if request.seed is None else request.seed)
         if request.warm_start is not None:
             self.offer(request.warm_start)
-        self.steps = options["steps"] or max(STEPS * self.problem.size, LEAST)
-        bound = self.bounded() if options["bound"] else None
-        proven = time.perf_counter() - begin
-        while not self.ended(bound):
+        self.anneal(LEAST)  # something to fall back upon
+        proven = time.perf_counter()
+        orders = self.prove() if options["bound"] else []
+        proven = time.perf_counter() - proven
+        steps = options["steps"] or max(STEPS * self.problem.size, LEAST)
+        for order in orders:
+            if not self.ended:
+                self.anneal(steps, self.guided(order))
+        while not self.ended:
             again = len(self.kept) == KEPT and self.runs % 2 == 1
             one = int(self.draw.integers(len(self.kept))) if again else 0
-            self.anneal(self.steps, self.kept[one][2].copy() if again else None)
+            self.anneal(steps, self.kept[one][2].copy() if again else None)
         limit = self.request.control.reason if self.request.control.stopped else None
         if limit is None and request.left() == 0.0:
             limit = Limit.TIME
@@ -110,30 +117,35 @@ class _Search:
         seconds = {"solve": time.perf_counter() - begin, "bound": proven}
         if self.best is None:
             return Answer(
-                Termination.NO_SOLUTION, limit, None, None, bound, seconds=seconds,
+                Termination.NO_SOLUTION, limit, None, None, self.bound, seconds=seconds,
                 statistics=statistics,
-                message="no tour was found whose coordinates floating-point numbers can hold",
+                message=(
+                    "no tour was found in time" if limit is not None
+                    else "no tour was found whose coordinates floating-point numbers can hold"
+                ),
             )  # fmt: skip
-        done = self.within_gap(bound)
+        done = self.within_gap
         return Answer(
             Termination.OPTIMAL if done else Termination.FEASIBLE, None if done else limit, self.best,
-            self.best.length, bound, seconds=seconds, statistics=statistics,
+            self.best.length, self.bound, seconds=seconds, statistics=statistics,
         )  # fmt: skip
 
-    def ended(self, bound: float | None) -> bool:
-        """Return whether the search is over."""
-        if self.request.control.stopped or self.request.left() == 0.0 or self.within_gap(bound):
+    @property
+    def ended(self) -> bool:
+        """Whether the search is over."""
+        if self.request.control.stopped or self.request.left() == 0.0 or self.within_gap:
             return True
         return self.idle >= int(self.request.options["patience"])
 
-    def within_gap(self, bound: float | None) -> bool:
-        """Return whether the best tour is proven to be as good as was asked."""
-        if self.best is None or bound is None:
+    @property
+    def within_gap(self) -> bool:
+        """Whether the best tour is proven to be as good as was asked."""
+        if self.best is None or self.bound is None:
             return False
-        return self.best.length - bound <= self.request.gap * self.best.length
+        return self.best.length - self.bound <= self.request.gap * self.best.length
 
-    def bounded(self) -> float:
-        """Return a proven lower bound, and keep tours in the orders that came nearest to it."""
+    def prove(self) -> list[tuple[int, ...]]:
+        """Prove a lower bound, and return the orders that came nearest to it."""
         from .bound import straight
         from .bound_search import OrderSearch
 
@@ -150,6 +162,7 @@ class _Search:
             return control.stopped or many or time.perf_counter() > end
 
         search.run(stopped, rising, self.request.gap)
+        self.bound = search.bound
         if search.best is not None and self.request.options["interior"]:  # where turns are free
             times = search.best.times / self.problem.speed
             self.offer(straight(self.problem, search.best.order, search.best.points, times))
@@ -166,9 +179,7 @@ class _Search:
             orders = [
                 one.order for one in sorted(sketch.tours.values(), key=lambda one: one.length)
             ]
-        for order in orders[:KEPT]:
-            self.anneal(self.steps, self.guided(order))
-        return search.bound
+        return orders[:KEPT]
 
     def guided(self, order: tuple[int, ...]) -> Chain:
         """Return the chain of an order, where its bound would have the UAV fly."""
@@ -205,7 +216,7 @@ class _Search:
         length = value * problem.speed
         if all(abs(length - one[0]) > 1e-9 * length for one in self.kept):
             self.kept = sorted([*self.kept, (length, self.runs, chain)])[:KEPT]
-        if length < NEAR * (self.polished if self.best is None else self.best.length):
+        if self.best is None or length < NEAR * self.best.length:
             self.offer(self.polish(chain.plan()))
 
     def polish(self, plan: TourPlan) -> TourPlan:
