@@ -192,7 +192,9 @@ def _stamp(kernel: Kernel) -> tuple[tuple[str, int, int], ...]:
     """Return what changes when a file does beside which `kernel`, or one that it calls, is written."""
     folders = {Path(one.py_func.__code__.co_filename).parent for one in _called(kernel)}
     files = sorted(path for folder in folders for path in folder.glob("*.py"))
-    return tuple((path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in files)
+    # An editor's lock may be a link to nothing.
+    stamps = ((path.name, path.lstat()) for path in files)
+    return tuple((name, stamp.st_mtime_ns, stamp.st_size) for name, stamp in stamps)
 
 
 @overload

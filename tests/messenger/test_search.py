@@ -71,6 +71,16 @@ def test_a_plan_of_any_case_holds(model, interior):
         on_the_boundary(model, found.plan)
 
 
+@pytest.mark.parametrize("model", WILD.values(), ids=WILD)
+def test_bounds_are_below_the_plan(model):
+    found = searched(model)
+    size = model.radius.max() + model.extent
+    for name in ("euclidean-bound", "curvature-bound"):
+        bound = ct.solve(model, name, time_limit=1.0).dual_bound
+        # A plan may use the tolerance of its check.
+        assert bound <= found.primal_bound * (1 + 1e-7) + 1e-7 * size
+
+
 def legs_are_possible(model, plan):
     """No leg is shorter than the shortest path between its ends."""
     poses = integrated(plan, model.turning_radius)

@@ -131,6 +131,7 @@ def test_public_instances(vehicles: int) -> None:
         above.append(100 * (found.primal_bound / upper - 1))
         better += found.primal_bound < upper * (1 - 1e-7)
         gaps.append(100 * found.gap)
+        assert found.dual_bound <= found.primal_bound * (1 + 1e-7)
     print(
         f"\n{vehicles} discs, {len(names)} instances, {SECONDS * vehicles / 10:g} s: above the published "
         f"upper bound by {np.median(above):.6f} % in the median, {max(above):.4f} % at most; shorter "
