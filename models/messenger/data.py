@@ -56,7 +56,7 @@ class TourData(Declared):
             row = int(np.flatnonzero(fast >= self.speed)[0])
             raise InvalidData(
                 f"velocities[{row}] must be slower than the UAV, {self.speed:g} m/s: it might never be "
-                f"caught; got {show(self.velocities[row])}, {fast[row]:g} m/s",
+                f"caught; got {show(self.velocities[row].tolist())}, {fast[row]:g} m/s",
                 field="velocities",
             )
         if self.start is None:
