@@ -14,7 +14,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .chain import FIXED, RIM, confine, fly, hop, jiggle, place, where
+from .chain import FIXED, RIM, confine, fly, perturb, place, reach_next, where
 from .passing import CLOSEST, PIECE, PIECES, passed, trace
 
 __all__ = ["anneal"]
@@ -52,10 +52,10 @@ def _tune(
     if k == 0 or freedom[i] == FIXED:
         return
     after = order[k + 1] if k + 1 < count else order[0] if closed else -1
-    jiggle(
+    perturb(
         order[k - 1], times[k - 1], i, after, nodes, poses, freedom[i], speed, r, steps, trial, draw
     )
-    times[k] = hop(order[k - 1], times[k - 1], i, nodes, poses, speed, r)
+    times[k] = reach_next(order[k - 1], times[k - 1], i, nodes, poses, speed, r)
 
 
 @kernel
@@ -76,9 +76,11 @@ def _turn_start(
             pose[0] += radius * size * (2.0 * draw.random() - 1.0)
             pose[1] += radius * size * (2.0 * draw.random() - 1.0)
             confine(pose, radius, freedom)
-        value = hop(i, 0.0, order[1], nodes, poses, speed, r)
+        value = reach_next(i, 0.0, order[1], nodes, poses, speed, r)
         if closed:
-            value += hop(last, times[count - 1], i, nodes, poses, speed, r) - times[count - 1]
+            value += (
+                reach_next(last, times[count - 1], i, nodes, poses, speed, r) - times[count - 1]
+            )
         if value < best:
             best = value
         else:

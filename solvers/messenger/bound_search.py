@@ -12,7 +12,6 @@ from __future__ import annotations
 import heapq
 import math
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -99,8 +98,6 @@ class OrderSearch:
         In m: orders whose tours are no better are left out.
     curved : bool
         Whether bounds make use of the limit on curvature. Then no tour is met.
-    dive_every : int
-        Nodes whose children are made between two dives.
 
     Attributes
     ----------
@@ -118,7 +115,6 @@ class OrderSearch:
         cutoff: float = math.inf,
         *,
         curved: bool = False,
-        dive_every: int = DIVE_EVERY,
     ) -> None:
         self.chains = Chains(model, curved)
         self.field = self.chains.field
@@ -132,7 +128,7 @@ class OrderSearch:
         #: The smallest bound of what is neither open nor divided any further.
         self._settled = math.inf
         # Dives are for tours.
-        self._dive_every = sys.maxsize if self.chains.curved else dive_every
+        self._dive_every = sys.maxsize if self.chains.curved else DIVE_EVERY
         first = (self._outermost(),) if self.field.free else ()
         self._open = [_Node(0.0, self.field.size, 0, first)]
 
@@ -314,12 +310,10 @@ def flown(field: Field, order: tuple[int, ...], path: Path, at: list[float]) -> 
 
 def best_orders(
     model: MessengerTour,
-    seconds: float,
-    flag: NDArray[np.int8] | None = None,
+    stopped: Callable[[OrderSearch], bool],
     *,
     most: int = 20,
     gap: float = 1e-6,
-    dive_every: int = 5,
 ) -> list[tuple[tuple[int, ...], float]]:
     """Return good orders of the vehicles, and the lengths of their tours without curvature, m.
 
@@ -327,25 +321,16 @@ def best_orders(
     ----------
     model : MessengerTour
         Whose orders are wanted.
-    seconds : float
-        That the search may take; it ends sooner where the best order is proven.
-    flag : ndarray of int8, shape (1,), optional
-        Stops the search when it becomes nonzero.
+    stopped : callable
+        Asked of the search before every program that is solved; it ends sooner where the best order
+        is proven.
     most : int
         Orders that are returned at most, the best first.
     gap : float
         Relative difference to what is proven at which the search ends.
-    dive_every : int
-        As in :class:`OrderSearch`.
     """
-    search = OrderSearch(model, dive_every=dive_every)
-    end = time.perf_counter() + seconds
-
-    def stopped() -> bool:
-        late = time.perf_counter() > end and bool(search.tours)
-        return late or (flag is not None and bool(flag[0]))
-
-    search.run(stopped, lambda bound: None, gap)
+    search = OrderSearch(model)
+    search.run(lambda: stopped(search), lambda bound: None, gap)
     found = sorted(search.tours.values(), key=lambda one: one.length)
     return [(one.order, one.length) for one in found[:most]]
 

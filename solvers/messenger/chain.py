@@ -34,10 +34,10 @@ __all__ = [
     "arrive",
     "beyond",
     "fly",
-    "hop",
-    "jiggle",
     "leg",
+    "perturb",
     "place",
+    "reach_next",
     "where",
 ]
 
@@ -120,7 +120,9 @@ def leg(
 
 
 @kernel
-def hop(i: int, t: float, j: int, nodes: Floats, poses: Floats, speed: float, r: float) -> float:
+def reach_next(
+    i: int, t: float, j: int, nodes: Floats, poses: Floats, speed: float, r: float
+) -> float:
     """Return when node j is met, the UAV meeting node i at time t."""
     x, y, h = where(nodes[i], poses[i], t)
     return arrive(x, y, h, t, nodes[j], poses[j], speed, r)
@@ -136,12 +138,12 @@ def fly(
     `order` holds `count` nodes. What exceeds `ceiling` is infinite.
     """
     for k in range(begin, count):
-        times[k] = hop(order[k - 1], times[k - 1], order[k], nodes, poses, speed, r)
+        times[k] = reach_next(order[k - 1], times[k - 1], order[k], nodes, poses, speed, r)
         if not times[k] <= ceiling:
             return math.inf
     end: float = times[count - 1]
     if closed:
-        end = hop(order[count - 1], end, order[0], nodes, poses, speed, r)
+        end = reach_next(order[count - 1], end, order[0], nodes, poses, speed, r)
     return end
 
 
@@ -181,7 +183,7 @@ def confine(pose: Floats, radius: float, freedom: int) -> None:
 
 
 @kernel
-def jiggle(
+def perturb(
     before: int, t: float, i: int, after: int, nodes: Floats, poses: Floats, freedom: int,
     speed: float, r: float, rounds: int, trial: Floats, draw: Generator,
 ) -> float:  # fmt: skip

@@ -15,7 +15,7 @@ from ...models.messenger.plan import SIGNS, Primitive, TourPlan
 from .chain import DISC, FIXED, RIM, TURNS, leg, where
 from .passing import CLOSEST, PIECE, PIECES, passed, trace
 
-__all__ = ["Chain", "cut", "on_the_rim"]
+__all__ = ["Chain", "cut", "move_to_boundary"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -96,12 +96,12 @@ class Chain:
                 passed(self.nodes[i], pieces, size, False, speed, r, legs, hints, gaps)
                 stops[i] = float(hints[0, 3]) * speed
                 if self.freedom[i] == RIM and problem.radius[i] > 0.0:
-                    found = crossing(problem, i, pieces[:size], stops[i])
+                    found = cross_boundary(problem, i, pieces[:size], stops[i])
                     stops[i] = stops[i] if found is None else found
         return cut(problem, start, primitives, stops)
 
 
-def crossing(problem: MessengerTour, i: int, pieces: Floats, inside: float) -> float | None:
+def cross_boundary(problem: MessengerTour, i: int, pieces: Floats, inside: float) -> float | None:
     """Return the length flown at which a path crosses the boundary of a disc; None where it does not.
 
     Parameters
@@ -139,7 +139,7 @@ def crossing(problem: MessengerTour, i: int, pieces: Floats, inside: float) -> f
     return None
 
 
-def on_the_rim(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
+def move_to_boundary(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
     """Return the same path with every vehicle met on the boundary of its disc; None where it cannot be."""
     poses = integrated(plan, problem.turning_radius)
     flown, pieces = 0.0, []
@@ -153,7 +153,11 @@ def on_the_rim(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
     stops = {}
     for k, i in enumerate(plan.order):
         inside = float(plan.times[k]) * problem.speed
-        found = crossing(problem, i, np.array(pieces), inside) if problem.radius[i] > 0 else inside
+        found = (
+            cross_boundary(problem, i, np.array(pieces), inside)
+            if problem.radius[i] > 0
+            else inside
+        )
         if found is None:
             return None
         stops[i] = found

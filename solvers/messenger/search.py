@@ -15,7 +15,7 @@ from ...models.messenger.plan import TourPlan
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 from .annealing import anneal
 from .chain import confine
-from .emission import Chain, on_the_rim
+from .emission import Chain, move_to_boundary
 
 __all__ = ["TourSearch"]
 
@@ -147,7 +147,7 @@ class _Search:
     def prove(self) -> list[tuple[int, ...]]:
         """Prove a lower bound, and return the orders that came nearest to it."""
         from .bound import straight
-        from .bound_search import OrderSearch
+        from .bound_search import OrderSearch, best_orders
 
         control, left = self.request.control, self.request.left()
         end = math.inf if left is None else time.perf_counter() + BOUND_SHARE * left
@@ -169,16 +169,12 @@ class _Search:
         orders = [order for _, order in sorted(search.orders)]
         if not orders:
             # Without curvature the search dives for tours.
-            sketch = OrderSearch(self.problem)
-
-            def enough() -> bool:
+            def enough(sketch: OrderSearch) -> bool:
                 many = len(sketch.tours) >= KEPT or sketch.chains.solved >= SKETCH_PROGRAMS
                 return control.stopped or many or self.request.left() == 0.0
 
-            sketch.run(enough, lambda bound: None, self.request.gap)
-            orders = [
-                one.order for one in sorted(sketch.tours.values(), key=lambda one: one.length)
-            ]
+            found = best_orders(self.problem, enough, gap=self.request.gap)
+            orders = [order for order, _ in found]
         return orders[:KEPT]
 
     def guided(self, order: tuple[int, ...]) -> Chain:
@@ -229,7 +225,7 @@ class _Search:
         found = polish(self.problem, plan, self.request)
         if self.request.options["interior"]:
             return found
-        return on_the_rim(self.problem, found) or plan
+        return move_to_boundary(self.problem, found) or plan
 
     def offer(self, plan: TourPlan) -> None:
         """Keep `plan` where it is the best and keeps what the model asks."""

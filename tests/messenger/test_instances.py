@@ -289,7 +289,7 @@ def test_a_table_of_vehicles_is_an_instance(tmp_path):
 
 
 def test_a_sheet_of_vehicles_is_an_instance(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
+    openpyxl = pytest.importorskip("openpyxl", reason="Excel files need openpyxl")
     book = openpyxl.Workbook()
     for row in (["x", "y", "vx", "vy", "id"], [60, 20.5, 1, 0, 12], [10, 70, 0, -2, "b"]):
         book.active.append(row)

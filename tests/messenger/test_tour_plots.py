@@ -302,7 +302,7 @@ def test_plans_of_other_vehicles_are_refused(ten):
 
 @pytest.mark.filterwarnings("error")
 def test_the_tour_moves(ten, tmp_path):
-    pytest.importorskip("PIL")
+    pytest.importorskip("PIL", reason="a GIF is written by Pillow")
     from PIL import Image
 
     model, plan = ten
