@@ -57,6 +57,9 @@ class Model(Declared, ABC, Generic[PlanT]):
         anything of, such as estimation; None where plans are judged by bounds alone.
     plan_type : type
         What a plan must be an instance of; anything where a model does not say.
+    second_objectives : dict of str to str
+        What :func:`crosstrack.front` trades the objective against: names, and the field that limits
+        each.
     """
 
     # Written out, for type checkers see only through dataclasses.field that it is no position.
@@ -68,6 +71,7 @@ class Model(Declared, ABC, Generic[PlanT]):
     objective_unit: ClassVar[str] = ""
     agreement: ClassVar[float | None] = None
     plan_type: ClassVar[type] = object
+    second_objectives: ClassVar[dict[str, str]] = {}
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -242,6 +246,21 @@ class Model(Declared, ABC, Generic[PlanT]):
     @abstractmethod
     def plan_from_data(self, data: Any) -> PlanT:
         """Return the plan that :meth:`plan_to_data` wrote; bad data raises ``InvalidData``."""
+
+    def second_objective(self, name: str, plan: PlanT) -> float:
+        """Return the second objective called `name` of a plan, from the raw data."""
+        raise UnknownName(f"second objective of model {self.kind!r}", name, self.second_objectives)
+
+    def limited(self, name: str, value: float) -> Self:
+        """Return the model with the second objective called `name` limited to `value` at the most.
+
+        Limits that the model has already stay where they are less.
+        """
+        field = self.second_objectives[name]
+        given = getattr(self, field)
+        limit = value if given is None else np.minimum(given, value)
+        changed: dict[str, Any] = {field: limit}
+        return dataclasses.replace(self, **changed)
 
     def distance(self, plan: PlanT, other: PlanT) -> float:
         """Return how far apart two plans are, in the unit of :attr:`agreement`.

@@ -55,7 +55,10 @@ __all__ = [
 log = logging.getLogger("crosstrack")
 
 #: The problems of crosstrack: the names of their folders.
-PROBLEMS = ("error_correction", "messenger", "minimum_snap", "optimal_control", "satellite_slew")
+PROBLEMS = (
+    *("error_correction", "fleet", "fleet_mission", "grid_path", "messenger", "minimum_snap"),
+    *("optimal_control", "satellite_slew"),
+)
 #: Entry-point group in which other distributions announce problems.
 GROUP = "crosstrack.problems"
 #: The kits whose folder in `models` declares models that belong to no problem.

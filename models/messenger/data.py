@@ -29,7 +29,7 @@ class EachVehicle(Array):
         return super().coerce(name, value, sizes)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TourData(Declared):
     """What :class:`~crosstrack.models.messenger.model.MessengerTour` asks; the fields are said there."""
 

@@ -1,0 +1,23 @@
+"""Routes of several robots that share out the nodes, and the balance between them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .data import Deviation as Deviation, Metric as Metric, Objective as Objective
+    from .model import FleetRouting as FleetRouting
+    from .plan import FleetPlan as FleetPlan
+
+MODELS = {"fleet-routing": ".model:FleetRouting"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "data": ("Deviation", "Metric", "Objective"),
+        "model": ("FleetRouting",),
+        "plan": ("FleetPlan",),
+    },
+)

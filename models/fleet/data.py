@@ -1,0 +1,236 @@
+"""The data of a fleet's routes: nodes, distances, vehicles, limits and the objective."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..declaration import Declared, Nested
+from ..fields import Array, Flag, Optional, Real, Whole, declared, frozen, show
+from ..grid_path import GridMap
+from ..labels import Ids
+from ..records import Member
+
+__all__ = ["Deviation", "FleetData", "Metric", "Objective"]
+
+Floats = NDArray[np.float64]
+
+#: Vehicles and nodes at the most.
+MOST = 10_000
+#: Weight of the sum in the lexicographic objective.
+LEXICOGRAPHIC = 1e-6
+
+
+class Objective(StrEnum):
+    """What is minimised, of the lengths L_1 … L_m of the routes."""
+
+    SUM = "sum"  #: Σ L_k (eq. 15)
+    MAX = "max"  #: max L_k
+    DEVIATION = "sum-deviation"  #: Σ L_k + q s, with their standard deviation s (eq. 16)
+    RANGE = "range"  #: max L_k - min L_k
+    LEXICOGRAPHIC = "max-sum"  #: max L_k, then Σ L_k: max L_k + 1e-6 Σ L_k
+
+
+class Deviation(StrEnum):
+    """What the sum of squared differences to the mean is divided by."""
+
+    SAMPLE = "sample"  #: m - 1, as in the paper's table 3
+    POPULATION = "population"  #: m, as in the paper's eq. 16
+
+
+class Metric(StrEnum):
+    """Distance of two points."""
+
+    EUCLIDEAN = "euclidean"  #: straight line
+    ROUNDED = "rounded"  #: straight line, rounded to a whole number as TSPLIB's EUC_2D
+    PAPER = "paper"  #: Manhattan, which eq. 17 cancels to: obstacles do not count
+    GRID = "grid"  #: shortest path on the map, along eight neighbours
+
+
+class EachVehicle(Array):
+    """One number a vehicle, or one for all."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
+        if np.ndim(value) == 0 and not isinstance(value, str | dict | set):
+            value = np.full(sizes["vehicles"][0], Real(self.lower).coerce(name, value, {}))
+        return super().coerce(name, value, sizes)
+
+
+class Count(Whole):
+    """The number of vehicles, which other fields have entries for."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> int:
+        found = super().coerce(name, value, sizes)
+        sizes["vehicles"] = (found, name)
+        return found
+
+
+class Depots(Array):
+    """One node for all vehicles, or one for each."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
+        if np.ndim(value) == 0 and not isinstance(value, str | dict | set):
+            value = [Whole(0).coerce(name, value, {})]
+        return super().coerce(name, value, sizes)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FleetData(Declared):
+    """What :class:`~crosstrack.models.fleet.model.FleetRouting` asks; the fields are said there."""
+
+    vehicles: int = declared(Count(1, MOST))
+    costs: Floats | None = declared(Optional(Array(("n", "n"), lower=0)), default=None)
+    points: Floats | None = declared(Optional(Array(("n", 2))), default=None)
+    map: GridMap | None = declared(Optional(Nested(GridMap)), default=None)
+    metric: Metric | None = declared(Optional(Member(Metric)), default=None)
+    depots: NDArray[np.int64] = declared(Depots(("d",), int, lower=0), default=0)
+    use_all: bool = declared(Flag(), default=True)
+    objective: Objective = declared(Member(Objective), default=Objective.MAX)
+    q: float = declared(Real(lower=0), default=0.0)
+    deviation: Deviation = declared(Member(Deviation), default=Deviation.SAMPLE)
+    demands: Floats | None = declared(Optional(Array(("n",), lower=0)), default=None)
+    capacity: Floats | None = declared(Optional(EachVehicle(("vehicles",), lower=0)), default=None)
+    battery: Floats | None = declared(Optional(EachVehicle(("vehicles",), lower=0)), default=None)
+    budget: float | None = declared(Optional(Real(lower=0)), default=None)
+    deviation_limit: float | None = declared(Optional(Real(lower=0)), default=None)
+    range_limit: float | None = declared(Optional(Real(lower=0)), default=None)
+    ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
+
+    def check(self) -> None:
+        """Fill in defaults, and refuse what contradicts itself."""
+        self._check_distances()
+        if self.size > MOST:
+            raise InvalidData(f"points must be at most {MOST}, got {self.size}", field="points")
+        if self.depots.size not in (1, self.vehicles):
+            raise InvalidData(
+                f"depots must be one node, or one for each of {self.vehicles} vehicles, got "
+                f"{self.depots.size}",
+                field="depots",
+            )
+        if (self.depots >= self.size).any():
+            raise InvalidData(
+                f"depots must be nodes 0 … {self.size - 1}, got {int(self.depots.max())}",
+                field="depots",
+            )
+        count = len(self.customers)
+        if not count:
+            raise InvalidData(
+                f"there must be a node to visit beside the depot, got {self.size} nodes in all",
+                field="points" if self.costs is None else "costs",
+            )
+        if self.use_all and self.vehicles > count:
+            raise InvalidData(
+                f"vehicles must be at most the {count} nodes to visit where all are used, got "
+                f"{self.vehicles}",
+                field="vehicles",
+            )
+        if (self.demands is None) != (self.capacity is None):
+            name = "demands" if self.demands is None else "capacity"
+            raise InvalidData(f"{name} must be given beside the other of the two", field=name)
+        if self.q and self.objective is not Objective.DEVIATION:
+            raise InvalidData(
+                f"q counts for the objective 'sum-deviation' only, got objective {str(self.objective)!r} "
+                f"and q {self.q:g}",
+                field="q",
+            )
+        self._check_reachable()
+
+    def _check_distances(self) -> None:
+        if (self.costs is None) == (
+            self.points is None and self.map is None
+        ) and self.costs is None:
+            raise InvalidData("costs or points must be given, got neither", field="costs")
+        if self.costs is not None:
+            if self.map is not None or self.metric is not None:
+                name = "map" if self.map is not None else "metric"
+                raise InvalidData(f"{name} must not be given beside costs", field=name)
+            if (np.diagonal(self.costs) != 0).any():
+                row = int(np.flatnonzero(np.diagonal(self.costs))[0])
+                raise InvalidData(
+                    f"costs[{row}, {row}] must be 0, got {self.costs[row, row]:g}", field="costs"
+                )
+            return
+        if self.points is None:
+            raise InvalidData("points must be given beside a map, got none", field="points")
+        if self.metric is None:
+            default = Metric.EUCLIDEAN if self.map is None else Metric.GRID
+            object.__setattr__(self, "metric", default)
+        if self.metric is Metric.GRID:
+            if self.map is None:
+                raise InvalidData("map must be given for the metric 'grid'", field="map")
+            cells = self.map.cells_of(self.points)
+            bad = np.flatnonzero(~self.map.holds(cells))
+            if bad.size:
+                k = int(bad[0])
+                raise InvalidData(
+                    f"points[{k}] (node {self.label(k)}) must lie in a free cell of the map, got "
+                    f"{show(self.points[k].tolist())}",
+                    field="points",
+                )
+
+    def _check_reachable(self) -> None:
+        far = np.argwhere(~np.isfinite(self.distances))
+        if far.size:
+            a, b = (int(x) for x in far[0])
+            start = int(self.depots[0])
+            apart = np.flatnonzero(~np.isfinite(self.distances[start]))
+            # Said of the node that the depot cannot reach, where there is one.
+            a, b = (start, int(apart[0])) if apart.size else (a, b)
+            raise InvalidData(
+                f"node {self.label(b)} cannot be reached from node {self.label(a)}",
+                field="map" if self.metric is Metric.GRID else "points",
+            )
+
+    @property
+    def size(self) -> int:
+        """The number of nodes, depots included."""
+        held = self.points if self.costs is None else self.costs
+        assert held is not None
+        return len(held)
+
+    @cached_property
+    def customers(self) -> NDArray[np.int64]:
+        """The nodes that are to be visited: all but the depots."""
+        return np.setdiff1d(np.arange(self.size), self.depots)
+
+    @cached_property
+    def homes(self) -> NDArray[np.int64]:
+        """The depot of each vehicle."""
+        return np.broadcast_to(self.depots, (self.vehicles,)).copy()
+
+    @cached_property
+    def symmetric(self) -> bool:
+        """Whether every way back is as long as the way there."""
+        return bool(np.array_equal(self.distances, self.distances.T))
+
+    @cached_property
+    def distances(self) -> Floats:
+        """The cost of going from one node to another, shape (n, n)."""
+        if self.costs is not None:
+            return self.costs
+        assert self.points is not None
+        if self.metric is Metric.GRID:
+            from ..grid_path import distances
+
+            assert self.map is not None
+            return frozen(distances(self.map, self.map.cells_of(self.points)))
+        difference = self.points[:, None] - self.points[None]
+        if self.metric is Metric.PAPER:
+            return frozen(np.abs(difference).sum(axis=-1))
+        straight = np.hypot(difference[..., 0], difference[..., 1])
+        return frozen(np.floor(straight + 0.5) if self.metric is Metric.ROUNDED else straight)
+
+    @property
+    def length_unit(self) -> str:
+        """The unit of distances: none where they are given as costs."""
+        return "" if self.costs is not None else "m"
+
+    def label(self, node: int) -> str:
+        """Return the name of `node`: its id, or its index."""
+        return str(node if self.ids is None else self.ids[node])

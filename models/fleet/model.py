@@ -1,0 +1,133 @@
+"""Routes of several robots that share out task nodes, with the balance of their energy.
+
+Source: section 2 of "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot
+in Obstacle Environment", Wireless Communications and Mobile Computing, 2021.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..model import Model
+from ..verification import TOLERANCE, Verification
+from .checks import deviation_of, loads_of, verify_routes
+from .data import FleetData, Objective
+from .plan import FleetPlan
+
+__all__ = ["FleetRouting"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FleetRouting(FleetData, Model[FleetPlan]):
+    r"""Routes of m vehicles from their depots through all nodes, each visited once.
+
+    With L_k the length of the route of vehicle k, from its depot and back, minimise one of
+
+    * ``"sum"``: :math:`\sum_k L_k` (eq. 15),
+    * ``"max"``: :math:`\max_k L_k`,
+    * ``"sum-deviation"``: :math:`\sum_k L_k + q s`, with the standard deviation s of all L_k (eq. 16),
+    * ``"range"``: :math:`\max_k L_k - \min_k L_k`,
+    * ``"max-sum"``: max L_k and then the sum, stated as :math:`\max_k L_k + 10^{-6} \sum_k L_k`.
+
+    Known as the multiple travelling salesman problem. A vehicle that stays at its depot counts with
+    length 0.
+
+    Parameters
+    ----------
+    vehicles : int
+        m.
+    costs : ndarray, shape (n, n), optional
+        d_ij, the cost of going from i to j, >= 0 and 0 from a node to itself; need not be symmetric.
+    points : ndarray, shape (n, 2), optional
+        Where the nodes are, m, instead of `costs`.
+    map : GridMap, optional
+        What the points lie on; paths then lead around blocked cells.
+    metric : {"euclidean", "rounded", "paper", "grid"}, optional
+        Distance between points, see :class:`~crosstrack.models.fleet.Metric`: "grid" by default where
+        there is a map, else "euclidean".
+    depots : int or ndarray of int, shape (1,) or (vehicles,)
+        The node where all routes begin and end, or one for each vehicle.
+    use_all : bool
+        Whether every vehicle must visit a node at least.
+    objective : {"max", "sum", "sum-deviation", "range", "max-sum"}
+        What is minimised.
+    q : float
+        Weight of the deviation, for the objective "sum-deviation".
+    deviation : {"sample", "population"}
+        Whether the deviation divides by m - 1, as the paper's table 3, or by m, as its eq. 16.
+    demands, capacity : ndarray, shape (n,) and (vehicles,), optional
+        What each node takes, and what a vehicle can give; one number counts for all vehicles.
+    battery : float or ndarray, shape (vehicles,), optional
+        The longest route of each vehicle.
+    budget, deviation_limit, range_limit : float, optional
+        Limits on the sum of all lengths, their deviation, and their range.
+    ids : sequence of int or str, optional
+        Names of the nodes.
+
+    Raises
+    ------
+    InvalidData
+        Naming field, row and value: neither costs nor points, more vehicles than nodes, NaN, a node
+        in a blocked cell, one that cannot be reached.
+
+    Examples
+    --------
+    >>> from crosstrack.models import FleetRouting
+    >>> model = FleetRouting(2, points=[[0, 0], [3, 0], [0, 4], [5, 5]])
+    >>> print(model.describe())
+    2 vehicles, 3 nodes, max
+    """
+
+    kind: ClassVar[str] = "fleet-routing"
+    objective_unit: ClassVar[str] = "m"
+    plan_type: ClassVar[type] = FleetPlan
+    formulations: ClassVar[dict[str, Any]] = {
+        "two-index": ".models.fleet.two_index:TwoIndexFormulation",
+        "three-index": ".models.fleet.three_index:ThreeIndexFormulation",
+    }
+    default_formulation: ClassVar[str] = "three-index"
+    second_objectives: ClassVar[dict[str, str]] = {
+        "max": "battery",
+        "sum": "budget",
+        "deviation": "deviation_limit",
+        "range": "range_limit",
+    }
+
+    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    def verify(self, plan: FleetPlan, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return the objective and every constraint, from the distances and the routes alone."""
+        return verify_routes(self, plan, tolerance)
+
+    def second_objective(self, name: str, plan: FleetPlan) -> float:
+        """Return "max", "sum", "deviation" or "range" of the lengths of the routes."""
+        loads = loads_of(self, plan)
+        if name == "deviation":
+            return deviation_of(self, loads)
+        if name == "sum":
+            return float(loads.sum())
+        return float(loads.max() if name == "max" else np.ptp(loads))
+
+    def plan_to_data(self, plan: FleetPlan) -> Any:
+        """Return ``{"routes": [[…], …]}``."""
+        return plan.to_data()
+
+    def plan_from_data(self, data: Any) -> FleetPlan:
+        """Return the plan in `data`."""
+        return FleetPlan.from_data(data)
+
+    def describe(self) -> str:
+        """Return the size in a few words."""
+        several = f"{self.vehicles} vehicles" if self.vehicles > 1 else "1 vehicle"
+        what = str(self.objective)
+        if self.objective is Objective.DEVIATION:
+            what += f", q {self.q:g}"
+        limits = [
+            name.replace("_limit", "")
+            for name in ("capacity", "battery", "budget", "deviation_limit", "range_limit")
+            if getattr(self, name) is not None
+        ]
+        more = f", limits: {', '.join(limits)}" if limits else ""
+        return f"{several}, {len(self.customers)} nodes, {what}{more}"

@@ -1,0 +1,183 @@
+"""A map of free and blocked cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...errors import InvalidData
+from ..declaration import Declared
+from ..fields import Array, Flag, Real, declared, show
+
+__all__ = ["BLOCKED", "FREE", "GridMap"]
+
+Floats = NDArray[np.float64]
+Truths = NDArray[np.bool_]
+
+#: The characters of free and of blocked cells; those of MovingAI's maps that mean the same are read.
+FREE, BLOCKED = ".", "@"
+_FREE, _BLOCKED = ".G", "@OTW#"
+#: Cells that a map may have at the most.
+MOST = 2**26
+
+
+class Cells(Array):
+    """Truth values, or lines of text with a character a cell; written as lines."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Truths:
+        if isinstance(value, str):
+            value = value.splitlines()
+        if isinstance(value, list | tuple) and value and all(isinstance(x, str) for x in value):
+            value = _read(name, value)
+        found: Truths = super().coerce(name, value, sizes)
+        return found
+
+    def encode(self, value: Truths) -> list[str]:
+        return ["".join(BLOCKED if cell else FREE for cell in row) for row in value.tolist()]
+
+
+def _read(name: str, lines: Iterable[str]) -> list[list[bool]]:
+    rows: list[list[bool]] = []
+    for number, line in enumerate(lines):
+        for column, letter in enumerate(line):
+            if letter not in _FREE + _BLOCKED:
+                raise InvalidData(
+                    f"{name}, line {number}, column {column} must be one of "
+                    f"{' '.join(_FREE)} (free) or {' '.join(_BLOCKED)} (blocked), got {show(letter)}",
+                    field=name,
+                )
+        if rows and len(line) != len(rows[0]):
+            raise InvalidData(
+                f"{name}, line {number} must have {len(rows[0])} cells as the first, got {len(line)}",
+                field=name,
+            )
+        rows.append([letter in _BLOCKED for letter in line])
+    return rows
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GridMap(Declared):
+    """Square cells, each free or blocked; every position in a free cell is safe.
+
+    The cell in row r and column c covers x from ``origin[0] + c cell`` to one `cell` more, and y from
+    ``origin[1] + r cell`` alike. What lies outside of the map is blocked.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows, columns), or lines of text
+        Which cells are blocked. In text ``.`` and ``G`` are free, ``@``, ``O``, ``T``, ``W`` and ``#``
+        blocked, and the first line is row 0.
+    cell : float
+        Side of a cell, m.
+    origin : ndarray, shape (2,)
+        The corner of the cell in row 0 and column 0 that has the least x and y, m.
+    upward : bool
+        Whether pictures draw y upward, as for maps of a terrain; else row 0 is drawn at the top, as
+        in text and images.
+
+    Raises
+    ------
+    InvalidData
+        Naming the field: lines of different lengths, unknown characters, no free cell, NaN.
+    """
+
+    blocked: Truths = declared(Cells(("rows", "columns"), bool))
+    cell: float = declared(Real(lower=0, strict=True, unit="m"), default=1.0)
+    origin: Floats = declared(Array((2,)), default=(0.0, 0.0))
+    upward: bool = declared(Flag(), default=False)
+
+    def check(self) -> None:
+        """Refuse maps that nobody can move on, or that are too large."""
+        if self.blocked.size > MOST:
+            raise InvalidData(
+                f"blocked must have at most {MOST} cells, got {self.blocked.size}", field="blocked"
+            )
+        if self.blocked.all():
+            raise InvalidData(
+                f"blocked must leave at least one cell free, got {self.shape[0]} × {self.shape[1]} "
+                "cells of which none is",
+                field="blocked",
+            )
+        corner = np.abs(self.origin).max() + self.cell * max(self.shape)
+        if not np.isfinite(corner) or self.cell < 1e-9 * corner:
+            raise InvalidData(
+                f"cell must be large enough to tell cells at {corner:g} m apart, got {self.cell:g} m",
+                field="cell",
+            )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of rows and columns."""
+        rows, columns = self.blocked.shape
+        return rows, columns
+
+    def centres(self, cells: ArrayLike) -> Floats:
+        """Return the centres of cells.
+
+        Parameters
+        ----------
+        cells : array-like of int, shape (..., 2)
+            Rows and columns.
+
+        Returns
+        -------
+        ndarray, shape (..., 2)
+            x, y (m).
+        """
+        rows_columns = np.asarray(cells, float)
+        found: Floats = self.origin + (rows_columns[..., ::-1] + 0.5) * self.cell
+        return found
+
+    def cells_of(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return rows and columns of the cells that hold points; they may lie outside of the map.
+
+        Parameters
+        ----------
+        points : array-like, shape (..., 2)
+            x, y (m). A point on an edge belongs to the cell with the greater row or column.
+
+        Returns
+        -------
+        ndarray of int, shape (..., 2)
+            Row, column.
+        """
+        steps = np.floor((np.asarray(points, float) - self.origin) / self.cell)
+        return np.asarray(steps[..., ::-1]).astype(np.int64)
+
+    def holds(self, cells: ArrayLike) -> Truths:
+        """Return which of the cells, shape (..., 2), lie on the map and are free."""
+        given = np.asarray(cells, np.int64)
+        inside = ((given >= 0) & (given < self.shape)).all(axis=-1)
+        safe = np.where(inside[..., None], given, 0)
+        return np.asarray(inside & ~self.blocked[safe[..., 0], safe[..., 1]])
+
+    def inflated(self, radius: float) -> GridMap:
+        """Return the map for a round robot: cells nearer than `radius` (m) to a blocked one are blocked.
+
+        Distances are those between the nearest points of two cells, so the whole of a free cell is
+        safe for the robot's centre.
+        """
+        from scipy.ndimage import distance_transform_edt
+
+        reach = Real(lower=0, unit="m").coerce("radius", radius, {}) / self.cell
+        # Nearest points of two cells are corners of both, as cells lie on one lattice.
+        corners = np.ones(np.add(self.shape, 1), bool)
+        for row in (0, 1):
+            for column in (0, 1):
+                rows, columns = self.shape
+                corners[row : row + rows, column : column + columns] &= ~self.blocked
+        if corners.all() or reach == 0:
+            return self
+        away = distance_transform_edt(corners)
+        near = np.minimum(away[1:], away[:-1]).astype(float)
+        near = np.asarray(np.minimum(near[:, 1:], near[:, :-1]))
+        blocked = self.blocked | (near < reach * (1 - 1e-12))
+        return replace(self, blocked=blocked)
+
+    def __repr__(self) -> str:
+        rows, columns = self.shape
+        return f"<GridMap {rows} × {columns} cells of {self.cell:g} m, {self.blocked.mean():.0%} blocked>"

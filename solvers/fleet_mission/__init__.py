@@ -1,0 +1,1 @@
+"""Missions of a fleet on a map."""
