@@ -1,1 +1,3 @@
-"""Routes of a fleet."""
+"""Native algorithms for the routes of a fleet."""
+
+BACKENDS = {"fleet-search": ".fleet_search:FleetSearch"}
