@@ -1,1 +1,6 @@
 """Shortest paths on a grid."""
+
+BACKENDS = {
+    "a-star": ".exact:AStar",
+    "dijkstra": ".exact:Dijkstra",
+}
