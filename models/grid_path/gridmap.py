@@ -168,7 +168,7 @@ class GridMap(Declared):
     def holds(self, cells: ArrayLike) -> Truths:
         """Return which of the cells, shape (..., 2), lie on the map and are free."""
         given = np.asarray(cells, np.int64)
-        inside = ((given >= 0) & (given < self.shape)).all(axis=-1)
+        inside = np.asarray(((given >= 0) & (given < self.shape)).all(axis=-1))
         safe = np.where(inside[..., None], given, 0)
         return np.asarray(inside & ~self.blocked[safe[..., 0], safe[..., 1]])
 
