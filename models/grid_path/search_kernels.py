@@ -17,7 +17,18 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["CEILING", "DIAGONAL", "DONE", "STOPPED", "STRAIGHT", "ahead", "sweep", "trace"]
+__all__ = [
+    "CEILING",
+    "DIAGONAL",
+    "DONE",
+    "STOPPED",
+    "STRAIGHT",
+    "ahead",
+    "box_around",
+    "steps_of",
+    "sweep",
+    "trace",
+]
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
@@ -53,8 +64,46 @@ def ahead(row: int, column: int, box: Ints, diagonal: bool) -> int:
     down = max(box[0] - row, row - box[1], 0)
     across = max(box[2] - column, column - box[3], 0)
     if not diagonal:
-        return (down + across) * STRAIGHT
-    return abs(down - across) * STRAIGHT + min(down, across) * DIAGONAL
+        return int((down + across) * STRAIGHT)
+    return int(abs(down - across) * STRAIGHT + min(down, across) * DIAGONAL)
+
+
+@kernel
+def steps_of(width: int, diagonal: bool) -> Ints:
+    """Return for each step how the number of the cell changes, its cost, its rows and its columns."""
+    steps = np.empty((8 if diagonal else 4, 4), np.int64)
+    turn = 0
+    for parity in range(1, 3 if diagonal else 2):
+        for down in range(-1, 2):
+            for across in range(-1, 2):
+                if abs(down) + abs(across) == parity:
+                    steps[turn, 0] = down * width + across
+                    steps[turn, 1] = STRAIGHT if parity == 1 else DIAGONAL
+                    steps[turn, 2], steps[turn, 3] = down, across
+                    turn += 1
+    return steps
+
+
+@kernel
+def box_around(numbers: Ints, width: int) -> Ints:
+    """Return least row, most row, least column and most column of cells."""
+    first = numbers[0]
+    box = np.array([first // width, first // width, first % width, first % width])
+    for number in numbers:
+        row, column = number // width, number % width
+        box[0], box[1] = min(box[0], row), max(box[1], row)
+        box[2], box[3] = min(box[2], column), max(box[3], column)
+    return box
+
+
+@kernel
+def larger(ring: Ints, sizes: Ints) -> Ints:
+    """Return `ring` with twice the room."""
+    found = np.empty((len(ring), 2 * ring.shape[1]), np.int64)
+    for k in range(len(ring)):
+        for i in range(sizes[k]):
+            found[k, i] = ring[k, i]
+    return found
 
 
 @kernel(interpretable=True)
@@ -103,36 +152,28 @@ def sweep(
     expanded : int
         How often the neighbours of a cell were looked at.
     """
+    steps = steps_of(width, diagonal)
     state = walls.copy()
     left = np.zeros(walls.size, np.int64)
-    box = np.zeros(4, np.int64)
-    box[0] = box[2] = walls.size
+    box = box_around(goals, width)
     missing = 0
     for goal in goals:
-        row, column = goal // width, goal % width
-        box[0], box[1] = min(box[0], row), max(box[1], row)
-        box[2], box[3] = min(box[2], column), max(box[3], column)
-        if state[goal] & _GOAL == 0:
-            state[goal] |= _GOAL
-            missing += 1
+        missing += 1 if state[goal] == 0 else 0
+        state[goal] = _GOAL
     if not every:
         missing = 1
     ring = np.empty((_RING, 256), np.int64)
     sizes = np.zeros(_RING, np.int64)
-    waiting, expanded = 1, 0
-    # The least that is left at a wanted goal: a way that leaves no more is of no use.
-    least = 0
-    left[start] = CEILING
-    state[start] |= _WAITING
-    if state[start] & _GOAL:
-        missing -= 1
-        if missing == 0:
-            least = CEILING
     at = 0
     if guided:
         at = ahead(start // width, start % width, box, diagonal) >> _SHIFT
     ring[at % _RING, 0] = start
     sizes[at % _RING] = 1
+    left[start] = CEILING
+    state[start] |= _WAITING
+    waiting, expanded = 1, 0
+    # What is left at the worst of the goals that are wanted: a way that leaves no more is of no use.
+    least = 0
     while waiting > 0:
         if flag[0] != 0:
             return STOPPED, left, expanded
@@ -146,58 +187,40 @@ def sweep(
         cell = ring[bucket, sizes[bucket]]
         if state[cell] & _WAITING == 0:
             continue  # it left before, from a lower bucket
-        state[cell] &= ~_WAITING & 255
         here = left[cell]
-        row, column = 0, 0
+        order, row, column = here, 0, 0
         if guided:
             row = cell // width
             column = cell - row * width
-            if here - ahead(row, column, box, diagonal) <= least:
-                continue
-        elif here <= least:
+            order -= ahead(row, column, box, diagonal)
+        if order <= least:
             continue
+        if state[cell] & _GOAL:
+            missing -= 1
+            if missing <= 0:
+                least = here
+                for goal in goals:
+                    least = min(least, left[goal]) if every else max(least, left[goal])
+        state[cell] = 0
         expanded += 1
-        for turn in range(8 if diagonal else 4):
-            down, across = 0, 0
-            cost = STRAIGHT
-            if turn < 4:
-                if turn < 2:
-                    across = 2 * turn - 1
-                else:
-                    down = 2 * turn - 5
-            else:
-                down, across = 2 * (turn % 2) - 1, 2 * (turn // 6) - 1
-                cost = DIAGONAL
-            to = cell + down * width + across
-            then = here - cost
-            if state[to] & _BLOCKED or then <= left[to]:
+        for turn in range(len(steps)):
+            to = cell + steps[turn, 0]
+            then = here - steps[turn, 1]
+            if then <= left[to] or state[to] & _BLOCKED:
                 continue
-            if turn >= 4 and (state[cell + down * width] | state[cell + across]) & _BLOCKED:
+            down, across = steps[turn, 2], steps[turn, 3]
+            if (state[cell + down * width] | state[cell + across]) & _BLOCKED:
                 continue
             order = then
             if guided:
-                order = then - ahead(row + down, column + across, box, diagonal)
+                order -= ahead(row + down, column + across, box, diagonal)
             if order <= least:
                 continue
-            known = left[to] > 0
             left[to] = then
-            if state[to] & _GOAL:
-                if not known:
-                    missing -= 1
-                if not every:
-                    least = then
-                elif missing <= 0:
-                    least = CEILING
-                    for goal in goals:
-                        least = min(least, left[goal])
             state[to] |= _WAITING
             bucket = ((CEILING - order) >> _SHIFT) % _RING
             if sizes[bucket] == ring.shape[1]:
-                larger = np.empty((_RING, 2 * ring.shape[1]), np.int64)
-                for k in range(_RING):
-                    for i in range(sizes[k]):
-                        larger[k, i] = ring[k, i]
-                ring = larger
+                ring = larger(ring, sizes)
             ring[bucket, sizes[bucket]] = to
             sizes[bucket] += 1
             waiting += 1
@@ -207,36 +230,20 @@ def sweep(
 @kernel(interpretable=True)
 def trace(walls: Bytes, width: int, left: Ints, goal: int, diagonal: bool) -> Ints:
     """Return the cells of a shortest path to `goal`, given what :func:`sweep` left at each cell."""
+    steps = steps_of(width, diagonal)
     count, cell = 1, goal
     path = np.empty(256, np.int64)
     path[0] = goal
     while left[cell] != CEILING:
-        found = -1
-        for turn in range(8 if diagonal else 4):
-            down, across = 0, 0
-            cost = STRAIGHT
-            if turn < 4:
-                if turn < 2:
-                    across = 2 * turn - 1
-                else:
-                    down = 2 * turn - 5
-            else:
-                down, across = 2 * (turn % 2) - 1, 2 * (turn // 6) - 1
-                cost = DIAGONAL
-            before = cell + down * width + across
-            if left[before] != left[cell] + cost:
-                continue
-            if turn >= 4 and walls[cell + down * width] | walls[cell + across]:
-                continue
-            found = before
-            break
-        if found < 0:
-            return path[:0]  # never, for every cost on the way was settled
-        cell = found
+        for turn in range(len(steps)):
+            before = cell + steps[turn, 0]
+            corners = walls[cell + steps[turn, 2] * width] | walls[cell + steps[turn, 3]]
+            if left[before] == left[cell] + steps[turn, 1] and corners == 0:
+                cell = before
+                break
         if count == path.size:
             longer = np.empty(2 * count, np.int64)
-            for i in range(count):
-                longer[i] = path[i]
+            longer[:count] = path
             path = longer
         path[count] = cell
         count += 1

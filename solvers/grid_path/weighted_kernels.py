@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from ...models.grid_path.search_kernels import DONE, STOPPED
+from ...models.grid_path.search_kernels import DONE, STOPPED, box_around
 
 __all__ = ["back", "weighted"]
 
@@ -27,7 +27,7 @@ def bound(row: int, column: int, box: Ints, diagonal: bool) -> float:
     across = max(box[2] - column, column - box[3], 0)
     if not diagonal:
         return float(down + across)
-    return abs(down - across) + min(down, across) * _DIAGONAL
+    return float(abs(down - across) + min(down, across) * _DIAGONAL)
 
 
 @kernel(interpretable=True)
@@ -82,13 +82,9 @@ def weighted(
     parents = np.full(walls.size, -1)
     done = np.zeros(walls.size, np.uint8)
     wanted = np.zeros(walls.size, np.uint8)
-    box = np.zeros(4, np.int64)
-    box[0] = box[2] = walls.size
+    box = box_around(goals, width)
     missing = 0
     for goal in goals:
-        row, column = goal // width, goal % width
-        box[0], box[1] = min(box[0], row), max(box[1], row)
-        box[2], box[3] = min(box[2], column), max(box[3], column)
         missing += 1 - wanted[goal]
         wanted[goal] = 1
     if not every:
