@@ -3,4 +3,5 @@
 BACKENDS = {
     "a-star": ".exact:AStar",
     "dijkstra": ".exact:Dijkstra",
+    "jump-point": ".exact:JumpPoint",
 }

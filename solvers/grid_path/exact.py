@@ -1,13 +1,17 @@
-"""A* and Dijkstra's algorithm: whole-number costs in buckets, or a heap where cells have weights."""
+"""A*, Dijkstra's algorithm and jump point search: exact, by costs that are whole numbers.
+
+Where cells have weights, costs are floats.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.grid_path.model import Connectivity, GridPath
 from .native import Field, Found, Ints, NeighbourSearch
 
-__all__ = ["AStar", "Dijkstra"]
+__all__ = ["AStar", "Dijkstra", "JumpPoint"]
 
 
 class AStar(NeighbourSearch):
@@ -51,3 +55,31 @@ class Dijkstra(AStar):
     summary = "Dijkstra's algorithm, one search for all goals, exact"
     guided = False
     shared = True
+
+
+class JumpPoint(NeighbourSearch):
+    """Jump point search without cutting corners: A* over the cells where a path may turn."""
+
+    name = "jump-point"
+    summary = "jump point search for 8 neighbours without weights, exact"
+
+    def refuses(self, problem: GridPath) -> str:
+        """Return what runs over cells do not cover."""
+        if problem.connectivity is Connectivity.FOUR:
+            return "connectivity '4': its runs go on diagonally"
+        if problem.weights is not None:
+            return "weights: its runs take all cells for equal"
+        return super().refuses(problem)
+
+    def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Found:
+        """Search for the nearest goal; where every goal is wanted, there is one."""
+        from ...models.grid_path.search_kernels import STOPPED, STRAIGHT
+        from .jump_kernels import jump, unroll
+
+        status, goal, cost, parents, expanded = jump(
+            field.walls, field.width, field.start, goals, flag
+        )
+        spent = np.where(goals == goal, cost / STRAIGHT, np.inf)
+        return Found(
+            status == STOPPED, spent, lambda end: unroll(parents, field.width, end), expanded
+        )
