@@ -5,3 +5,4 @@ BACKENDS = {
     "dijkstra": ".exact:Dijkstra",
     "jump-point": ".exact:JumpPoint",
 }
+DIAGNOSES = {"grid-path": ".diagnosis:diagnose_path"}
