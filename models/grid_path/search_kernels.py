@@ -87,8 +87,8 @@ def steps_of(width: int, diagonal: bool) -> Ints:
 @kernel
 def box_around(numbers: Ints, width: int) -> Ints:
     """Return least row, most row, least column and most column of cells."""
-    first = numbers[0]
-    box = np.array([first // width, first // width, first % width, first % width])
+    box = np.zeros(4, np.int64)
+    box[0], box[2] = 2**62, width
     for number in numbers:
         row, column = number // width, number % width
         box[0], box[1] = min(box[0], row), max(box[1], row)
@@ -227,24 +227,27 @@ def sweep(
     return DONE, left, expanded
 
 
+@kernel
+def before(walls: Bytes, width: int, steps: Ints, left: Ints, cell: int) -> int:
+    """Return the cell from which the way to `cell` came."""
+    for turn in range(len(steps)):
+        other = cell + steps[turn, 0]
+        corners = walls[cell + steps[turn, 2] * width] | walls[cell + steps[turn, 3]]
+        if left[other] == left[cell] + steps[turn, 1] and corners == 0:
+            return int(other)
+    return cell
+
+
 @kernel(interpretable=True)
 def trace(walls: Bytes, width: int, left: Ints, goal: int, diagonal: bool) -> Ints:
     """Return the cells of a shortest path to `goal`, given what :func:`sweep` left at each cell."""
     steps = steps_of(width, diagonal)
     count, cell = 1, goal
-    path = np.empty(256, np.int64)
-    path[0] = goal
     while left[cell] != CEILING:
-        for turn in range(len(steps)):
-            before = cell + steps[turn, 0]
-            corners = walls[cell + steps[turn, 2] * width] | walls[cell + steps[turn, 3]]
-            if left[before] == left[cell] + steps[turn, 1] and corners == 0:
-                cell = before
-                break
-        if count == path.size:
-            longer = np.empty(2 * count, np.int64)
-            longer[:count] = path
-            path = longer
-        path[count] = cell
+        cell = before(walls, width, steps, left, cell)
         count += 1
-    return path[:count][::-1].copy()
+    path = np.empty(count, np.int64)
+    path[count - 1] = goal
+    for k in range(count - 2, -1, -1):
+        path[k] = before(walls, width, steps, left, path[k + 1])
+    return path
