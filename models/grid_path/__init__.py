@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from .gridmap import GridMap as GridMap
     from .model import Connectivity as Connectivity, GridPath as GridPath, Reach as Reach
     from .plan import GridPlan as GridPlan
-    from .shortest import distances as distances
+    from .shortest import distances as distances, path_between as path_between
 
 MODELS = {"grid-path": ".model:GridPath"}
 
@@ -20,6 +20,6 @@ __getattr__, __dir__, __all__ = attach(
         "gridmap": ("GridMap",),
         "model": ("Connectivity", "GridPath", "Reach"),
         "plan": ("GridPlan",),
-        "shortest": ("distances",),
+        "shortest": ("distances", "path_between"),
     },
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -115,6 +116,22 @@ class GridMap(Declared):
         rows, columns = self.blocked.shape
         return rows, columns
 
+    @cached_property
+    def walls(self) -> NDArray[np.uint8]:
+        """The map with a frame of blocked cells, flat, 1 where blocked, as the searches take it."""
+        framed = np.pad(self.blocked, 1, constant_values=True).astype(np.uint8).ravel()
+        framed.flags.writeable = False
+        return framed
+
+    def numbers_of(self, cells: ArrayLike) -> NDArray[np.int64]:
+        """Return the places in :attr:`walls` of cells, rows and columns of shape (..., 2)."""
+        at = np.asarray(cells, np.int64) + 1
+        return np.asarray(at[..., 0] * (self.shape[1] + 2) + at[..., 1])
+
+    def cells_at(self, numbers: ArrayLike) -> NDArray[np.int64]:
+        """Return the rows and columns, shape (..., 2), of places in :attr:`walls`."""
+        return np.stack(np.divmod(np.asarray(numbers, np.int64), self.shape[1] + 2), axis=-1) - 1
+
     def centres(self, cells: ArrayLike) -> Floats:
         """Return the centres of cells.
 
@@ -151,7 +168,7 @@ class GridMap(Declared):
     def holds(self, cells: ArrayLike) -> Truths:
         """Return which of the cells, shape (..., 2), lie on the map and are free."""
         given = np.asarray(cells, np.int64)
-        inside = ((given >= 0) & (given < self.shape)).all(axis=-1)
+        inside = np.asarray(((given >= 0) & (given < self.shape)).all(axis=-1))
         safe = np.where(inside[..., None], given, 0)
         return np.asarray(inside & ~self.blocked[safe[..., 0], safe[..., 1]])
 
