@@ -1,1 +1,5 @@
 """Shortest paths on a grid."""
+
+BACKENDS = {
+    "any-angle": ".any_angle:AnyAngle",
+}
