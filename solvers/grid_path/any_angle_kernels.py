@@ -230,9 +230,7 @@ def search(
         heappop(heap)
         if here < 0:
             x, y, gone = start[0], start[1], 0.0
-            count = _sweep(
-                runs, corners, onward, x, y, 1, -np.inf, np.inf, goal, wedges, seen, 0
-            )
+            count = _sweep(runs, corners, onward, x, y, 1, -np.inf, np.inf, goal, wedges, seen, 0)
             count = _sweep(
                 runs, corners, onward, x, y, -1, -np.inf, np.inf, goal, wedges, seen, count
             )

@@ -186,4 +186,3 @@ class AnyDirection(Backend):
         if ground.sees(ground.start, goal):
             return Leg(np.stack([ground.start, goal]), float(np.hypot(*(goal - ground.start))))
         return self.leg(ground, goal, ceiling, request)
-
