@@ -169,7 +169,7 @@ class Sight:
 
     def between(self, a: ArrayLike, b: ArrayLike) -> bool:
         """Return whether the segment between two points, x, y (m), keeps to free cells."""
-        (ax, ay), (bx, by) = self.cells([a, b]).tolist()
+        (ax, ay), (bx, by) = self.cells(a).tolist(), self.cells(b).tolist()
         return bool(sees(self.blocked, ax, ay, bx, by, self.slack))
 
 

@@ -210,10 +210,10 @@ def search(
     rows, columns = corners.shape
     total = 0
     for y in range(rows):
-        x = onward[y, 0]
-        while x < columns:
+        place = onward[y, 0]
+        while place < columns:
             total += 1
-            x = onward[y, x + 1]
+            place = onward[y, place + 1]
     seen = np.empty(total + 1, np.int64)
     wedges = np.empty((2, 2, columns + 2))
     length = np.full(rows * columns, np.inf)
@@ -229,7 +229,7 @@ def search(
             return STOPPED, bound, np.empty(0, np.int64), settled
         heappop(heap)
         if here < 0:
-            x, y, gone = start[0], start[1], 0.0
+            x, y, gone = float(start[0]), float(start[1]), 0.0
             count = _sweep(runs, corners, onward, x, y, 1, -np.inf, np.inf, goal, wedges, seen, 0)
             count = _sweep(
                 runs, corners, onward, x, y, -1, -np.inf, np.inf, goal, wedges, seen, count

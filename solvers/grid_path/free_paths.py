@@ -70,8 +70,10 @@ class Ground:
         from ...models.grid_path.sight import Sight
 
         self.sight = Sight(self.problem.map)
-        self.start: Floats = self.problem.start[::-1] + 1.5
-        self.goals: Floats = self.problem.goals[:, ::-1] + 1.5
+        self.start: Floats = self.problem.start[::-1].astype(np.float64) + 1.5
+        self.goals: Floats = self.problem.goals[:, ::-1].astype(np.float64) + 1.5
+        self.rng = np.random.default_rng(self.request.seed or 0)
+        self.offered = math.inf
 
     @cached_property
     def corners(self) -> NDArray[np.int8]:
@@ -92,6 +94,14 @@ class Ground:
         from ...models.grid_path.plan import GridPlan
 
         return GridPlan(tuple(self.sight.metres(path) for path in paths))
+
+    def offer(self, path: Floats) -> None:
+        """Report a path that is the shortest so far, where one path is the whole plan."""
+        if self.problem.reach == "nearest" or len(self.goals) == 1:
+            plan = self.plan([path])
+            if plan.length < self.offered:
+                self.offered = plan.length
+                self.request.control.incumbent(plan.length, plan)
 
     def sees(self, a: Floats, b: Floats) -> bool:
         """Return whether a segment, in cells, keeps to free cells."""
