@@ -209,11 +209,11 @@ def search(
     """
     rows, columns = corners.shape
     total = 0
-    for y in range(rows):
-        place = onward[y, 0]
+    for line in range(rows):
+        place = onward[line, 0]
         while place < columns:
             total += 1
-            place = onward[y, place + 1]
+            place = onward[line, place + 1]
     seen = np.empty(total + 1, np.int64)
     wedges = np.empty((2, 2, columns + 2))
     length = np.full(rows * columns, np.inf)

@@ -17,9 +17,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 
-#: Edges that random points are reached by are longer, in cells.
-SHORTEST = 0.25
-
 
 class Tree(NamedTuple):
     """Points joined with the root.
@@ -98,17 +95,11 @@ def grow(
             if apart < gap:
                 closest, gap = k, apart
         gap = math.sqrt(gap)
-        # Towards it as far as an edge may reach; half as far again and again while it is hidden.
         from_x, from_y = points[closest, 0], points[closest, 1]
-        share = min(1.0, reach / gap) if gap > 0.0 else 0.0
-        seen = False
-        while share * gap > SHORTEST and not seen:
-            to_x, to_y = from_x + share * (x - from_x), from_y + share * (y - from_y)
-            seen = sees(blocked, from_x, from_y, to_x, to_y, slack)
-            share *= 0.5
-        if not seen:
+        if gap > reach:
+            x, y = from_x + (x - from_x) * reach / gap, from_y + (y - from_y) * reach / gap
+        if gap == 0.0 or not sees(blocked, from_x, from_y, x, y, slack):
             continue
-        x, y = to_x, to_y
         # The neighbours in sight, and of these the best to come from.
         radius = min(gamma * math.sqrt(math.log(size + 1.0) / (size + 1.0)), reach)
         count, best = 0, np.inf

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.grid_path.model import GridPath
+from ...models.grid_path.model import Connectivity, GridPath
 from ..backend import Feature, Guarantee, Request
 from .free_paths import AnyDirection, Ground, Leg
 from .smoothing import How, straighten
@@ -31,7 +31,7 @@ class ShortcutGreedy(AnyDirection):
         from .exact import AStar
 
         cell = np.floor(goal[::-1]).astype(np.int64) - 1
-        along = GridPath(ground.problem.map, ground.problem.start, cell, connectivity="8")
+        along = GridPath(ground.problem.map, ground.problem.start, cell, Connectivity.EIGHT)
         answer = request.within(AStar(), along)
         if answer.point is None:
             return Leg(None, stopped=answer.limit is not None)
