@@ -82,17 +82,20 @@ def sees(blocked: Truths, ax: float, ay: float, bx: float, by: float, slack: flo
     slack : float
         See the module's docstring.
     """
-    if not (free_at(blocked, ax, ay) and free_at(blocked, bx, by)):
+    rows, columns = float(blocked.shape[0] - 1), float(blocked.shape[1] - 1)
+    if not (min(ax, bx) >= 1.0 and max(ax, bx) <= columns):
         return False
+    if not (min(ay, by) >= 1.0 and max(ay, by) <= rows):
+        return False
+    if ax == bx and ay == by:
+        return free_at(blocked, ax, ay)
     turned = abs(by - ay) > abs(bx - ax)
     if turned:
         ax, ay, bx, by = ay, ax, by, bx
     if ax > bx:
         ax, ay, bx, by = bx, by, ax, ay
-    if ax == bx:
-        return True
     # Along the longer coordinate, the segment crosses two cells of a column at the most.
-    left, y = ax, ay
+    left, right, y = ax, ax, ay
     for column in range(math.floor(ax), math.ceil(bx)):
         if left == column and y == math.floor(y) and _pinched(blocked, turned, column, int(y)):
             return False
@@ -108,7 +111,9 @@ def sees(blocked: Truths, ax: float, ay: float, bx: float, by: float, slack: flo
                 if _at(blocked, turned, column, row):
                     return False
         left, y = right, to
-    return True
+    return not (right == math.floor(right) and y == math.floor(y)) or not _pinched(
+        blocked, turned, int(right), int(y)
+    )
 
 
 def convex_corners(blocked: Truths) -> NDArray[np.int8]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..backend import Feature, Guarantee, Request
 from .free_paths import AnyDirection, Ground, Leg
+from .smoothing import without_collinear
 
 __all__ = ["AnyAngle", "line_tables"]
 
@@ -79,8 +80,4 @@ class AnyAngle(AnyDirection):
             return Leg(None, math.inf)
         points = np.stack([turns[::-1] % blocked.shape[1], turns[::-1] // blocked.shape[1]], axis=1)
         path = np.vstack([ground.start, points, goal]).astype(float)
-        step = np.diff(path, axis=0)
-        # Corners that a straight part touches are no turns.
-        keep = np.ones(len(path), bool)
-        keep[1:-1] = step[:-1, 0] * step[1:, 1] != step[:-1, 1] * step[1:, 0]
-        return Leg(path[keep], float(bound))
+        return Leg(without_collinear(path), float(bound))

@@ -36,7 +36,8 @@ class ShortcutGreedy(AnyDirection):
         if answer.point is None:
             return Leg(None, stopped=answer.limit is not None)
         path = ground.sight.cells(answer.point.paths[0])
-        return Leg(straighten(ground.sight, ground.corners, path, self.how))
+        flag = request.control.flag
+        return Leg(straighten(ground.sight, ground.corners, path, self.how, flag))
 
 
 class ShortcutVisibility(ShortcutGreedy):
