@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from .gridmap import GridMap as GridMap
     from .model import Connectivity as Connectivity, GridPath as GridPath, Reach as Reach
     from .plan import GridPlan as GridPlan
+    from .polygons import Polygon as Polygon, Polygons as Polygons, as_shapely as as_shapely
     from .shortest import distances as distances
 
 MODELS = {"grid-path": ".model:GridPath"}
@@ -20,6 +21,7 @@ __getattr__, __dir__, __all__ = attach(
         "gridmap": ("GridMap",),
         "model": ("Connectivity", "GridPath", "Reach"),
         "plan": ("GridPlan",),
+        "polygons": ("Polygon", "Polygons", "as_shapely"),
         "shortest": ("distances",),
     },
 )

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ...errors import InvalidData
 from ..declaration import Declared
 from ..fields import Array, Flag, Real, declared, show
+from .polygons import Polygons, as_shapely
+from .raster import SHRINK, rasterise
 
 __all__ = ["BLOCKED", "FREE", "GridMap"]
 
@@ -151,9 +153,65 @@ class GridMap(Declared):
     def holds(self, cells: ArrayLike) -> Truths:
         """Return which of the cells, shape (..., 2), lie on the map and are free."""
         given = np.asarray(cells, np.int64)
-        inside = ((given >= 0) & (given < self.shape)).all(axis=-1)
+        inside = np.asarray(((given >= 0) & (given < self.shape)).all(axis=-1))
         safe = np.where(inside[..., None], given, 0)
         return np.asarray(inside & ~self.blocked[safe[..., 0], safe[..., 1]])
+
+    @classmethod
+    @np.errstate(all="ignore")  # what overflows is refused where it counts
+    def from_polygons(
+        cls, polygons: Any, bounds: ArrayLike, cell: float, radius: float = 0.0
+    ) -> GridMap:
+        """Return the map of the cells that polygons leave free.
+
+        A cell is blocked where one of its points is nearer than `radius` to a polygon, or for a radius
+        of 0 within one, so the whole of a free cell is safe for the robot's centre. Contact does not
+        count: cells are taken as smaller by 1e-9 of their side. A cell that leaves the bounds is
+        blocked; the bounds themselves are where the centre may be, and no walls.
+
+        Parameters
+        ----------
+        polygons : list
+            Obstacles, in any form that :class:`~crosstrack.models.grid_path.polygons.Polygons` takes.
+        bounds : array-like, shape (4,)
+            Least x and y, greatest x and y, m.
+        cell : float
+            Side of a cell, m.
+        radius : float
+            Of the robot, m.
+
+        Raises
+        ------
+        InvalidData
+            A polygon that is none, bounds without an area, too many cells, or none that is free.
+        """
+        import shapely
+
+        obstacles = Polygons().coerce("polygons", polygons, {})
+        corners = Array((4,)).coerce("bounds", bounds, {})
+        side = Real(lower=0, strict=True, unit="m").coerce("cell", cell, {})
+        reach = Real(lower=0, unit="m").coerce("radius", radius, {}) / side
+        low, extent = corners[:2], (corners[2:] - corners[:2]) / side
+        if not extent.min() > 0:
+            raise InvalidData(
+                f"bounds must be least x, least y, greatest x, greatest y with an area > 0, got "
+                f"{show(corners.tolist())}",
+                field="bounds",
+            )
+        columns, rows = np.maximum(np.ceil(extent - SHRINK), 1.0)
+        if not rows * columns <= MOST:
+            raise InvalidData(
+                f"cell must give at most {MOST} cells within the bounds, got {cell:g} m, which gives "
+                f"{rows:g} × {columns:g}",
+                field="cell",
+            )
+        shape = (int(rows), int(columns))
+        # In cells, so that neither the map's place nor its scale costs digits.
+        scaled = shapely.transform(as_shapely(obstacles), lambda xy: (xy - low) / side)
+        blocked = rasterise(scaled, shape, reach)
+        whole = np.floor(extent + SHRINK).astype(int)
+        blocked[whole[1] :] = blocked[:, whole[0] :] = True
+        return cls(blocked, side, low, upward=True)
 
     def inflated(self, radius: float) -> GridMap:
         """Return the map for a round robot: cells nearer than `radius` (m) to a blocked one are blocked.
