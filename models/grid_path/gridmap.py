@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +15,7 @@ from ..fields import Array, Flag, Real, declared, show
 from .polygons import Polygons, as_shapely
 from .raster import SHRINK, rasterise
 
-__all__ = ["BLOCKED", "FREE", "GridMap"]
+__all__ = ["BLOCKED", "FREE", "MOST", "GridMap", "read_cells"]
 
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
@@ -34,31 +34,67 @@ class Cells(Array):
         if isinstance(value, str):
             value = value.splitlines()
         if isinstance(value, list | tuple) and value and all(isinstance(x, str) for x in value):
-            value = _read(name, value)
+            value = read_cells(value, name)
         found: Truths = super().coerce(name, value, sizes)
         return found
 
     def encode(self, value: Truths) -> list[str]:
-        return ["".join(BLOCKED if cell else FREE for cell in row) for row in value.tolist()]
+        letters = np.where(value, BLOCKED, FREE)
+        found: list[str] = letters.view(f"U{value.shape[1]}")[:, 0].tolist()
+        return found
 
 
-def _read(name: str, lines: Iterable[str]) -> list[list[bool]]:
-    rows: list[list[bool]] = []
-    for number, line in enumerate(lines):
-        for column, letter in enumerate(line):
-            if letter not in _FREE + _BLOCKED:
-                raise InvalidData(
-                    f"{name}, line {number}, column {column} must be one of "
-                    f"{' '.join(_FREE)} (free) or {' '.join(_BLOCKED)} (blocked), got {show(letter)}",
-                    field=name,
-                )
-        if rows and len(line) != len(rows[0]):
+def read_cells(
+    lines: Sequence[str], where: str = "blocked", first: tuple[int, int] = (0, 0), free: str = _FREE
+) -> Truths:
+    """Return which cells are blocked in lines of text, a character a cell.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The rows.
+    where : str
+        What messages call the text, such as a file.
+    first : tuple of int
+        Numbers of the first line and of the first character in messages.
+    free : str
+        The characters of free cells.
+
+    Returns
+    -------
+    ndarray of bool, shape (rows, columns)
+
+    Raises
+    ------
+    InvalidData
+        Naming line and column: unknown characters, lines of different lengths.
+    """
+    width = len(lines[0]) if lines else 0
+    for number, line in enumerate(lines, first[0]):
+        if len(line) != width:
             raise InvalidData(
-                f"{name}, line {number} must have {len(rows[0])} cells as the first, got {len(line)}",
-                field=name,
+                f"{where}, line {number} must have {width} cells as the first, got {len(line)}",
+                field="blocked",
             )
-        rows.append([letter in _BLOCKED for letter in line])
-    return rows
+    _require_few(where, len(lines) * width)
+    letters = np.frombuffer("".join(lines).encode("utf-32-le", "surrogatepass"), np.uint32)
+    letters = letters.reshape(len(lines), width)
+    blocked = np.isin(letters, list(map(ord, _BLOCKED)))
+    strange = ~(blocked | np.isin(letters, list(map(ord, free))))
+    if strange.any():
+        row, column = np.argwhere(strange)[0].tolist()
+        raise InvalidData(
+            f"{where}, line {row + first[0]}, column {column + first[1]} must be one of "
+            f"{' '.join(free)} (free) or {' '.join(_BLOCKED)} (blocked), got "
+            f"{show(lines[row][column])}",
+            field="blocked",
+        )
+    return blocked
+
+
+def _require_few(where: str, cells: int) -> None:
+    if cells > MOST:
+        raise InvalidData(f"{where} must have at most {MOST} cells, got {cells}", field="blocked")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -94,10 +130,7 @@ class GridMap(Declared):
 
     def check(self) -> None:
         """Refuse maps that nobody can move on, or that are too large."""
-        if self.blocked.size > MOST:
-            raise InvalidData(
-                f"blocked must have at most {MOST} cells, got {self.blocked.size}", field="blocked"
-            )
+        _require_few("blocked", self.blocked.size)
         if self.blocked.all():
             raise InvalidData(
                 f"blocked must leave at least one cell free, got {self.shape[0]} × {self.shape[1]} "
