@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .shortest import distances as distances
 
 MODELS = {"grid-path": ".model:GridPath"}
+PICTURES = {"grid-path": ".plot:draw"}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,
