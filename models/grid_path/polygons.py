@@ -101,7 +101,7 @@ def _polygon(field: str, name: str, value: Any) -> Polygon:
                 field=field,
             )
         shell, holes = value["shell"], value.get("holes", ())
-    elif isinstance(value, tuple) and len(value) == 2:
+    elif isinstance(value, tuple) and len(value) == 2 and isinstance(value[1], list | tuple):
         shell, holes = value
     if not isinstance(holes, list | tuple):
         raise InvalidData(f"{name}.holes must be a list of rings, got {show(holes)}", field=field)
