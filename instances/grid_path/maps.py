@@ -83,7 +83,7 @@ _READERS: dict[str, Callable[..., GridMap]] = {
 }
 
 
-def read_grid(path: str | os.PathLike[str], **options: Any) -> GridMap:
+def read_grid(path: str | os.PathLike[str], /, **options: Any) -> GridMap:
     """Return the map in a file, read by what its name ends in.
 
     Parameters

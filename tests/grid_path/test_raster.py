@@ -24,7 +24,7 @@ class Held(Declared):
 
 
 def boxes(grid, cells=None):
-    """The cells of a map, or all of them, smaller on every side by a part of it."""
+    """Cells of a map, all by default, smaller on every side by a part of theirs."""
     cells = np.moveaxis(np.indices(grid.shape), 0, -1) if cells is None else cells
     low = grid.origin + cells[..., ::-1] * grid.cell
     less = 1e-9 * grid.cell
