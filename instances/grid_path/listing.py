@@ -25,7 +25,7 @@ BOUNDS, SEED, DEPOT = (0.0, 0.0, 200.0, 200.0), 28, (100.0, 100.0)
 _OURS = "Ours: the paper has no such instance."
 
 
-def paper_map(cell: float = 2.0, radius: float = 1.0) -> GridMap:
+def paper_map(cell: float = 2.5, radius: float = 1.0) -> GridMap:
     """Return the map of 28 irregular polygons on 200 m × 200 m, around a depot in the middle.
 
     Parameters
@@ -52,9 +52,16 @@ def catalogue_entries() -> tuple[CatalogueEntry, ...]:
         ),
         _entry(
             "any-angle",
-            "The same way by straight lines in any direction, on cells of 5 m",
+            "Straight lines in any direction across the same polygons, on cells of 5 m",
             _any_angle,
             "The paper prints no coordinates: the polygons are ours by seed, with their number.",
+            seeded,
+        ),
+        _entry(
+            "corners",
+            "Any direction among random cells, many of which touch at corners",
+            _corners,
+            f"{_OURS} A path may turn at corners of blocked cells, but not pass between two that touch.",
             seeded,
         ),
         _entry(
@@ -134,11 +141,15 @@ def _entry(
 
 
 def _across() -> GridPath:
-    return _made(paper_map(), (2, 2), (97, 97))
+    return _made(paper_map(), (1, 1), (78, 78))
 
 
 def _any_angle() -> GridPath:
     return _made(paper_map(5.0), (1, 1), (38, 31), connectivity="any")
+
+
+def _corners() -> GridPath:
+    return _made(random_cells(24, 24, 0.3, 9), (0, 0), (23, 23), connectivity="any")
 
 
 def _errands() -> GridPath:
