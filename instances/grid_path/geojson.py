@@ -104,7 +104,7 @@ def write_geojson_polygons(polygons: Any, path: str | os.PathLike[str]) -> Path:
     Parameters
     ----------
     polygons : list
-        In any form that :class:`~crosstrack.models.grid_path.polygons.Polygons` takes, m.
+        In any form that :class:`~crosstrack.models.grid_path.Polygons` takes, m.
     path : path-like
         The file.
     """

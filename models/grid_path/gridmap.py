@@ -205,7 +205,7 @@ class GridMap(Declared):
         Parameters
         ----------
         polygons : list
-            Obstacles, in any form that :class:`~crosstrack.models.grid_path.polygons.Polygons` takes.
+            Obstacles, in any form that :class:`~crosstrack.models.grid_path.Polygons` takes.
         bounds : array-like, shape (4,)
             Least x and y, greatest x and y, m.
         cell : float

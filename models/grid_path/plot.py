@@ -81,7 +81,7 @@ def draw(
         smoothed: plans, their JSON data or solutions.
     obstacles : list, optional
         Polygons whose outlines are drawn above the cells, in any form that
-        :class:`~crosstrack.models.grid_path.polygons.Polygons` takes.
+        :class:`~crosstrack.models.grid_path.Polygons` takes.
     tolerance : float
         Largest violation accepted, relative, for what the title says and what is ringed.
     title : str, optional
