@@ -1,1 +1,8 @@
-"""Routes of a fleet."""
+"""Algorithms for the routes of a fleet; the loops are compiled by Numba."""
+
+BACKENDS = {
+    "pso-ac": ".two_phases:PsoAntColony",
+    "pso-ac-serial": ".two_phases:PsoAntColonySerial",
+    "tpha": ".two_phases:TwoPhase",
+    "kmeans-ac": ".two_phases:KMeansAntColony",
+}
