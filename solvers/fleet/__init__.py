@@ -5,4 +5,6 @@ BACKENDS = {
     "pso-ac-serial": ".two_phases:PsoAntColonySerial",
     "tpha": ".two_phases:TwoPhase",
     "kmeans-ac": ".two_phases:KMeansAntColony",
+    "ortools-routing": ".ortools_routing:OrToolsRouting",
+    "pyvrp": ".pyvrp_routing:PyVrpRouting",
 }

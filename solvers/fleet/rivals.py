@@ -18,7 +18,7 @@ from ...models.fleet import FleetPlan, FleetRouting
 from ...models.fleet.checks import loads_of, objective_of
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
-__all__ = ["Best", "FleetHeuristic", "available_threads"]
+__all__ = ["Best", "FleetHeuristic", "available_threads", "whole_demands", "whole_distances"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -129,3 +129,28 @@ def available_threads(request: Request) -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def whole_distances(model: FleetRouting, largest: int) -> tuple[Ints, float]:
+    """Return the distances as whole numbers up to about `largest`, and what they were multiplied by."""
+    most = float(model.distances.max())
+    scale = 2.0 ** math.floor(math.log2(largest / most)) if most > 0.0 else 1.0
+    return np.rint(model.distances * scale).astype(np.int64), scale
+
+
+def whole_demands(model: FleetRouting, largest: int) -> tuple[list[int], list[int]]:
+    """Return demands and capacities as whole numbers: themselves where they are, else scaled.
+
+    What is scaled is rounded such that whatever fits in whole numbers fits, and capacities beyond all
+    demands are cut to their sum.
+    """
+    assert model.demands is not None
+    assert model.capacity is not None
+    total = float(model.demands.sum())
+    most = np.minimum(model.capacity, total)
+    if (model.demands % 1 == 0).all() and total < largest:
+        return model.demands.astype(int).tolist(), np.floor(most).astype(int).tolist()
+    scale = largest / total
+    # A digit of rounding is no excess.
+    up, down = model.demands * scale * (1 - 1e-12), most * scale * (1 + 1e-12)
+    return np.ceil(up).astype(int).tolist(), np.floor(down).astype(int).tolist()
