@@ -8,3 +8,4 @@ BACKENDS = {
     "ortools-routing": ".ortools_routing:OrToolsRouting",
     "pyvrp": ".pyvrp_routing:PyVrpRouting",
 }
+PAPER_TABLES = {"fleet": ".paper_tables:TABLES"}

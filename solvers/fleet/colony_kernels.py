@@ -15,8 +15,8 @@ __all__ = ["colony", "measure", "nearest"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Least pheromone, so that no way is lost for good.
-FAINT = 1e-6
+#: Least pheromone on the ways from a node, as a share of the most on one; no way is lost for good.
+FAINT = 0.05
 #: Shortest distance that counts as one, relative to the longest.
 NEAR = 1e-9
 
@@ -109,6 +109,8 @@ def colony(
     best = measure(d, order)
     trail, choice = np.ones((n + 1, n + 1)), np.empty((n + 1, n + 1))
     ways, lengths = np.empty((ants, n), np.int64), np.empty(ants)
+    # The best tour leaves 1 each time, and all ants as much at the most.
+    floor = FAINT * 2.0 / (evaporation * (n + 1))
     for step in range(iterations):
         if not best > 0.0 or n < 2:
             return best, step
@@ -126,7 +128,7 @@ def colony(
                     order[k] = ways[a, k]
         for i in range(n + 1):
             for j in range(n + 1):
-                trail[i, j] = max(trail[i, j] * (1.0 - evaporation), FAINT)
+                trail[i, j] = max(trail[i, j] * (1.0 - evaporation), floor)
         for a in range(ants):
             if lengths[a] > 0.0 and lengths[a] < math.inf:
                 _mark(trail, ways[a], best / lengths[a] / ants, symmetric)

@@ -165,7 +165,7 @@ class _Posed:
         since = 0
         read = self._read
 
-        class Listener(IteratedLocalSearchCallbacks):  # type: ignore[misc]
+        class Listener(IteratedLocalSearchCallbacks):
             def on_best(self, best: Any) -> None:
                 nonlocal since
                 since = 0
@@ -173,7 +173,7 @@ class _Posed:
                     found.append(read(best))
                     tell(found[-1])
 
-        def over(cost: int) -> bool:
+        def over(best_cost: int) -> bool:
             nonlocal since
             since += 1
             return stopped() or since > patience + 1 or (first and bool(found))
@@ -222,9 +222,10 @@ class _Posed:
         clients = [
             Client(node, [] if demands is None else [demands[node]]) for node in self.customers
         ]
+        lengths: list[Any] = [self.distances]
         return ProblemData(
             [Location(0, 0) for _ in self.distances], clients, [Depot(home) for home in homes], types,
-            [self.distances], [np.zeros_like(self.distances)],
+            lengths, [0 * one for one in lengths],
         )  # fmt: skip
 
     def _read(self, solution: Any) -> Routes:

@@ -133,24 +133,27 @@ def available_threads(request: Request) -> int:
 
 def whole_distances(model: FleetRouting, largest: int) -> tuple[Ints, float]:
     """Return the distances as whole numbers up to about `largest`, and what they were multiplied by."""
-    most = float(model.distances.max())
-    scale = 2.0 ** math.floor(math.log2(largest / most)) if most > 0.0 else 1.0
+    most = math.frexp(float(model.distances.max()))[1]
+    scale = math.ldexp(1.0, min(math.frexp(largest)[1] - 1 - most, 1000))
     return np.rint(model.distances * scale).astype(np.int64), scale
 
 
 def whole_demands(model: FleetRouting, largest: int) -> tuple[list[int], list[int]]:
-    """Return demands and capacities as whole numbers: themselves where they are, else scaled.
+    """Return demands and capacities as whole numbers: exact where they have few decimal digits.
 
-    What is scaled is rounded such that whatever fits in whole numbers fits, and capacities beyond all
-    demands are cut to their sum.
+    Else they are rounded such that whatever fits still fits, and what does not may. Capacities beyond
+    all demands are cut to their sum.
     """
     assert model.demands is not None
     assert model.capacity is not None
     total = float(model.demands.sum())
     most = np.minimum(model.capacity, total)
-    if (model.demands % 1 == 0).all() and total < largest:
-        return model.demands.astype(int).tolist(), np.floor(most).astype(int).tolist()
-    scale = largest / total
-    # A digit of rounding is no excess.
-    up, down = model.demands * scale * (1 - 1e-12), most * scale * (1 + 1e-12)
-    return np.ceil(up).astype(int).tolist(), np.floor(down).astype(int).tolist()
+    scale = largest / total if total > 0.0 else 1.0
+    demands = np.floor(model.demands * scale)
+    for by in 10.0 ** np.arange(7):
+        whole = np.rint(model.demands * by)
+        if total * by < 2**40 and np.allclose(whole, model.demands * by, rtol=1e-12, atol=0.0):
+            scale, demands = by, whole
+            break
+    capacity = np.floor(most * scale * (1 + 1e-12))
+    return demands.astype(int).tolist(), capacity.astype(int).tolist()

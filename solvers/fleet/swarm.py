@@ -6,6 +6,7 @@ Source: J. Kennedy and R. Eberhart, "Particle swarm optimization", ICNN 1995, wi
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -109,11 +110,13 @@ def threaded(
                 flag,
             )
 
-        if pool is None or threads < 2:
-            part(0, len(place))
-        else:
-            ends = np.linspace(0, len(place), min(threads, len(place)) + 1).astype(int).tolist()
-            list(pool.map(part, ends[:-1], ends[1:]))
+        ends = np.linspace(0, len(place), min(threads, len(place)) + 1).astype(int).tolist()
+        others = [] if pool is None else [
+            pool.submit(part, *pair) for pair in itertools.pairwise(ends[1:])
+        ]  # fmt: skip
+        part(0, ends[1] if others else len(place))
+        for one in others:
+            one.result()
         return labels, worth
 
     return evaluated
@@ -132,33 +135,32 @@ def fitness(
         ``numpy`` or ``torch``.
     points : array, shape (n, dims)
     place : array, shape (particles, m, dims)
-    numbers : array of int, shape (n,)
-        0 … n - 1, on the device of the others; n >= m.
+    numbers : array of int, shape (max(n, particles),)
+        0, 1, 2, … on the device of the others; n >= m.
     slack : int
     balance : float
     """
-    clusters = numbers[: place.shape[1]]
-    nodes = numbers[: points.shape[0]]
+    particles = numbers[: place.shape[0]]
+    clusters, nodes = numbers[: place.shape[1]], numbers[: points.shape[0]]
     squares = (points[None, :, None, :] - place[:, None, :, :]) ** 2
     total = squares[..., 0]
     for j in range(1, squares.shape[-1]):
         total = total + squares[..., j]
     gaps = xp.sqrt(total)
     labels = xp.argmin(gaps, -1)
+    counts = (labels[:, :, None] == clusters).sum(1)
     while True:
-        member = labels[:, :, None] == clusters
-        counts = member.sum(1)
         large, small = xp.argmax(counts, -1), xp.argmin(counts, -1)
-        from_large, to_small = large[:, None] == clusters, small[:, None] == clusters
-        excess = xp.where(from_large, counts, 0).sum(-1) - xp.where(to_small, counts, 0).sum(-1)
-        due = excess > slack
+        due = counts[particles, large] - counts[particles, small] > slack
         if not bool(due.any()):
             break
-        here = xp.where(from_large[:, None, :], gaps, 0.0).sum(-1)
-        there = xp.where(to_small[:, None, :], gaps, 0.0).sum(-1)
-        cost = xp.where(labels == large[:, None], there - here, math.inf)
-        moved = (xp.argmin(cost, -1)[:, None] == nodes) & due[:, None]
+        change = gaps[particles, :, small] - gaps[particles, :, large]
+        chosen = xp.argmin(xp.where(labels == large[:, None], change, math.inf), -1)
+        moved = (nodes == chosen[:, None]) & due[:, None]
         labels = xp.where(moved, small[:, None], labels)
+        step = due[:, None] * 1
+        counts = counts + step * (clusters == small[:, None]) - step * (clusters == large[:, None])
+    member = labels[:, :, None] == clusters
     widths = xp.where(member, gaps, 0.0).sum(1)
     whole = widths.sum(-1)
     spread = ((widths - widths.mean(-1)[:, None]) ** 2).mean(-1)
@@ -167,9 +169,9 @@ def fitness(
 
 def array_evaluation(points: Floats, slack: int, balance: float) -> Evaluation:
     """Return the evaluation as array code on NumPy, for comparison."""
-    numbers = np.arange(len(points))
 
     def evaluated(place: Floats) -> tuple[Ints, Floats]:
+        numbers = np.arange(max(len(points), len(place)))
         return fitness(np, points, place, numbers, slack, balance)
 
     return evaluated
@@ -195,10 +197,10 @@ def torch_evaluation(
     if device == "cuda" and not torch.cuda.is_available():
         raise UnsupportedOption("option device='gpu' needs a CUDA device, and torch finds none")
     held = torch.as_tensor(points, device=device)
-    numbers = torch.arange(len(points), device=device)
 
     def evaluated(place: Floats) -> tuple[Ints, Floats]:
         particles = torch.as_tensor(place, device=device)
+        numbers = torch.arange(max(len(points), len(place)), device=device)
         labels, worth = fitness(torch, held, particles, numbers, slack, balance)
         return labels.cpu().numpy(), worth.cpu().numpy()
 

@@ -118,8 +118,7 @@ class TwoPhases(FleetHeuristic):
             nodes = np.concatenate([model.homes[k : k + 1], model.customers[parts[k]]])
             d = model.distances[np.ix_(nodes, nodes)]
             # Scaled by a power of two, so that scaled problems have the same tours.
-            scale = 2.0 ** np.frexp(d.max())[1] if d.max() > 0 else 1.0
-            d = np.ascontiguousarray(d / scale)
+            d = np.ascontiguousarray(np.ldexp(d, -np.frexp(d.max())[1]))
             order = np.empty(len(nodes) - 1, np.int64)
             nearest(d, order)
             symmetric = bool(np.array_equal(d, d.T))

@@ -63,8 +63,11 @@ WILD = {
     "one far away": FleetRouting(3, points=np.vstack([POINTS, [[1e6, 1e6]]])),
     "collinear": FleetRouting(2, points=np.column_stack([np.arange(9.0), np.zeros(9)])),
     "ties": FleetRouting(4, points=list(itertools.product(range(4), range(4)))),
-    "tiny": FleetRouting(2, points=1e-9 * POINTS),
-    "huge": FleetRouting(2, points=1e9 * POINTS),
+    "tiny": FleetRouting(2, points=1e-290 * POINTS),
+    "huge": FleetRouting(2, points=1e290 * POINTS),
+    "ratios of 1e12": FleetRouting(
+        3, costs=np.triu(10.0 ** RNG.integers(-6, 7, (10, 10)), 1) * (1 - np.eye(10)), objective="sum"
+    ),
     "asymmetric": FleetRouting(3, costs=lopsided(12, 1)),
     "asymmetric sum": FleetRouting(2, costs=lopsided(9, 2), objective="sum"),
     "several depots": FleetRouting(3, points=POINTS, depots=[0, 5, 9]),
@@ -79,6 +82,9 @@ WILD = {
     ),
     "capacity": FleetRouting(
         3, points=POINTS, demands=[0, *[1] * 13], capacity=[5, 6, 7], objective="sum"
+    ),
+    "fractions carried": FleetRouting(
+        3, points=POINTS, demands=[0, *[0.1] * 13], capacity=[0.5, 0.5, 0.4]
     ),
     "battery": FleetRouting(3, points=POINTS, battery=[2.5, 3.0, 3.5], use_all=False),
 }  # fmt: skip
@@ -108,7 +114,7 @@ def test_every_plan_is_valid(name: str, case: str) -> None:
         return
     found = solved(model, name, seed=3)
     if found.plan is None:  # what heuristics do not seek, they may not find
-        assert case in ("capacity", "battery")
+        assert case in ("capacity", "battery", "fractions carried")
         assert name in (*PHASED, "pso-ac-serial")
         assert found.termination is Termination.NO_SOLUTION
         assert "within" in found.message
