@@ -35,7 +35,7 @@ ALL = -1
 
 @dataclass(frozen=True)
 class Cut:
-    """x(E(S)) <= y(S) - y_j for one vehicle, or <= \\|S\\| - 1 for the sum of all.
+    """x(E(S)) <= y(S) - y_j for one vehicle, or <= (nodes of S) - 1 for the sum of all.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def strengthened(
             return cuts
         # Cuts that the point does not need may go: they come back where they are missed.
         slack = (posed.row_upper - posed.matrix @ answer.x)[posed.row_count - len(cuts) :]
-        kept = tuple(cut for cut, room in zip(cuts, slack, strict=True) if room < 0.5)
+        kept = tuple(cut for cut, room in zip(cuts, slack, strict=True) if room < 0.1)
         finer = grown(kept, separate(answer.x))
         if len(finer) == len(kept):
             return kept

@@ -2,7 +2,7 @@
 
 Routes from one depot that nothing tells apart are edges x_ij, each 0 or 1, and at the depot 0, 1 or
 2, twice for a route to one node alone. Two edges meet at each node, 2 k at the depot for k routes, and
-no set of nodes is left aside: x(E(S)) <= |S| - 1, of which only what is missed is held.
+no set of nodes is left aside: x(E(S)) <= (nodes of S) - 1, of which only what is missed is held.
 Source: the vehicle-flow program of G. Laporte and Y. Nobert, "A cutting planes algorithm for the
 m-salesmen problem", Journal of the Operational Research Society 31, 1980; eq. 15 is the objective.
 """
