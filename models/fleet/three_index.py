@@ -43,6 +43,8 @@ Indices = NDArray[np.int64]
 _FEW = 6
 #: Share of the objective, and of the lengths, below which a tangent missed is rounding.
 _EXACT, _ROUNDING = 1e-8, 1e-12
+#: Objectives that count the longest route.
+_LONGEST = (Objective.MAX, Objective.LEXICOGRAPHIC, Objective.RANGE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +178,9 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         )  # fmt: skip
         loads = b.columns(
             "length of the route", m, template="vehicle {0}", unit=model.length_unit,
-            cost=float(model.objective in (Objective.SUM, Objective.DEVIATION))
-            or LEXICOGRAPHIC * (model.objective is Objective.LEXICOGRAPHIC),
+            cost={Objective.LEXICOGRAPHIC: LEXICOGRAPHIC, Objective.SUM: 1.0, Objective.DEVIATION: 1.0}.get(
+                model.objective, 0.0
+            ),
         )  # fmt: skip
         b.rows(
             "each node visited once", n, (np.arange(n), y, 1.0), lower=1, upper=1,
@@ -240,10 +243,11 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
             b.rows("sum within budget", 1, (0, loads, 1.0), upper=model.budget, unit=unit)
         for name, sign in self._extremes:
             least = float(self._round_trips.min(axis=0).max()) if sign > 0 else 0.0
-            cost = {Objective.MAX: 1.0, Objective.LEXICOGRAPHIC: 1.0, Objective.RANGE: sign}
-            column = b.columns(
-                name, 1, lower=least, cost=cost.get(model.objective, 0.0), unit=unit
-            )  # fmt: skip
+            counted = (
+                model.objective in _LONGEST if sign > 0 else model.objective is Objective.RANGE
+            )
+            cost = sign * counted
+            column = b.columns(name, 1, lower=least, cost=cost, unit=unit)
             b.rows(
                 f"{name} of all", each.size, (each, column, sign), (each, loads, -sign), lower=0,
                 template="vehicle {0}", unit=unit,
@@ -269,8 +273,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         model = self.model
         if model.objective is Objective.RANGE or model.range_limit is not None:
             return [("longest", 1.0), ("shortest", -1.0)]
-        longest = model.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
-        return [("longest", 1.0)] if longest else []
+        return [("longest", 1.0)] if model.objective in _LONGEST else []
 
     def _slope(self, loads: tuple[float, ...]) -> Floats:
         """Return the gradient of the deviation."""
