@@ -1,10 +1,10 @@
 """The program of a fleet in three indices: which vehicle uses which edge, for every objective.
 
 Vehicle k uses the edge between i and j as often as x_ij^k says, visits i where y_i^k = 1, and leaves
-its depot where z^k = 1; its route has the length L_k = Σ d_ij x_ij^k. Where distances depend on the
-direction there is an arc each way. No set S of nodes is left aside: x^k(E(S)) <= y^k(S) - y_j^k, of
-which only what is missed is held. The standard deviation of the lengths is convex: it is no less
-than any of its tangents, of which those that solutions miss are added.
+its depot where z^k = 1; its route has the length L_k = Σ d_ij x_ij^k, in a unit near the largest
+distance. Where distances depend on the direction there is an arc each way. No set S of nodes is left
+aside: x^k(E(S)) <= y^k(S) - y_j^k, of which only what is missed is held. The standard deviation of the
+lengths is convex: it is no less than any of its tangents, of which those that solutions miss are added.
 
 Of plans that exchange the routes of vehicles that nothing tells apart, one is enough: a vehicle may
 visit a node only where the one before it visits a node that ranks earlier.
@@ -43,6 +43,12 @@ Indices = NDArray[np.int64]
 _FEW = 6
 #: Share of the objective, and of the lengths, below which a tangent missed is rounding.
 _EXACT, _ROUNDING = 1e-8, 1e-12
+#: What the length of each route counts in objectives.
+_WEIGHTS = {
+    Objective.SUM: 1.0,
+    Objective.DEVIATION: 1.0,
+    Objective.LEXICOGRAPHIC: LEXICOGRAPHIC,
+}
 #: Objectives that count the longest route.
 _LONGEST = (Objective.MAX, Objective.LEXICOGRAPHIC, Objective.RANGE)
 
@@ -76,15 +82,21 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         return Edges(len(self.model.customers), directed=not self.model.symmetric)
 
     @cached_property
+    def unit(self) -> float:
+        """The unit of lengths in the program, a power of 2: solvers' tolerances are absolute."""
+        return float(2.0 ** np.round(np.log2(self.model.distances.max() or 1.0)))
+
+    @cached_property
     def _lengths(self) -> Floats:
-        """Length of each edge for each vehicle, shape (vehicles, edges)."""
+        """Length of each edge for each vehicle, in units, shape (vehicles, edges)."""
         nodes = [np.append(self.model.customers, home) for home in self.model.homes]
-        return np.array([self._edges.lengths(self.model.distances[np.ix_(a, a)]) for a in nodes])
+        distances = self.model.distances / self.unit
+        return np.array([self._edges.lengths(distances[np.ix_(a, a)]) for a in nodes])
 
     @cached_property
     def _round_trips(self) -> Floats:
-        """The shortest way to each customer and back, by vehicle; it may pass other nodes."""
-        near = np.array(self.model.distances)
+        """The shortest way to each customer and back, by vehicle, in units; other nodes may be passed."""
+        near = self.model.distances / self.unit
         for k in range(len(near)):
             near = np.minimum(near, near[:, k, None] + near[k])
         homes, customers = self.model.homes, self.model.customers
@@ -177,10 +189,8 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
             template="vehicle {0}",
         )  # fmt: skip
         loads = b.columns(
-            "length of the route", m, template="vehicle {0}", unit=model.length_unit,
-            cost={Objective.LEXICOGRAPHIC: LEXICOGRAPHIC, Objective.SUM: 1.0, Objective.DEVIATION: 1.0}.get(
-                model.objective, 0.0
-            ),
+            "length of the route", m, template="vehicle {0}",
+            cost=self.unit * _WEIGHTS.get(model.objective, 0.0),
         )  # fmt: skip
         b.rows(
             "each node visited once", n, (np.arange(n), y, 1.0), lower=1, upper=1,
@@ -206,7 +216,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         )  # fmt: skip
         b.rows(
             "length of the route", m, (each, x, self._lengths), (np.arange(m), loads, -1.0),
-            lower=0, upper=0, template="vehicle {0}", unit=model.length_unit,
+            lower=0, upper=0, template="vehicle {0}",
         )  # fmt: skip
         return x, y, loads
 
@@ -225,7 +235,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
 
     def _limit_rows(self, b: ProgramBuilder, y: Indices, loads: Indices) -> None:
         """Write the limits, and what of the lengths is minimised."""
-        model, unit = self.model, self.model.length_unit
+        model, unit = self.model, self.unit
         each = np.arange(model.vehicles)
         if model.capacity is not None:
             assert model.demands is not None
@@ -236,35 +246,35 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
             )  # fmt: skip
         if model.battery is not None:
             b.rows(
-                "route within battery", each.size, (each, loads, 1.0), upper=model.battery,
-                template="vehicle {0}", unit=unit,
+                "route within battery", each.size, (each, loads, 1.0), upper=model.battery / unit,
+                template="vehicle {0}",
             )  # fmt: skip
         if model.budget is not None:
-            b.rows("sum within budget", 1, (0, loads, 1.0), upper=model.budget, unit=unit)
+            b.rows("sum within budget", 1, (0, loads, 1.0), upper=model.budget / unit)
         for name, sign in self._extremes:
             least = float(self._round_trips.min(axis=0).max()) if sign > 0 else 0.0
             counted = (
                 model.objective in _LONGEST if sign > 0 else model.objective is Objective.RANGE
             )
             cost = sign * counted
-            column = b.columns(name, 1, lower=least, cost=cost, unit=unit)
+            column = b.columns(name, 1, lower=least, cost=cost * unit)
             b.rows(
                 f"{name} of all", each.size, (each, column, sign), (each, loads, -sign), lower=0,
-                template="vehicle {0}", unit=unit,
+                template="vehicle {0}",
             )  # fmt: skip
             if sign < 0 and model.range_limit is not None:
                 b.rows(
                     "range within limit", 1, (0, column - 1, 1.0), (0, column, -1.0),
-                    upper=model.range_limit, unit=unit,
+                    upper=model.range_limit / unit,
                 )  # fmt: skip
         if self._spread:
-            limit = np.inf if model.deviation_limit is None else model.deviation_limit
-            s = b.columns("deviation", 1, upper=limit, cost=model.q, equation="16", unit=unit)
+            limit = np.inf if model.deviation_limit is None else model.deviation_limit / unit
+            s = b.columns("deviation", 1, upper=limit, cost=model.q * unit, equation="16")
             slopes = np.array([self._slope(way) for way in self.tangents]).reshape(-1, each.size)
             b.rows(
                 "tangent of the deviation", len(slopes),
                 (np.arange(len(slopes))[:, None], loads, slopes),
-                (np.arange(len(slopes)), s, -1.0), upper=0, equation="16", unit=unit,
+                (np.arange(len(slopes)), s, -1.0), upper=0, equation="16",
             )  # fmt: skip
 
     @property
@@ -312,8 +322,8 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
             missed = model.q * (spread - point[-1]) > max(
                 _EXACT * (loads.sum() + model.q * spread), rounding
             )
-            limit = model.deviation_limit
-            if missed or (limit is not None and spread > limit * (1 + tolerance / 2) + rounding):
+            limit = np.inf if model.deviation_limit is None else model.deviation_limit / self.unit
+            if missed or spread > limit * (1 + tolerance / 2) + rounding:
                 way = tuple(loads.tolist())
                 more = (*more, *(() if way in self.tangents else (way,)))
         if len(cuts) == len(self.cuts) and len(more) == len(self._more):
