@@ -1,1 +1,5 @@
-"""Routes of a fleet."""
+"""Native algorithms for routes of a fleet."""
+
+BACKENDS = {
+    "subset-dp": ".subset_dp:SubsetDP",
+}
