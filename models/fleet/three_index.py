@@ -128,7 +128,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         """The subtour cuts that are held."""
         if self._added is not None:
             return self._added
-        return strengthened(self._posed, self._missed, self.root_rounds)
+        return strengthened(self._posed, self._missed, self.root_rounds, hurry=True)
 
     @cached_property
     def tangents(self) -> tuple[tuple[float, ...], ...]:
