@@ -3,3 +3,4 @@
 BACKENDS = {
     "subset-dp": ".subset_dp:SubsetDP",
 }
+DIAGNOSES = {"fleet-routing": ".diagnosis:diagnose_fleet"}
