@@ -14,12 +14,9 @@ from ..plots.labels import write_names
 from ..plots.loads import draw_loads
 from ..plots.maps import BLOCKED, draw_cells, dress_map, length_unit, point_ways
 from ..plots.options import check_flags, check_list, check_option
-from ..plots.space import dots
+from ..plots.routes import draw_routes, draw_stops, name_vehicles
 from ..plots.style import (
     BLACK,
-    DARK,
-    RED,
-    RING,
     axis_style,
     headline,
     key,
@@ -42,8 +39,8 @@ __all__ = ["draw"]
 
 Floats = NDArray[np.float64]
 
-#: More nodes than this have no names, and small dots.
-_MOST_NAMES, _MOST_LARGE = 40, 150
+#: More nodes than this have no names.
+_MOST_NAMES = 40
 #: What is longer than this part of the map's width has an arrow, where both ways differ.
 _LONG = 0.04
 _PARTS = ("routes", "loads")
@@ -197,60 +194,32 @@ def _draw_map(
             axes.invert_yaxis()
     stops = [] if plan is None else stops_of(model, plan)
     follow = grid if legs == "paths" or (legs is None and model.metric is Metric.GRID) else None
-    _draw_routes(model, axes, scale, [leads_through(follow, places, s) for s in stops], stops)
-    white: dict[str, Any] = {"edge": "white", "width": 0.6, "zorder": 7}
-    faces = np.full(model.size, DARK, dtype=object)
+    lines = [leads_through(follow, places, one) * scale for one in stops]
+    draw_routes(axes, lines, gid="route")
+    # Rounding may tell both ways apart, which a picture cannot.
+    if not np.allclose(model.distances, model.distances.T, rtol=1e-9):
+        _draw_ways(axes, lines)
+    owners = np.full(model.size, -1)
     for k, route in enumerate(stops):
-        faces[route] = axis_style(k)["color"]
+        owners[route] = k
     rest, homes = model.customers, np.unique(model.depots)
-    area = 26 if len(rest) <= _MOST_LARGE else 8
-    dots(axes, places[rest] * scale, "o", faces[rest].tolist(), size=area, gid="node", **white)
-    dots(
-        axes, places[homes] * scale, "s", "white", size=52, edge=BLACK, width=1.5, zorder=8,
-        gid="depot",
-    )  # fmt: skip
-    keys += [key("depot", marker="s", mfc="white", mec=BLACK, mew=1.4, ms=6)]
-    keys += [key("node", marker="o", color=DARK, ms=5)]
-    if named:
-        few = range(min(len(stops), 7))
-        keys += [key(f"vehicle {k}", lw=1.6, **axis_style(k)) for k in few]
-        keys += [key(f"… {len(stops)} in all", ls="")] * (len(stops) > 7)
-    wrong = np.empty(0, int) if plan is None else wrong_nodes(model, plan)
-    if len(wrong):
-        dots(
-            axes, places[wrong] * scale, "o", "none", size=150, edge=RED, width=1.8, zorder=21,
-            gid="worst violation",
-        )  # fmt: skip
-        keys.append(key("not visited once", **RING))
+    missed = np.empty(0, int) if plan is None else wrong_nodes(model, plan)
+    shown = (places[some] * scale for some in (homes, missed))
+    keys += draw_stops(axes, places[rest] * scale, owners[rest], *shown)
+    keys += name_vehicles(len(stops), "vehicle") if named else []
     if labels if labels is not None else model.size <= _MOST_NAMES:
         names = [model.label(node) for node in range(model.size)]
         write_names(axes, places * scale, names, size=7.5, colour=BLACK, route=False)
     return keys
 
 
-def _draw_routes(
-    model: FleetRouting, axes: Any, scale: float, lines: list[Floats], stops: list[list[int]]
-) -> None:
-    """Draw each route in its colour, with arrows where the ways there and back differ."""
-    from matplotlib.collections import LineCollection
-
-    looks = [axis_style(k) for k in range(len(lines))]
-    axes.add_collection(
-        LineCollection(
-            [line * scale for line in lines], colors=[look["color"] for look in looks],
-            linestyles=[look["ls"] for look in looks], lw=1.6, zorder=3, capstyle="round",
-            joinstyle="round", gid="route",
-        ),
-        autolim=False,
-    )  # fmt: skip
-    # Rounding may tell both ways apart, which a picture cannot.
-    if np.allclose(model.distances, model.distances.T, rtol=1e-9):
-        return
-    for line, look in zip(lines, looks, strict=True):
-        steps = np.diff(line * scale, axis=0)
+def _draw_ways(axes: Any, lines: list[Floats]) -> None:
+    """Draw arrows on the routes, where the ways there and back differ."""
+    for k, line in enumerate(lines):
+        steps = np.diff(line, axis=0)
         far = np.hypot(*steps.T) > _LONG * abs(np.subtract(*axes.get_xlim()))
-        middles = (line[:-1] * scale + 0.5 * steps)[far]
-        point_ways(axes, middles, np.arctan2(*steps[far].T[::-1]), look["color"], 6.5)
+        middles, headings = (line[:-1] + 0.5 * steps)[far], np.arctan2(*steps[far].T[::-1])
+        point_ways(axes, middles, headings, axis_style(k)["color"], 6.5)
 
 
 # -- the bars ------------------------------------------------------------------------------------

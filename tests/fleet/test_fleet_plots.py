@@ -151,7 +151,7 @@ def test_costs_are_scaled_to_a_plane(six):
 
 def test_nodes_that_are_missed_or_met_twice_are_ringed(six):
     figure = render(ct.plot(six[0], FleetPlan([[1, 2, 2], [5, 0]])))
-    (rings,) = artists(figure.axes[0], "worst violation")
+    (rings,) = artists(figure.axes[0], "not visited once")
     assert rings.get_offsets().tolist() == POINTS[[0, 2, 3, 4]].tolist()
     assert "each node visited once" in figure.get_suptitle()
     assert "not visited once" in legend(figure)
