@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedOption
 from ..fields import required
+from ..grid_path import trail
 from ..plots.labels import write_names
 from ..plots.loads import draw_loads
 from ..plots.maps import BLOCKED, draw_cells, dress_map, length_unit, point_ways
@@ -28,7 +29,7 @@ from ..plots.style import (
 from ..verification import TOLERANCE, Verification, check_tolerance
 from .checks import deviation_of, loads_of
 from .data import Metric, Objective
-from .drawn import leads_through, places_of, stops_of, wrong_nodes
+from .drawn import places_of, stops_of, wrong_nodes
 from .model import FleetRouting
 from .plan import FleetPlan
 
@@ -194,7 +195,8 @@ def _draw_map(
             axes.invert_yaxis()
     stops = [] if plan is None else stops_of(model, plan)
     follow = grid if legs == "paths" or (legs is None and model.metric is Metric.GRID) else None
-    lines = [leads_through(follow, places, one) * scale for one in stops]
+    ways = [places[one] if follow is None else trail(follow, places[one]) for one in stops]
+    lines = [way * scale for way in ways]
     draw_routes(axes, lines, gid="route")
     # Rounding may tell both ways apart, which a picture cannot.
     if not np.allclose(model.distances, model.distances.T, rtol=1e-9):

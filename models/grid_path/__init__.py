@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from .model import Connectivity as Connectivity, GridPath as GridPath, Reach as Reach
     from .plan import GridPlan as GridPlan
     from .shortest import distances as distances
+    from .trails import trail as trail
 
 MODELS = {"grid-path": ".model:GridPath"}
 
@@ -21,5 +22,6 @@ __getattr__, __dir__, __all__ = attach(
         "model": ("Connectivity", "GridPath", "Reach"),
         "plan": ("GridPlan",),
         "shortest": ("distances",),
+        "trails": ("trail",),
     },
 )
