@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from .style import bare, inches
 
-__all__ = ["BLOCKED", "draw_cells", "dress_map", "length_unit", "point_ways"]
+__all__ = ["BLOCKED", "draw_cells", "draw_polygons", "dress_map", "length_unit", "point_ways"]
 
 #: Units of length: from what extent on (m), the factor from metres, and the name.
 _UNITS = ((2000.0, 1e-3, "km"), (0.5, 1.0, "m"), (0.0, 1e3, "mm"))
@@ -52,8 +53,9 @@ def dress_map(axes: Any, low: NDArray[Any], high: NDArray[Any], unit: str) -> No
 
 
 def draw_cells(
-    axes: Any, blocked: NDArray[np.bool_], low: NDArray[Any], high: NDArray[Any]
-) -> None:
+    axes: Any, blocked: NDArray[np.bool_], low: NDArray[Any], high: NDArray[Any], *,
+    colour: str = BLOCKED,
+) -> None:  # fmt: skip
     """Draw the blocked cells of a map as one image, and its edge.
 
     Parameters
@@ -64,20 +66,49 @@ def draw_cells(
         Row 0 lies at ``low[1]``.
     low, high : ndarray, shape (2,)
         Corners of the map, in the axes' unit.
+    colour : str
+        Of blocked cells.
     """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Rectangle
 
     limits = axes.axis()
     axes.imshow(
-        blocked, cmap=ListedColormap(["none", BLOCKED]), vmin=0, vmax=1, origin="lower", zorder=0.7,
+        blocked, cmap=ListedColormap(["none", colour]), vmin=0, vmax=1, origin="lower", zorder=0.7,
         extent=(low[0], high[0], low[1], high[1]), interpolation="nearest", gid="blocked",
     )  # fmt: skip
     axes.axis(limits)
     edge = Rectangle(
-        (low[0], low[1]), *(high - low), fc="none", ec=BLOCKED, lw=1.0, zorder=0.7, gid="edge"
+        (low[0], low[1]), *(high - low), fc="none", ec=colour, lw=1.0, zorder=0.7, gid="edge"
     )
     axes.add_patch(edge)
+
+
+def draw_polygons(axes: Any, polygons: Iterable[Any], scale: float, **look: Any) -> None:
+    """Draw shapely's polygons, holes and all, the limits of the axes as they are.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where.
+    polygons : iterable of shapely.Polygon
+        m.
+    scale : float
+        Factor from metres to the axes' unit.
+    **look
+        How they look: options of a collection of matplotlib.
+    """
+    from matplotlib.collections import PathCollection
+    from matplotlib.path import Path
+    from shapely.geometry.polygon import orient
+
+    paths = []
+    for polygon in polygons:
+        # Holes run the other way round, which is how a path knows them.
+        turned = orient(polygon)
+        rings = [np.asarray(ring.coords) for ring in (turned.exterior, *turned.interiors)]
+        paths.append(Path.make_compound_path(*(Path(scale * r, closed=True) for r in rings)))
+    axes.add_collection(PathCollection(paths, **look), autolim=False)
 
 
 def point_ways(
