@@ -11,7 +11,8 @@ software.
 # %%
 # The mission
 # -----------
-# Everything is in metres. Obstacles are polygons, one of them with a yard inside; the robots are discs.
+# Everything is in metres. Obstacles are polygons, one of them with a yard inside; the robots are discs. The
+# longest way is to be short, and then the sum of all ways.
 
 import itertools
 from pathlib import Path
@@ -41,6 +42,7 @@ mission = FleetMission(
     separation=1.0,
     velocity_limit=1.5,
     acceleration_limit=1.0,
+    objective="max-sum",
     ids=["Anna", "Bert", "Cleo", "Dora", "Egon", "Frida", "Gerd", "Hanna", "Ida"],
     name="three robots",
 )
@@ -65,7 +67,7 @@ for model, found in ((shortest, by_sum), (fairest, by_max)):
     print(f"{model.name}: {found.primal_bound:.2f} m, gap {found.gap:.1%}, {found.plan}")
 
 # %%
-# The least sum sends one robot to most places:
+# The least sum leaves one robot with a single place near the depot:
 
 unfair = ct.plot(shortest, by_sum)
 

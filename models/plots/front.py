@@ -120,7 +120,8 @@ def draw_front(
                 ha="right", va="top", fontsize=7, color=DARK, zorder=6, annotation_clip=False,
             )  # fmt: skip
     every = np.concatenate(list(drawn.values()))
-    legend_below(figure, _keys(drawn, colours, every, len(removed), float(low[1])), rows=2)
+    keys = _keys(drawn, colours, every, len(removed), float(low[1]))
+    legend_below(figure, keys, rows=1 + (len(keys) > 5))
     headline(figure, text, wrong=False)
     return figure
 

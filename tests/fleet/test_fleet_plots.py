@@ -162,9 +162,8 @@ def test_nodes_that_are_missed_or_met_twice_are_ringed(six):
 @pytest.mark.parametrize(
     "routes_", [[], [[]], [[], []], [[1, 2, 3, 4, 5]], [[1], [2], [3, 4, 5]], [[0, 0, 0], [1] * 50]]
 )
-def test_plans_that_are_far_from_valid_are_drawn(six, routes_, tmp_path):
-    figure = ct.plot(six[0], FleetPlan(routes_))
-    figure.savefig(tmp_path / "wrong.png", dpi=30)
+def test_plans_that_are_far_from_valid_are_drawn(six, routes_):
+    figure = render(ct.plot(six[0], FleetPlan(routes_)))
     assert "NOT VALID" in figure.get_suptitle()
 
 
@@ -183,7 +182,7 @@ def test_plans_that_are_far_from_valid_are_drawn(six, routes_, tmp_path):
 )
 @pytest.mark.filterwarnings("error")
 def test_strange_fleets_are_drawn(model, tmp_path):
-    ct.plot(model).savefig(tmp_path / "nodes.png", dpi=30)
+    render(ct.plot(model))
     shares = np.array_split(model.customers, model.vehicles)
     plan = FleetPlan([share.tolist() for share in shares])
     figure = ct.plot(model, plan)
