@@ -3,25 +3,42 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..fields import required
 from ..verification import Check, Verification, check_tolerance
+from .gridmap import GridMap
 from .plan import GridPlan
-
-if TYPE_CHECKING:
-    from .gridmap import GridMap
-    from .model import GridPath
 
 __all__ = ["depths", "verify_paths"]
 
 Floats = NDArray[np.float64]
+#: Makes the check called so of the worst violation and its place.
+Measure = Callable[[str, float, str], Check]
 
 #: Digits that coordinates leave of a position.
 DIGITS = 1e-13
+
+
+class Asked(Protocol):
+    """What a model of paths holds."""
+
+    @property
+    def map(self) -> GridMap: ...
+    @property
+    def start(self) -> NDArray[np.int64]: ...
+    @property
+    def goals(self) -> NDArray[np.int64]: ...
+    @property
+    def connectivity(self) -> str: ...
+    @property
+    def reach(self) -> str: ...
+    @property
+    def weights(self) -> Floats | None: ...
 
 
 def depths(grid: GridMap, path: Floats) -> tuple[float, int]:
@@ -88,7 +105,7 @@ def _squeezes(grid: GridMap, path: Floats, slack: float) -> list[tuple[float, fl
     return found
 
 
-def verify_paths(model: GridPath, plan: GridPlan, tolerance: float) -> Verification:
+def verify_paths(model: Asked, plan: GridPlan, tolerance: float) -> Verification:
     """Return the cost of `plan` and every constraint of `model`."""
     check_tolerance(tolerance)
     required("plan", plan, GridPlan)
@@ -146,7 +163,7 @@ def verify_paths(model: GridPath, plan: GridPlan, tolerance: float) -> Verificat
     return Verification(cost, tuple(checks), scale=0.0)
 
 
-def _steps(model: GridPath, paths: list[Floats], lengths: object, count: object) -> list[Check]:
+def _steps(model: Asked, paths: list[Floats], lengths: Measure, count: Measure) -> list[Check]:
     """Return the checks that paths lead from the centres of cells to those of neighbours."""
     off, where, wrong = 0.0, "", []
     for k, path in enumerate(paths):
@@ -166,6 +183,6 @@ def _steps(model: GridPath, paths: list[Floats], lengths: object, count: object)
             if not model.map.holds(beside.astype(int)).all():
                 wrong.append(f"path {k}, step {int(s)} cuts a corner")
     return [
-        lengths("points at centres of cells", off, where),  # type: ignore[operator]
-        count("steps to neighbours", len(wrong), wrong[0] if wrong else ""),  # type: ignore[operator]
+        lengths("points at centres of cells", off, where),
+        count("steps to neighbours", len(wrong), wrong[0] if wrong else ""),
     ]
