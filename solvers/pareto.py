@@ -19,7 +19,8 @@ from .backend import Backend, Limit, Termination
 from .campaign import Record
 from .dispatch import run_job
 from .job import GAP, Job
-from .report.tables import FittedTable, markup, number, render, seconds_text, table
+from .report.fitting import FittedTable
+from .report.tables import markup, number, render, seconds_text, table
 from .solution import Solution
 
 __all__ = ["Front", "FrontPoint", "front", "sweep"]
@@ -377,8 +378,8 @@ def sweep(
         As :func:`front`; the model has no such field, or refuses a value.
     """
     model = as_model(model)
-    for one in (first, second):
-        _declared(model, one)
+    _declared(model, first)
+    _declared(model, second)
     fields = [one.name for one in dataclasses.fields(model) if one.init and one.name != "name"]
     if name not in fields:
         raise UnknownName(f"field of model {model.kind!r}", name, fields)

@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 #: Nearest nodes behind or before which a node may be put.
-NEIGHBOURS = 40
+NEIGHBOURS = 20
 #: Temperatures, in energies: of a start, of what is annealed again, and at the end of both. Of 0.003
 #: … 0.1 those that gave the shortest longest routes on TSPLIB instances of 51 to 200 nodes.
 HOT, WARM, COLD = 0.02, 0.005, 3e-4

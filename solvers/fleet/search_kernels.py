@@ -29,6 +29,7 @@ PENALTY = 10.0
 BLINK = 0.01
 #: Mean number of nodes taken out, and the longest string of them.
 REMOVED, LONGEST = 10.0, 10
+WIDE, FAR = 0.1, 40.0
 
 
 @kernel
@@ -122,8 +123,9 @@ def _ruin(
     """Take strings of nodes near one another out of the routes; return how many nodes."""
     n = place.size - counts.size
     mean = nodes.size / counts.size
-    longest = min(float(LONGEST), mean)
-    most = 4.0 * REMOVED / (1.0 + longest) - 1.0
+    wide = draw.random() < WIDE
+    longest = min(float(FAR if wide else LONGEST), mean)
+    most = 4.0 * (FAR if wide else REMOVED) / (1.0 + longest) - 1.0
     strings = int(draw.random() * most + 1.0)
     seed = nodes[draw.integers(0, nodes.size)]
     found = taken = 0
