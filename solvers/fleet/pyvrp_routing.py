@@ -35,8 +35,9 @@ class PyVrpRouting(FleetHeuristic):
     Journal on Computing 36 (2024). PyVRP knows the sum alone. For "max" and "max-sum" it searches again
     and again for routes that are all shorter than the longest of the best plan by some share, which
     is halved whenever none is found. It cannot demand that every vehicle is used: an empty one is given
-    the node whose move costs least, which need not be the least sum. Limits on the sum, the deviation and the range are held against
-    plans, and not sought.
+    the node whose move costs least, which need not give the least sum. Limits on the sum, the deviation
+    and the range are held against plans, and not sought. A stop waits for the first local search, which
+    takes seconds for thousands of nodes.
     """
 
     name = "pyvrp"

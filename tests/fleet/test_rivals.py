@@ -151,7 +151,7 @@ def test_a_seed_gives_one_plan(name: str) -> None:
     assert one.to_data() == two.to_data()
     if name == "ortools-routing":
         return  # it draws nothing
-    others = {solved(model, name, seed=seed).primal_bound for seed in range(6)}
+    others = {solved(model, name, seed=seed).primal_bound for seed in range(3)}
     assert len(others) > 1
 
 
