@@ -5,9 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
-from scipy.linalg import eigh
-from scipy.optimize import linear_sum_assignment
-from scipy.sparse.linalg import eigsh
 
 from ...models.fleet import FleetRouting, Metric
 from .clustering_kernels import assign
@@ -41,6 +38,9 @@ def positions(model: FleetRouting) -> Floats:
 
 
 def _embedded(distances: Floats) -> Floats:
+    from scipy.linalg import eigh
+    from scipy.sparse.linalg import eigsh
+
     n = len(distances)
     largest = float(distances.max())
     squares = (distances / (largest or 1.0)) ** 2
@@ -106,6 +106,8 @@ def clustered(model: FleetRouting, points: Floats, labels: Ints) -> list[Ints]:
     parts = [np.flatnonzero(labels == k) for k in range(m)]
     if model.depots.size == 1 and model.capacity is None:
         return parts
+    from scipy.optimize import linear_sum_assignment
+
     d, nodes = model.distances, model.customers
     ways = np.zeros((m, m))
     for k, part in enumerate(parts):

@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...models.fleet import FleetRouting, Objective
-from ..attempts import watched
 from ..backend import Feature, Option, Request
 from .rivals import Best, FleetHeuristic, whole_demands, whole_distances
 
@@ -21,7 +20,7 @@ MOST = 3000
 #: How many times a difference of the longest route counts a difference of the sum.
 SPAN = 100
 #: Seconds after the deadline at which it ends by itself.
-GRACE = 1.0
+GRACE = 0.1
 
 
 class OrToolsRouting(FleetHeuristic):
@@ -29,7 +28,8 @@ class OrToolsRouting(FleetHeuristic):
 
     It minimises the sum of all lengths and, unless the sum alone is asked for, 100 times the longest
     (q times for "sum-deviation"): it knows neither standard deviation nor range. The best plan by the
-    model's own objective among all that it meets is kept. Capacity and battery are its dimensions;
+    model's own objective among all that it meets is kept. Where every vehicle must be used, it begins with
+    a solution in which empty ones were given the nodes whose moves cost least. Capacity and battery are its dimensions;
     limits on the sum, the deviation and the range are held against plans, and not sought.
     """
 
@@ -68,45 +68,69 @@ class OrToolsRouting(FleetHeuristic):
 
     def search(self, best: Best, request: Request) -> Mapping[str, Any]:
         """Search until the time is used up."""
-        from ortools.constraint_solver import pywrapcp, routing_enums_pb2
-
-        problem, vehicles = best.problem, best.problem.vehicles
-        homes = problem.homes.tolist()
-        manager = pywrapcp.RoutingIndexManager(problem.size, vehicles, homes, homes)
-        routing = pywrapcp.RoutingModel(manager)
-        _declare(routing, problem)
-        starts = [routing.Start(k) for k in range(vehicles)]
         solutions = 0
-
-        def met() -> None:
-            nonlocal solutions
-            solutions += 1
-            routes = []
-            for start in starts:
-                at, route = routing.NextVar(start).Value(), []
-                while not routing.IsEnd(at):
-                    route.append(manager.IndexToNode(at))
-                    at = routing.NextVar(at).Value()
-                routes.append(route)
-            best.offer(routes)
-
-        routing.AddAtSolutionCallback(met)
-        parameters = pywrapcp.DefaultRoutingSearchParameters()
-        parameters.first_solution_strategy = routing_enums_pb2.FirstSolutionStrategy.Value.Value(
-            request.options["first"].upper()
-        )
-        parameters.local_search_metaheuristic = (
-            routing_enums_pb2.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
-        )
-        left = request.left()
-        seconds = request.options["seconds"] if left is None else left + GRACE
-        parameters.time_limit.FromMilliseconds(max(1, round(1e3 * min(seconds, 1e9))))
-        if request.options["solutions"] is not None:
-            parameters.solution_limit = request.options["solutions"]
+        if best.problem.use_all:
+            # First solutions were seen to fail where a vehicle must be used: so one without that is
+            # filled, and searched on from.
+            solutions += _solve(best, request, used=False, most=1)
+        most = request.options["solutions"]
         if not request.control.stopped:
-            with watched(request.control, routing.CancelSearch):
-                routing.SolveWithParameters(parameters)
+            solutions += _solve(best, request, used=best.problem.use_all, most=most)
         return {"solutions": solutions}
+
+
+def _solve(best: Best, request: Request, *, used: bool, most: int | None) -> int:
+    """Search on from the best plan, if any, where all vehicles are `used`; return the solutions met."""
+    from ortools.constraint_solver import pywrapcp, routing_enums_pb2
+
+    problem, vehicles = best.problem, best.problem.vehicles
+    homes = problem.homes.tolist()
+    manager = pywrapcp.RoutingIndexManager(problem.size, vehicles, homes, homes)
+    routing = pywrapcp.RoutingModel(manager)
+    _declare(routing, problem)
+    starts = [routing.Start(k) for k in range(vehicles)]
+    solutions = 0
+
+    def met() -> None:
+        nonlocal solutions
+        solutions += 1
+        routes = []
+        for start in starts:
+            at, route = routing.NextVar(start).Value(), []
+            while not routing.IsEnd(at):
+                route.append(manager.IndexToNode(at))
+                at = routing.NextVar(at).Value()
+            routes.append(route)
+        best.offer_filled(routes)
+
+    routing.AddAtSolutionCallback(met)
+    # It keeps the interpreter's lock, and so must look itself.
+    routing.AddSearchMonitor(routing.solver().CustomLimit(lambda: request.control.stopped))
+    parameters = pywrapcp.DefaultRoutingSearchParameters()
+    parameters.first_solution_strategy = routing_enums_pb2.FirstSolutionStrategy.Value.Value(
+        request.options["first"].upper()
+    )
+    parameters.local_search_metaheuristic = (
+        routing_enums_pb2.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
+    )
+    left = request.left()
+    seconds = request.options["seconds"] if left is None else left + GRACE
+    parameters.time_limit.FromMilliseconds(max(1, round(1e3 * min(seconds, 1e9))))
+    if most is not None:
+        parameters.solution_limit = most
+    start = None
+    if used:
+        for k, first in enumerate(starts):
+            routing.NextVar(first).RemoveValue(routing.End(k))
+        routing.CloseModelWithParameters(parameters)
+        if best.plan is not None:
+            routes = [[manager.NodeToIndex(node) for node in route] for route in best.plan.routes]
+            start = routing.ReadAssignmentFromRoutes(routes, True)
+    if start is None:
+        routing.SolveWithParameters(parameters)
+    else:
+        routing.SolveFromAssignmentWithParameters(start, parameters)
+    return solutions
 
 
 def _declare(routing: Any, problem: FleetRouting) -> None:
@@ -128,6 +152,3 @@ def _declare(routing: Any, problem: FleetRouting) -> None:
         demands, capacity = whole_demands(problem, LARGEST)
         taken = routing.RegisterUnaryTransitVector(demands)
         routing.AddDimensionWithVehicleCapacity(taken, 0, capacity, True, "demand")
-    if problem.use_all:
-        for k in range(problem.vehicles):
-            routing.NextVar(routing.Start(k)).RemoveValue(routing.End(k))

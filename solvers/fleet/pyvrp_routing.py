@@ -22,6 +22,8 @@ LARGEST = 10**7
 DEAR = 2000
 #: Nodes whose matrices are held several times over.
 MOST = 5000
+#: Length of a way that is not to be taken.
+BARRED = 10**9
 #: The first share by which the longest route is to fall, and the least that is tried.
 STEP, LEAST = 0.1, 1e-4
 
@@ -34,9 +36,11 @@ class PyVrpRouting(FleetHeuristic):
     Source: N. A. Wouda, L. Lan and W. Kool, "PyVRP: a high-performance VRP solver package", INFORMS
     Journal on Computing 36 (2024). PyVRP knows the sum alone. For "max" and "max-sum" it searches again
     and again for routes that are all shorter than the longest of the best plan by some share, which
-    is halved whenever none is found. It cannot demand that every vehicle is used: an empty one is given
-    the node whose move costs least. Limits on the sum, the deviation and the range are held against
-    plans, and not sought.
+    is halved whenever none is found. It cannot demand that every vehicle is used: for the sum, each is made
+    to take one of as many copies of the depots, from which no way leads back to one; for the longest
+    route, an empty one is given the node whose move costs least. Limits on the sum, the deviation
+    and the range are held against plans, and not sought. A stop waits for the first local search, which
+    takes seconds for thousands of nodes.
     """
 
     name = "pyvrp"
@@ -66,8 +70,8 @@ class PyVrpRouting(FleetHeuristic):
 
     def search(self, best: Best, request: Request) -> Mapping[str, Any]:
         """Search for a short sum, and then for shorter and shorter routes."""
-        posed = _Posed(best.problem)
         limited = best.problem.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
+        posed = _Posed(best.problem, best.problem.use_all and not limited)
         endless = request.time_limit is not None
         patience, seed = request.options["patience"], request.seed or 0
         counts = {"searches": 1, "iterations": 0}
@@ -114,9 +118,18 @@ class _Kind:
 
 
 class _Posed:
-    """The problem in PyVRP's terms: node i is location i, and a client is the place of its node."""
+    """The problem in PyVRP's terms: node i is location i, and a client is the place of its node.
 
-    def __init__(self, model: FleetRouting) -> None:
+    Parameters
+    ----------
+    model : FleetRouting
+    forced : bool
+        Whether each vehicle takes a copy of its depot first: a further client, of a further kind of
+        load of which it can hold one, from which ways lead to nodes alone.
+    """
+
+    def __init__(self, model: FleetRouting, forced: bool) -> None:
+        self.forced = forced
         self.distances, scale = whole_distances(model, LARGEST)
         self.customers = model.customers.tolist()
         self.index = {node: k for k, node in enumerate(self.customers)}
@@ -208,24 +221,36 @@ class _Posed:
 
         anything = int(np.iinfo(np.int64).max)
         homes = sorted({kind.home for kind in self.kinds})
-        demands = self.demands
+        loads = [[] if self.demands is None else [self.demands[node]] for node in self.customers]
+        lengths, places = self.distances, list(self.customers)
+        if self.forced:
+            loads = [[*load, 0] for load in loads]
+            n, nothing = len(lengths), [0] * (self.demands is not None)
+            lengths = np.full((n + len(homes),) * 2, BARRED)
+            lengths[:n, :n] = self.distances
+            np.fill_diagonal(lengths, 0)
+            for copy, home in enumerate(homes, n):
+                lengths[home, copy] = 0
+                lengths[copy, self.customers] = self.distances[home, self.customers]
+            for home in self.homes:
+                places.append(n + homes.index(home))
+                loads.append([*nothing, DEAR])
         types = []
         for kind in self.kinds:
             most = min(kind.battery, limit)
             place = homes.index(kind.home)
+            capacity = [kind.capacity] * (self.demands is not None) + [DEAR] * self.forced
             types.append(
                 VehicleType(
-                    len(kind.members), [] if demands is None else [kind.capacity], place, place,
+                    len(kind.members), capacity, place, place,
                     max_distance=anything if math.isinf(most) else int(most),
                 )
             )  # fmt: skip
-        clients = [
-            Client(node, [] if demands is None else [demands[node]]) for node in self.customers
-        ]
-        lengths: list[Any] = [self.distances]
+        matrices: list[Any] = [lengths]
         return ProblemData(
-            [Location(0, 0) for _ in self.distances], clients, [Depot(home) for home in homes], types,
-            lengths, [0 * one for one in lengths],
+            [Location(0, 0) for _ in lengths],
+            [Client(place, load) for place, load in zip(places, loads, strict=True)],
+            [Depot(home) for home in homes], types, matrices, [0 * one for one in matrices],
         )  # fmt: skip
 
     def _read(self, solution: Any) -> Routes:
@@ -234,5 +259,6 @@ class _Posed:
         free: list[Iterable[int]] = [iter(kind.members) for kind in self.kinds]
         for route in solution.routes():
             vehicle = next(iter(free[route.vehicle_type()]))
-            routes[vehicle] = [self.customers[stop.idx] for stop in route if stop.is_client()]
+            clients = [stop.idx for stop in route if stop.is_client()]
+            routes[vehicle] = [self.customers[k] for k in clients if k < len(self.customers)]
         return routes

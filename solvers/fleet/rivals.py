@@ -23,6 +23,9 @@ __all__ = ["Best", "FleetHeuristic", "available_threads", "whole_demands", "whol
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Moves that are tried where an empty vehicle is to have a node.
+TRIED = 16
+
 
 @dataclass
 class Best:
@@ -60,32 +63,44 @@ class Best:
     def offer_filled(self, routes: Sequence[Sequence[int]]) -> bool:
         """Do the same, with a node given to each empty vehicle where all must be used.
 
-        It is the node whose move costs least; every way to take one is tried.
+        It is the node whose move is best for the objective, among the :data:`TRIED` whose moves cost
+        least in all and as many of the longest route.
         """
-        model = self.problem
         full = [list(route) for route in routes]
-        for empty in range(model.vehicles) if model.use_all else ():
-            if full[empty]:
-                continue
-            loads = loads_of(model, FleetPlan(tuple(map(tuple, full))))
-            home, d = int(model.homes[empty]), model.distances
-            best, chosen = math.inf, (-1, -1)
-            for k, route in enumerate(full):
-                if len(route) < 2:
-                    continue
-                stops = [int(model.homes[k]), *route, int(model.homes[k])]
-                for at, node in enumerate(route):
-                    before, after = stops[at], stops[at + 2]
-                    trial = loads.copy()
-                    trial[k] += d[before, after] - d[before, node] - d[node, after]
-                    trial[empty] = d[home, node] + d[node, home]
-                    value = objective_of(model, trial)
-                    if value < best or chosen[0] < 0:
-                        best, chosen = value, (k, at)
-            if chosen[0] < 0:
+        for empty in range(self.problem.vehicles) if self.problem.use_all else ():
+            if not full[empty] and not self._fill(full, empty):
                 return False  # fewer nodes than vehicles
-            full[empty].append(full[chosen[0]].pop(chosen[1]))
         return self.offer(full)
+
+    def _fill(self, full: list[list[int]], empty: int) -> bool:
+        model, d = self.problem, self.problem.distances
+        loads = loads_of(model, FleetPlan(tuple(map(tuple, full))))
+        owners, node, before, after = [], [], [], []
+        for k, route in enumerate(full):
+            if len(route) > 1:
+                home = int(model.homes[k])
+                owners += [k] * len(route)
+                node += route
+                before += [home, *route[:-1]]
+                after += [*route[1:], home]
+        if not node:
+            return False
+        home = int(model.homes[empty])
+        less = d[before, node] + d[node, after] - d[before, after]
+        own = d[home, node] + d[node, home]
+        order = np.argsort(own - less, kind="stable")
+        longest = order[np.array(owners)[order] == owners[int(loads[owners].argmax())]]
+        best, chosen = math.inf, int(order[0])
+        for at in [*order[:TRIED], *longest[:TRIED]]:
+            trial = loads.copy()
+            trial[owners[at]] -= less[at]
+            trial[empty] = own[at]
+            value = objective_of(model, trial)
+            if value < best:
+                best, chosen = value, int(at)
+        full[owners[chosen]].remove(node[chosen])
+        full[empty].append(node[chosen])
+        return True
 
 
 class FleetHeuristic(Backend):

@@ -14,10 +14,13 @@ from scipy.spatial.distance import cdist, pdist, squareform
 import crosstrack as ct
 from crosstrack.errors import BackendMissing, UnsupportedOption
 from crosstrack.models import FleetRouting
+from crosstrack.models.fleet import FleetPlan
+from crosstrack.solvers import Request
 from crosstrack.solvers.fleet.breeding_kernels import _cross, _move, breed, polish
 from crosstrack.solvers.fleet.clustering import clustered, k_means, positions
 from crosstrack.solvers.fleet.clustering_kernels import assign
 from crosstrack.solvers.fleet.colony_kernels import colony, measure, nearest
+from crosstrack.solvers.fleet.rivals import Best
 from crosstrack.solvers.fleet.swarm import (
     array_evaluation,
     swarm,
@@ -276,3 +279,27 @@ def test_stretches_are_moved_and_children_are_tours() -> None:
         # What is not of the first parent stands in the order of the second.
         rest = [node for node in two if node in child[~kept]]
         assert child[~kept].tolist() == rest
+
+
+def test_empty_vehicles_are_given_the_best_node() -> None:
+    rng = np.random.default_rng(13)
+    for seed, objective in itertools.product(range(4), ("sum", "max", "sum-deviation", "range")):
+        costs = rng.integers(0, 6, (9, 9)) * (1.0 - np.eye(9))
+        q = {"q": 2.0} if objective == "sum-deviation" else {}
+        model = FleetRouting(3, costs=costs, objective=objective, **q)
+        order = rng.permutation(8) + 1
+        routes = [order[:5].tolist(), [], order[5:].tolist()]
+        best = Best(model, Request())
+        assert best.offer_filled(routes)
+        wanted = math.inf
+        for node in order.tolist():
+            tried = [[one for one in route if one != node] for route in routes]
+            tried[1] = [node]
+            plan = FleetPlan(tuple(map(tuple, tried)))
+            wanted = min(wanted, model.verify(plan).objective or 0.0)
+        assert best.objective == pytest.approx(wanted, abs=1e-12), (seed, objective)
+    many = FleetRouting(60, points=rng.random((900, 2)), objective="sum")
+    best = Best(many, Request())
+    assert best.offer_filled([list(range(1, 900)), *[[] for _ in range(59)]])
+    assert best.plan is not None
+    assert all(best.plan.routes)
