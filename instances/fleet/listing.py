@@ -84,7 +84,7 @@ def _limited() -> tuple[CatalogueEntry, ...]:
         _entry(
             "battery", "3 robots with batteries of different size, not all needed",
             partial(
-                generate, 7, 3, 6, objective="sum", use_all=False, battery=[360.0, 250.0, 250.0]
+                generate, 7, 3, 6, objective="sum", use_all=False, battery=[500.0, 400.0, 250.0]
             ),
             _SPECIAL,
         ),
@@ -94,10 +94,13 @@ def _limited() -> tuple[CatalogueEntry, ...]:
             _SPECIAL, Provenance.OURS,
         ),
         _entry(
-            "bounded", "The longest route shortest, with little in all and little between them",
-            partial(
-                generate, 7, 2, 7, budget=720.0, deviation_limit=40.0, range_limit=50.0
-            ),
+            "bounded", "Little in all and little between the routes, for which a detour pays",
+            partial(generate, 7, 2, 7, budget=660.0, deviation_limit=18.0, range_limit=25.0),
+            _SPECIAL,
+        ),
+        _entry(
+            "bounded-too-tight", "The same with a budget that leaves none for the detour: no plan",
+            partial(generate, 7, 2, 7, budget=640.0, deviation_limit=18.0, range_limit=25.0),
             _SPECIAL,
         ),
         _entry(
@@ -124,7 +127,7 @@ def _wild() -> tuple[CatalogueEntry, ...]:
         _entry(
             "each-its-own", "As many robots as nodes", partial(_fleet, 5, points=_EXAMPLE[:6]),
             _SPECIAL, Provenance.OURS,
-            {"optimum": 2 * float(np.hypot(30, 40)), "source": "the farthest node and back"},
+            {"optimum": 2 * float(np.hypot(15, 40)), "source": "the farthest node and back"},
         ),
         _entry(
             "one-far", "One node a million metres away", partial(_fleet, 2, points=far),
