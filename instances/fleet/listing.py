@@ -10,14 +10,11 @@ import numpy as np
 
 from ...models.fleet.model import FleetRouting
 from ..catalogue import CatalogueEntry, Provenance
+from ..grid_path.generators import random_nodes
+from ..grid_path.listing import DEPOT, PAPER, SEED, paper_map
 from .generator import generate
 
-__all__ = ["NODES", "PAPER", "ROBOTS", "TABLE_2", "WEIGHTS", "catalogue_entries"]
-
-PAPER = (
-    "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot in Obstacle "
-    "Environment, Wireless Communications and Mobile Computing, 2021"
-)
+__all__ = ["NODES", "ROBOTS", "TABLE_2", "WEIGHTS", "catalogue_entries"]
 
 #: Best fitness of GPSO-AC in table 2, by the name of the TSPLIB instance.
 TABLE_2 = {
@@ -139,10 +136,10 @@ def _wild() -> tuple[CatalogueEntry, ...]:
 def _table_3(q: float) -> CatalogueEntry:
     return _entry(
         f"table-3-q{q:g}",
-        f"{ROBOTS} robots, {NODES} nodes: length and {q:g} times the deviation",
-        partial(generate, NODES, ROBOTS, 28, objective="sum-deviation", q=q),
-        "The paper prints no coordinates: the nodes are ours by seed, with their number, so lengths are "
-        "not comparable with the paper's.",
+        f"{ROBOTS} robots, {NODES} nodes among 28 obstacles: length and {q:g} times the deviation",
+        partial(_among_obstacles, q),
+        "The paper prints no coordinates: obstacles and nodes are ours by seed, with their numbers, so "
+        "lengths are not comparable with the paper's.",
         Provenance.SEEDED,
         {"table": 3, "q": q},
     )
@@ -166,6 +163,13 @@ def _entry(
 
 def _fleet(vehicles: int, **fields: Any) -> FleetRouting:
     return FleetRouting.from_data({"vehicles": vehicles, **fields})
+
+
+def _among_obstacles(q: float) -> FleetRouting:
+    grid = paper_map()
+    nodes = random_nodes(grid, DEPOT, NODES, SEED)
+    points = np.vstack([grid.centres(grid.cells_of(DEPOT)), nodes])
+    return _fleet(ROBOTS, points=points, map=grid, objective="sum-deviation", q=q)
 
 
 def _windy() -> FleetRouting:

@@ -94,19 +94,10 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         return np.array([self._edges.lengths(distances[np.ix_(a, a)]) for a in nodes])
 
     @cached_property
-    def _round_trips(self) -> Floats:
-        """The shortest way to each customer and back, by vehicle, in units; other nodes may be passed."""
-        near = self.model.distances / self.unit
-        for k in range(len(near)):
-            near = np.minimum(near, near[:, k, None] + near[k])
-        homes, customers = self.model.homes, self.model.customers
-        return near[np.ix_(homes, customers)] + near[np.ix_(customers, homes)].T
-
-    @cached_property
     def _ranks(self) -> Indices:
         """The customers' places in the order that tells vehicles apart: the farthest comes first."""
         ranks = np.empty(self._edges.customers, np.int64)
-        ranks[np.argsort(-self._round_trips[0], kind="stable")] = np.arange(ranks.size)
+        ranks[np.argsort(-self.model.round_trips[0], kind="stable")] = np.arange(ranks.size)
         return ranks
 
     @cached_property
@@ -252,7 +243,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         if model.budget is not None:
             b.rows("sum within budget", 1, (0, loads, 1.0), upper=model.budget / unit)
         for name, sign in self._extremes:
-            least = float(self._round_trips.min(axis=0).max()) if sign > 0 else 0.0
+            least = float(model.round_trips.min(axis=0).max()) / unit if sign > 0 else 0.0
             counted = (
                 model.objective in _LONGEST if sign > 0 else model.objective is Objective.RANGE
             )

@@ -85,10 +85,10 @@ def test_a_seed_means_the_same_nodes():
     assert one.digest == generate(9, 3, 5).digest != generate(9, 3, 6).digest
     assert one.points[0].tolist() == [100, 100]
     assert hashlib.sha256(one.points.tobytes()).hexdigest()[:16] == "b68d87013afa1154"
-    large = generate(4000, 2, 1, side=10, objective="sum", name="large")
-    assert (large.name, large.size, str(large.objective)) == ("large", 4001, "sum")
+    large = generate(900, 2, 1, side=10, objective="sum", name="large")
+    assert (large.name, large.size, str(large.objective)) == ("large", 901, "sum")
     assert large.points.max(axis=0) == pytest.approx([10, 10], rel=0.01)
-    assert large.points.mean(axis=0) == pytest.approx([5, 5], rel=0.03)
+    assert large.points.mean(axis=0) == pytest.approx([5, 5], rel=0.06)
 
 
 @pytest.mark.parametrize(
@@ -262,7 +262,7 @@ def test_bad_matrices(form, numbers, message, tmp_path):
         ("DEPOT_SECTION\n1\n-1\n", "", "must have a DEPOT_SECTION"),
         ("\n1\n-1", "\n1\n2\n-1", r"DEPOT_SECTION must hold 1 finite numbers, got shape \(2,\)"),
         ("\n1\n-1", "\n5\n-1", "depots must be nodes 0 … 3, got 4"),
-        ("\n1\n-1", "\n1.5\n-1", "depots.* must be a whole number"),
+        ("\n1\n-1", "\n1.5\n-1", "depots.* must be whole numbers"),
         ("\n1\n-1", "\n0\n-1", r"depots\[0\] must be >= 0"),
         ("4 7\nDEPOT", "4 -7\nDEPOT", "demands.* must be >= 0"),
     ],
@@ -385,7 +385,6 @@ def test_what_cannot_be_exported(tmp_path):
             "node 2 is out of reach.* takes 85.44 m.* lasts 80 m",
             "node 2",
         ),
-        ("fleet/bounded-too-tight", "budget 640 is in the way", "budget"),
         (generate(7, 2, 1, budget=300.0), "together take at least 585.603 m", "budget"),
         (generate(5, 2, 1, deviation_limit=1e-3), "deviation_limit 0.001 is in", "deviation_limit"),
         (generate(5, 2, 1, range_limit=0.0), "range_limit 0 is in the way", "range_limit"),
