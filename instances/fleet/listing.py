@@ -10,11 +10,15 @@ import numpy as np
 
 from ...models.fleet.model import FleetRouting
 from ..catalogue import CatalogueEntry, Provenance
-from ..grid_path.generators import random_nodes
-from ..grid_path.listing import DEPOT, PAPER, SEED, paper_map
+from ..grid_path import paper_map, random_nodes
 from .generator import generate
 
-__all__ = ["NODES", "ROBOTS", "TABLE_2", "WEIGHTS", "catalogue_entries"]
+__all__ = ["NODES", "PAPER", "ROBOTS", "TABLE_2", "WEIGHTS", "catalogue_entries"]
+
+PAPER = (
+    "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot in Obstacle "
+    "Environment, Wireless Communications and Mobile Computing, 2021"
+)
 
 #: Best fitness of GPSO-AC in table 2, by the name of the TSPLIB instance.
 TABLE_2 = {
@@ -27,6 +31,8 @@ TABLE_2 = {
 }
 #: Robots and nodes of table 3, and its weights of the deviation.
 ROBOTS, NODES, WEIGHTS = 4, 75, (0.0, 0.2, 0.4, 0.6, 0.8)
+#: Where they begin on the map, x, y (m): no obstacle is there.
+DEPOT = (100.0, 100.0)
 
 _SPECIAL = "Ours: the paper has no such instance."
 #: Nodes of the example; the first is the depot.
@@ -167,8 +173,8 @@ def _fleet(vehicles: int, **fields: Any) -> FleetRouting:
 
 def _among_obstacles(q: float) -> FleetRouting:
     grid = paper_map()
-    nodes = random_nodes(grid, DEPOT, NODES, SEED)
-    points = np.vstack([grid.centres(grid.cells_of(DEPOT)), nodes])
+    depot = grid.centres(grid.cells_of(DEPOT))
+    points = np.vstack([depot, random_nodes(grid, depot, NODES, 28)])
     return _fleet(ROBOTS, points=points, map=grid, objective="sum-deviation", q=q)
 
 
