@@ -43,6 +43,8 @@ Indices = NDArray[np.int64]
 _FEW = 6
 #: Share of the objective, and of the lengths, below which a tangent missed is rounding.
 _EXACT, _ROUNDING = 1e-8, 1e-12
+#: Columns of the linear programs at the root together: a few seconds.
+_WORK = 60_000
 #: What the length of each route counts in objectives.
 _WEIGHTS = {
     Objective.SUM: 1.0,
@@ -119,7 +121,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         """The subtour cuts that are held."""
         if self._added is not None:
             return self._added
-        return strengthened(self._posed, self._missed, self.root_rounds, hurry=True)
+        return strengthened(self._posed, self._missed, self.root_rounds, _WORK)
 
     @cached_property
     def tangents(self) -> tuple[tuple[float, ...], ...]:
