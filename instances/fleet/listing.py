@@ -10,6 +10,7 @@ import numpy as np
 
 from ...models.fleet.model import FleetRouting
 from ..catalogue import CatalogueEntry, Provenance
+from ..grid_path import paper_map, random_nodes
 from .generator import generate
 
 __all__ = ["NODES", "PAPER", "ROBOTS", "TABLE_2", "WEIGHTS", "catalogue_entries"]
@@ -30,6 +31,8 @@ TABLE_2 = {
 }
 #: Robots and nodes of table 3, and its weights of the deviation.
 ROBOTS, NODES, WEIGHTS = 4, 75, (0.0, 0.2, 0.4, 0.6, 0.8)
+#: Where they begin on the map, x, y (m): no obstacle is there.
+DEPOT = (100.0, 100.0)
 
 _SPECIAL = "Ours: the paper has no such instance."
 #: Nodes of the example; the first is the depot.
@@ -84,7 +87,7 @@ def _limited() -> tuple[CatalogueEntry, ...]:
         _entry(
             "battery", "3 robots with batteries of different size, not all needed",
             partial(
-                generate, 7, 3, 6, objective="sum", use_all=False, battery=[360.0, 250.0, 250.0]
+                generate, 7, 3, 6, objective="sum", use_all=False, battery=[500.0, 400.0, 250.0]
             ),
             _SPECIAL,
         ),
@@ -94,10 +97,13 @@ def _limited() -> tuple[CatalogueEntry, ...]:
             _SPECIAL, Provenance.OURS,
         ),
         _entry(
-            "bounded", "The longest route shortest, with little in all and little between them",
-            partial(
-                generate, 7, 2, 7, budget=720.0, deviation_limit=40.0, range_limit=50.0
-            ),
+            "bounded", "Little in all and little between the routes, for which a detour pays",
+            partial(generate, 7, 2, 7, budget=660.0, deviation_limit=18.0, range_limit=25.0),
+            _SPECIAL,
+        ),
+        _entry(
+            "bounded-too-tight", "The same with a budget that leaves none for the detour: no plan",
+            partial(generate, 7, 2, 7, budget=640.0, deviation_limit=18.0, range_limit=25.0),
             _SPECIAL,
         ),
         _entry(
@@ -124,7 +130,7 @@ def _wild() -> tuple[CatalogueEntry, ...]:
         _entry(
             "each-its-own", "As many robots as nodes", partial(_fleet, 5, points=_EXAMPLE[:6]),
             _SPECIAL, Provenance.OURS,
-            {"optimum": 2 * float(np.hypot(30, 40)), "source": "the farthest node and back"},
+            {"optimum": 2 * float(np.hypot(15, 40)), "source": "the farthest node and back"},
         ),
         _entry(
             "one-far", "One node a million metres away", partial(_fleet, 2, points=far),
@@ -136,10 +142,10 @@ def _wild() -> tuple[CatalogueEntry, ...]:
 def _table_3(q: float) -> CatalogueEntry:
     return _entry(
         f"table-3-q{q:g}",
-        f"{ROBOTS} robots, {NODES} nodes: length and {q:g} times the deviation",
-        partial(generate, NODES, ROBOTS, 28, objective="sum-deviation", q=q),
-        "The paper prints no coordinates: the nodes are ours by seed, with their number, so lengths are "
-        "not comparable with the paper's.",
+        f"{ROBOTS} robots, {NODES} nodes among 28 obstacles: length and {q:g} times the deviation",
+        partial(_among_obstacles, q),
+        "The paper prints no coordinates: obstacles and nodes are ours by seed, with their numbers, so "
+        "lengths are not comparable with the paper's.",
         Provenance.SEEDED,
         {"table": 3, "q": q},
     )
@@ -163,6 +169,13 @@ def _entry(
 
 def _fleet(vehicles: int, **fields: Any) -> FleetRouting:
     return FleetRouting.from_data({"vehicles": vehicles, **fields})
+
+
+def _among_obstacles(q: float) -> FleetRouting:
+    grid = paper_map()
+    depot = grid.centres(grid.cells_of(DEPOT))
+    points = np.vstack([depot, random_nodes(grid, depot, NODES, 28)])
+    return _fleet(ROBOTS, points=points, map=grid, objective="sum-deviation", q=q)
 
 
 def _windy() -> FleetRouting:

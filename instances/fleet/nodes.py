@@ -13,6 +13,7 @@ from typing import Any
 from ...errors import InvalidData
 from ...files import as_path
 from ...models.fields import show
+from ..grid_path.maps import resolve_references as resolve_map
 from ..spreadsheets import table_rows
 from ..storage import Find, number
 
@@ -72,8 +73,12 @@ def read_nodes(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
-    """Return `data` of an instance with ``"points": "file.csv"`` replaced by the content."""
-    found = dict(data)
+    """Return `data` of an instance with its nodes and its map read from their files.
+
+    ``"points": "file.csv"`` names a file of nodes, ``"map": "rooms.map"`` one of a map, as for
+    :func:`~crosstrack.instances.grid_path.maps.resolve_references`.
+    """
+    found = resolve_map(data, find)
     if isinstance(found.get("points"), str):
         held = read_nodes(find(found.pop("points")))
         for key in held:

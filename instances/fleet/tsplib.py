@@ -123,7 +123,7 @@ def read_vrplib(
     data = {
         **_distances(file, held, rounded, False),
         "vehicles": vehicles,
-        "depots": depots.astype(int),
+        "depots": depots,
         "demands": demands,
         "capacity": capacity,
         "objective": Objective.SUM,
@@ -226,4 +226,4 @@ def _matrix(file: Path, held: dict[str, Any], size: int) -> Floats:
         )
     found = np.zeros((size, size))
     found[rows, columns] = np.array(words, float)
-    return found if form == "FULL_MATRIX" else np.maximum(found, found.T)
+    return found if form == "FULL_MATRIX" else found + np.tril(found, -1).T + np.triu(found, 1).T

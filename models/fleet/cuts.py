@@ -29,8 +29,6 @@ Indices = NDArray[np.int64]
 _VIOLATED = 1e-3
 #: Capacities of the network are whole numbers, this many for 1.
 _UNIT = 1_000_000
-#: Columns above which the rounds end where the last few gained less than a share of the optimum.
-_MANY, _LAST, _GAIN = 3000, 3, 1e-3
 #: Vehicle of a cut that counts the edges of all of them.
 ALL = -1
 
@@ -205,8 +203,7 @@ def strengthened(
     program: Callable[[tuple[Cut, ...]], MixedIntegerProgram],
     separate: Callable[[Floats], Iterable[Cut]],
     rounds: int,
-    *,
-    hurry: bool = False,
+    work: int,
 ) -> tuple[Cut, ...]:
     """Return the cuts that the linear relaxation's optimum needs, found round by round.
 
@@ -218,24 +215,19 @@ def strengthened(
         Cuts that a point breaks.
     rounds : int
         Linear programs that are solved at the most.
-    hurry : bool
-        Whether a large program ends the rounds where they gain little.
+    work : int
+        Columns of all of them together at the most.
     """
     from scipy.optimize import Bounds, LinearConstraint, milp
 
     cuts: tuple[Cut, ...] = ()
-    optima: list[float] = []
-    for _ in range(rounds):
-        posed = program(cuts)
+    posed = program(cuts)
+    for _ in range(min(rounds, work // posed.size)):
         rows = LinearConstraint(posed.matrix, posed.row_lower, posed.row_upper)
         answer = milp(
             posed.cost, constraints=rows, bounds=Bounds(posed.column_lower, posed.column_upper)
         )
         if answer.x is None:
-            return cuts
-        optima.append(float(answer.fun))
-        former = optima[-1 - _LAST] if len(optima) > _LAST else -np.inf
-        if hurry and posed.size > _MANY and optima[-1] <= former + _GAIN * abs(former):
             return cuts
         # Cuts that the point does not need may go: they come back where they are missed.
         slack = (posed.row_upper - posed.matrix @ answer.x)[posed.row_count - len(cuts) :]
@@ -244,6 +236,7 @@ def strengthened(
         if len(finer) == len(kept):
             return kept
         cuts = finer
+        posed = program(cuts)
     return cuts
 
 

@@ -226,6 +226,18 @@ class FleetData(Declared):
         straight = np.hypot(difference[..., 0], difference[..., 1])
         return frozen(np.floor(straight + 0.5) if self.metric is Metric.ROUNDED else straight)
 
+    @cached_property
+    def round_trips(self) -> Floats:
+        """The shortest way to each customer and back, other nodes passed or not, by vehicle.
+
+        No vehicle visits a customer on a shorter route. Shape (vehicles, customers).
+        """
+        near = np.array(self.distances)
+        for k in range(self.size):
+            np.minimum(near, near[:, k, None] + near[k], out=near)
+        there = near[np.ix_(self.homes, self.customers)]
+        return frozen(there + near[np.ix_(self.customers, self.homes)].T)
+
     @property
     def length_unit(self) -> str:
         """The unit of distances: none where they are given as costs."""

@@ -43,6 +43,8 @@ Indices = NDArray[np.int64]
 _FEW = 6
 #: Share of the objective, and of the lengths, below which a tangent missed is rounding.
 _EXACT, _ROUNDING = 1e-8, 1e-12
+#: Columns of the linear programs at the root together: a few seconds.
+_WORK = 60_000
 #: What the length of each route counts in objectives.
 _WEIGHTS = {
     Objective.SUM: 1.0,
@@ -94,19 +96,10 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         return np.array([self._edges.lengths(distances[np.ix_(a, a)]) for a in nodes])
 
     @cached_property
-    def _round_trips(self) -> Floats:
-        """The shortest way to each customer and back, by vehicle, in units; other nodes may be passed."""
-        near = self.model.distances / self.unit
-        for k in range(len(near)):
-            near = np.minimum(near, near[:, k, None] + near[k])
-        homes, customers = self.model.homes, self.model.customers
-        return near[np.ix_(homes, customers)] + near[np.ix_(customers, homes)].T
-
-    @cached_property
     def _ranks(self) -> Indices:
         """The customers' places in the order that tells vehicles apart: the farthest comes first."""
         ranks = np.empty(self._edges.customers, np.int64)
-        ranks[np.argsort(-self._round_trips[0], kind="stable")] = np.arange(ranks.size)
+        ranks[np.argsort(-self.model.round_trips[0], kind="stable")] = np.arange(ranks.size)
         return ranks
 
     @cached_property
@@ -128,7 +121,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         """The subtour cuts that are held."""
         if self._added is not None:
             return self._added
-        return strengthened(self._posed, self._missed, self.root_rounds, hurry=True)
+        return strengthened(self._posed, self._missed, self.root_rounds, _WORK)
 
     @cached_property
     def tangents(self) -> tuple[tuple[float, ...], ...]:
@@ -252,7 +245,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         if model.budget is not None:
             b.rows("sum within budget", 1, (0, loads, 1.0), upper=model.budget / unit)
         for name, sign in self._extremes:
-            least = float(self._round_trips.min(axis=0).max()) if sign > 0 else 0.0
+            least = float(model.round_trips.min(axis=0).max()) / unit if sign > 0 else 0.0
             counted = (
                 model.objective in _LONGEST if sign > 0 else model.objective is Objective.RANGE
             )

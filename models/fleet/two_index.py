@@ -31,6 +31,9 @@ __all__ = ["TwoIndexFormulation"]
 
 Floats = NDArray[np.float64]
 
+#: Columns of the linear programs at the root together: a few seconds.
+_WORK = 1_000_000
+
 
 @dataclass(frozen=True, eq=False)
 class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
@@ -89,7 +92,7 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         """The cuts that are held."""
         if self._added is not None:
             return self._added
-        return strengthened(self._posed, self._missed, self.root_rounds)
+        return strengthened(self._posed, self._missed, self.root_rounds, _WORK)
 
     def build(self) -> MixedIntegerProgram:
         """Return the program described at the head of this module."""

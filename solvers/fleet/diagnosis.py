@@ -59,11 +59,7 @@ def _too_far(model: FleetRouting) -> Iterator[Finding]:
     """Yield the nodes that no battery reaches, the farthest first."""
     if model.battery is None:
         return
-    near = np.array(model.distances)
-    for k in range(len(near)):
-        near = np.minimum(near, near[:, k, None] + near[k])
-    nodes = model.customers
-    trips = near[np.ix_(model.homes, nodes)] + near[np.ix_(nodes, model.homes)].T
+    nodes, trips = model.customers, model.round_trips
     over = (trips - model.battery[:, None] * (1 + 1e-9)).min(axis=0)
     unit = f" {model.length_unit}".rstrip()
     for place in np.argsort(-over, kind="stable")[: int((over > 0).sum())].tolist():

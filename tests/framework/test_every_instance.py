@@ -20,6 +20,7 @@ SLOW = {
     *("optimal-control/harmonic-oscillator", "optimal-control/hypersensitive"),
     *("optimal-control/quadrotor", "optimal-control/rayleigh"),
     "satellite-slew",
+    *(f"fleet/table-3-q{q}" for q in ("0", "0.2", "0.4", "0.6", "0.8")),
     # Of each size the first few are quick.
     *(
         f"messenger/B-{n:02}-{k:02}"
