@@ -1,0 +1,201 @@
+"""Lines of sight on a map: straight segments that keep to free cells.
+
+A segment is in sight if each of its points lies in a free cell or on the border of one, and none is
+the point between two blocked cells that touch at a corner. So it may touch blocked cells and run
+along their sides, but not along the side between two of them.
+
+Kernels take coordinates in cells of the *padded* map, which has a ring of blocked cells around it:
+the map's corner is (1, 1). Their answers are exact where coordinates are multiples of 1/2, as those
+of corners and centres of cells, on maps of fewer than 2**26 cells; otherwise a segment that comes
+nearer to a corner than `slack` passes through it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...jit import kernel
+from .checks import DIGITS
+
+if TYPE_CHECKING:
+    from .gridmap import GridMap
+
+__all__ = ["Sight", "convex_corners", "free_at", "line_of_sight", "sees"]
+
+Floats = NDArray[np.float64]
+Truths = NDArray[np.bool_]
+
+#: Distance, in cells, below which a segment passes through a corner; the check of a plan has half.
+SLACK = 2e-9
+
+
+@kernel
+def _at(blocked: Truths, turned: bool, major: int, minor: int) -> bool:
+    """Return whether a cell is blocked; rows are the major coordinate where the map is turned."""
+    return bool(blocked[major, minor] if turned else blocked[minor, major])
+
+
+@kernel
+def _pinched(blocked: Truths, turned: bool, major: int, minor: int) -> bool:
+    """Return whether exactly two cells that touch at a corner of the lattice are blocked."""
+    a, b = _at(blocked, turned, major - 1, minor - 1), _at(blocked, turned, major, minor - 1)
+    c, d = _at(blocked, turned, major - 1, minor), _at(blocked, turned, major, minor)
+    return a == d and b == c and a != b
+
+
+@kernel
+def free_at(blocked: Truths, x: float, y: float) -> bool:
+    """Return whether a point lies in a free cell or on its border, and not where two blocked touch."""
+    columns, rows = blocked.shape[1], blocked.shape[0]
+    if not (1.0 <= x <= columns - 1.0 and 1.0 <= y <= rows - 1.0):
+        return False
+    if x == math.floor(x) and y == math.floor(y) and _pinched(blocked, False, int(x), int(y)):
+        return False
+    for j in range(math.ceil(y) - 1, math.floor(y) + 1):
+        for i in range(math.ceil(x) - 1, math.floor(x) + 1):
+            if not blocked[j, i]:
+                return True
+    return False
+
+
+@kernel
+def _snapped(value: float, slack: float) -> float:
+    """Return the whole number that is as near as `slack`, else `value`."""
+    near = float(math.floor(value + 0.5))
+    return near if abs(value - near) <= slack else value
+
+
+@kernel(interpretable=True)
+def sees(blocked: Truths, ax: float, ay: float, bx: float, by: float, slack: float) -> bool:
+    """Return whether a straight segment keeps to free cells.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows + 2, columns + 2)
+        The padded map.
+    ax, ay, bx, by : float
+        The segment's ends, in cells of the padded map.
+    slack : float
+        See the module's docstring.
+    """
+    rows, columns = float(blocked.shape[0] - 1), float(blocked.shape[1] - 1)
+    if not (min(ax, bx) >= 1.0 and max(ax, bx) <= columns):
+        return False
+    if not (min(ay, by) >= 1.0 and max(ay, by) <= rows):
+        return False
+    if ax == bx and ay == by:
+        return free_at(blocked, ax, ay)
+    turned = abs(by - ay) > abs(bx - ax)
+    if turned:
+        ax, ay, bx, by = ay, ax, by, bx
+    if ax > bx:
+        ax, ay, bx, by = bx, by, ax, ay
+    # Along the longer coordinate, the segment crosses two cells of a column at the most.
+    left, right, y = ax, ax, ay
+    for column in range(math.floor(ax), math.ceil(bx)):
+        if left == column and y == math.floor(y) and _pinched(blocked, turned, column, int(y)):
+            return False
+        right = min(column + 1.0, bx)
+        to = by if right == bx else _snapped(ay + (right - ax) * (by - ay) / (bx - ax), slack)
+        low, high = min(y, to), max(y, to)
+        if low == high and low == math.floor(low):  # along a line of the lattice
+            row = int(low)
+            if _at(blocked, turned, column, row - 1) and _at(blocked, turned, column, row):
+                return False
+        else:
+            for row in range(math.floor(low), math.ceil(high)):
+                if _at(blocked, turned, column, row):
+                    return False
+        left, y = right, to
+    return not (right == math.floor(right) and y == math.floor(y)) or not _pinched(
+        blocked, turned, int(right), int(y)
+    )
+
+
+def convex_corners(blocked: Truths) -> NDArray[np.int8]:
+    """Return the corners of blocked cells at which a shortest path may turn.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows + 2, columns + 2)
+        The padded map.
+
+    Returns
+    -------
+    ndarray of int8, shape (rows + 2, columns + 2)
+        By y and x: 0 where none is, else 1 + where the only blocked one of the four cells lies: 0 at
+        less x and y, 1 at greater x, 2 at greater y, 3 at greater x and y. Row and column 0 are
+        no corners of the map.
+    """
+    around = [blocked[:-1, :-1], blocked[:-1, 1:], blocked[1:, :-1], blocked[1:, 1:]]
+    kinds = np.zeros(blocked.shape, np.int8)
+    only = sum(one.astype(np.int8) for one in around) == 1
+    for k, one in enumerate(around):
+        kinds[1:, 1:][only & one] = k + 1
+    return kinds
+
+
+class Sight:
+    """A map prepared for many questions.
+
+    Parameters
+    ----------
+    grid : GridMap
+        The map.
+
+    Attributes
+    ----------
+    blocked : ndarray of bool, shape (rows + 2, columns + 2)
+        The padded map.
+    slack : float
+        Distance, in cells, below which points are taken to lie on the lattice.
+    """
+
+    def __init__(self, grid: GridMap) -> None:
+        self.grid = grid
+        self.blocked: Truths = np.pad(grid.blocked, 1, constant_values=True)
+        corner = float(np.abs(grid.origin).max()) + grid.cell * max(grid.shape)
+        self.slack = SLACK + 2 * DIGITS * corner / grid.cell
+
+    def cells(self, points: ArrayLike) -> Floats:
+        """Return points, x, y (m), in cells of the padded map, multiples of 1/2 where that is meant."""
+        found = (np.asarray(points, float) - self.grid.origin) / self.grid.cell + 1.0
+        halves = np.round(2 * found) / 2
+        return np.where(np.abs(found - halves) <= self.slack, halves, found)
+
+    def metres(self, cells: ArrayLike) -> Floats:
+        """Return points in cells of the padded map as x, y (m)."""
+        found: Floats = self.grid.origin + (np.asarray(cells, float) - 1.0) * self.grid.cell
+        return found
+
+    def between(self, a: ArrayLike, b: ArrayLike) -> bool:
+        """Return whether the segment between two points, x, y (m), keeps to free cells."""
+        (ax, ay), (bx, by) = self.cells(a).tolist(), self.cells(b).tolist()
+        return bool(sees(self.blocked, ax, ay, bx, by, self.slack))
+
+
+def line_of_sight(grid: GridMap, a: ArrayLike, b: ArrayLike) -> bool:
+    """Return whether a straight segment keeps to free cells.
+
+    Parameters
+    ----------
+    grid : GridMap
+        The map; who asks more than once uses :class:`Sight`.
+    a, b : array-like, shape (2,)
+        The segment's ends, x, y (m).
+
+    Examples
+    --------
+    >>> from crosstrack.models import GridMap
+    >>> from crosstrack.models.grid_path import line_of_sight
+    >>> grid = GridMap([".@", ".."])
+    >>> line_of_sight(grid, (0.5, 0.5), (1.5, 1.5))  # touches a blocked cell's corner
+    True
+    >>> line_of_sight(GridMap([".@", "@."]), (0.5, 0.5), (1.5, 1.5))
+    False
+    """
+    return Sight(grid).between(a, b)

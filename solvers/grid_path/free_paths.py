@@ -1,0 +1,198 @@
+"""What backends for paths in any direction share: the map prepared, the goals, and the answer."""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UnsupportedFormulation
+from ...models.grid_path.model import GridPath
+from ..backend import Answer, Backend, Guarantee, Limit, Request, Termination
+
+if TYPE_CHECKING:
+    from ...models.grid_path.plan import GridPlan
+
+__all__ = ["AnyDirection", "Ground", "Leg"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass
+class Leg:
+    """What a search for a path to one goal ended with.
+
+    Parameters
+    ----------
+    path : ndarray, shape (k, 2), optional
+        x, y in cells of the padded map.
+    bound : float
+        What every path has at the least, in cells; infinite where it is proven that there is none.
+    stopped : bool
+        Whether the search was stopped.
+    """
+
+    path: Floats | None
+    bound: float = 0.0
+    stopped: bool = False
+
+    @property
+    def length(self) -> float:
+        """The length in cells, infinite without a path."""
+        if self.path is None:
+            return math.inf
+        return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
+
+
+@dataclass
+class Ground:
+    """A problem in cells of the padded map.
+
+    Parameters
+    ----------
+    problem : GridPath
+        With connectivity "any".
+    request : Request
+        Told of better paths.
+    """
+
+    problem: GridPath
+    request: Request
+    statistics: dict[str, float | int | str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        from ...models.grid_path.sight import Sight
+
+        self.sight = Sight(self.problem.map)
+        self.start: Floats = self.problem.start[::-1].astype(np.float64) + 1.5
+        self.goals: Floats = self.problem.goals[:, ::-1].astype(np.float64) + 1.5
+        self.rng = np.random.default_rng(self.request.seed or 0)
+        self.offered = math.inf
+
+    @cached_property
+    def corners(self) -> NDArray[np.int8]:
+        """Where shortest paths may turn."""
+        from ...models.grid_path.sight import convex_corners
+
+        return convex_corners(self.sight.blocked)
+
+    @cached_property
+    def tables(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Runs of cells and next corners; see :mod:`.any_angle_kernels`."""
+        from .any_angle import line_tables
+
+        return line_tables(self.sight.blocked, self.corners)
+
+    def plan(self, paths: list[Floats]) -> GridPlan:
+        """Return the plan of paths in cells."""
+        from ...models.grid_path.plan import GridPlan
+
+        return GridPlan(tuple(self.sight.metres(path) for path in paths))
+
+    def offer(self, path: Floats) -> None:
+        """Report a path that is the shortest so far, where one path is the whole plan."""
+        if self.problem.reach == "nearest" or len(self.goals) == 1:
+            plan = self.plan([path])
+            if plan.length < self.offered:
+                self.offered = plan.length
+                self.request.control.incumbent(plan.length, plan)
+
+    def sees(self, a: Floats, b: Floats) -> bool:
+        """Return whether a segment, in cells, keeps to free cells."""
+        from ...models.grid_path.sight import sees
+
+        return bool(
+            sees(
+                self.sight.blocked, float(a[0]), float(a[1]), float(b[0]), float(b[1]),
+                self.sight.slack,
+            )
+        )  # fmt: skip
+
+    def count(self, name: str, more: int) -> None:
+        """Add to a statistic."""
+        self.statistics[name] = int(self.statistics.get(name, 0)) + int(more)
+
+
+class AnyDirection(Backend):
+    """Base of the backends for paths in any direction; a subclass searches for one goal."""
+
+    accepts = GridPath
+    deterministic = True
+    single_threaded = True
+
+    @abstractmethod
+    def leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
+        """Search for a path to a goal, x, y in cells, that is shorter than `ceiling` (cells).
+
+        It is not asked for where the goal is in sight of the start.
+        """
+
+    def refuses(self, problem: GridPath) -> str:
+        """Return what is refused: paths along neighbours."""
+        if problem.connectivity != "any":
+            return f"connectivity {str(problem.connectivity)!r}: paths may lead in any direction"
+        return ""
+
+    def run(self, problem: GridPath, request: Request) -> Answer:
+        """Search for each goal, or for all with the best so far as the ceiling."""
+        refusal = self.refuses(problem)
+        if refusal:
+            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        begin = time.perf_counter()
+        ground = Ground(problem, request)
+        each = problem.reach == "each"
+        straight = np.hypot(*(ground.goals - ground.start).T)
+        bounds = straight.copy()
+        legs: dict[int, Leg] = {}
+        best = math.inf
+        for k in range(len(bounds)) if each else np.argsort(straight, kind="stable").tolist():
+            if request.control.stopped:
+                break
+            ceiling = math.inf if each else best
+            if straight[k] >= ceiling:
+                break  # the others are further away
+            legs[k] = leg = self._leg(ground, ground.goals[k], ceiling, request)
+            bounds[k] = leg.bound
+            best = min(best, leg.length)
+            if each and leg.path is None:
+                break
+        seconds = {"solve": time.perf_counter() - begin}
+        paths = {k: leg.path for k, leg in legs.items() if leg.path is not None}
+        stopped = request.control.stopped or any(leg.stopped for leg in legs.values())
+        limit = (request.control.reason or Limit.INTERRUPTED) if stopped else None
+        bound = float(bounds.sum() if each else bounds.min()) * problem.map.cell
+        exact = self.guarantee is Guarantee.EXACT
+        common: dict[str, Any] = {"seconds": seconds, "statistics": dict(ground.statistics)}
+        whole = len(paths) == len(bounds) if each else bool(paths)
+        if not whole:
+            if exact and math.isinf(bound):
+                return Answer(Termination.INFEASIBLE, **common)
+            return Answer(
+                Termination.NO_SOLUTION, limit, dual_bound=bound if exact else None, **common
+            )
+        if each:
+            plan = ground.plan([paths[k] for k in range(len(bounds))])
+        else:
+            plan = ground.plan([paths[min(paths, key=lambda k: legs[k].length)]])
+        if not exact:
+            return Answer(Termination.FEASIBLE, limit, plan, plan.length, **common)
+        if limit is None:
+            bound = plan.length
+        return Answer(
+            Termination.FEASIBLE if limit else Termination.OPTIMAL, limit, plan, plan.length,
+            min(bound, plan.length), **common,
+        )  # fmt: skip
+
+    def _leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
+        """Go straight where that is possible, else search."""
+        if (goal == ground.start).all():
+            return Leg(ground.start[None], 0.0)
+        if ground.sees(ground.start, goal):
+            return Leg(np.stack([ground.start, goal]), float(np.hypot(*(goal - ground.start))))
+        return self.leg(ground, goal, ceiling, request)

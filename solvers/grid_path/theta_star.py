@@ -1,0 +1,120 @@
+"""``theta-star``: A* along neighbours whose paths skip cells that need no turn."""
+
+from __future__ import annotations
+
+import math
+from heapq import heappop, heappush
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from ...models.grid_path.sight import sees
+from ..backend import Feature, Guarantee, Request
+from .free_paths import AnyDirection, Ground, Leg
+
+__all__ = ["ThetaStar", "theta"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Truths = NDArray[np.bool_]
+
+
+@kernel(interpretable=True)
+def theta(
+    blocked: Truths, start: int, goal: int, slack: float, flag: NDArray[np.int8]
+) -> tuple[Ints, int]:
+    """Search from the centre of a cell to that of another.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows, columns)
+        The padded map.
+    start, goal : int
+        Row times columns, plus column.
+    slack : float
+        See :mod:`crosstrack.models.grid_path.sight`.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the search.
+
+    Returns
+    -------
+    path : ndarray of int
+        Cells from the goal to the start; empty where the goal was not reached.
+    expanded : int
+        How many cells were expanded.
+    """
+    columns = blocked.shape[1]
+    cost = np.full(blocked.size, np.inf)
+    parent = np.full(blocked.size, -1, np.int64)
+    done = np.zeros(blocked.size, np.bool_)
+    goal_row, goal_column = goal // columns, goal % columns
+    cost[start], parent[start] = 0.0, start
+    heap = [(0.0, start)]
+    expanded = 0
+    while len(heap) > 0 and flag[0] == 0:
+        _, here = heappop(heap)
+        if done[here]:
+            continue
+        done[here] = True
+        if here == goal:
+            break
+        expanded += 1
+        row, column = here // columns, here % columns
+        before = parent[here]
+        y, x = before // columns, before % columns
+        for down in range(-1, 2):
+            for right in range(-1, 2):
+                there = here + down * columns + right
+                if blocked[row + down, column + right] or done[there]:
+                    continue
+                if blocked[row + down, column] and blocked[row, column + right]:
+                    continue
+                to_y, to_x = row + down, column + right
+                total = cost[before] + math.sqrt((to_y - y) ** 2 + (to_x - x) ** 2)
+                via = before
+                if total < cost[there] and not sees(
+                    blocked, x + 0.5, y + 0.5, to_x + 0.5, to_y + 0.5, slack
+                ):
+                    total = cost[here] + math.sqrt(down * down + right * right)
+                    via = here
+                if total < cost[there]:
+                    cost[there], parent[there] = total, via
+                    rest = math.sqrt((to_y - goal_row) ** 2 + (to_x - goal_column) ** 2)
+                    heappush(heap, (total + rest, there))
+    if not done[goal]:
+        return np.empty(0, np.int64), expanded
+    size, here = 1, goal
+    while here != start:
+        here = parent[here]
+        size += 1
+    path = np.empty(size, np.int64)
+    path[0] = goal
+    for k in range(1, size):
+        path[k] = parent[path[k - 1]]
+    return path, expanded
+
+
+class ThetaStar(AnyDirection):
+    """Theta* on the centres of cells.
+
+    Source: A. Nash, K. Daniel, S. Koenig and A. Felner, "Theta*: any-angle path planning on grids",
+    AAAI 2007. A neighbour's parent is that of the cell that is expanded, where it sees it.
+    """
+
+    name = "theta-star"
+    guarantee = Guarantee.HEURISTIC
+    features = frozenset({Feature.INTERRUPT})
+    summary = "Theta* on the centres of cells"
+
+    def leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
+        """Search, and walk back from the goal."""
+        blocked, flag = ground.sight.blocked, request.control.flag
+        columns = blocked.shape[1]
+        start, end = (int(y) * columns + int(x) for x, y in (ground.start, goal))
+        cells, expanded = theta(blocked, start, end, ground.sight.slack, flag)
+        ground.count("cells expanded", expanded)
+        if not len(cells):
+            return Leg(None, stopped=request.control.stopped)
+        cells = cells[::-1]
+        return Leg(np.stack([cells % columns, cells // columns], axis=1) + 0.5)
