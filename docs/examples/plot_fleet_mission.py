@@ -89,11 +89,10 @@ print(comparison)
 # Between the two there are others: the least sum for each limit on the longest route. Filled markers are
 # proven.
 
-front = ct.front(shortest, "max", time_limit=20)
-for point in front.points:
-    print(f"longest {point.second:6.2f} m, sum {point.objective:7.2f} m, proven {point.proven}")
-for before, after in itertools.pairwise(sorted(front.points, key=lambda point: point.second)):
-    assert after.objective <= before.objective
+front = ct.front(shortest, "max", step=0.01, points=20)
+print(front)
+for before, after in itertools.pairwise(front.points):
+    assert after.objective >= before.objective
 trade = ct.plot(front)
 
 # %%
