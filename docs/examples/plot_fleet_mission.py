@@ -77,8 +77,7 @@ unfair = ct.plot(shortest, by_sum)
 fair = ct.plot(fairest, by_max)
 
 # %%
-# The search that takes larger models finds the same, without a proof; a program and the exact algorithm
-# agree.
+# The search that takes larger models finds the same, without a proof.
 
 comparison = ct.compare([fairest], ["subset-dp", "fleet-search"], time_limit=5, seed=1)
 print(comparison)
