@@ -54,7 +54,7 @@ def owners_of(model: FleetMission, plan: MissionPlan) -> NDArray[np.int64]:
 def missed_nodes(model: FleetMission, plan: MissionPlan) -> Floats:
     """Return the places of nodes that are in no route, or in several."""
     listed = np.array([node for route in plan.routes for node in route], int)
-    return model.nodes[np.bincount(listed, minlength=len(model.nodes)) != 1]
+    return np.asarray(model.nodes[np.bincount(listed, minlength=len(model.nodes)) != 1])
 
 
 def apart_of(model: FleetMission, plan: MissionPlan, times: Floats) -> Floats:

@@ -251,7 +251,8 @@ def _draw_map(
         for name in ways:
             label, dashes = _LAYERS[name]
             if name == "curve":
-                lines, look = curves, {"lw": 1.7}
+                lines = curves
+                look: dict[str, Any] = {"lw": 1.7}
             else:
                 lines = [_trail(model, one, straightened=name == "smoothed") for one in stops]
                 look = {"lw": 1.1, "linestyles": [dashes] * len(lines)} if len(ways) > 1 else {}
@@ -298,7 +299,7 @@ def _panels(
             yield Panel(f"{part} {'xy'[axis]}", "m/s" if order == 1 else "m/s²", curves, [limit])
     if "distance" in parts:
         knots = [one.times for one in plan.trajectories if one is not None]
-        times = np.unique(np.concatenate([np.linspace(*ends, 3001), *knots]))
+        times = np.unique(np.concatenate([np.linspace(ends[0], ends[1], 3001), *knots]))
         curve = Curve("least distance", 6, times, apart_of(model, plan, times))
         limits_ = []
         if model.separation > 0:

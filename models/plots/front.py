@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 #: More points than this have no numbers.
 _MOST_NUMBERS = 10
 #: Bounds farther below all points than this many times their height are marks at the foot.
-_FAR = 1.5
+_FAR = 0.6
 #: Room around the points, as a part of their extent.
 _MARGIN = 0.12
 #: And to their left, where numbers stand.
@@ -53,7 +53,8 @@ def draw_front(
 
     Steps lead from point to point: what lies above them and to their right is dominated. A filled
     marker is proven to be the least objective within its limit, a hollow one is not; a short line
-    below a point is the bound that was proven for it.
+    below a point is the bound that was proven for it. In a sweep, markers are filled where the
+    answer for the value of the field is proven; its bound is one on another objective.
 
     Parameters
     ----------
@@ -64,7 +65,8 @@ def draw_front(
     title : str, optional
         Instead of the model's name and size.
     labels : bool, optional
-        Whether to write both objectives beside each point; by default for one front of few points.
+        Whether to write both objectives beside each point, or in a sweep the value of the field; by
+        default for one front of few points.
     unit : str, optional
         Unit of the second objective, by default that of the objective.
 
@@ -83,7 +85,7 @@ def draw_front(
     fronts = dict(front) if isinstance(front, Mapping) else {"": front}
     if labels is not None:
         check_flags(labels=labels)
-    drawn = {str(name): _rows(one.points) for name, one in fronts.items()}
+    drawn = {str(name): _rows(one, one.points) for name, one in fronts.items()}
     places = np.concatenate([np.empty((0, 2)), *(rows[:, :2] for rows in drawn.values())])
     if not len(places):
         raise InvalidData("front must have at least one point", field="front")
@@ -91,55 +93,85 @@ def draw_front(
         raise InvalidData("fronts must have the same second objective", field="front")
     first = next(iter(fronts.values()))
     model = first.model
-    removed = np.concatenate([_rows(one.dominated)[:, :2] for one in fronts.values()])
+    removed = np.concatenate([_rows(one, one.dominated) for one in fronts.values()])
     bounds = np.concatenate([rows[:, 2] for rows in drawn.values()])
-    low, high = _box(np.concatenate([places, removed]), bounds)
+    low, high = _box(np.concatenate([places, removed[:, :2]]), bounds)
 
     figure = sheet(size, (6.6, 4.8))
     broad, tall = figure.get_size_inches()
-    text = title_of(model.name, [model.describe()], None) if title is None else title
+    size_of = f"a sweep of {first.field}" if _swept(first) else model.describe()
+    text = title_of(model.name, [size_of], None) if title is None else title
     head, foot = 0.44 + 0.17 * text.count("\n"), 0.98
     axes = figure.add_axes((0.9 / broad, foot / tall, 1 - 1.06 / broad, 1 - (foot + head) / tall))
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     bare(axes)
-    objective = getattr(model, "objective", None)
-    what = str(objective) if isinstance(objective, str) else "objective"
-    own = model.objective_unit
+    own, what = model.objective_unit, getattr(model, "objective", None)
+    if _swept(first):
+        what = getattr(first, "first", None)
+    what = str(what) if isinstance(what, str) and what else "objective"
     axes.set_xlabel(_named(first.second, own if unit is None else unit), fontsize=8.5)
     axes.set_ylabel(_named(what, own), fontsize=8.5)
-    axes.plot(*removed.T, ls="", marker="x", ms=5, color=GREY, zorder=2, gid="dominated")
+    axes.plot(*removed[:, :2].T, ls="", marker="x", ms=5, color=GREY, zorder=6, gid="dominated")
     colours = [axis_style(k)["color"] if len(drawn) > 1 else BLACK for k in range(len(drawn))]
-    for rows, colour in zip(drawn.values(), colours, strict=True):
-        _draw_one(axes, rows, colour, high)
+    for k, rows in enumerate(drawn.values()):
+        # The first ones are wider, so that fronts that are one another's are all seen.
+        _draw_one(axes, rows, colours[k], high, 1.2 + 1.3 * (len(drawn) - 1 - k))
     if labels if labels is not None else len(drawn) == 1 and len(places) <= _MOST_NUMBERS:
-        for x, y in places:
-            # Left of and below a point there are no steps.
-            axes.annotate(
-                f"({number(x, 5)}, {number(y, 5)})", (x, y), (-5, -5), textcoords="offset points",
-                ha="right", va="top", fontsize=7, color=DARK, zorder=6, annotation_clip=False,
-            )  # fmt: skip
+        for one, rows in zip(fronts.values(), drawn.values(), strict=True):
+            _write(axes, one, rows)
     every = np.concatenate(list(drawn.values()))
     keys = _keys(drawn, colours, every, len(removed), float(low[1]))
+    if _swept(first) and every[:, 3].any():
+        keys[len(drawn) if len(drawn) > 1 else 0].set_label(f"proven for its {first.field}")
     legend_below(figure, keys, rows=1 + (len(keys) > 5))
     headline(figure, text, wrong=False)
     return figure
 
 
-def _rows(points: Sequence[Any]) -> Floats:
-    """Return second objective, objective, bound (NaN for none) and whether proven, a row a point.
+def _swept(front: Any) -> bool:
+    """Return whether the points are answers for values of a field, and not for limits."""
+    return getattr(front, "field", "") not in ("", front.model.second_objectives.get(front.second))
 
-    In the order of the second objective; what has no finite objectives is left out.
+
+def _rows(front: Any, points: Sequence[Any]) -> Floats:
+    """Return second objective, objective, bound (NaN for none), whether proven, and limit, a row a point.
+
+    In the order of the second objective; what has no finite objectives is left out. A bound that a
+    sweep has is one on what was minimised, which is not drawn.
     """
+    swept = _swept(front)
     found = np.array(
         [
-            (one.second, one.objective, getattr(one.solution, "dual_bound", None), one.proven)
+            (
+                one.second, one.objective, None if swept else one.solution.dual_bound, one.proven,
+                one.limit,
+            )
             for one in points
         ],
         float,
-    ).reshape(-1, 4)
+    ).reshape(-1, 5)  # fmt: skip
     found = found[np.isfinite(found[:, :2]).all(axis=1)]
     return np.asarray(found[np.lexsort((found[:, 1], found[:, 0]))])
+
+
+def _write(axes: Any, front: Any, rows: Floats) -> None:
+    """Write beside the points what they are, in a sweep also beside those that are dominated."""
+    if _swept(front):
+        rows = np.concatenate([rows, _rows(front, front.dominated)])
+    told: dict[tuple[str, str], list[float]] = {}
+    for x, y, *_ in rows.tolist():
+        told.setdefault((number(x, 5), number(y, 5)), [x, y])
+    for pair, (x, y) in told.items():
+        words = f"({', '.join(pair)})"
+        if _swept(front):
+            same = [row[4] for row in rows if (number(row[0], 5), number(row[1], 5)) == pair]
+            words = f"{front.field} = {', '.join(number(value, 5) for value in same)}"
+        # Left of and below a point there are no steps.
+        axes.annotate(
+            words, (x, y), (-5, -5), textcoords="offset points", ha="right", va="top", fontsize=7,
+            color=DARK, zorder=6, annotation_clip=False,
+        )  # fmt: skip
 
 
 def _box(places: Floats, bounds: Floats) -> tuple[Floats, Floats]:
@@ -159,21 +191,21 @@ def _named(what: str, unit: str) -> str:
     return f"{what} ({pretty_unit(unit)})" if unit else what
 
 
-def _draw_one(axes: Any, rows: Floats, colour: str, high: Floats) -> None:
+def _draw_one(axes: Any, rows: Floats, colour: str, high: Floats, width: float) -> None:
     """Draw steps, markers and bounds of one front."""
     from matplotlib.collections import LineCollection
 
     if not len(rows):
         return
-    x, y, bound, proven = rows.T
+    x, y, bound, proven, _ = rows.T
     # The first point is reached from above, the last one left to the right.
     steps = np.concatenate([[[x[0], high[1]]], rows[:, :2], [[high[0], y[-1]]]])
-    axes.plot(*steps.T, drawstyle="steps-post", color=colour, lw=1.2, zorder=3, gid="steps")
-    for solid, face in ((True, colour), (False, "white")):
+    axes.plot(*steps.T, drawstyle="steps-post", color=colour, lw=width, zorder=3, gid="steps")
+    for solid, face, across in ((True, colour, 6.0), (False, "white", 7.0)):
         mine = proven.astype(bool) == solid
         axes.plot(
-            x[mine], y[mine], ls="", marker="o", ms=6, mfc=face, mec=colour, mew=1.3, zorder=5,
-            gid="proven" if solid else "not proven",
+            x[mine], y[mine], ls="", marker="o", ms=across, mfc=face, mec=colour, mew=1.3,
+            zorder=5.0 + 0.5 * solid, gid="proven" if solid else "not proven",
         )  # fmt: skip
     least = axes.get_ylim()[0]
     seen = np.isfinite(bound) & (bound >= least)

@@ -66,7 +66,7 @@ def draw_stops(
     list
         Entries of a legend.
     """
-    faces = [DARK if owner < 0 else axis_style(owner)["color"] for owner in owners.tolist()]
+    faces: Any = [DARK if owner < 0 else axis_style(owner)["color"] for owner in owners.tolist()]
     dots(
         axes, nodes, "o", faces or DARK, size=26 if len(nodes) <= _MOST_LARGE else 8, edge="white",
         width=0.6, zorder=7, gid="node",

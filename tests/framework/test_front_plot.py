@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pictures import artists, legend, render, words
 
+import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.models import FleetRouting
 from crosstrack.models.plots.front import draw_front
@@ -21,8 +22,10 @@ def point(second, objective, bound=None, proven=False):
     )  # fmt: skip
 
 
-def front(*points, dominated=(), second="max"):
-    return SimpleNamespace(model=MODEL, second=second, points=points, dominated=dominated)
+def front(*points, dominated=(), second="max", field="battery"):
+    return SimpleNamespace(
+        model=MODEL, second=second, points=points, dominated=dominated, field=field
+    )
 
 
 def xy(axes, gid):
@@ -90,6 +93,37 @@ def test_several_fronts_beside_one_another():
     assert {"(1, 5)", "(1.5, 6)"} <= set(words(draw_front(both, labels=True)))
     assert "(1, 5)" not in words(draw_front(both["exact"], labels=False))
     assert draw_front(both, unit="").axes[0].get_xlabel() == "max"
+
+
+def test_a_sweep_names_its_values_and_has_no_bounds():
+    """What is proven for a weight is no bound on either objective."""
+    found = front(
+        point(9, 5, 4, True), point(7, 6, 4), dominated=(point(8, 7, 4),), field="q", second="deviation"
+    )  # fmt: skip
+    figure = render(draw_front(found))
+    (axes,) = figure.axes
+    assert not artists(axes, "bound")[0].get_xydata().size
+    assert {"q = 10", "q = 8", "q = 9"} <= set(words(figure))
+    assert legend(figure) == ["proven for its q", "not proven", "dominated"]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("deviation (m)", "objective (m)")
+    found.first = "sum"
+    assert draw_front(found).axes[0].get_ylabel() == "sum (m)"
+
+
+def test_a_front_that_was_found_is_drawn():
+    places = [[0, 0], [4, 0], [5, 5], [5, -5], [-1, 1], [-2, -1]]
+    found = ct.front(FleetRouting(2, points=places, objective="sum"), "max", step=1e-6)
+    figure = render(ct.plot(found))
+    (axes,) = figure.axes
+    pairs = [[point.second, point.objective] for point in found.points]
+    assert len(pairs) == 3
+    assert xy(axes, "proven") == sorted(pairs)
+    assert xy(axes, "bound") == [
+        pytest.approx([point.second, point.solution.dual_bound]) for point in found.points[::-1]
+    ]
+    assert ct.plot({"one": found, "two": found}, labels=False).axes
+    with pytest.raises(UnsupportedOption, match="no option 'zoom'"):
+        ct.plot(found, zoom=True)
 
 
 @pytest.mark.parametrize(
