@@ -314,6 +314,19 @@ class Model(Declared, ABC, Generic[PlanT]):
             raise UnknownName(f"formulation of model {cls.kind!r}", name, cls.formulations)
         return resolve(cls.formulations[name])
 
+    @property
+    def preferred_formulation(self) -> str:
+        """The formulation that this very model takes when none is named: one of :attr:`formulations`."""
+        return self.default_formulation
+
+    @property
+    def prefers_native(self) -> bool:
+        """Whether solvers of programs would hardly end on this very model, as it is too large.
+
+        The backend ``"auto"`` is then a native algorithm, where there is one.
+        """
+        return False
+
     def formulate(self, name: str | None = None, **options: Any) -> Any:
         """Return this model's formulation called `name`, with its typed `options`.
 
@@ -332,6 +345,7 @@ class Model(Declared, ABC, Generic[PlanT]):
         UnsupportedFormulation
             The formulation does not cover what this model asks for.
         """
+        name = (self.preferred_formulation or None) if name is None else name
         return self.formulation_type(name).of(self, options)
 
     def __repr__(self) -> str:

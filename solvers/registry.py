@@ -306,7 +306,7 @@ def _formulations(model: Model[Any], backend: Backend, formulation: str | None) 
 def default_formulation(model: Model[Any], backend: Backend) -> str:
     """Return the formulation that `backend` takes when none is named: the model's own default first."""
     names = _formulations(model, backend, None)
-    return model.default_formulation if model.default_formulation in names else names[0]
+    return model.preferred_formulation if model.preferred_formulation in names else names[0]
 
 
 def _problems(model: Model[Any]) -> set[str]:
@@ -377,6 +377,9 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
         if step is None:
             continue
         if formulation is None and isinstance(step, backend.accepts) and backend.refuses(step):
+            continue
+        program = formulation is None and not isinstance(step, backend.accepts)
+        if program and best is not None and step.prefers_native:
             continue
         if backend.guarantee is Guarantee.EXACT:
             return backend

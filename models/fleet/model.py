@@ -19,6 +19,9 @@ from .plan import FleetPlan
 
 __all__ = ["FleetRouting"]
 
+#: Nodes up to which branch and bound ends in about a minute, for the sum and for all else.
+SUM_NODES, BALANCE_NODES = 100, 12
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FleetRouting(FleetData, Model[FleetPlan]):
@@ -95,6 +98,20 @@ class FleetRouting(FleetData, Model[FleetPlan]):
         "deviation": "deviation_limit",
         "range": "range_limit",
     }
+
+    @property
+    def preferred_formulation(self) -> str:
+        """Two indices where they cover the model, as they are far fewer, else three."""
+        limits = (self.capacity, self.battery, self.deviation_limit, self.range_limit)
+        plain = self.objective is Objective.SUM and all(limit is None for limit in limits)
+        covered = plain and self.depots.size == 1 and self.symmetric
+        return "two-index" if covered else self.default_formulation
+
+    @property
+    def prefers_native(self) -> bool:
+        """Whether branch and bound would hardly end: above some hundred nodes, or a dozen with balance."""
+        most = SUM_NODES if self.preferred_formulation == "two-index" else BALANCE_NODES
+        return len(self.customers) > most
 
     @np.errstate(all="ignore")  # what overflows is no number, and so is violated
     def verify(self, plan: FleetPlan, *, tolerance: float = TOLERANCE) -> Verification:

@@ -10,10 +10,12 @@ if TYPE_CHECKING:
     from .gridmap import GridMap as GridMap
     from .model import Connectivity as Connectivity, GridPath as GridPath, Reach as Reach
     from .plan import GridPlan as GridPlan
-    from .shortest import distances as distances
+    from .polygons import Polygon as Polygon, Polygons as Polygons, as_shapely as as_shapely
+    from .shortest import distances as distances, path_between as path_between
     from .sight import Sight as Sight, line_of_sight as line_of_sight
 
 MODELS = {"grid-path": ".model:GridPath"}
+PICTURES = {"grid-path": ".plot:draw"}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,
@@ -21,7 +23,8 @@ __getattr__, __dir__, __all__ = attach(
         "gridmap": ("GridMap",),
         "model": ("Connectivity", "GridPath", "Reach"),
         "plan": ("GridPlan",),
-        "shortest": ("distances",),
+        "polygons": ("Polygon", "Polygons", "as_shapely"),
+        "shortest": ("distances", "path_between"),
         "sight": ("Sight", "line_of_sight"),
     },
 )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from ...errors import InvalidData
 from ..declaration import Declared
 from ..fields import Array, Flag, Real, declared, show
+from .polygons import Polygons, as_shapely
+from .raster import SHRINK, rasterise
 
-__all__ = ["BLOCKED", "FREE", "GridMap"]
+__all__ = ["BLOCKED", "FREE", "MOST", "GridMap", "read_cells"]
 
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
@@ -32,31 +35,67 @@ class Cells(Array):
         if isinstance(value, str):
             value = value.splitlines()
         if isinstance(value, list | tuple) and value and all(isinstance(x, str) for x in value):
-            value = _read(name, value)
+            value = read_cells(value, name)
         found: Truths = super().coerce(name, value, sizes)
         return found
 
     def encode(self, value: Truths) -> list[str]:
-        return ["".join(BLOCKED if cell else FREE for cell in row) for row in value.tolist()]
+        letters = np.where(value, BLOCKED, FREE)
+        found: list[str] = letters.view(f"U{value.shape[1]}")[:, 0].tolist()
+        return found
 
 
-def _read(name: str, lines: Iterable[str]) -> list[list[bool]]:
-    rows: list[list[bool]] = []
-    for number, line in enumerate(lines):
-        for column, letter in enumerate(line):
-            if letter not in _FREE + _BLOCKED:
-                raise InvalidData(
-                    f"{name}, line {number}, column {column} must be one of "
-                    f"{' '.join(_FREE)} (free) or {' '.join(_BLOCKED)} (blocked), got {show(letter)}",
-                    field=name,
-                )
-        if rows and len(line) != len(rows[0]):
+def read_cells(
+    lines: Sequence[str], where: str = "blocked", first: tuple[int, int] = (0, 0), free: str = _FREE
+) -> Truths:
+    """Return which cells are blocked in lines of text, a character a cell.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The rows.
+    where : str
+        What messages call the text, such as a file.
+    first : tuple of int
+        Numbers of the first line and of the first character in messages.
+    free : str
+        The characters of free cells.
+
+    Returns
+    -------
+    ndarray of bool, shape (rows, columns)
+
+    Raises
+    ------
+    InvalidData
+        Naming line and column: unknown characters, lines of different lengths.
+    """
+    width = len(lines[0]) if lines else 0
+    for number, line in enumerate(lines, first[0]):
+        if len(line) != width:
             raise InvalidData(
-                f"{name}, line {number} must have {len(rows[0])} cells as the first, got {len(line)}",
-                field=name,
+                f"{where}, line {number} must have {width} cells as the first, got {len(line)}",
+                field="blocked",
             )
-        rows.append([letter in _BLOCKED for letter in line])
-    return rows
+    _require_few(where, len(lines) * width)
+    letters = np.frombuffer("".join(lines).encode("utf-32-le", "surrogatepass"), np.uint32)
+    letters = letters.reshape(len(lines), width)
+    blocked = np.isin(letters, list(map(ord, _BLOCKED)))
+    strange = ~(blocked | np.isin(letters, list(map(ord, free))))
+    if strange.any():
+        row, column = np.argwhere(strange)[0].tolist()
+        raise InvalidData(
+            f"{where}, line {row + first[0]}, column {column + first[1]} must be one of "
+            f"{' '.join(free)} (free) or {' '.join(_BLOCKED)} (blocked), got "
+            f"{show(lines[row][column])}",
+            field="blocked",
+        )
+    return blocked
+
+
+def _require_few(where: str, cells: int) -> None:
+    if cells > MOST:
+        raise InvalidData(f"{where} must have at most {MOST} cells, got {cells}", field="blocked")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,10 +131,7 @@ class GridMap(Declared):
 
     def check(self) -> None:
         """Refuse maps that nobody can move on, or that are too large."""
-        if self.blocked.size > MOST:
-            raise InvalidData(
-                f"blocked must have at most {MOST} cells, got {self.blocked.size}", field="blocked"
-            )
+        _require_few("blocked", self.blocked.size)
         if self.blocked.all():
             raise InvalidData(
                 f"blocked must leave at least one cell free, got {self.shape[0]} × {self.shape[1]} "
@@ -114,6 +150,22 @@ class GridMap(Declared):
         """Numbers of rows and columns."""
         rows, columns = self.blocked.shape
         return rows, columns
+
+    @cached_property
+    def walls(self) -> NDArray[np.uint8]:
+        """The map with a frame of blocked cells, flat, 1 where blocked, as the searches take it."""
+        framed = np.pad(self.blocked, 1, constant_values=True).astype(np.uint8).ravel()
+        framed.flags.writeable = False
+        return framed
+
+    def numbers_of(self, cells: ArrayLike) -> NDArray[np.int64]:
+        """Return the places in :attr:`walls` of cells, rows and columns of shape (..., 2)."""
+        at = np.asarray(cells, np.int64) + 1
+        return np.asarray(at[..., 0] * (self.shape[1] + 2) + at[..., 1])
+
+    def cells_at(self, numbers: ArrayLike) -> NDArray[np.int64]:
+        """Return the rows and columns, shape (..., 2), of places in :attr:`walls`."""
+        return np.stack(np.divmod(np.asarray(numbers, np.int64), self.shape[1] + 2), axis=-1) - 1
 
     def centres(self, cells: ArrayLike) -> Floats:
         """Return the centres of cells.
@@ -151,9 +203,65 @@ class GridMap(Declared):
     def holds(self, cells: ArrayLike) -> Truths:
         """Return which of the cells, shape (..., 2), lie on the map and are free."""
         given = np.asarray(cells, np.int64)
-        inside = ((given >= 0) & (given < self.shape)).all(axis=-1)
+        inside = np.asarray(((given >= 0) & (given < self.shape)).all(axis=-1))
         safe = np.where(inside[..., None], given, 0)
         return np.asarray(inside & ~self.blocked[safe[..., 0], safe[..., 1]])
+
+    @classmethod
+    @np.errstate(all="ignore")  # what overflows is refused where it counts
+    def from_polygons(
+        cls, polygons: Any, bounds: ArrayLike, cell: float, radius: float = 0.0
+    ) -> GridMap:
+        """Return the map of the cells that polygons leave free.
+
+        A cell is blocked where one of its points is nearer than `radius` to a polygon, or for a radius
+        of 0 within one, so the whole of a free cell is safe for the robot's centre. Contact does not
+        count: cells are taken as smaller by 1e-9 of their side. A cell that leaves the bounds is
+        blocked; the bounds themselves are where the centre may be, and no walls.
+
+        Parameters
+        ----------
+        polygons : list
+            Obstacles, in any form that :class:`~crosstrack.models.grid_path.Polygons` takes.
+        bounds : array-like, shape (4,)
+            Least x and y, greatest x and y, m.
+        cell : float
+            Side of a cell, m.
+        radius : float
+            Of the robot, m.
+
+        Raises
+        ------
+        InvalidData
+            A polygon that is none, bounds without an area, too many cells, or none that is free.
+        """
+        import shapely
+
+        obstacles = Polygons().coerce("polygons", polygons, {})
+        corners = Array((4,)).coerce("bounds", bounds, {})
+        side = Real(lower=0, strict=True, unit="m").coerce("cell", cell, {})
+        reach = Real(lower=0, unit="m").coerce("radius", radius, {}) / side
+        low, extent = corners[:2], (corners[2:] - corners[:2]) / side
+        if not extent.min() > 0:
+            raise InvalidData(
+                f"bounds must be least x, least y, greatest x, greatest y with an area > 0, got "
+                f"{show(corners.tolist())}",
+                field="bounds",
+            )
+        columns, rows = np.maximum(np.ceil(extent - SHRINK), 1.0)
+        if not rows * columns <= MOST:
+            raise InvalidData(
+                f"cell must give at most {MOST} cells within the bounds, got {cell:g} m, which gives "
+                f"{rows:g} × {columns:g}",
+                field="cell",
+            )
+        shape = (int(rows), int(columns))
+        # In cells, so that neither the map's place nor its scale costs digits.
+        scaled = shapely.transform(as_shapely(obstacles), lambda xy: (xy - low) / side)
+        blocked = rasterise(scaled, shape, reach)
+        whole = np.floor(extent + SHRINK).astype(int)
+        blocked[whole[1] :] = blocked[:, whole[0] :] = True
+        return cls(blocked, side, low, upward=True)
 
     def inflated(self, radius: float) -> GridMap:
         """Return the map for a round robot: cells nearer than `radius` (m) to a blocked one are blocked.

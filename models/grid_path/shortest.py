@@ -1,56 +1,104 @@
-"""True distances between places on a map."""
+"""True distances between places on a map, along neighbours."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...errors import InvalidData
+from ..fields import Array, show
 from .gridmap import GridMap
 
-__all__ = ["distances"]
+__all__ = ["distances", "path_between"]
 
 
 def distances(grid: GridMap, cells: ArrayLike, *, diagonal: bool = True) -> NDArray[np.float64]:
     """Return the lengths of shortest paths between all pairs of cells, along neighbours.
+
+    From each cell one search reaches all others.
 
     Parameters
     ----------
     grid : GridMap
         The map.
     cells : array-like of int, shape (n, 2)
-        Rows and columns of free cells.
+        Rows and columns of free cells; some may be the same.
     diagonal : bool
         Whether steps may be diagonal, without cutting corners.
 
     Returns
     -------
     ndarray, shape (n, n)
-        m; infinite where there is no path.
-    """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import dijkstra
+        m, symmetric; infinite where there is no path.
 
-    free = ~grid.blocked
-    number = np.arange(free.size).reshape(free.shape)
-    tails, heads, costs = [], [], []
-    for row, column in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        if row and column and not diagonal:
-            continue
-        rows, columns = free.shape
-        a = (slice(0, rows - row), slice(max(0, -column), columns - max(0, column)))
-        b = (slice(row, rows), slice(max(0, column), columns + min(0, column)))
-        open_ = free[a] & free[b]
-        if row and column:
-            open_ &= free[a[0], b[1]] & free[b[0], a[1]]
-        tails.append(number[a][open_])
-        heads.append(number[b][open_])
-        costs.append(np.full(tails[-1].size, np.hypot(row, column) * grid.cell))
-    shape = (free.size, free.size)
-    graph = coo_array(
-        (np.concatenate(costs), (np.concatenate(tails), np.concatenate(heads))), shape
+    Raises
+    ------
+    InvalidData
+        Naming the cell: off the map or blocked.
+    """
+    from .search_kernels import CEILING, STRAIGHT, sweep
+
+    at = _free(grid, "cells", cells)
+    places, back = np.unique(grid.numbers_of(at), return_inverse=True)
+    left = np.full((places.size, places.size), CEILING)
+    for k in range(places.size - 1):
+        others = places[k + 1 :]
+        _, found, _ = sweep(
+            grid.walls, grid.shape[1] + 2, places[k], others, True, diagonal, False,
+            np.zeros(1, np.int8),
+        )  # fmt: skip
+        left[k, k + 1 :] = left[k + 1 :, k] = found[others]
+    lengths = np.where(left > 0, (CEILING - left) / STRAIGHT * grid.cell, np.inf)
+    return np.asarray(lengths[np.ix_(back, back)])
+
+
+def path_between(
+    grid: GridMap, start: ArrayLike, goal: ArrayLike, *, diagonal: bool = True
+) -> NDArray[np.int64]:
+    """Return the cells of a shortest path between two cells, along neighbours.
+
+    Parameters
+    ----------
+    grid : GridMap
+        The map.
+    start, goal : array-like of int, shape (2,)
+        Row and column of a free cell.
+    diagonal : bool
+        Whether steps may be diagonal, without cutting corners.
+
+    Returns
+    -------
+    ndarray of int, shape (k, 2)
+        Rows and columns from `start` to `goal`; none where there is no path.
+
+    Raises
+    ------
+    InvalidData
+        Naming the cell: off the map or blocked.
+    """
+    from .search_kernels import sweep, trace
+
+    ends = [_free(grid, name, [cell])[0] for name, cell in (("start", start), ("goal", goal))]
+    first, last = grid.numbers_of(ends)
+    width = grid.shape[1] + 2
+    _, left, _ = sweep(
+        grid.walls, width, first, np.array([last]), False, diagonal, True, np.zeros(1, np.int8)
     )
-    at = np.asarray(cells, np.int64)
-    places = number[at[:, 0], at[:, 1]]
-    unique, back = np.unique(places, return_inverse=True)
-    found = dijkstra(graph.tocsr(), directed=False, indices=unique)[:, unique]
-    return np.asarray(found[np.ix_(back, back)])
+    if left[last] == 0:
+        return np.empty((0, 2), np.int64)
+    return grid.cells_at(trace(grid.walls, width, left, last, diagonal))
+
+
+def _free(grid: GridMap, name: str, cells: Any) -> NDArray[np.int64]:
+    """Return rows and columns, or raise where one is not a free cell."""
+    at: NDArray[np.int64] = Array(("n", 2), int).coerce(name, cells, {})
+    bad = np.flatnonzero(~grid.holds(at))
+    if bad.size:
+        raise InvalidData(
+            f"{name} must be free cells (row, column), got {show(at[bad[0]].tolist())} in row "
+            f"{bad[0]}, which is blocked or lies outside of the map",
+            field=name,
+        )
+    return at

@@ -1,1 +1,12 @@
-"""Routes of a fleet."""
+"""Algorithms for the routes of a fleet; the loops are compiled by Numba."""
+
+BACKENDS = {
+    "fleet-search": ".fleet_search:FleetSearch",
+    "pso-ac": ".two_phases:PsoAntColony",
+    "pso-ac-serial": ".two_phases:PsoAntColonySerial",
+    "tpha": ".two_phases:TwoPhase",
+    "kmeans-ac": ".two_phases:KMeansAntColony",
+    "ortools-routing": ".ortools_routing:OrToolsRouting",
+    "pyvrp": ".pyvrp_routing:PyVrpRouting",
+}
+PAPER_TABLES = {"fleet": ".paper_tables:TABLES"}

@@ -1,9 +1,13 @@
-"""Shortest paths on a grid."""
+"""Shortest paths on a grid; the loops are compiled by Numba."""
 
 BACKENDS = {
+    "a-star": ".exact:AStar",
+    "dijkstra": ".exact:Dijkstra",
+    "jump-point": ".exact:JumpPoint",
     "any-angle": ".any_angle:AnyAngle",
     "theta-star": ".theta_star:ThetaStar",
-    "shortcut-greedy": ".shortcut:ShortcutGreedy",
     "shortcut-visibility": ".shortcut:ShortcutVisibility",
+    "shortcut-greedy": ".shortcut:ShortcutGreedy",
     "rrt-star": ".rrt_star:RRTStar",
 }
+DIAGNOSES = {"grid-path": ".diagnosis:diagnose_path"}

@@ -1,0 +1,130 @@
+"""Polygons in GeoJSON (RFC 7946).
+
+Coordinates are metres in the map's plane: longitudes and latitudes, which the standard prescribes, are
+neither recognised nor converted. Project them before.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ...errors import InvalidData
+from ...files import as_path, read_text, write_text
+from ...models.fields import show
+from ...models.grid_path.polygons import Polygon, Polygons
+from ...models.model import parse_json
+
+__all__ = ["read_geojson_polygons", "write_geojson_polygons"]
+
+_TYPES = ("FeatureCollection", "Feature", "MultiPolygon", "Polygon")
+
+
+def read_geojson_polygons(path: str | os.PathLike[str]) -> tuple[Polygon, ...]:
+    """Return the polygons in a GeoJSON file, with their holes.
+
+    Read are Polygon, MultiPolygon, Feature and FeatureCollection; properties are left out, and so are
+    heights. Coordinates are taken as metres.
+
+    Raises
+    ------
+    InvalidData
+        Naming file and place: no GeoJSON, another geometry, rings that are no polygon.
+    """
+    file = as_path(path)
+    text = read_text(file)
+    try:
+        found = dict(_polygons(parse_json(text), ""))
+        try:
+            return tuple(Polygons().coerce("polygons", list(found.values()), {}))
+        except InvalidData as error:
+            raise InvalidData(_placed(str(error), list(found)), field="polygons") from None
+    except InvalidData as error:
+        raise InvalidData(f"{file}: {error}", field=error.field) from None
+
+
+def _placed(message: str, places: list[str]) -> str:
+    """Return a message about ``polygons[k]`` with the place that the polygon has in its file."""
+    number = message.removeprefix("polygons[").partition("]")[0]
+    if not number.isdigit():
+        return message
+    return message.replace(f"polygons[{number}]", places[int(number)], 1)
+
+
+def _polygons(value: Any, place: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the place and the rings of every polygon."""
+    kind = value.get("type") if isinstance(value, Mapping) else None
+    if kind not in _TYPES:
+        raise InvalidData(
+            f"{place or 'the file'} must be an object of type {', '.join(_TYPES)}, got "
+            f"{show(kind if isinstance(kind, str) else value)}",
+            field="type",
+        )
+    dot = f"{place}." if place else ""
+    if kind == "Feature":
+        yield from _polygons(value.get("geometry"), f"{dot}geometry")
+        return
+    key = "features" if kind == "FeatureCollection" else "coordinates"
+    parts = value.get(key)
+    if not isinstance(parts, list):
+        raise InvalidData(f"{dot}{key} must be a list, got {show(parts)}", field=key)
+    if kind == "Polygon":
+        yield _rings(parts, f"{dot}{key}")
+    for k, part in enumerate(parts if kind != "Polygon" else ()):
+        if kind == "MultiPolygon":
+            yield _rings(part, f"{dot}{key}[{k}]")
+        else:
+            yield from _polygons(part, f"{dot}{key}[{k}]")
+
+
+def _rings(value: Any, place: str) -> tuple[str, dict[str, Any]]:
+    if not isinstance(value, list) or not value:
+        raise InvalidData(
+            f"{place} must be a list of rings, got {show(value)}", field="coordinates"
+        )
+    rings = []
+    for k, ring in enumerate(value):
+        if not isinstance(ring, list) or not all(
+            isinstance(point, list) and len(point) >= 2 for point in ring
+        ):
+            raise InvalidData(
+                f"{place}[{k}] must be a list of positions [x, y], got {show(ring)}",
+                field="coordinates",
+            )
+        rings.append([point[:2] for point in ring])
+    return place, {"shell": rings[0], "holes": rings[1:]}
+
+
+def write_geojson_polygons(polygons: Any, path: str | os.PathLike[str]) -> Path:
+    """Write polygons as a FeatureCollection, in one step; return the path.
+
+    Parameters
+    ----------
+    polygons : list
+        In any form that :class:`~crosstrack.models.grid_path.Polygons` takes, m.
+    path : path-like
+        The file.
+    """
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"polygon": k},
+            "geometry": {
+                "type": "Polygon",
+                "coordinates": [
+                    [*ring.tolist(), ring[0].tolist()] for ring in (one.shell, *one.holes)
+                ],
+            },
+        }
+        for k, one in enumerate(Polygons().coerce("polygons", polygons, {}))
+    ]
+    return write_text(path, collection(features))
+
+
+def collection(features: list[dict[str, Any]]) -> str:
+    """Return a FeatureCollection as text, a line a feature."""
+    lines = ",\n".join(json.dumps(one, allow_nan=False) for one in features)
+    return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'

@@ -1,0 +1,122 @@
+"""Which cells polygons block, by a quadtree."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["SHRINK", "rasterise"]
+
+#: By how much of its side a cell is smaller where it is compared with polygons, so that what only
+#: touches it does not block it, whatever the rounding.
+SHRINK = 1e-9
+#: Pairs of a box and a polygon that are compared at once, which bounds the memory.
+_CHUNK = 100_000
+
+Integers = NDArray[np.int64]
+Truths = NDArray[np.bool_]
+
+
+def rasterise(
+    polygons: NDArray[np.object_], shape: tuple[int, int], radius: float = 0.0
+) -> NDArray[np.bool_]:
+    """Return which cells are blocked.
+
+    A cell is blocked where one of its points is nearer to a polygon than `radius`, or for a radius of
+    0 lies within one; cells count as smaller by :data:`SHRINK` on every side.
+
+    Parameters
+    ----------
+    polygons : ndarray of shapely.Polygon, shape (n,)
+        The obstacles, in cells: the cell in row r and column c covers x from c to c + 1, and y from r
+        to r + 1.
+    shape : tuple of int
+        Rows and columns.
+    radius : float
+        Of the robot, in cells.
+
+    Returns
+    -------
+    ndarray of bool, shape (rows, columns)
+
+    Notes
+    -----
+    Pairs of a square box and a polygon are refined together: a box that the polygon fills is done, one
+    that it does not meet is dropped, another is cut into four. So the work grows with the number of
+    cells along the outlines, and with the logarithm of the points of a polygon.
+    """
+    import shapely
+
+    shapely.prepare(polygons)
+    bounds = shapely.bounds(polygons) + np.array([-radius, -radius, radius, radius])
+    # No polygon meets more than 2 × 2 boxes of the level at which it comes in.
+    extent = np.maximum(bounds[:, 2:] - bounds[:, :2], 1.0).max(axis=1, initial=1.0)
+    top = max(max(shape) - 1, 0).bit_length()
+    levels = np.minimum(np.ceil(np.log2(extent)), top).astype(int)
+    full = np.zeros((1, 1), bool)
+    boxes, owners = np.empty((0, 2), np.int64), np.empty(0, np.int64)
+    for level in range(top, -1, -1):
+        side = 2**level
+        here = (-(-shape[0] // side), -(-shape[1] // side))
+        full = full.repeat(2, axis=0).repeat(2, axis=1)[: here[0], : here[1]].copy()
+        new = np.flatnonzero(levels == level)
+        entering, whose = _entering(bounds[new], side, here)
+        boxes = np.concatenate([boxes, entering])
+        owners = np.concatenate([owners, new[whose]])
+        keep = ~full[boxes[:, 0], boxes[:, 1]]
+        boxes, owners = boxes[keep], owners[keep]
+        met, filled = _compare(polygons, bounds, boxes, owners, side, radius)
+        done = filled | (met if side == 1 else False)
+        full[boxes[done, 0], boxes[done, 1]] = True
+        keep = met & ~full[boxes[:, 0], boxes[:, 1]]
+        if side > 1:
+            inner = (boxes[keep, None] * 2 + [[0, 0], [0, 1], [1, 0], [1, 1]]).reshape(-1, 2)
+            on_map = (inner * (side // 2) < shape).all(axis=1)
+            boxes, owners = inner[on_map], owners[keep].repeat(4)[on_map]
+    return full
+
+
+def _entering(
+    bounds: NDArray[np.float64], side: int, here: tuple[int, int]
+) -> tuple[Integers, NDArray[np.int64]]:
+    """Return the boxes (row, column) that the bounds of polygons meet, and whose each is."""
+    last = np.array(here) - 1
+    low = np.clip(np.floor(bounds[:, 1::-1] / side), 0, last + 1).astype(np.int64)
+    high = np.clip(np.floor(bounds[:, :1:-1] / side), -1, last).astype(np.int64)
+    found, whose = [np.empty((0, 2), np.int64)], [np.empty(0, np.int64)]
+    most = (high - low).max(axis=0, initial=-1) + 1
+    for row in range(int(most[0])):
+        for column in range(int(most[1])):
+            box: Integers = low + np.array([row, column])
+            inside = np.flatnonzero((box <= high).all(axis=1))
+            found.append(box[inside])
+            whose.append(inside)
+    return np.concatenate(found), np.concatenate(whose)
+
+
+def _compare(
+    polygons: NDArray[np.object_], bounds: NDArray[np.float64], boxes: Integers, owners: Integers,
+    side: int, radius: float,
+) -> tuple[Truths, Truths]:  # fmt: skip
+    """Return which boxes meet their polygons, and which are filled by them."""
+    import shapely
+
+    met, filled = np.zeros(len(boxes), bool), np.zeros(len(boxes), bool)
+    low = boxes[:, ::-1] * float(side) + SHRINK
+    high = low + side - 2 * SHRINK
+    near = ((low <= bounds[owners, 2:]) & (high >= bounds[owners, :2])).all(axis=1)
+    places = np.flatnonzero(near)
+    diagonal = np.sqrt(2.0) * side
+    for at in np.split(places, range(_CHUNK, len(places), _CHUNK)):
+        squares = shapely.box(*low[at].T, *high[at].T)
+        whole = polygons[owners[at]]
+        if radius > 0:
+            met[at] = shapely.dwithin(whole, squares, radius)
+            if radius > diagonal:
+                filled[at] = shapely.dwithin(whole, squares, radius - diagonal)
+        else:
+            met[at] = shapely.intersects(whole, squares)
+        if side > 1:
+            rest = met[at] & ~filled[at]
+            filled[at[rest]] = shapely.covers(whole[rest], squares[rest])
+    return met, filled

@@ -1,0 +1,330 @@
+"""A search for the routes of a fleet: annealed from many starts, then recombined; ours."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.fleet import Deviation, FleetPlan, FleetRouting, Objective
+from ...models.fleet.checks import loads_of, objective_of
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from .bound import lower_bound
+from .search_kernels import anneal, measure
+
+__all__ = ["FleetSearch"]
+
+Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+#: Nearest nodes behind or before which a node may be put.
+NEIGHBOURS = 40
+#: Temperatures, in energies: of a start, of what is annealed again, and at the end of both. Of 0.003
+#: … 0.1 those that gave the shortest longest routes on TSPLIB instances of 51 to 200 nodes.
+HOT, WARM, COLD = 0.02, 0.005, 3e-4
+#: Share of the mean load in the energy, where the objective does not tell routes below the longest.
+MEAN = 0.03
+#: Steps of one annealing: so many a node, within bounds.
+STEPS, LEAST, MOST = 500, 1000, 50_000
+#: Routes of a fleet kept to be annealed again and recombined.
+KEPT = 8
+#: Annealings that run side by side, whatever the number of threads, so that it changes no plan.
+ABREAST = 2
+#: By how much an objective must be less to count as such, relative.
+BETTER = 1e-9
+
+
+@dataclass
+class _Data:
+    """The instance as the loops read it."""
+
+    nodes: Whole
+    near: Whole
+    distances: Floats
+    place: Whole
+    demands: Floats
+    capacity: Floats
+    battery: Floats
+    rules: Floats
+    use_all: bool
+
+    @classmethod
+    def of(cls, model: FleetRouting) -> Self:
+        """Return the data of `model`, in units in which its longest distance is 1."""
+        n, m = model.size, model.vehicles
+        nodes = model.customers
+        unit = float(model.distances.max()) or 1.0
+        distances = np.ascontiguousarray(model.distances / unit)
+        both = distances + distances.T
+        near = np.full((n, max(1, min(NEIGHBOURS, len(nodes) - 1))), -1, np.int64)
+        for i in nodes:
+            others = nodes[nodes != i]
+            order = others[np.argsort(both[i, others], kind="stable")][: near.shape[1]]
+            near[i, : order.size] = order
+        none = math.inf
+        of_sum = model.objective is Objective.DEVIATION
+        divisor = m - 1 if model.deviation is Deviation.SAMPLE else m
+        weight = model.q if of_sum else LEXICOGRAPHIC_OF[model.objective]
+        flat = model.objective in (Objective.MAX, Objective.RANGE, Objective.LEXICOGRAPHIC)
+        limits = (model.budget, model.deviation_limit, model.range_limit)
+        rules = [
+            float(CODES[model.objective]), weight, float(divisor), MEAN if flat else 0.0,
+            *(none if limit is None else limit / unit for limit in limits),
+        ]  # fmt: skip
+
+        def each(limit: Floats | None, scale: float) -> Floats:
+            return np.full(m, none) if limit is None else np.array(limit) / scale
+
+        return cls(
+            nodes, near, distances, np.concatenate([np.arange(n), model.homes]),
+            np.zeros(n) if model.demands is None else np.array(model.demands),
+            each(model.capacity, 1.0), each(model.battery, unit), np.array(rules), model.use_all,
+        )  # fmt: skip
+
+
+#: Codes of the objectives in the loops, and the weight of the sum in those that have one.
+CODES = {
+    Objective.SUM: 0, Objective.MAX: 1, Objective.DEVIATION: 2, Objective.RANGE: 3,
+    Objective.LEXICOGRAPHIC: 4,
+}  # fmt: skip
+LEXICOGRAPHIC_OF = {one: 1e-6 if one is Objective.LEXICOGRAPHIC else 0.0 for one in Objective}
+
+
+@dataclass
+class _Routes:
+    """Routes as linked lists, changed in place by the loops."""
+
+    after: Whole
+    before: Whole
+    route: Whole
+    loads: Floats
+    carried: Floats
+    counts: Whole
+    key: tuple[float, float] = (math.inf, math.inf)
+
+    @classmethod
+    def empty(cls, data: _Data) -> Self:
+        """Return all vehicles at their depots."""
+        m = data.battery.size
+        n = data.place.size - m
+        marks = np.concatenate([np.zeros(n, np.int64), n + np.arange(m)])
+        none = np.full(n + m, -1, np.int64)
+        return cls(marks, marks.copy(), none, np.zeros(m), np.zeros(m), np.zeros(m, np.int64))
+
+    def link(self, data: _Data, k: int, stops: list[int]) -> None:
+        """Make `stops` the route of vehicle `k`, which is at its depot."""
+        mark = data.place.size - data.battery.size + k
+        chain = [mark, *stops, mark]
+        for a, b in zip(chain[:-1], chain[1:], strict=True):
+            self.after[a], self.before[b] = b, a
+            self.loads[k] += data.distances[data.place[a], data.place[b]] if stops else 0.0
+        self.route[stops] = k
+        self.counts[k] = len(stops)
+        self.carried[k] = data.demands[stops].sum()
+
+    def lists(self, data: _Data) -> list[list[int]]:
+        """Return the stops of each vehicle."""
+        m = data.battery.size
+        n = data.place.size - m
+        found = []
+        for k in range(m):
+            stops, at = [], int(self.after[n + k])
+            while at < n:
+                stops.append(at)
+                at = int(self.after[at])
+            found.append(stops)
+        return found
+
+    def anneal(
+        self, data: _Data, hot: float, steps: int, flag: NDArray[np.int8], draw: np.random.Generator
+    ) -> int:
+        """Anneal the routes; they end as the best that were met. Return the steps taken."""
+        done = anneal(
+            data.nodes, data.near, data.distances, data.place, self.after, self.before, self.route,
+            self.loads, data.demands, self.carried, self.counts, data.capacity, data.battery,
+            data.rules, data.use_all, hot, COLD, steps, flag, draw,
+        )  # fmt: skip
+        _, objective, broken = measure(
+            self.loads, self.carried, data.capacity, data.battery, data.rules
+        )
+        self.key = (float(broken), float(objective))
+        return int(done)
+
+
+class FleetSearch(Backend):
+    """Annealing by ruin and recreate with the balance of the routes in its energy, from many starts.
+
+    The best are kept, recombined route by route and annealed again. What is minimised is the model's
+    own objective; limits are kept by a penalty. A lower bound is proven apart, see :mod:`.bound`.
+    """
+
+    name = "fleet-search"
+    accepts = FleetRouting
+    guarantee = Guarantee.RELAXATION
+    features = frozenset(
+        {
+            Feature.SEED, Feature.THREADS, Feature.INCUMBENTS, Feature.INTERRUPT,
+            Feature.WARM_START, Feature.DUAL_BOUND, Feature.GAP,
+        }
+    )  # fmt: skip
+    options: ClassVar[Mapping[str, Option]] = {
+        "patience": Option(
+            12,
+            "Rounds of annealings without better routes, after which the search ends.",
+            int,
+            lower=1,
+        ),
+        "steps": Option(
+            0, "Steps of one annealing; 0 means 500 a node, from 1000 to 50000.", int, lower=0
+        ),
+        "bound": Option(True, "Whether to prove a lower bound as well.", bool),
+    }
+    summary = "annealed from many starts, recombined, with a proven bound; ours"
+
+    def run(self, problem: FleetRouting, request: Request) -> Answer:
+        """Search until the time is up, the bound is reached, or nothing better comes any more."""
+        return _Search(problem, request).answer()
+
+
+@dataclass
+class _Search:
+    """One run."""
+
+    model: FleetRouting
+    request: Request
+    pool: list[_Routes] = field(default_factory=list)
+    best: FleetPlan | None = None
+    objective: float = math.inf
+    bound: float | None = None
+    steps: int = 0
+    rounds: int = 0
+
+    def answer(self) -> Answer:
+        """Search, and say what was found."""
+        model, request = self.model, self.request
+        begin = time.perf_counter()
+        self.data = _Data.of(model)
+        seeds = np.random.SeedSequence(request.seed or 0).spawn(ABREAST)
+        self.draws = [np.random.default_rng(seed) for seed in seeds]
+        if request.warm_start is not None:
+            self.offer(self.routes_of([list(route) for route in request.warm_start.routes]))
+        proven = time.perf_counter()
+        if request.options["bound"]:
+            self.bound = lower_bound(model, request.control.flag)
+            request.control.bound = self.bound
+        proven = time.perf_counter() - proven
+        # One processor gains nothing by threads.
+        threads = min(ABREAST, request.threads or os.cpu_count() or 1)
+        with ThreadPoolExecutor(threads) as pool:
+            self.search(pool)
+        stopped = request.control.stopped
+        limit = request.control.reason if stopped else Limit.TIME if request.left() == 0.0 else None
+        statistics = {"steps": self.steps, "rounds": self.rounds}
+        seconds = {"solve": time.perf_counter() - begin, "bound": proven}
+        if self.best is None:
+            return Answer(
+                Termination.NO_SOLUTION, limit, None, None, self.bound, seconds=seconds,
+                statistics=statistics, message="no routes were found that keep all limits",
+            )  # fmt: skip
+        done = self.within_gap
+        return Answer(
+            Termination.OPTIMAL if done else Termination.FEASIBLE, None if done else limit, self.best,
+            self.objective, self.bound, seconds=seconds, statistics=statistics,
+        )  # fmt: skip
+
+    @property
+    def within_gap(self) -> bool:
+        """Whether the best routes are proven to be as good as was asked."""
+        if self.best is None or self.bound is None:
+            return False
+        return self.objective - self.bound <= self.request.gap * abs(self.objective)
+
+    def search(self, threads: ThreadPoolExecutor) -> None:
+        """Anneal in rounds: from scratch at first, then what was kept, recombined."""
+        request, options = self.request, self.request.options
+        count = len(self.data.nodes)
+        steps = options["steps"] or min(max(STEPS * count, LEAST), MOST)
+        idle = 0
+        # One node a vehicle, or a single node, leaves little to choose.
+        patience = options["patience"] if count > 3 else 1
+        while idle < patience and not self.within_gap:
+            if request.control.stopped or request.left() == 0.0:
+                return
+            jobs = [self.drawn(draw) for draw in self.draws]
+            flag = request.control.flag
+
+            def work(job: tuple[_Routes, float, np.random.Generator], most: int = steps) -> int:
+                routes, hot, draw = job
+                return routes.anneal(self.data, hot, most, flag, draw)
+
+            self.steps += sum(threads.map(work, jobs))
+            self.rounds += 1
+            better = False
+            for routes, _, _ in jobs:
+                better |= self.offer(routes)
+            idle = 0 if better else idle + 1
+
+    def drawn(self, draw: np.random.Generator) -> tuple[_Routes, float, np.random.Generator]:
+        """Return routes to anneal, and how hot: none yet, or two of those kept, recombined."""
+        if len(self.pool) < KEPT and self.rounds * ABREAST < 2 * KEPT:
+            return _Routes.empty(self.data), HOT, draw
+        a, b = (int(k) for k in draw.integers(0, len(self.pool), 2))
+        return self.crossed(self.pool[a], self.pool[b], draw), WARM, draw
+
+    def crossed(self, one: _Routes, other: _Routes, draw: np.random.Generator) -> _Routes:
+        """Return routes of which some are those of `one`, and the rest what those of `other` leave."""
+        first, second = one.lists(self.data), other.lists(self.data)
+        m = len(first)
+        chosen = np.flatnonzero(draw.random(m) < 0.5)
+        if one is other or not chosen.size:
+            return self.routes_of(first)
+        taken = {node for k in chosen for node in first[k]}
+        found: list[list[int]] = [[] for _ in range(m)]
+        free = [k for k in range(m) if k not in chosen]
+        # Of the other fleet, the routes that share the fewest nodes with what is kept.
+        shared = [sum(node in taken for node in stops) for stops in second]
+        for k in chosen:
+            found[k] = first[k]
+        if (self.model.homes == self.model.homes[0]).all():
+            rest = [second[k] for k in np.argsort(shared, kind="stable")[: len(free)]]
+        else:
+            rest = [second[k] for k in free]
+        for k, stops in zip(free, rest, strict=True):
+            found[k] = [node for node in stops if node not in taken]
+        return self.routes_of(found)
+
+    def routes_of(self, lists: list[list[int]]) -> _Routes:
+        """Return routes with these stops; nodes in none of them are put into one when annealed."""
+        routes = _Routes.empty(self.data)
+        for k, stops in enumerate(lists):
+            routes.link(self.data, k, stops)
+        if (routes.route[self.data.nodes] >= 0).all():
+            _, objective, broken = measure(
+                routes.loads, routes.carried, self.data.capacity, self.data.battery, self.data.rules
+            )
+            routes.key = (float(broken), float(objective))
+        return routes
+
+    def offer(self, routes: _Routes) -> bool:
+        """Keep routes that are good and new; return whether they are the best so far."""
+        plan = FleetPlan(tuple(tuple(stops) for stops in routes.lists(self.data)))
+        keys = [kept.key for kept in self.pool]
+        if routes.key not in keys:
+            self.pool.append(routes)
+            self.pool.sort(key=lambda one: one.key)
+            del self.pool[KEPT:]
+        if routes.key[0] > 0.0:
+            return bool(self.best is None and self.pool[0] is routes)
+        objective = objective_of(self.model, loads_of(self.model, plan))
+        if not objective < self.objective - BETTER * abs(self.objective) and self.best is not None:
+            return False
+        self.best, self.objective = plan, objective
+        self.request.control.incumbent(objective, plan)
+        return True

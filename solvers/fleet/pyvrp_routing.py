@@ -1,0 +1,238 @@
+"""PyVRP, as the yardstick from science."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...models.fleet import FleetRouting, Objective
+from ..backend import Option, Request
+from .rivals import Best, FleetHeuristic, whole_demands, whole_distances
+
+__all__ = ["PyVrpRouting"]
+
+#: The longest distance and the largest demand in whole numbers.
+LARGEST = 10**7
+#: What a mean demand is at the least, so that no way saved pays for one too many.
+DEAR = 2000
+#: Nodes whose matrices are held several times over.
+MOST = 5000
+#: The first share by which the longest route is to fall, and the least that is tried.
+STEP, LEAST = 0.1, 1e-4
+
+Routes = list[list[int]]
+
+
+class PyVrpRouting(FleetHeuristic):
+    """PyVRP's iterated local search for the sum of all lengths, with a falling limit for the longest.
+
+    Source: N. A. Wouda, L. Lan and W. Kool, "PyVRP: a high-performance VRP solver package", INFORMS
+    Journal on Computing 36 (2024). PyVRP knows the sum alone. For "max" and "max-sum" it searches again
+    and again for routes that are all shorter than the longest of the best plan by some share, which
+    is halved whenever none is found. It cannot demand that every vehicle is used: an empty one is given
+    the node whose move costs least. Limits on the sum, the deviation and the range are held against
+    plans, and not sought.
+    """
+
+    name = "pyvrp"
+    single_threaded = True
+    requires = ("pyvrp",)
+    extra = "routing"
+    options: ClassVar[Mapping[str, Option]] = {
+        "patience": Option(
+            200,
+            "Iterations without a better plan after which a search ends; that for the sum ends after "
+            "ten times as many, or at the time limit where there is one.",
+            int,
+            lower=1,
+        ),
+    }
+    summary = "PyVRP: iterated local search for the sum, and for the longest route under a limit"
+
+    def refuses(self, problem: FleetRouting) -> str:
+        """Return what is refused: objectives beside the sum and the longest route."""
+        if problem.objective is Objective.RANGE:
+            return "the objective 'range'"
+        if problem.objective is Objective.DEVIATION and problem.q > 0:
+            return "the objective 'sum-deviation' with q > 0"
+        if problem.size > MOST:
+            return f"more than {MOST} nodes, got {problem.size}"
+        return ""
+
+    def search(self, best: Best, request: Request) -> Mapping[str, Any]:
+        """Search for a short sum, and then for shorter and shorter routes."""
+        posed = _Posed(best.problem)
+        limited = best.problem.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
+        endless = request.time_limit is not None
+        patience, seed = request.options["patience"], request.seed or 0
+        counts = {"searches": 1, "iterations": 0}
+
+        def look(limit: float, start: Routes | None, patience: float, first: bool) -> Routes | None:
+            """Return feasible routes no longer than `limit`; the first or the best until patience ends."""
+            found, done = posed.search(
+                limit, start, seed + counts["searches"] - 1, best.offer_filled,
+                lambda: request.control.stopped, patience, first,
+            )  # fmt: skip
+            counts["iterations"] += done
+            return found
+
+        whole = math.inf if endless else 10 * patience
+        routes = look(math.inf, None, patience if limited else whole, False)
+        if routes is None or not limited:
+            return counts
+        step = STEP
+        while not request.control.stopped and (step >= LEAST or endless):
+            counts["searches"] += 1
+            longest = posed.longest(routes)
+            limit = math.floor(longest * (1.0 - max(step, LEAST)))
+            if not 0 < limit < longest:
+                break
+            found = look(limit, routes, patience, True)
+            if found is None:
+                step /= 2
+            else:
+                routes = found
+        if best.problem.objective is Objective.LEXICOGRAPHIC and not request.control.stopped:
+            counts["searches"] += 1
+            look(posed.longest(routes), routes, patience, False)
+        return counts
+
+
+@dataclass
+class _Kind:
+    """Vehicles of one depot, capacity and battery."""
+
+    home: int
+    capacity: int
+    battery: float
+    members: list[int]
+
+
+class _Posed:
+    """The problem in PyVRP's terms: node i is location i, and a client is the place of its node."""
+
+    def __init__(self, model: FleetRouting) -> None:
+        self.distances, scale = whole_distances(model, LARGEST)
+        self.customers = model.customers.tolist()
+        self.index = {node: k for k, node in enumerate(self.customers)}
+        self.vehicles, self.homes = model.vehicles, model.homes.tolist()
+        self.demands: list[int] | None = None
+        capacity = [0] * self.vehicles
+        if model.capacity is not None:
+            demands, capacity = whole_demands(model, LARGEST)
+            # A unit too much costs 1e5 at the most, which a mean demand must make dear.
+            factor = max(1, round(DEAR * len(self.customers) / max(sum(demands), 1)))
+            self.demands = [factor * one for one in demands]
+            capacity = [factor * one for one in capacity]
+        battery = [math.inf] * self.vehicles
+        if model.battery is not None:
+            battery = np.floor(model.battery * scale * (1 + 1e-12)).tolist()
+        kinds: dict[Any, _Kind] = {}
+        for k, key in enumerate(zip(self.homes, capacity, battery, strict=True)):
+            kinds.setdefault(key, _Kind(*key, [])).members.append(k)
+        self.kinds = list(kinds.values())
+        self.kind_of = {k: i for i, kind in enumerate(self.kinds) for k in kind.members}
+
+    def longest(self, routes: Routes) -> int:
+        """Return the length of the longest route."""
+        return max(
+            int(self.distances[[home, *route], [*route, home]].sum())
+            for home, route in zip(self.homes, routes, strict=True)
+        )
+
+    def search(
+        self, limit: float, start: Routes | None, seed: int, tell: Callable[[Routes], object],
+        stopped: Callable[[], bool], patience: float, first: bool,
+    ) -> tuple[Routes | None, int]:  # fmt: skip
+        """Return the best feasible routes or None, and the iterations done."""
+        from pyvrp import (
+            IteratedLocalSearchParams,
+            Route,
+            Solution,
+            SolveParams,
+            solve,
+        )  # fmt: skip
+        from pyvrp.exceptions import PenaltyBoundWarning
+        from pyvrp.IteratedLocalSearch import IteratedLocalSearchCallbacks
+
+        data = self._data(limit)
+        found: list[Routes] = []
+        since = 0
+        read = self._read
+
+        class Listener(IteratedLocalSearchCallbacks):
+            def on_best(self, best: Any) -> None:
+                nonlocal since
+                since = 0
+                if best.is_feasible():
+                    found.append(read(best))
+                    tell(found[-1])
+
+        def over(best_cost: int) -> bool:
+            nonlocal since
+            since += 1
+            return stopped() or since > patience + 1 or (first and bool(found))
+
+        initial = None
+        if start is not None:
+            routes = [
+                Route(data, [self.index[node] for node in route], self.kind_of[k])
+                for k, route in enumerate(start)
+                if route
+            ]
+            initial = Solution(data, routes)
+        params = SolveParams(ils=IteratedLocalSearchParams(callbacks=Listener()))
+        with warnings.catch_warnings():
+            # Said where no penalty makes a limit hold, which is then how the search ends.
+            warnings.simplefilter("ignore", PenaltyBoundWarning)
+            result = solve(
+                data,
+                over,
+                seed % 2**31,
+                collect_stats=False,
+                params=params,
+                initial_solution=initial,
+            )
+        if result.is_feasible() and not found:  # the first of all was never bettered
+            found.append(read(result.best))
+            tell(found[-1])
+        return (found[-1] if found else None), result.num_iterations
+
+    def _data(self, limit: float) -> Any:
+        from pyvrp import Client, Depot, Location, ProblemData, VehicleType
+
+        anything = int(np.iinfo(np.int64).max)
+        homes = sorted({kind.home for kind in self.kinds})
+        demands = self.demands
+        types = []
+        for kind in self.kinds:
+            most = min(kind.battery, limit)
+            place = homes.index(kind.home)
+            types.append(
+                VehicleType(
+                    len(kind.members), [] if demands is None else [kind.capacity], place, place,
+                    max_distance=anything if math.isinf(most) else int(most),
+                )
+            )  # fmt: skip
+        clients = [
+            Client(node, [] if demands is None else [demands[node]]) for node in self.customers
+        ]
+        lengths: list[Any] = [self.distances]
+        return ProblemData(
+            [Location(0, 0) for _ in self.distances], clients, [Depot(home) for home in homes], types,
+            lengths, [0 * one for one in lengths],
+        )  # fmt: skip
+
+    def _read(self, solution: Any) -> Routes:
+        """Return the route of each vehicle."""
+        routes: Routes = [[] for _ in range(self.vehicles)]
+        free: list[Iterable[int]] = [iter(kind.members) for kind in self.kinds]
+        for route in solution.routes():
+            vehicle = next(iter(free[route.vehicle_type()]))
+            routes[vehicle] = [self.customers[stop.idx] for stop in route if stop.is_client()]
+        return routes

@@ -1,0 +1,159 @@
+"""What the paper's algorithms and their rivals share: the best plan so far, and what is made of it."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UnsupportedFormulation
+from ...models.fleet import FleetPlan, FleetRouting
+from ...models.fleet.checks import loads_of, objective_of
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+
+__all__ = ["Best", "FleetHeuristic", "available_threads", "whole_demands", "whole_distances"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass
+class Best:
+    """The best plan so far that keeps every limit.
+
+    Parameters
+    ----------
+    problem : FleetRouting
+        What is asked.
+    request : Request
+        Told of every better plan.
+    """
+
+    problem: FleetRouting
+    request: Request
+    plan: FleetPlan | None = field(init=False, default=None)
+    objective: float = field(init=False, default=math.inf)
+    broken: str = field(init=False, default="")
+
+    def offer(self, routes: Sequence[Sequence[int]]) -> bool:
+        """Keep `routes`, one for each vehicle, where they are better and break no limit."""
+        model = self.problem
+        plan = FleetPlan(tuple(tuple(int(node) for node in route) for route in routes))
+        objective = objective_of(model, loads_of(model, plan))
+        if not objective < self.objective:
+            return False
+        checked = model.verify(plan, tolerance=self.request.tolerance)
+        if not checked.ok:
+            self.broken = next(check.name for check in checked.checks if not check.ok)
+            return False
+        self.plan, self.objective = plan, objective
+        self.request.control.incumbent(objective, plan)
+        return True
+
+    def offer_filled(self, routes: Sequence[Sequence[int]]) -> bool:
+        """Do the same, with a node given to each empty vehicle where all must be used.
+
+        It is the node whose move costs least; every way to take one is tried.
+        """
+        model = self.problem
+        full = [list(route) for route in routes]
+        for empty in range(model.vehicles) if model.use_all else ():
+            if full[empty]:
+                continue
+            loads = loads_of(model, FleetPlan(tuple(map(tuple, full))))
+            home, d = int(model.homes[empty]), model.distances
+            best, chosen = math.inf, (-1, -1)
+            for k, route in enumerate(full):
+                if len(route) < 2:
+                    continue
+                stops = [int(model.homes[k]), *route, int(model.homes[k])]
+                for at, node in enumerate(route):
+                    before, after = stops[at], stops[at + 2]
+                    trial = loads.copy()
+                    trial[k] += d[before, after] - d[before, node] - d[node, after]
+                    trial[empty] = d[home, node] + d[node, home]
+                    value = objective_of(model, trial)
+                    if value < best or chosen[0] < 0:
+                        best, chosen = value, (k, at)
+            if chosen[0] < 0:
+                return False  # fewer nodes than vehicles
+            full[empty].append(full[chosen[0]].pop(chosen[1]))
+        return self.offer(full)
+
+
+class FleetHeuristic(Backend):
+    """Base of the heuristics; a subclass only searches, and its answer keeps every limit or is none."""
+
+    accepts = FleetRouting
+    guarantee = Guarantee.HEURISTIC
+    features = frozenset({Feature.SEED, Feature.INCUMBENTS, Feature.INTERRUPT})
+
+    @abstractmethod
+    def search(self, best: Best, request: Request) -> Mapping[str, Any]:
+        """Offer better and better plans to `best`; return statistics of the algorithm's own."""
+
+    def run(self, problem: FleetRouting, request: Request) -> Answer:
+        """Search, and answer with the best plan."""
+        refusal = self.refuses(problem)
+        if refusal:
+            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        begin = time.perf_counter()
+        best = Best(problem, request)
+        own = self.search(best, request)
+        limit = None
+        if request.control.stopped:
+            limit = request.control.reason or Limit.INTERRUPTED
+        found = best.plan is not None
+        return Answer(
+            Termination.FEASIBLE if found else Termination.NO_SOLUTION,
+            limit,
+            best.plan,
+            best.objective if found else None,
+            seconds={"solve": time.perf_counter() - begin},
+            statistics=dict(own),
+            message="" if found or not best.broken else f"no plan found keeps: {best.broken}",
+        )
+
+
+def available_threads(request: Request) -> int:
+    """Return how many threads a run may use: all processors of this process where none are asked for."""
+    if request.threads is not None:
+        return request.threads
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def whole_distances(model: FleetRouting, largest: int) -> tuple[Ints, float]:
+    """Return the distances as whole numbers up to about `largest`, and what they were multiplied by."""
+    most = math.frexp(float(model.distances.max()))[1]
+    scale = math.ldexp(1.0, min(math.frexp(largest)[1] - 1 - most, 1000))
+    return np.rint(model.distances * scale).astype(np.int64), scale
+
+
+def whole_demands(model: FleetRouting, largest: int) -> tuple[list[int], list[int]]:
+    """Return demands and capacities as whole numbers: exact where they have few decimal digits.
+
+    Else they are rounded such that whatever fits still fits, and what does not may. Capacities beyond
+    all demands are cut to their sum.
+    """
+    assert model.demands is not None
+    assert model.capacity is not None
+    total = float(model.demands.sum())
+    most = np.minimum(model.capacity, total)
+    scale = largest / total if total > 0.0 else 1.0
+    demands = np.floor(model.demands * scale)
+    for by in 10.0 ** np.arange(7):
+        whole = np.rint(model.demands * by)
+        if total * by < 2**40 and np.allclose(whole, model.demands * by, rtol=1e-12, atol=0.0):
+            scale, demands = by, whole
+            break
+    capacity = np.floor(most * scale * (1 + 1e-12))
+    return demands.astype(int).tolist(), capacity.astype(int).tolist()

@@ -1,0 +1,303 @@
+"""Annealing of a fleet's routes by ruin and recreate: the loops.
+
+Nodes are taken out of the routes in strings, and put back one by one where that costs the least.
+Source: J. Christiaens and G. Vanden Berghe, "Slack induction by string removals for vehicle routing
+problems", Transportation Science 54 (2020), doi 10.1287/trsc.2019.0914. The energy that is annealed,
+with the balance of the routes in it, is ours.
+
+Routes are linked lists: node i is followed by ``after[i]`` and preceded by ``before[i]``; the list of
+vehicle k begins and ends at the mark ``n + k``, which stands for its depot.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+
+__all__ = ["SUM", "anneal", "measure"]
+
+#: Codes of the objectives.
+SUM, MAX, DEVIATION, RANGE = 0, 1, 2, 3
+#: Energy of breaking a limit, in objectives for each breach as large as the limit.
+PENALTY = 10.0
+#: Probability of passing over a place in recreate (the paper's "blink").
+BLINK = 0.01
+#: Mean number of nodes taken out, and the longest string of them.
+REMOVED, LONGEST = 10.0, 10
+
+
+@kernel
+def measure(
+    loads: NDArray[np.float64], carried: NDArray[np.float64], capacity: NDArray[np.float64],
+    battery: NDArray[np.float64], rules: NDArray[np.float64],
+) -> tuple[float, float, float]:  # fmt: skip
+    """Return energy, objective, and how much limits are broken, of the lengths of routes.
+
+    `rules` holds the objective's code, q, what the deviation divides by, the share of the mean load
+    in the energy, and the limits on sum, deviation and range.
+    """
+    m = loads.size
+    total, most, least = 0.0, -math.inf, math.inf
+    broken = 0.0
+    for k in range(m):
+        load = loads[k]
+        total += load
+        most = max(most, load)
+        least = min(least, load)
+        if load > battery[k]:
+            broken += (load - battery[k]) / battery[k] if battery[k] > 0.0 else load
+        if carried[k] > capacity[k]:
+            broken += (carried[k] - capacity[k]) / capacity[k] if capacity[k] > 0.0 else carried[k]
+    mean = total / m
+    squares = 0.0
+    for k in range(m):
+        squares += (loads[k] - mean) ** 2
+    deviation = math.sqrt(squares / rules[2]) if rules[2] > 0.0 else 0.0
+    for value, limit in ((total, rules[4]), (deviation, rules[5]), (most - least, rules[6])):
+        if value > limit:
+            broken += (value - limit) / limit if limit > 0.0 else value
+    kind = int(rules[0])
+    if kind == SUM:
+        objective = total
+    elif kind == MAX:
+        objective = most
+    elif kind == DEVIATION:
+        objective = total + rules[1] * deviation
+    elif kind == RANGE:
+        objective = most - least
+    else:
+        objective = most + rules[1] * total
+    energy = objective + rules[3] * mean
+    return energy + PENALTY * broken * (mean + most), objective, broken
+
+
+@kernel
+def _take(
+    node: int, distances: NDArray[np.float64], place: NDArray[np.int64], after: NDArray[np.int64],
+    before: NDArray[np.int64], route: NDArray[np.int64], loads: NDArray[np.float64],
+    demands: NDArray[np.float64], carried: NDArray[np.float64], counts: NDArray[np.int64],
+) -> None:  # fmt: skip
+    """Take `node` out of its route."""
+    a, b, k = before[node], after[node], route[node]
+    here, start, end = place[node], place[a], place[b]
+    loads[k] += distances[start, end] - distances[start, here] - distances[here, end]
+    carried[k] -= demands[here]
+    counts[k] -= 1
+    if counts[k] == 0:
+        loads[k] = carried[k] = 0.0
+    after[a], before[b] = b, a
+    route[node] = -1
+
+
+@kernel
+def _put(
+    node: int, behind: int, k: int, distances: NDArray[np.float64], place: NDArray[np.int64],
+    after: NDArray[np.int64], before: NDArray[np.int64], route: NDArray[np.int64],
+    loads: NDArray[np.float64], demands: NDArray[np.float64], carried: NDArray[np.float64],
+    counts: NDArray[np.int64],
+) -> None:  # fmt: skip
+    """Put `node` into the route of vehicle `k`, behind a node or the mark of the depot."""
+    next_ = after[behind]
+    here, start, end = place[node], place[behind], place[next_]
+    loads[k] += distances[start, here] + distances[here, end] - distances[start, end]
+    carried[k] += demands[here]
+    counts[k] += 1
+    after[behind], before[node] = node, behind
+    after[node], before[next_] = next_, node
+    route[node] = k
+
+
+@kernel
+def _ruin(
+    nodes: NDArray[np.int64], near: NDArray[np.int64], distances: NDArray[np.float64],
+    place: NDArray[np.int64], after: NDArray[np.int64], before: NDArray[np.int64],
+    route: NDArray[np.int64], loads: NDArray[np.float64], demands: NDArray[np.float64],
+    carried: NDArray[np.float64], counts: NDArray[np.int64], removed: NDArray[np.int64], draw: Any,
+) -> int:  # fmt: skip
+    """Take strings of nodes near one another out of the routes; return how many nodes."""
+    n = place.size - counts.size
+    mean = nodes.size / counts.size
+    longest = min(float(LONGEST), mean)
+    most = 4.0 * REMOVED / (1.0 + longest) - 1.0
+    strings = int(draw.random() * most + 1.0)
+    seed = nodes[draw.integers(0, nodes.size)]
+    found = taken = 0
+    for i in range(near.shape[1] + 1):
+        node = seed if i == 0 else near[seed, i - 1]
+        if node < 0 or taken >= strings:
+            break
+        if route[node] < 0:
+            continue
+        k = route[node]
+        length = int(draw.random() * min(longest, float(counts[k])) + 1.0)
+        length = min(length, counts[k])
+        # The string begins up to its length before the node; some nodes in its middle may stay.
+        kept = 0
+        if length > 1 and draw.random() < 0.5:
+            while length + kept < counts[k] and draw.random() < 0.5:
+                kept += 1
+        first = node
+        for _ in range(int(draw.random() * (length + kept))):
+            if before[first] < n:
+                first = before[first]
+        skip = int(draw.random() * length) if kept else length
+        at, passed, out = first, 0, 0
+        while out < length and at < n:
+            next_ = after[at]
+            if out >= skip and passed < kept:
+                passed += 1
+            else:
+                _take(at, distances, place, after, before, route, loads, demands, carried, counts)
+                removed[found] = at
+                found += 1
+                out += 1
+            at = next_
+        taken += 1
+    return found
+
+
+@kernel
+def _recreate(
+    count: int, near: NDArray[np.int64], distances: NDArray[np.float64],
+    place: NDArray[np.int64], after: NDArray[np.int64], before: NDArray[np.int64],
+    route: NDArray[np.int64], loads: NDArray[np.float64], demands: NDArray[np.float64],
+    carried: NDArray[np.float64], counts: NDArray[np.int64], removed: NDArray[np.int64],
+    capacity: NDArray[np.float64], battery: NDArray[np.float64], rules: NDArray[np.float64],
+    use_all: bool, least: NDArray[np.float64], spot: NDArray[np.int64], draw: Any,
+) -> None:  # fmt: skip
+    """Put the removed nodes back one by one, each where the energy rises the least."""
+    m = counts.size
+    n = place.size - m
+    keys = np.empty(count)
+    how = draw.integers(0, 8)
+    for i in range(count):
+        here = place[removed[i]]
+        if how < 4:
+            keys[i] = draw.random()
+        elif how < 6:
+            keys[i] = -distances[place[n], here]
+        elif how < 7:
+            keys[i] = distances[place[n], here]
+        else:
+            keys[i] = -demands[here] + 1e-9 * draw.random()
+    for i in np.argsort(keys):
+        node = removed[i]
+        here = place[node]
+        empty = 0
+        for k in range(m):
+            least[k] = math.inf
+            if counts[k] == 0:
+                empty += 1
+        # What is left must do for the vehicles that are still at their depots.
+        only_empty = use_all and empty >= count
+        count -= 1
+        for k in range(m):
+            if only_empty and counts[k] > 0:
+                continue
+            for side in range(2):
+                behind = n + k if side == 0 else before[n + k]
+                start, end = place[behind], place[after[behind]]
+                cost = distances[start, here] + distances[here, end] - distances[start, end]
+                if cost < least[k]:
+                    least[k] = cost
+                    spot[k] = behind
+        if not only_empty:
+            for j in range(near.shape[1]):
+                other = near[node, j]
+                if other < 0:
+                    break
+                k = route[other]
+                if k < 0:
+                    continue
+                for side in range(2):
+                    if draw.random() < BLINK:
+                        continue
+                    behind = other if side == 0 else before[other]
+                    start, end = place[behind], place[after[behind]]
+                    cost = distances[start, here] + distances[here, end] - distances[start, end]
+                    if cost < least[k]:
+                        least[k] = cost
+                        spot[k] = behind
+        best, chosen = math.inf, -1
+        for k in range(m):
+            if least[k] == math.inf:
+                continue
+            loads[k] += least[k]
+            carried[k] += demands[here]
+            energy = measure(loads, carried, capacity, battery, rules)[0]
+            loads[k] -= least[k]
+            carried[k] -= demands[here]
+            # Of equal energies the shorter detour.
+            if chosen < 0 or energy < best or (energy == best and least[k] < least[chosen]):
+                best, chosen = energy, k
+        _put(
+            node, spot[chosen], chosen, distances, place, after, before, route, loads, demands,
+            carried, counts,
+        )  # fmt: skip
+
+
+@kernel
+def anneal(
+    nodes: NDArray[np.int64], near: NDArray[np.int64], distances: NDArray[np.float64],
+    place: NDArray[np.int64], after: NDArray[np.int64], before: NDArray[np.int64],
+    route: NDArray[np.int64], loads: NDArray[np.float64], demands: NDArray[np.float64],
+    carried: NDArray[np.float64], counts: NDArray[np.int64],
+    capacity: NDArray[np.float64], battery: NDArray[np.float64], rules: NDArray[np.float64],
+    use_all: bool, hot: float, cold: float, steps: int, flag: NDArray[np.int8], draw: Any,
+) -> int:  # fmt: skip
+    """Anneal the routes in place; they end as the best that were met. Return the steps taken."""
+    m = counts.size
+    removed = np.empty(nodes.size, np.int64)
+    least, spot = np.empty(m), np.empty(m, np.int64)
+    # Nodes without a route, such as all at first.
+    count = 0
+    for node in nodes:
+        if route[node] < 0:
+            removed[count] = node
+            count += 1
+    if count:
+        _recreate(
+            count, near, distances, place, after, before, route, loads, demands, carried, counts,
+            removed, capacity, battery, rules, use_all, least, spot, draw,
+        )  # fmt: skip
+    energy, objective, broken = measure(loads, carried, capacity, battery, rules)
+    now_after, now_before, now_route = after.copy(), before.copy(), route.copy()
+    now_loads, now_carried, now_counts = loads.copy(), carried.copy(), counts.copy()
+    best_after, best_before, best_route = after.copy(), before.copy(), route.copy()
+    best_loads, best_carried, best_counts = loads.copy(), carried.copy(), counts.copy()
+    best, best_broken, best_energy = objective, broken, energy
+    cooling = (cold / hot) ** (1.0 / max(steps, 1))
+    heat = hot * energy
+    done = 0
+    while done < steps and not flag[0]:
+        done += 1
+        heat *= cooling
+        count = _ruin(
+            nodes, near, distances, place, after, before, route, loads, demands, carried, counts,
+            removed, draw,
+        )  # fmt: skip
+        _recreate(
+            count, near, distances, place, after, before, route, loads, demands, carried, counts,
+            removed, capacity, battery, rules, use_all, least, spot, draw,
+        )  # fmt: skip
+        found, objective, broken = measure(loads, carried, capacity, battery, rules)
+        if found < energy - heat * math.log(1.0 - draw.random()):
+            energy = found
+            now_after[:], now_before[:], now_route[:] = after, before, route
+            now_loads[:], now_carried[:], now_counts[:] = loads, carried, counts
+            less = objective < best or (objective == best and found < best_energy)
+            if broken < best_broken or (broken == best_broken and less):
+                best, best_broken, best_energy = objective, broken, found
+                best_after[:], best_before[:], best_route[:] = after, before, route
+                best_loads[:], best_carried[:], best_counts[:] = loads, carried, counts
+        else:
+            after[:], before[:], route[:] = now_after, now_before, now_route
+            loads[:], carried[:], counts[:] = now_loads, now_carried, now_counts
+    after[:], before[:], route[:] = best_after, best_before, best_route
+    loads[:], carried[:], counts[:] = best_loads, best_carried, best_counts
+    return done

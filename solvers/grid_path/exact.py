@@ -1,0 +1,85 @@
+"""A*, Dijkstra's algorithm and jump point search: exact, by costs that are whole numbers.
+
+Where cells have weights, costs are floats.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.grid_path.model import Connectivity, GridPath
+from .native import Field, Found, Ints, NeighbourSearch
+
+__all__ = ["AStar", "Dijkstra", "JumpPoint"]
+
+
+class AStar(NeighbourSearch):
+    """A*: cells in the order of their cost plus a lower bound on the rest.
+
+    The bound is the cost to the goals' bounding rectangle on a map without blocked cells, times the
+    least weight: Manhattan or octile distance where there is one goal.
+    """
+
+    name = "a-star"
+    summary = "A* with octile or Manhattan distance, exact"
+    guided = True
+
+    def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Found:
+        """Search by buckets, or by a heap where cells have weights."""
+        from ...models.grid_path.search_kernels import CEILING, STOPPED, STRAIGHT, sweep, trace
+        from .weighted_kernels import back, weighted
+
+        how = (field.start, goals, every, field.diagonal, self.guided)
+        if field.problem.weights is not None:
+            status, costs, parents, expanded = weighted(
+                field.walls, field.weights, field.width, *how, flag
+            )
+            return Found(
+                status == STOPPED, costs[goals], lambda goal: back(parents, goal), expanded
+            )
+        status, left, expanded = sweep(field.walls, field.width, *how, flag)
+        spent = np.where(left[goals] > 0, (CEILING - left[goals]) / STRAIGHT, np.inf)
+        return Found(
+            status == STOPPED,
+            spent,
+            lambda goal: trace(field.walls, field.width, left, goal, field.diagonal),
+            expanded,
+        )
+
+
+class Dijkstra(AStar):
+    """Dijkstra's algorithm: one search in the order of cost, to any number of goals."""
+
+    name = "dijkstra"
+    summary = "Dijkstra's algorithm, one search for all goals, exact"
+    guided = False
+    shared = True
+
+
+class JumpPoint(NeighbourSearch):
+    """Jump point search without cutting corners: A* over the cells where a path may turn."""
+
+    name = "jump-point"
+    summary = "jump point search for 8 neighbours without weights, exact"
+
+    def refuses(self, problem: GridPath) -> str:
+        """Return what runs over cells do not cover."""
+        if problem.connectivity is Connectivity.FOUR:
+            return "connectivity '4': its runs go on diagonally"
+        if problem.weights is not None:
+            return "weights: its runs take all cells for equal"
+        return super().refuses(problem)
+
+    def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Found:
+        """Search for the nearest goal; where every goal is wanted, there is one."""
+        from ...models.grid_path.search_kernels import STOPPED, STRAIGHT
+        from .jump_kernels import jump, unroll
+
+        status, goal, cost, parents, expanded = jump(
+            field.walls, field.width, field.start, goals, flag
+        )
+        spent = np.where(goals == goal, cost / STRAIGHT, np.inf)
+        return Found(
+            status == STOPPED, spent, lambda end: unroll(parents, field.width, end), expanded
+        )

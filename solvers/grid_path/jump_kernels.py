@@ -1,0 +1,211 @@
+"""Jump point search: straight and diagonal runs over cells that need not wait themselves.
+
+Of all shortest paths only those count on which every diagonal step that could come earlier does, so
+most neighbours of a cell are left out, and a run goes on until a cell where a path may turn.
+Without cutting corners a path turns off a straight run only behind a blocked cell.
+
+Source: D. Harabor and A. Grastien, "Online Graph Pruning for Pathfinding on Grid Maps", AAAI 2011,
+and "The JPS Pathfinding System", SoCS 2012, for paths that cut no corners.
+"""
+
+from __future__ import annotations
+
+from heapq import heappop, heappush
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from ...models.grid_path.search_kernels import (
+    CEILING,
+    DIAGONAL,
+    DONE,
+    STOPPED,
+    STRAIGHT,
+    ahead,
+    box_around,
+)
+
+__all__ = ["jump", "unroll"]
+
+Ints = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+#: What is kept of a cell.
+_BLOCKED, _GOAL = 1, 2
+#: Ways to leave a cell, a bit each: way k and k + 1 enclose a right angle's half, even ones are
+#: straight.
+_ALL = 255
+
+
+@kernel
+def along(state: Bytes, cell: int, step: int, side: int) -> int:
+    """Return the first cell on a straight run where a path may turn or end, -1 where there is none.
+
+    Parameters
+    ----------
+    state : ndarray of uint8, shape (cells,)
+        Which cells are blocked, and goals.
+    cell : int
+        Where the run begins.
+    step, side : int
+        How the number of a cell changes along the run and across it.
+    """
+    left, right = state[cell + side] & _BLOCKED, state[cell - side] & _BLOCKED
+    while True:
+        cell += step
+        here = state[cell]
+        if here != 0:
+            return -1 if here & _BLOCKED else cell
+        beside, other = state[cell + side] & _BLOCKED, state[cell - side] & _BLOCKED
+        if beside < left or other < right:
+            return cell
+        left, right = beside, other
+
+
+@kernel
+def slanted(state: Bytes, cell: int, down: int, across: int, width: int) -> int:
+    """Return the first cell on a diagonal run where a path may turn or end, -1 where there is none."""
+    step = down + across
+    while (state[cell + down] | state[cell + across] | state[cell + step]) & _BLOCKED == 0:
+        cell += step
+        if state[cell] & _GOAL:
+            return cell
+        if along(state, cell, down, 1) >= 0 or along(state, cell, across, width) >= 0:
+            return cell
+    return -1
+
+
+@kernel
+def ways_on(state: Bytes, cell: int, way: int, moves: Ints) -> int:
+    """Return the ways, a bit each, in which a path may leave a cell that it comes to by `way`."""
+    if way % 2 == 1:
+        return (1 << way) | (1 << (way - 1)) | (1 << ((way + 1) % 8))
+    ways = 1 << way
+    for turn in (1, 7):
+        # The slanted way, and the one square to the run, on one side.
+        side = (way + 2 * turn) % 8
+        free = state[cell + moves[side]] & _BLOCKED == 0
+        if free and state[cell - moves[way] + moves[side]] & _BLOCKED:
+            ways |= (1 << side) | (1 << ((way + turn) % 8))
+    return ways
+
+
+@kernel(interpretable=True)
+def jump(
+    walls: Bytes, width: int, start: int, goals: Ints, flag: NDArray[np.int8]
+) -> tuple[int, int, int, Ints, int]:
+    """Return the nearest goal, and the cell where a path turned last before it comes to each.
+
+    A cell that is met again at the same cost keeps the ways of both, so that no shortest path is lost.
+
+    Parameters
+    ----------
+    walls : ndarray of uint8, shape (cells,)
+        1 where blocked; see :mod:`crosstrack.models.grid_path.search_kernels`.
+    width : int
+        Cells of a row, the frame included.
+    start : int
+        Number of a free cell.
+    goals : ndarray of int64
+        Numbers of free cells.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the search.
+
+    Returns
+    -------
+    status : int
+        ``DONE`` or ``STOPPED``.
+    goal : int
+        The nearest goal; -1 where none can be reached.
+    cost : int
+        Of a path to it.
+    parents : ndarray of int64, shape (cells,)
+        The start is its own.
+    expanded : int
+        How often runs began at a cell.
+    """
+    moves = np.array([1, width + 1, width, width - 1, -1, -width - 1, -width, -width + 1])
+    state = walls.copy()
+    for goal in goals:
+        state[goal] |= _GOAL
+    box = box_around(goals, width)
+    left = np.zeros(walls.size, np.int64)
+    parents = np.empty(walls.size, np.int64)
+    #: Ways that wait to be tried from a cell, and that were.
+    waiting = np.zeros(walls.size, np.uint8)
+    tried = np.zeros(walls.size, np.uint8)
+    left[start] = CEILING
+    parents[start] = start
+    waiting[start] = _ALL
+    # Of equal orders the cell with the greater cost leaves first.
+    heap = [(ahead(start // width, start % width, box, True), CEILING, start)]
+    expanded = 0
+    while len(heap) > 0:
+        if flag[0] != 0:
+            return STOPPED, -1, 0, parents, expanded
+        _, here, cell = heappop(heap)
+        if here < left[cell] or waiting[cell] == 0:
+            continue
+        if state[cell] & _GOAL:
+            return DONE, cell, CEILING - here, parents, expanded
+        expanded += 1
+        ways = int(waiting[cell])
+        waiting[cell] = 0
+        tried[cell] |= ways
+        row = cell // width
+        column = cell - row * width
+        for way in range(8):
+            if ways >> way & 1 == 0:
+                continue
+            cost = STRAIGHT
+            if way % 2 == 1:
+                to = slanted(
+                    state, cell, moves[(way // 4) * 4 + 2], moves[((way + 1) // 4 % 2) * 4], width
+                )
+                cost = DIAGONAL
+            else:
+                to = along(state, cell, moves[way], width if way % 4 == 0 else 1)
+            if to < 0:
+                continue
+            down = to // width - row
+            across = to - (row + down) * width - column
+            then = here - max(abs(down), abs(across)) * cost
+            if then < left[to]:
+                continue
+            on = ways_on(state, to, way, moves)
+            if then > left[to]:
+                left[to] = then
+                parents[to] = cell
+                waiting[to] = tried[to] = 0
+            more = on & ~(int(waiting[to]) | int(tried[to]))
+            if more == 0:
+                continue
+            waiting[to] |= more
+            order = CEILING - then + ahead(row + down, column + across, box, True)
+            heappush(heap, (order, then, to))
+    return DONE, -1, 0, parents, expanded
+
+
+@kernel(interpretable=True)
+def unroll(parents: Ints, width: int, goal: int) -> Ints:
+    """Return all cells from the start to `goal`, those that a run passes included."""
+    count, cell = 1, goal
+    while parents[cell] != cell:
+        before = parents[cell]
+        down, across = cell // width - before // width, cell % width - before % width
+        count += max(abs(down), abs(across))
+        cell = before
+    path = np.empty(count, np.int64)
+    cell = goal
+    path[count - 1] = goal
+    while parents[cell] != cell:
+        before = parents[cell]
+        down, across = cell // width - before // width, cell % width - before % width
+        steps = max(abs(down), abs(across))
+        step = (before - cell) // steps
+        for _ in range(steps):
+            count -= 1
+            path[count - 1] = path[count] + step
+        cell = before
+    return path
