@@ -272,7 +272,9 @@ def test_huge_mazes(loops):
     best = ct.solve(model, "any-angle")
     assert best.termination is Termination.OPTIMAL
     other = ct.solve(model, "shortcut-visibility")
-    assert best.primal_bound * (1 - 1e-12) <= other.primal_bound <= best.primal_bound * 1.005
+    # Without loops there is one way; with them the shortest along neighbours may be another.
+    worst = 1.02 if loops else 1 + 1e-9
+    assert best.primal_bound * (1 - 1e-12) <= other.primal_bound <= best.primal_bound * worst
 
 
 def test_interpreted_search_is_the_compiled_one():
