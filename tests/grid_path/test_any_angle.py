@@ -18,8 +18,9 @@ from crosstrack.models.grid_path import GridMap, Sight, line_of_sight
 from crosstrack.models.grid_path.sight import convex_corners, sees
 from crosstrack.solvers import Control, Limit, Termination
 from crosstrack.solvers.backend import Request
-from crosstrack.solvers.grid_path.any_angle import AnyAngle, line_tables
+from crosstrack.solvers.grid_path.any_angle import AnyAngle
 from crosstrack.solvers.grid_path.any_angle_kernels import STOPPED, search
+from crosstrack.solvers.grid_path.free_paths import line_tables
 
 #: Cells that corners of mazes may be apart to be joined in brute force.
 NEAR = 12
@@ -238,15 +239,15 @@ def test_special_maps(case, name):
 
 @pytest.mark.parametrize("loops", [0.0, 0.05])
 def test_mazes(loops):
-    blocked = maze(61, 6, loops)
-    model = GridPath(GridMap(blocked, cell=1e-3), (0, 0), (60, 60), connectivity="any")
+    blocked = maze(41, 6, loops)
+    model = GridPath(GridMap(blocked, cell=1e-3), (0, 0), (40, 40), connectivity="any")
     best = ct.solve(model, "any-angle")
     assert best.termination is Termination.OPTIMAL
     assert_clear(model, best.plan)
     # By SciPy over the corners, and geometry between those that are near each other.
     padded = np.pad(blocked, 1, constant_values=True)
     corners = np.argwhere(convex_corners(padded))[:, ::-1] - 1
-    points = np.vstack([[0.5, 0.5], [60.5, 60.5], corners])
+    points = np.vstack([[0.5, 0.5], [40.5, 40.5], corners])
     apart = np.abs(points[:, None] - points).max(axis=-1)
     tails, heads = np.nonzero(np.triu(apart <= NEAR, 1))
     lines = shapely.linestrings(np.stack([points[tails], points[heads]], axis=1))
@@ -313,6 +314,23 @@ def test_sixteen_thousand_to_one():
     assert 15999 <= best.primal_bound <= ct.solve(model, "theta-star").primal_bound
     turned = GridPath(GridMap(blocked.T.copy()), (0, 2), (15999, 2), connectivity="any")
     assert ct.solve(turned, "any-angle").primal_bound == pytest.approx(best.primal_bound, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["any-angle", *HEURISTICS])
+def test_far_from_the_origin(name):
+    """Where metres leave no more than four digits of a cell, plans are those of the map at 0."""
+    rng = np.random.default_rng(10)
+    for cell in (1e-6, 1.0, 1e6):
+        blocked = rng.random((12, 15)) < 0.2
+        blocked[0, 0] = blocked[11, 14] = False
+        near = GridPath(GridMap(blocked, cell=cell), (0, 0), (11, 14), connectivity="any")
+        far = GridMap(blocked, cell=cell, origin=np.array([9e8, -9e8]) * cell)
+        more = GridPath(far, (0, 0), (11, 14), connectivity="any")
+        options = {"steps": 300} if name == "rrt-star" else {}
+        here, there = (ct.solve(m, name, backend_options=options) for m in (near, more))
+        assert here.termination is there.termination
+        if here.plan is not None:
+            assert there.primal_bound == pytest.approx(here.primal_bound, rel=1e-6)
 
 
 def test_random_trees():
