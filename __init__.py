@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .solvers.crosscheck import Comparison as Comparison, compare as compare
     from .solvers.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
     from .solvers.dispatch import solve as solve, verify as verify
+    from .solvers.pareto import Front as Front, front as front
     from .solvers.registry import backend_states as backends
     from .solvers.solution import Solution as Solution
 
@@ -40,6 +41,7 @@ _get, _, _names = attach(
         "solvers.crosscheck": ("Comparison", "compare"),
         "solvers.diagnosis": ("Diagnosis", "diagnose"),
         "solvers.dispatch": ("solve", "verify"),
+        "solvers.pareto": ("Front", "front"),
         "solvers.solution": ("Solution",),
     },
 )
@@ -47,11 +49,13 @@ __all__ = [
     "Comparison",
     "CrosstrackError",
     "Diagnosis",
+    "Front",
     "Solution",
     "__version__",
     "backends",
     "compare",
     "diagnose",
+    "front",
     "load",
     "plot",
     "solve",

@@ -34,6 +34,7 @@ _HOMES = {
     "instances": "lists",
     "solve": "runs",
     "compare": "runs",
+    "front": "runs",
     "check": "plans",
     "export": "plans",
     "diagnose": "plans",

@@ -14,7 +14,6 @@ import click
 from ..solvers.report.terminal import reserved
 
 if TYPE_CHECKING:
-    from ..models.model import Model
     from ..solvers.crosscheck import Comparison
 
 __all__ = [
@@ -164,13 +163,14 @@ def picture_path(value: str | None) -> Path | None:
     return writable(value, _PLOT_SUFFIXES)
 
 
-def draw(model: Model[Any], plan: Any, path: Path, tolerance: float | None = None) -> None:
-    """Write the picture of a plan or solution, held to `tolerance` where the picture has one."""
+def draw(model: Any, plan: Any, path: Path, tolerance: float | None = None) -> None:
+    """Write the picture of a model with a plan or solution, or of a front; a plan is held to `tolerance` where the picture has one."""
     from ..files import write_bytes
     from ..models.plots import picture_options, plot
     from ..solvers.report.terminal import say
 
-    options = only(tolerance=tolerance) if "tolerance" in picture_options(model.kind) else {}
+    takes = tolerance is not None and "tolerance" in picture_options(model.kind)
+    options = only(tolerance=tolerance) if takes else {}
     picture = io.BytesIO()
     plot(model, plan, **options).savefig(picture, dpi=150, format=path.suffix[1:].lower())
     write_bytes(path, picture.getvalue())

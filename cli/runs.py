@@ -30,7 +30,7 @@ from .options import (
 if TYPE_CHECKING:
     from ..solvers.solution import Solution
 
-__all__ = ["compare", "reproduce", "solve"]
+__all__ = ["compare", "front", "reproduce", "solve"]
 
 
 @click.command(short_help="Solve an instance and verify the answer.")
@@ -194,6 +194,89 @@ def compare(
     else:
         show(*result.parts())
     return compare_code(result)
+
+
+@click.command(short_help="Trade the objective for a second one.")
+@click.argument("instance")
+@click.argument("second")
+@reading
+@click.option(
+    "--backend", default="auto", show_default=True, help="A name from 'crosstrack backends'."
+)
+@click.option("--limits", metavar="A,B,…", help="Limits on SECOND (default: found on the way).")
+@click.option(
+    "--points", type=int, help="Runs at the most, where no limits are given (default: 10)."
+)
+@click.option(
+    "--step", type=float, help="Share by which a limit is less than the last plan (default: 0.05)."
+)
+@click.option(
+    "--sweep",
+    metavar="FIELD=A,B,…",
+    help="Vary a field instead, such as q=0,0.2,0.4, and compare FIRST and SECOND.",
+)
+@click.option("--first", help="The first objective of a sweep, such as sum.")
+@click.option("--time-limit", type=float, help="Seconds for each run (default: 60).")
+@click.option("--seed", type=int, help="Seed for backends that draw.")
+@click.option(
+    "--option",
+    "options",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="An option of the backend's own.",
+)
+@click.option("--jsonl", metavar="FILE", help="Append each answer to FILE as soon as it is there.")
+@click.option("--resume", is_flag=True, help="Go on with FILE, running only what it lacks.")
+@plot
+@as_json
+def front(
+    instance: str, second: str, reading: dict[str, Any], backend: str, limits: str | None, points: int | None, step: float | None, sweep: str | None,
+    first: str | None, options: Sequence[str], jsonl: str | None, resume: bool, plot: str | None, as_json: bool, **asked: Any,
+) -> int:  # fmt: skip
+    """Solve INSTANCE under limits on its SECOND objective, such as max, and print the Pareto set."""
+    from ..instances.catalogue import load
+    from ..solvers import pareto
+    from ..solvers.report.terminal import emit, progress, show
+
+    if resume and jsonl is None:
+        raise click.UsageError("--resume needs --jsonl FILE")
+    if (sweep is None) != (first is None):
+        raise click.UsageError("--sweep and --first go together")
+    if sweep is not None and any(one is not None for one in (limits, points, step)):
+        raise click.UsageError("--sweep takes no --limits, --points or --step")
+    picture = picture_path(plot)
+    model = load(instance, **reading)
+    with progress(f"{instance}: {second}") as news:
+        common: dict[str, Any] = {
+            "backend": backend, "record": jsonl, "resume": resume, **only(**asked),
+            "backend_options": pairs(options, "--option"),
+            "on_point": lambda s: news(f"{s.instance} {s.termination}"),
+        }  # fmt: skip
+        if sweep is not None and first is not None:
+            [(name, values)] = pairs([sweep], "--sweep").items()
+            result = pareto.sweep(model, name, _values(str(values)), first, second, **common)
+        else:
+            chosen = None if limits is None else _values(limits)
+            result = pareto.front(
+                model, second, limits=chosen, **only(points=points, step=step), **common
+            )
+    if picture is not None and result.points:
+        draw(result, None, picture)
+    if as_json:
+        emit(result.to_dict())
+    else:
+        show(*result.parts())
+    if result.interrupted:
+        return INTERRUPTED
+    return VERIFIED if result.points else max(map(_solve_code, result.unsolved), default=NO_ANSWER)
+
+
+def _values(text: str) -> list[float]:
+    """Return the numbers that ``0,0.2,0.4`` names."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise click.BadParameter(f"{text!r} is no list of numbers such as 1,2.5") from None
 
 
 @click.command(short_help="Set a paper's tables beside our runs.")

@@ -1,7 +1,9 @@
-"""Rows of Excel files, from anybody: no formula is computed, and what is read is bounded."""
+"""Rows of CSV and Excel files, from anybody: no formula is computed, and what is read is bounded."""
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 import zipfile
 from collections.abc import Iterator
@@ -9,11 +11,35 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import BackendMissing, InvalidData
+from ..files import read_text
 
-__all__ = ["xlsx_rows"]
+__all__ = ["table_rows", "xlsx_rows"]
 
 #: Bytes that a file may hold, packed and unpacked, and rows and columns that are read of its sheet.
 PACKED, UNPACKED, ROWS, COLUMNS = 32 << 20, 256 << 20, 200_000, 64
+
+
+def table_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number and the cells of every row of a CSV or Excel file that is not blank.
+
+    Raises
+    ------
+    BackendMissing
+        It is an Excel file, and openpyxl is not installed.
+    InvalidData
+        The file is no valid CSV or Excel file, or larger than is read.
+    """
+    file = Path(path)
+    if file.suffix.casefold() == ".xlsx":
+        yield from xlsx_rows(file)
+        return
+    reader = csv.reader(io.StringIO(read_text(file), newline=""), strict=True)
+    try:
+        for row in reader:
+            if any(value.strip() for value in row):
+                yield reader.line_num, [value.strip() for value in row]
+    except csv.Error as error:
+        raise InvalidData(f"{file}, line {reader.line_num}: no valid CSV: {error}") from None
 
 
 def xlsx_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:

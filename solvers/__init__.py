@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .diagnosis import Diagnosis as Diagnosis, Finding as Finding, diagnose as diagnose
     from .dispatch import solve as solve, verify as verify
     from .isolation import Worker as Worker
+    from .pareto import Front as Front, FrontPoint as FrontPoint, front as front, sweep as sweep
     from .probing import probe as probe
     from .registry import (
         BackendState as BackendState,
@@ -94,6 +95,7 @@ __getattr__, __dir__, __all__ = attach(
             "Outcome",
             "Verdict",
         ),
+        "pareto": ("Front", "FrontPoint", "front", "sweep"),
         "isolation": ("Worker",),
         "probing": ("probe",),
         "dispatch": (

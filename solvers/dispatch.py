@@ -22,7 +22,7 @@ from .registry import is_ours, rivals
 from .solution import Incumbent, Solution
 from .stopping import Criterion
 
-__all__ = ["solve", "verify"]
+__all__ = ["run_job", "solve", "verify"]
 
 PlanT = TypeVar("PlanT")
 
@@ -129,11 +129,11 @@ def solve(
         backend_options=given("backend_options", backend_options),
     ).resolved()
     with shown(verbose):
-        solution = _run(job, isolate, on_incumbent)
+        solution = run_job(job, isolate, on_incumbent)
     return replace(solution, seconds={**solution.seconds, "total": time.perf_counter() - begin})
 
 
-def _run(
+def run_job(
     job: Job, isolate: bool | None, listener: Callable[[Incumbent[Any]], None] | None
 ) -> Solution[Any]:
     """Run `job`, whose backend is resolved, in this process or in a worker."""

@@ -143,6 +143,9 @@ def _tighten(
             break
         run.target, problem = replace(run.target, formulation=finer), finer.program
         warm = None if request.warm_start is None else answer.point
+        if warm is not None and not getattr(problem, "continuous", True):
+            # Rounding mends no point of whole numbers: the plan is a point of every program.
+            warm = finer.encode(run.job.warm_start)
         answer = attend(problem, replace(request, time_limit=seconds, warm_start=warm))
     if answer.termination not in CLAIMS_NONE and np.isfinite(bound):
         known = -np.inf if answer.dual_bound is None else answer.dual_bound

@@ -1,1 +1,34 @@
-"""Routes of a fleet."""
+"""Instances of fleet routing: small ones of every kind, the paper's sizes, TSPLIB and VRPLIB."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .exports import (
+        write_routes_csv as write_routes_csv,
+        write_routes_geojson as write_routes_geojson,
+        write_vrplib as write_vrplib,
+    )
+    from .generator import generate as generate
+    from .nodes import read_nodes as read_nodes
+    from .tsplib import read_tsplib as read_tsplib, read_vrplib as read_vrplib
+
+CATALOGUE = {"fleet": ".listing:catalogue_entries"}
+REFERENCES = {"fleet-routing": ".nodes:resolve_references"}
+TABLE_FILES = {"fleet-routing": ".nodes:read_nodes"}
+DEMOS = {"fleet": ".demo:DEMO"}
+EXPORTS = {"csv": ".exports:CSV", "geojson": ".exports:GEOJSON", "vrplib": ".exports:VRPLIB"}
+PRINTED = {"fleet/table-2": ".printed:table_2"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "exports": ("write_routes_csv", "write_routes_geojson", "write_vrplib"),
+        "generator": ("generate",),
+        "nodes": ("read_nodes",),
+        "tsplib": ("read_tsplib", "read_vrplib"),
+    },
+)

@@ -6,17 +6,14 @@ order; at least the velocities or the radius must be there, as ``x,y`` alone are
 
 from __future__ import annotations
 
-import csv
-import io
 import os
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 from ...errors import InvalidData
-from ...files import as_path, read_text
+from ...files import as_path
 from ...models.fields import show
-from ..spreadsheets import xlsx_rows
+from ..spreadsheets import table_rows
 from ..storage import Find, number
 
 __all__ = ["read_vehicles", "resolve_references"]
@@ -44,7 +41,7 @@ def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
         too short or too long, what is no finite number, an id that is empty, a file without vehicles.
     """
     file = as_path(path)
-    rows = _rows(file)
+    rows = table_rows(file)
     line, header = next(rows, (1, []))
     names = [name.strip().lstrip("# ").casefold() for name in header]
     _check_header(names, f"{file}, line {line}")
@@ -82,20 +79,6 @@ def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
                 raise InvalidData(f"{key} must not be given: the file holds it", field=key)
         found.update(held)
     return found
-
-
-def _rows(file: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number and the cells of every row that is not blank."""
-    if file.suffix.casefold() == ".xlsx":
-        yield from xlsx_rows(file)
-        return
-    reader = csv.reader(io.StringIO(read_text(file), newline=""), strict=True)
-    try:
-        for row in reader:
-            if any(value.strip() for value in row):
-                yield reader.line_num, [value.strip() for value in row]
-    except csv.Error as error:
-        raise InvalidData(f"{file}, line {reader.line_num}: no valid CSV: {error}") from None
 
 
 def _check_header(names: list[str], where: str) -> None:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from .plan import FleetPlan as FleetPlan
 
 MODELS = {"fleet-routing": ".model:FleetRouting"}
+PICTURES = {"fleet-routing": ".plot:draw"}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .polygons import Polygon as Polygon, Polygons as Polygons, as_shapely as as_shapely
     from .shortest import distances as distances, path_between as path_between
     from .sight import Sight as Sight, line_of_sight as line_of_sight
+    from .trails import trail as trail
 
 MODELS = {"grid-path": ".model:GridPath"}
 PICTURES = {"grid-path": ".plot:draw"}
@@ -26,5 +27,6 @@ __getattr__, __dir__, __all__ = attach(
         "polygons": ("Polygon", "Polygons", "as_shapely"),
         "shortest": ("distances", "path_between"),
         "sight": ("Sight", "line_of_sight"),
+        "trails": ("trail",),
     },
 )

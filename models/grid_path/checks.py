@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
-import itertools
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..fields import required
 from ..verification import Check, Verification, check_tolerance
+from .gridmap import GridMap
 from .plan import GridPlan
-
-if TYPE_CHECKING:
-    from .gridmap import GridMap
-    from .model import GridPath
 
 __all__ = ["depths", "verify_paths"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+#: Makes the check called so of the worst violation and its place.
+Measure = Callable[[str, float, str], Check]
 
 #: Digits that coordinates leave of a position.
 DIGITS = 1e-13
+#: Segments of a path that are looked at together.
+MOST = 2**16
+
+
+class Asked(Protocol):
+    """What a model of paths holds."""
+
+    @property
+    def map(self) -> GridMap: ...
+    @property
+    def start(self) -> NDArray[np.int64]: ...
+    @property
+    def goals(self) -> NDArray[np.int64]: ...
+    @property
+    def connectivity(self) -> str: ...
+    @property
+    def reach(self) -> str: ...
+    @property
+    def weights(self) -> Floats | None: ...
 
 
 def depths(grid: GridMap, path: Floats) -> tuple[float, int]:
@@ -44,51 +63,67 @@ def depths(grid: GridMap, path: Floats) -> tuple[float, int]:
     worst, where = max(float(outside.max()), 0.0), max(int(np.argmax(outside)) - 1, 0)
     if not np.isfinite(path).all() or worst >= 1.0:
         return (worst if np.isfinite(worst) else np.inf), where
-    for k, (a, b) in enumerate(itertools.pairwise(path)):
-        low = np.clip(np.floor(np.minimum(a, b)).astype(int) - 1, 0, [columns, rows])
-        high = np.clip(np.floor(np.maximum(a, b)).astype(int) + 2, 0, [columns, rows])
-        found = np.argwhere(grid.blocked[low[1] : high[1], low[0] : high[0]])[:, ::-1] + low
-        if not len(found):
-            continue
+    for segments, cells in _around(grid.blocked, path):
+        a, b = path[segments], path[segments + 1]
         # The part of the segment within each blocked cell, as shares of its length.
         step = np.where(b - a == 0, 1e-300, b - a)
-        first, last = (found - a) / step, (found + 1 - a) / step
+        first, last = (cells - a) / step, (cells + 1 - a) / step
         enter = np.maximum(np.minimum(first, last).max(axis=1), 0.0)
         leave = np.minimum(np.maximum(first, last).min(axis=1), 1.0)
-        within = np.flatnonzero(enter <= leave)
-        if not within.size:
-            continue
-        middle = a + 0.5 * (enter + leave)[within, None] * (b - a)
-        deep = np.minimum(middle - found[within], found[within] + 1 - middle).min(axis=1)
-        if deep.max() > worst:
-            worst, where = float(deep.max()), k
+        middle = a + 0.5 * (enter + leave)[:, None] * (b - a)
+        deep = np.minimum(middle - cells, cells + 1 - middle).min(axis=1)
+        deep = np.where(enter <= leave, deep, 0.0)
+        if deep.max(initial=0.0) > worst:
+            worst, where = float(deep.max()), int(segments[np.argmax(deep)])
     return worst, where
+
+
+def _around(marked: NDArray[np.bool_], path: Floats) -> Iterator[tuple[Ints, Ints]]:
+    """Yield segments of `path` and, for each, a marked place (x, y) in the box around it.
+
+    Short segments come many at once, long ones one by one.
+    """
+    size = marked.shape[::-1]
+    window = np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2)
+    for begin in range(0, len(path) - 1, MOST):
+        part = path[begin : begin + MOST + 1]
+        low = np.floor(np.minimum(part[:-1], part[1:])).astype(int) - 1
+        high = np.floor(np.maximum(part[:-1], part[1:])).astype(int) + 2
+        low, high = np.clip(low, 0, size), np.clip(high, 0, size)
+        short = (high - low <= 4).all(axis=1)
+        places = low[short][:, None] + window
+        held = (places < high[short][:, None]).all(axis=2)
+        held[held] = marked[tuple(places[held][:, ::-1].T)]
+        yield begin + np.flatnonzero(short)[np.nonzero(held)[0]], places[held]
+        for k in np.flatnonzero(~short):
+            box = marked[low[k, 1] : high[k, 1], low[k, 0] : high[k, 0]]
+            found = np.argwhere(box)[:, ::-1] + low[k]
+            yield np.full(len(found), begin + k), found
 
 
 def _squeezes(grid: GridMap, path: Floats, slack: float) -> list[tuple[float, float]]:
     """Return the corners (x, y in cells) between two blocked cells that `path` passes through."""
+    if not np.isfinite(path).all():
+        return []
     padded = np.pad(grid.blocked, 1, constant_values=True)
     around = [padded[:-1, :-1], padded[:-1, 1:], padded[1:, :-1], padded[1:, 1:]]
     both = (around[0] & around[3] & ~around[1] & ~around[2]) | (
         around[1] & around[2] & ~around[0] & ~around[3]
     )
-    corners = np.argwhere(both)[:, ::-1].astype(float)
-    found = []
-    for a, b in itertools.pairwise(path):
-        near = corners[
-            ((corners >= np.minimum(a, b) - slack) & (corners <= np.maximum(a, b) + slack)).all(
-                axis=1
-            )
-        ]
-        length = float(np.hypot(*(b - a)))
-        if not len(near) or length == 0:
-            continue
-        off = np.abs((b[0] - a[0]) * (near[:, 1] - a[1]) - (b[1] - a[1]) * (near[:, 0] - a[0]))
-        found += [(float(x), float(y)) for x, y in near[off <= slack * length]]
+    found: list[tuple[float, float]] = []
+    for segments, near in _around(both, path):
+        a, b = path[segments], path[segments + 1]
+        length = np.hypot(*(b - a).T)
+        off = np.abs(
+            (b[:, 0] - a[:, 0]) * (near - a)[:, 1] - (b[:, 1] - a[:, 1]) * (near - a)[:, 0]
+        )
+        within = (near >= np.minimum(a, b) - slack) & (near <= np.maximum(a, b) + slack)
+        through = within.all(axis=1) & (length > 0) & (off <= slack * length)
+        found += [(float(x), float(y)) for x, y in near[through]]
     return found
 
 
-def verify_paths(model: GridPath, plan: GridPlan, tolerance: float) -> Verification:
+def verify_paths(model: Asked, plan: GridPlan, tolerance: float) -> Verification:
     """Return the cost of `plan` and every constraint of `model`."""
     check_tolerance(tolerance)
     required("plan", plan, GridPlan)
@@ -146,7 +181,7 @@ def verify_paths(model: GridPath, plan: GridPlan, tolerance: float) -> Verificat
     return Verification(cost, tuple(checks), scale=0.0)
 
 
-def _steps(model: GridPath, paths: list[Floats], lengths: object, count: object) -> list[Check]:
+def _steps(model: Asked, paths: list[Floats], lengths: Measure, count: Measure) -> list[Check]:
     """Return the checks that paths lead from the centres of cells to those of neighbours."""
     off, where, wrong = 0.0, "", []
     for k, path in enumerate(paths):
@@ -160,12 +195,15 @@ def _steps(model: GridPath, paths: list[Floats], lengths: object, count: object)
         if model.connectivity == "4":
             good = total == 1
         wrong += [f"path {k}, step {int(s)}" for s in np.flatnonzero(~good)]
-        for s in np.flatnonzero(good & (total == 2)):
-            # Both cells beside the corner; rows are y.
-            beside = np.array([[cells[s, 1], cells[s + 1, 0]], [cells[s + 1, 1], cells[s, 0]]])
-            if not model.map.holds(beside.astype(int)).all():
-                wrong.append(f"path {k}, step {int(s)} cuts a corner")
+        # Both cells beside the corner of a diagonal step; rows are y.
+        turned = np.flatnonzero(good & (total == 2))
+        before, after = cells[turned].astype(int), cells[turned + 1].astype(int)
+        free = [
+            model.map.holds(np.column_stack([y[:, 1], x[:, 0]]))
+            for y, x in ((before, after), (after, before))
+        ]
+        wrong += [f"path {k}, step {int(s)} cuts a corner" for s in turned[~(free[0] & free[1])]]
     return [
-        lengths("points at centres of cells", off, where),  # type: ignore[operator]
-        count("steps to neighbours", len(wrong), wrong[0] if wrong else ""),  # type: ignore[operator]
+        lengths("points at centres of cells", off, where),
+        count("steps to neighbours", len(wrong), wrong[0] if wrong else ""),
     ]

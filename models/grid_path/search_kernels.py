@@ -42,9 +42,9 @@ DONE, STOPPED = 1, -1
 
 #: What is kept of a cell beside whether it is blocked.
 _BLOCKED, _WAITING, _GOAL = 1, 2, 4
-#: Costs from one multiple of 2**_SHIFT to the next share a bucket. The width is below 2 - √2 cells,
-#: the least by which a step can raise a guided cost at all; no step raises it by more than 2 √2
-#: cells, so that _RING buckets hold all that waits.
+#: Costs from one multiple of 2**_SHIFT to the next share a bucket, a third of a cell: less than 2 - √2
+#: cells, by which a step raises a guided cost if at all, so that few cells get cheaper within their
+#: bucket. No step raises it by more than 2 √2 cells, so that _RING buckets hold all that waits.
 _SHIFT, _RING = 25, 16
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..fields import required
-from ..plots.maps import dress_map, length_unit
+from ..plots.animation import play, stage_of
 from ..plots.options import check_frames
 from ..plots.space import dots
-from ..plots.style import BLACK, DARK, GREY, axis_style, headline, key, legend_row, sheet
+from ..plots.style import BLACK, GREY, axis_style, key, legend_row
 from .model import MessengerTour
 from .plan import TourPlan
 from .sampling import outline, track
@@ -62,7 +62,6 @@ def animate_tour(
     UnsupportedOption
         An option has a value that is not allowed.
     """
-    from matplotlib.animation import FuncAnimation
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle
 
@@ -79,16 +78,12 @@ def animate_tour(
     # What has been met may leave the map.
     shown = np.concatenate([path.poses[:, :2], model.positions, meetings - reach, meetings + reach])
     low, high = shown.min(axis=0), shown.max(axis=0)
-    scale, unit = length_unit(float((high - low).max()))
     met_at = np.full(model.size, np.inf)
     met_at[order] = plan.times
 
-    figure = sheet(size, (6.4, 6.0))
-    broad, tall = figure.get_size_inches()
-    axes = figure.add_axes((0.72 / broad, 0.72 / tall, 1 - 0.9 / broad, 1 - 1.14 / tall))
-    dress_map(axes, low * scale, high * scale, unit)
     text = (model.name or model.describe()) if title is None else title
-    headline(figure, text, wrong=False)
+    stage = stage_of(low, high, title=text, size=size)
+    axes, scale = stage.axes, stage.scale
     axes.plot(*(path.poses[:, :2] * scale).T, lw=0.7, ls=":", color=GREY, zorder=2)
     (way,) = axes.plot([], [], lw=1.8, color=_PATH, zorder=4, gid="path")
     (craft,) = axes.plot([], [], ls="", ms=11, mfc="white", mec=BLACK, mew=1.4, zorder=8)
@@ -98,7 +93,6 @@ def animate_tour(
     keys = [key("to be met", marker="s", color=_WAITING, ms=4.5)]
     keys.append(key("met", marker="s", color=_MET, ms=4.5))
     legend_row(axes, keys, "lower right", (1.0, 0.98))
-    clock = figure.text(0.5, 0.1 / tall, "", ha="center", fontsize=9, color=DARK)
 
     def update(frame: int) -> list[Any]:
         time, (x, y, heading) = times[frame], flown[frame].tolist()
@@ -116,9 +110,7 @@ def animate_tour(
         craft.set_data([x * scale], [y * scale])
         craft.set_marker((3, 0, np.rad2deg(heading) - 90))
         count = colours.count(_MET)
-        clock.set_text(f"t = {time:.2f} s of {end:.2f} s, {count} of {model.size} met")
-        return [way, craft, vehicles, discs, clock]
+        stage.clock.set_text(f"t = {time:.2f} s of {end:.2f} s, {count} of {model.size} met")
+        return [way, craft, vehicles, discs, stage.clock]
 
-    # Drawn once by hand, so that the figure is whole even where nobody plays it.
-    update(0)
-    return FuncAnimation(figure, update, frames=frames, interval=interval, blit=False)
+    return play(stage, update, frames, interval)

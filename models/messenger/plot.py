@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..fields import required
 from ..plots.labels import write_names
-from ..plots.maps import dress_map, length_unit
+from ..plots.maps import dress_map, length_unit, point_ways
 from ..plots.options import check_flags, check_option
 from ..plots.progress import draw_progress
 from ..plots.space import dots
@@ -225,7 +225,7 @@ def _draw_tracks(tour: Drawn, axes: Any, scale: float) -> None:
                 zorder=3, gid="track")  # fmt: skip
     headings = np.arctan2(*tour.model.velocities[tour.met].T[::-1])
     far = np.hypot(*(ends - begins).T) > _LONG * np.ptp(axes.get_xlim())
-    _draw_ways(axes, (0.5 * (begins + ends))[far], headings[far], VEHICLE, 4.0)
+    point_ways(axes, (0.5 * (begins + ends))[far], headings[far], VEHICLE, 4.0)
 
 
 def _draw_lines(axes: Any, ends: Floats, **look: Any) -> Any:
@@ -235,15 +235,6 @@ def _draw_lines(axes: Any, ends: Floats, **look: Any) -> Any:
     found = LineCollection(list(np.clip(ends, -FAR, FAR)), **look)
     axes.add_collection(found, autolim=False)
     return found
-
-
-def _draw_ways(axes: Any, places: Floats, headings: Floats, colour: str, size: float) -> None:
-    """Draw small triangles that point where things go."""
-    for (x, y), heading in zip(places, headings, strict=True):
-        axes.plot(
-            x, y, ls="", marker=(3, 0, np.rad2deg(heading) - 90), ms=size, mfc=colour, mec="white",
-            mew=0.4, zorder=5,
-        )  # fmt: skip
 
 
 def _draw_discs(axes: Any, middles: Floats, radius: Floats) -> None:
@@ -267,7 +258,7 @@ def _draw_arrows(tour: Drawn, axes: Any, scale: float) -> None:
     ends = np.cumsum(lengths)
     shown = lengths * scale > _LONG * np.ptp(axes.get_xlim())
     middles = track(tour.plan, tour.model.turning_radius, (ends - 0.5 * lengths)[shown]).poses
-    _draw_ways(axes, middles[:, :2] * scale, middles[:, 2], DARK, 5.5)
+    point_ways(axes, middles[:, :2] * scale, middles[:, 2], DARK, 5.5)
 
 
 def _draw_start(axes: Any, start: Floats, scale: float) -> None:

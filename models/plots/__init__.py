@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...errors import BackendMissing, UnknownName, UnsupportedOption, suggestion
-from ..model import Model, as_model
+from ..model import as_model
 from ..problems import resolve, table
 from ..verification import TOLERANCE
 
@@ -26,13 +26,13 @@ def register_plot(kind: str, function: Callable[..., Figure]) -> Callable[..., F
     return function
 
 
-def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
+def plot(model: Any, plan: Any = None, **options: Any) -> Figure:
     """Draw `model`, and `plan` where one is given.
 
     Parameters
     ----------
     model : Model
-        The model.
+        The model. A :class:`~crosstrack.Front`, or several in a mapping by name, is drawn as such.
     plan : plan, Solution or JSON data, optional
         A plan for it, valid or not; None draws the data only. A solution is held to the tolerance
         that it was solved to, where the picture has one.
@@ -53,6 +53,13 @@ def plot(model: Model[Any], plan: Any = None, **options: Any) -> Figure:
     BackendMissing
         Matplotlib is not installed.
     """
+    fronts = list(model.values()) if isinstance(model, Mapping) else [model]
+    if fronts and all(hasattr(one, "second") and hasattr(one, "points") for one in fronts):
+        require_matplotlib()
+        from .front import draw_front
+
+        _refuse_unknown("front", draw_front, options, drawn=1)
+        return draw_front(model, **options)
     model = as_model(model)
     draw = _picture(model.kind)
     _refuse_unknown(model.kind, draw, options)
@@ -95,8 +102,11 @@ def _picture(kind: str) -> Callable[..., Figure]:
     return found
 
 
-def _refuse_unknown(kind: str, draw: Callable[..., Any], options: dict[str, Any]) -> None:
-    parameters = list(inspect.signature(draw).parameters.values())[2:]
+def _refuse_unknown(
+    kind: str, draw: Callable[..., Any], options: dict[str, Any], drawn: int = 2
+) -> None:
+    """Raise where an option is none of the picture's parameters after what is `drawn`."""
+    parameters = list(inspect.signature(draw).parameters.values())[drawn:]
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         return
     known = [parameter.name for parameter in parameters]

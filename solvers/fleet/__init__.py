@@ -1,6 +1,7 @@
 """Algorithms for the routes of a fleet; the loops are compiled by Numba."""
 
 BACKENDS = {
+    "subset-dp": ".subset_dp:SubsetDP",
     "fleet-search": ".fleet_search:FleetSearch",
     "pso-ac": ".two_phases:PsoAntColony",
     "pso-ac-serial": ".two_phases:PsoAntColonySerial",
@@ -9,4 +10,5 @@ BACKENDS = {
     "ortools-routing": ".ortools_routing:OrToolsRouting",
     "pyvrp": ".pyvrp_routing:PyVrpRouting",
 }
+DIAGNOSES = {"fleet-routing": ".diagnosis:diagnose_fleet"}
 PAPER_TABLES = {"fleet": ".paper_tables:TABLES"}

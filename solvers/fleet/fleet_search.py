@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +123,7 @@ class _Routes:
         """Make `stops` the route of vehicle `k`, which is at its depot."""
         mark = data.place.size - data.battery.size + k
         chain = [mark, *stops, mark]
-        for a, b in zip(chain[:-1], chain[1:], strict=True):
+        for a, b in itertools.pairwise(chain):
             self.after[a], self.before[b] = b, a
             self.loads[k] += data.distances[data.place[a], data.place[b]] if stops else 0.0
         self.route[stops] = k
@@ -254,16 +255,16 @@ class _Search:
         idle = 0
         # One node a vehicle, or a single node, leaves little to choose.
         patience = options["patience"] if count > 3 else 1
+        flag = request.control.flag
+
+        def work(job: tuple[_Routes, float, np.random.Generator]) -> int:
+            routes, hot, draw = job
+            return routes.anneal(self.data, hot, steps, flag, draw)
+
         while idle < patience and not self.within_gap:
             if request.control.stopped or request.left() == 0.0:
                 return
             jobs = [self.drawn(draw) for draw in self.draws]
-            flag = request.control.flag
-
-            def work(job: tuple[_Routes, float, np.random.Generator], most: int = steps) -> int:
-                routes, hot, draw = job
-                return routes.anneal(self.data, hot, most, flag, draw)
-
             self.steps += sum(threads.map(work, jobs))
             self.rounds += 1
             better = False

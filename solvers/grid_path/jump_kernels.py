@@ -33,8 +33,7 @@ Bytes = NDArray[np.uint8]
 
 #: What is kept of a cell.
 _BLOCKED, _GOAL = 1, 2
-#: Ways to leave a cell, a bit each: way k and k + 1 enclose a right angle's half, even ones are
-#: straight.
+#: The eight ways to leave a cell, a bit each, in the order of their angles; even ones are straight.
 _ALL = 255
 
 
@@ -132,7 +131,7 @@ def jump(
     box = box_around(goals, width)
     left = np.zeros(walls.size, np.int64)
     parents = np.empty(walls.size, np.int64)
-    #: Ways that wait to be tried from a cell, and that were.
+    # Ways that wait to be tried from a cell, and those that were.
     waiting = np.zeros(walls.size, np.uint8)
     tried = np.zeros(walls.size, np.uint8)
     left[start] = CEILING

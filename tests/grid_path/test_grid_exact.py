@@ -1,5 +1,6 @@
 """Exact searches along neighbours: all equal SciPy's graphs, on small maps and on large mazes."""
 
+import itertools
 import threading
 
 import numpy as np
@@ -12,10 +13,10 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.models import GridPath
 from crosstrack.models.grid_path import GridMap, distances, path_between
-from crosstrack.models.grid_path.search_kernels import DIAGONAL, STOPPED, STRAIGHT, sweep
+from crosstrack.models.grid_path.search_kernels import DIAGONAL, STOPPED, STRAIGHT, sweep, trace
 from crosstrack.solvers.backend import Request
 from crosstrack.solvers.grid_path.exact import AStar, Dijkstra, JumpPoint
-from crosstrack.solvers.grid_path.jump_kernels import jump
+from crosstrack.solvers.grid_path.jump_kernels import jump, unroll
 from crosstrack.solvers.grid_path.weighted_kernels import weighted
 
 EXACT = ["a-star", "dijkstra", "jump-point"]
@@ -244,6 +245,27 @@ def test_distances_name_the_cell_that_is_not_free():
         distances(grid, [(0, 0), (0, 2)])
     with pytest.raises(InvalidData, match=r"goal.*\[1, 0\]"):
         path_between(grid, (0, 0), (1, 0))
+
+
+def test_loops_mean_what_they_say():
+    """Interpreted as plain Python, the loops give what they give compiled."""
+    blocked = maze(31, 2, 0.2)
+    grid = GridMap(blocked)
+    start, goals = int(grid.numbers_of((0, 0))), grid.numbers_of([(30, 30), (12, 4), (30, 30)])
+    flag, weights = np.zeros(1, np.int8), np.random.default_rng(0).random(grid.walls.size) + 0.1
+    for every, diagonal, guided in itertools.product((False, True), repeat=3):
+        how = (33, start, goals, every, diagonal, guided, flag)
+        for loop, maps in ((sweep, (grid.walls,)), (weighted, (grid.walls, weights))):
+            for mine, theirs in zip(loop(*maps, *how), loop.py_func(*maps, *how), strict=True):
+                np.testing.assert_array_equal(mine, theirs)
+    _, left, _ = sweep(grid.walls, 33, start, goals, True, True, False, flag)
+    path = trace.py_func(grid.walls, 33, left, goals[0], True)
+    np.testing.assert_array_equal(path, trace(grid.walls, 33, left, goals[0], True))
+    near = jump(grid.walls, 33, start, goals, flag)
+    assert jump.py_func(grid.walls, 33, start, goals, flag)[:3] == near[:3]
+    np.testing.assert_array_equal(
+        unroll.py_func(near[3], 33, near[1]), unroll(near[3], 33, near[1])
+    )
 
 
 def test_threads_search_at_once():

@@ -19,25 +19,22 @@ wrong. Run with ``make bench``, or::
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
 import pytest
+from grid_path.grids import SCENARIOS, as_printed, graph, movingai
+from scipy.sparse.csgraph import dijkstra
 
 from crosstrack.models import GridPath
-from crosstrack.models.grid_path import GridMap
+from crosstrack.models.grid_path import GridMap, distances
 from crosstrack.models.grid_path.search_kernels import sweep, trace
 from crosstrack.solvers.backend import Request
 from crosstrack.solvers.grid_path.exact import AStar, Dijkstra, JumpPoint
 from crosstrack.solvers.grid_path.jump_kernels import jump, unroll
-
-sys.path.append(str(Path(__file__).resolve().parents[2]))
-from grid_path.grids import SCENARIOS, as_printed, graph, movingai
 
 #: Scenarios of each map for compiled code, and for peers in plain Python.
 MANY, FEW = 100, 7
@@ -198,3 +195,30 @@ def test_medians_by_map(name: str, capsys: Any) -> None:
                 f"of sums {sum(times.values()) / sum(same):8.2f}, {len(times)} scenarios"
                 + (f", {other[label]} of another length" if label in OTHERS else "")
             )
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2])
+def test_distances_of_76_nodes(share: float, capsys: Any) -> None:
+    """As many as on the paper's map, beside SciPy's Dijkstra on the same steps."""
+    rng = np.random.default_rng(0)
+    grid = GridMap(rng.random((200, 200)) < share)
+    free = np.argwhere(~grid.blocked)
+    cells = free[rng.integers(len(free), size=76)]
+    places = cells @ [200, 1]
+
+    def theirs() -> Any:
+        return dijkstra(graph(grid), directed=False, indices=places)[:, places]
+
+    spent = {}
+    for name, call in (("distances", lambda: distances(grid, cells)), ("SciPy", theirs)):
+        times, found = [], []
+        for _ in range(REPEATS + 1):
+            begin = time.perf_counter()
+            found.append(call())
+            times.append(time.perf_counter() - begin)
+        spent[name] = (min(times[1:]), found[-1])
+    np.testing.assert_allclose(spent["distances"][1], spent["SciPy"][1], rtol=1e-12)
+    with capsys.disabled():
+        print(f"\n76 nodes, 200 × 200 cells, {share:.0%} blocked")
+        for name, (best, _) in spent.items():
+            print(f"  {name:12} {best:7.3f} s, ratio {best / spent['SciPy'][0]:.3f}")

@@ -1,0 +1,152 @@
+"""Routes of a fleet as tables, lines on a plane, and solutions of VRPLIB."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import InvalidData, UnsupportedFormulation
+from ...files import write_text
+from ...models.fields import required
+from ...models.fleet.checks import loads_of
+from ...models.fleet.model import FleetRouting
+from ...models.fleet.plan import FleetPlan
+from ..exports import ExportFormat
+
+__all__ = ["CSV", "GEOJSON", "VRPLIB", "write_routes_csv", "write_routes_geojson", "write_vrplib"]
+
+
+def write_routes_csv(plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetRouting) -> Path:
+    """Write one row a stop as CSV, in one step; return the path.
+
+    The columns are ``vehicle,stop,node,x,y,arrival``: numbers from 0, the name of the node, m, and the
+    length of the route until there. Each route begins and ends with its depot; where there are
+    costs and no points, x and y are empty.
+
+    Parameters
+    ----------
+    plan : FleetPlan
+        The routes.
+    path : path-like
+        The file.
+    model : FleetRouting
+        What they are for.
+
+    Raises
+    ------
+    InvalidData
+        A plan with other nodes or vehicles, an id that a row of CSV cannot hold, or a file that cannot
+        be written.
+    """
+    import csv
+    import io
+
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow(("vehicle", "stop", "node", "x", "y", "arrival"))
+    for k, stops in _walks(plan, model):
+        arrival = 0.0
+        for stop, node in enumerate(stops):
+            if stop:
+                arrival += float(model.distances[stops[stop - 1], node])
+            place = ("", "") if model.points is None else model.points[node].tolist()
+            table.writerow((k, stop, model.label(node), *place, repr(arrival)))
+    return write_text(path, out.getvalue())
+
+
+def write_routes_geojson(
+    plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetRouting
+) -> Path:
+    """Write each route as a LineString of a GeoJSON file, in one step; return the path.
+
+    Coordinates are metres in the plane, not longitudes and latitudes. Lines lead straight from node to
+    node, also where the distances are those of paths on a map. A vehicle that stays at its depot has
+    no line.
+
+    Parameters
+    ----------
+    plan, path, model
+        As for :func:`write_routes_csv`.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The model has costs and no points.
+    InvalidData
+        As for :func:`write_routes_csv`.
+    """
+    loads, features = loads_of(model, plan), []
+    for k, stops in _walks(plan, model):
+        if model.points is None:
+            raise UnsupportedFormulation(
+                "routes without points cannot be drawn: the model has costs"
+            )
+        features.append(
+            {
+                "type": "Feature",
+                "properties": {
+                    "vehicle": k,
+                    "length": float(loads[k]),
+                    "nodes": [model.label(node) for node in stops],
+                },
+                "geometry": {"type": "LineString", "coordinates": model.points[stops].tolist()},
+            }
+        )
+    whole = {"type": "FeatureCollection", "features": features}
+    return write_text(path, json.dumps(whole, allow_nan=False, ensure_ascii=False) + "\n")
+
+
+def write_vrplib(plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetRouting) -> Path:
+    """Write the routes as a solution of VRPLIB, in one step; return the path.
+
+    Customers are numbered from 1, without the depot, in the order of the nodes.
+
+    Parameters
+    ----------
+    plan, path, model
+        As for :func:`write_routes_csv`.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The model has several depots.
+    InvalidData
+        As for :func:`write_routes_csv`.
+    """
+    if np.unique(model.depots).size > 1:
+        raise UnsupportedFormulation("solutions of VRPLIB have one depot, the model has several")
+    place = {node: k for k, node in enumerate(model.customers.tolist(), 1)}
+    lines = []
+    for number, (_, stops) in enumerate(_walks(plan, model), 1):
+        lines.append(f"Route #{number}: " + " ".join(str(place[node]) for node in stops[1:-1]))
+    lines.append(f"Cost {float(loads_of(model, plan).sum())!r}")
+    return write_text(path, "\n".join(lines) + "\n")
+
+
+def _walks(plan: FleetPlan, model: FleetRouting) -> Iterator[tuple[int, list[int]]]:
+    """Yield the number and the stops, depots included, of every vehicle that is used."""
+    required("plan", plan, FleetPlan)
+    required("model", model, FleetRouting)
+    if len(plan.routes) != model.vehicles:
+        raise InvalidData(
+            f"routes must be {model.vehicles}, one for each vehicle, got {len(plan.routes)}",
+            field="routes",
+        )
+    known = set(model.customers.tolist())
+    other = next((x for x in itertools.chain(*plan.routes) if x not in known), None)
+    if other is not None:
+        raise InvalidData(f"routes must visit nodes other than depots, got {other}", field="routes")
+    for k, route in enumerate(plan.routes):
+        if route:
+            home = int(model.homes[k])
+            yield k, [home, *route, home]
+
+
+CSV = ExportFormat("one row a stop (CSV)", ".csv", write_routes_csv)
+GEOJSON = ExportFormat("routes as lines (GeoJSON, in metres)", ".geojson", write_routes_geojson)
+VRPLIB = ExportFormat("a solution of VRPLIB", ".sol", write_vrplib)

@@ -1,0 +1,181 @@
+"""What the catalogue holds of fleet routing: small fleets of every kind, and table 3's sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...models.fleet.model import FleetRouting
+from ..catalogue import CatalogueEntry, Provenance
+from .generator import generate
+
+__all__ = ["NODES", "PAPER", "ROBOTS", "TABLE_2", "WEIGHTS", "catalogue_entries"]
+
+PAPER = (
+    "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot in Obstacle "
+    "Environment, Wireless Communications and Mobile Computing, 2021"
+)
+
+#: Best fitness of GPSO-AC in table 2, by the name of the TSPLIB instance.
+TABLE_2 = {
+    "bayg29": 10403.2,
+    "berlin52": 8470.35,
+    "st70": 826.925,
+    "eil101": 681.1,
+    "ch150": 6673.28,
+    "kroA200": 31271.1,
+}
+#: Robots and nodes of table 3, and its weights of the deviation.
+ROBOTS, NODES, WEIGHTS = 4, 75, (0.0, 0.2, 0.4, 0.6, 0.8)
+
+_SPECIAL = "Ours: the paper has no such instance."
+#: Nodes of the example; the first is the depot.
+_EXAMPLE = (
+    *((50, 50), (20, 80), (35, 90), (80, 75)),
+    *((90, 40), (60, 15), (25, 20), (10, 45)),
+)
+
+
+def catalogue_entries() -> tuple[CatalogueEntry, ...]:
+    """Return the instances."""
+    return (*_small(), *_limited(), *_wild(), *map(_table_3, WEIGHTS))
+
+
+def _small() -> tuple[CatalogueEntry, ...]:
+    drawn: tuple[tuple[str, str, int, int, str, dict[str, Any]], ...]
+    drawn = (
+        ("sum-9", "the shortest routes in all", 9, 3, "sum", {}),
+        ("max-8", "the longest route shortest", 8, 2, "max", {}),
+        ("max-10", "the longest route shortest", 10, 3, "max", {}),
+        ("max-sum-7", "the longest route shortest, then the sum", 7, 2, "max-sum", {}),
+        ("deviation-8", "length and balance weighed", 8, 3, "sum-deviation", {"q": 1.0}),
+        ("deviation-7-q4", "balance above all", 7, 3, "sum-deviation", {"q": 4.0}),
+        ("range-7", "the most equal routes, however long", 7, 2, "range", {}),
+    )
+    return (
+        _entry(
+            "example", "2 robots share 7 nodes so that the longer route is shortest",
+            partial(_fleet, 2, points=_EXAMPLE), _SPECIAL, Provenance.OURS,
+        ),
+        *(
+            _entry(
+                name, f"{m} robots, {n} nodes: {title}",
+                partial(generate, n, m, n + 100 * m, objective=objective, **more),
+                _SPECIAL,
+            )
+            for name, title, n, m, objective, more in drawn
+        ),
+    )  # fmt: skip
+
+
+def _limited() -> tuple[CatalogueEntry, ...]:
+    demands = (0, 3, 5, 2, 4, 1, 6, 3)
+    return (
+        _entry(
+            "asymmetric", "2 robots, 7 nodes: against the wind every way is longer", _windy, _SPECIAL
+        ),
+        _entry(
+            "two-depots", "3 robots from 2 depots, 7 nodes",
+            partial(generate, 8, 3, 5, depots=[0, 1, 1]), _SPECIAL,
+        ),
+        _entry(
+            "battery", "3 robots with batteries of different size, not all needed",
+            partial(
+                generate, 7, 3, 6, objective="sum", use_all=False, battery=[360.0, 250.0, 250.0]
+            ),
+            _SPECIAL,
+        ),
+        _entry(
+            "capacity", "2 lorries that carry half of all each: the demands must split evenly",
+            partial(_fleet, 2, points=_EXAMPLE, objective="sum", demands=demands, capacity=12.0),
+            _SPECIAL, Provenance.OURS,
+        ),
+        _entry(
+            "bounded", "The longest route shortest, with little in all and little between them",
+            partial(
+                generate, 7, 2, 7, budget=720.0, deviation_limit=40.0, range_limit=50.0
+            ),
+            _SPECIAL,
+        ),
+        _entry(
+            "battery-too-small", "A node beyond half a battery: no plan",
+            partial(_fleet, 2, points=_EXAMPLE, battery=80.0),
+            f"{_SPECIAL} Node 1 lies 42.4 m from the depot, so the round trip takes more than 80 m.",
+            Provenance.OURS,
+        ),
+    )  # fmt: skip
+
+
+def _wild() -> tuple[CatalogueEntry, ...]:
+    far = [*_EXAMPLE[:6], (1e6, 50)]
+    return (
+        _entry(
+            "ties", "A lattice with many optimal plans, and nodes at one place",
+            partial(_fleet, 2, points=[(x, y) for x in (0, 1, 2) for y in (0, 1)] + [(1, 1), (0, 0)]),
+            _SPECIAL, Provenance.OURS,
+        ),
+        _entry(
+            "zeros", "Costs of 0, 1 and 2 that are no distances", partial(_fleet, 2, costs=_zeros()),
+            _SPECIAL, Provenance.OURS,
+        ),
+        _entry(
+            "each-its-own", "As many robots as nodes", partial(_fleet, 5, points=_EXAMPLE[:6]),
+            _SPECIAL, Provenance.OURS,
+            {"optimum": 2 * float(np.hypot(30, 40)), "source": "the farthest node and back"},
+        ),
+        _entry(
+            "one-far", "One node a million metres away", partial(_fleet, 2, points=far),
+            _SPECIAL, Provenance.OURS,
+        ),
+    )  # fmt: skip
+
+
+def _table_3(q: float) -> CatalogueEntry:
+    return _entry(
+        f"table-3-q{q:g}",
+        f"{ROBOTS} robots, {NODES} nodes: length and {q:g} times the deviation",
+        partial(generate, NODES, ROBOTS, 28, objective="sum-deviation", q=q),
+        "The paper prints no coordinates: the nodes are ours by seed, with their number, so lengths are "
+        "not comparable with the paper's.",
+        Provenance.SEEDED,
+        {"table": 3, "q": q},
+    )
+
+
+def _entry(
+    name: str, title: str, builder: Callable[[], FleetRouting], note: str,
+    provenance: Provenance = Provenance.SEEDED, published: Mapping[str, Any] | None = None,
+) -> CatalogueEntry:  # fmt: skip
+    return CatalogueEntry(
+        name=f"fleet/{name}",
+        model="fleet-routing",
+        title=title,
+        paper=PAPER,
+        provenance=provenance,
+        builder=builder,
+        published=published or {},
+        note=note,
+    )
+
+
+def _fleet(vehicles: int, **fields: Any) -> FleetRouting:
+    return FleetRouting.from_data({"vehicles": vehicles, **fields})
+
+
+def _windy() -> FleetRouting:
+    calm = generate(7, 2, 4)
+    assert calm.points is not None
+    step = calm.points[None] - calm.points[:, None]
+    # Half as fast against a wind from the east, rounded so that the bits are the same everywhere.
+    costs = np.round(calm.distances + np.maximum(step[..., 0], 0.0), 6)
+    return _fleet(2, costs=costs)
+
+
+def _zeros() -> list[list[float]]:
+    costs = [[float((3 * i + 5 * j + i * j) % 3) for j in range(7)] for i in range(7)]
+    for i in range(7):
+        costs[i][i] = 0.0
+    return costs

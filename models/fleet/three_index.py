@@ -1,0 +1,386 @@
+"""The program of a fleet in three indices: which vehicle uses which edge, for every objective.
+
+Vehicle k uses the edge between i and j as often as x_ij^k says, visits i where y_i^k = 1, and leaves
+its depot where z^k = 1; its route has the length L_k = Σ d_ij x_ij^k, in a unit near the largest
+distance. Where distances depend on the direction there is an arc each way. No set S of nodes is left
+aside: x^k(E(S)) <= y^k(S) - y_j^k, of which only what is missed is held. The standard deviation of the
+lengths is convex: it is no less than any of its tangents, of which those that solutions miss are added.
+
+Of plans that exchange the routes of vehicles that nothing tells apart, one is enough: a vehicle may
+visit a node only where the one before it visits a node that ranks earlier.
+Source: the three-index program of T. Bektas, "The multiple traveling salesman problem: an overview of
+formulations and solution procedures", Omega 34, 2006; eq. 15 and 16 are parts of the objective.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import Array, required
+from ..formulation import Formulation
+from ..programs.builder import ProgramBuilder
+from ..programs.linear import MixedIntegerProgram
+from .checks import deviation_of
+from .cuts import Cut, Edges, check_rounds, grown, isolated, strengthened, weak_sets
+from .data import LEXICOGRAPHIC, Deviation, Objective
+from .model import FleetRouting
+from .plan import FleetPlan
+
+__all__ = ["ThreeIndexFormulation"]
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Vehicles up to which tangents at all ways to split them in two are held from the start.
+_FEW = 6
+#: Share of the objective, and of the lengths, below which a tangent missed is rounding.
+_EXACT, _ROUNDING = 1e-8, 1e-12
+#: What the length of each route counts in objectives.
+_WEIGHTS = {
+    Objective.SUM: 1.0,
+    Objective.DEVIATION: 1.0,
+    Objective.LEXICOGRAPHIC: LEXICOGRAPHIC,
+}
+#: Objectives that count the longest route.
+_LONGEST = (Objective.MAX, Objective.LEXICOGRAPHIC, Objective.RANGE)
+
+
+@dataclass(frozen=True, eq=False)
+class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
+    """Edges a vehicle, subtour cuts and tangents: those of the root, and what solutions break.
+
+    Parameters
+    ----------
+    model : FleetRouting
+        Any.
+    root_rounds : int
+        Linear programs solved beforehand for the cuts that the root needs; 0 leaves all cuts to
+        what solutions break.
+    """
+
+    root_rounds: int = 30
+    _added: tuple[Cut, ...] | None = field(default=None, init=False, repr=False)
+    _more: tuple[tuple[float, ...], ...] = field(default=(), init=False, repr=False)
+
+    name: ClassVar[str] = "three-index"
+    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
+    summary: ClassVar[str] = "edges a vehicle, subtour cuts and tangents as they are missed"
+
+    def __post_init__(self) -> None:
+        check_rounds(self.name, self.root_rounds)
+
+    @cached_property
+    def _edges(self) -> Edges:
+        return Edges(len(self.model.customers), directed=not self.model.symmetric)
+
+    @cached_property
+    def unit(self) -> float:
+        """The unit of lengths in the program, a power of 2: solvers' tolerances are absolute."""
+        return float(2.0 ** np.round(np.log2(self.model.distances.max() or 1.0)))
+
+    @cached_property
+    def _lengths(self) -> Floats:
+        """Length of each edge for each vehicle, in units, shape (vehicles, edges)."""
+        nodes = [np.append(self.model.customers, home) for home in self.model.homes]
+        distances = self.model.distances / self.unit
+        return np.array([self._edges.lengths(distances[np.ix_(a, a)]) for a in nodes])
+
+    @cached_property
+    def _round_trips(self) -> Floats:
+        """The shortest way to each customer and back, by vehicle, in units; other nodes may be passed."""
+        near = self.model.distances / self.unit
+        for k in range(len(near)):
+            near = np.minimum(near, near[:, k, None] + near[k])
+        homes, customers = self.model.homes, self.model.customers
+        return near[np.ix_(homes, customers)] + near[np.ix_(customers, homes)].T
+
+    @cached_property
+    def _ranks(self) -> Indices:
+        """The customers' places in the order that tells vehicles apart: the farthest comes first."""
+        ranks = np.empty(self._edges.customers, np.int64)
+        ranks[np.argsort(-self._round_trips[0], kind="stable")] = np.arange(ranks.size)
+        return ranks
+
+    @cached_property
+    def _groups(self) -> list[list[int]]:
+        """The vehicles that nothing tells apart, together."""
+        model, groups = self.model, dict[Any, list[int]]()
+        for k in range(model.vehicles):
+            limits = (None if a is None else float(a[k]) for a in (model.capacity, model.battery))
+            groups.setdefault((int(model.homes[k]), *limits), []).append(k)
+        return list(groups.values())
+
+    @property
+    def _spread(self) -> bool:
+        """Whether the deviation counts."""
+        return self.model.q > 0 or self.model.deviation_limit is not None
+
+    @cached_property
+    def cuts(self) -> tuple[Cut, ...]:
+        """The subtour cuts that are held."""
+        if self._added is not None:
+            return self._added
+        return strengthened(self._posed, self._missed, self.root_rounds, hurry=True)
+
+    @cached_property
+    def tangents(self) -> tuple[tuple[float, ...], ...]:
+        """The lengths of routes at which a tangent of their deviation is held."""
+        m = self.model.vehicles
+        if not self._spread or m < 2:
+            return ()
+        if m <= _FEW:
+            ways = list(itertools.product((0.0, 1.0), repeat=m))[1:-1]
+        else:
+            ways = [tuple(sign * row) for sign in (1.0, -1.0) for row in np.eye(m)]
+        return (*ways, *self._more)
+
+    def build(self) -> MixedIntegerProgram:
+        """Return the program described at the head of this module."""
+        return self._posed(self.cuts)
+
+    def _posed(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
+        model, b = self.model, ProgramBuilder()
+        x, y, lengths = self._route_rows(b)
+        self._order_rows(b, y)
+        self._limit_rows(b, y, lengths)
+        edges = self._edges
+        terms: list[tuple[Any, Any, Any]] = []
+        for row, cut in enumerate(cuts):
+            columns = x[:, edges.within(cut.members)]
+            if cut.vehicle < 0:
+                terms.append((row, columns, 1.0))
+            else:
+                others = [node for node in cut.members if node != cut.node]
+                terms += [(row, columns[cut.vehicle], 1.0), (row, y[cut.vehicle, others], -1.0)]
+        upper = [len(cut.members) - 1.0 if cut.vehicle < 0 else 0.0 for cut in cuts]
+        b.rows("no route without the depot", len(cuts), *terms, upper=np.array(upper))
+        return b.build(name=f"{model.name}:three-index" if model.name else "three-index")
+
+    def _route_rows(self, b: ProgramBuilder) -> tuple[Indices, Indices, Indices]:
+        """Write the routes' edges, nodes and lengths; return their columns."""
+        model, edges = self.model, self._edges
+        m, n, size = model.vehicles, edges.customers, edges.size
+        tails, heads = edges.ends
+        labels = np.array([np.append(model.customers, home) for home in model.homes])
+        each = np.arange(m)[:, None]
+        twice = (heads == n) & (not edges.directed)
+        x = b.columns(
+            "edge used", m * size, upper=np.tile(np.where(twice, 2, 1), m), integral=True,
+            template="vehicle {0}, edge {1}-{2}",
+            index=np.column_stack(
+                [np.repeat(np.arange(m), size), labels[:, tails].ravel(), labels[:, heads].ravel()]
+            ),
+        ).reshape(m, size)  # fmt: skip
+        pairs = np.column_stack([np.repeat(np.arange(m), n), labels[:, :n].ravel()])
+        y = b.columns(
+            "node visited", m * n, upper=1, integral=True, template="vehicle {0}, node {1}",
+            index=pairs,
+        ).reshape(m, n)  # fmt: skip
+        z = b.columns(
+            "vehicle used", m, lower=float(model.use_all), upper=1, integral=True,
+            template="vehicle {0}",
+        )  # fmt: skip
+        loads = b.columns(
+            "length of the route", m, template="vehicle {0}",
+            cost=self.unit * _WEIGHTS.get(model.objective, 0.0),
+        )  # fmt: skip
+        b.rows(
+            "each node visited once", n, (np.arange(n), y, 1.0), lower=1, upper=1,
+            template="node {0}", index=model.customers,
+        )  # fmt: skip
+        held = np.hstack([y, z[:, None]])
+        row = each * (n + 1) + np.arange(n + 1)
+        places = np.column_stack([np.repeat(np.arange(m), n + 1), labels.ravel()])
+        sides: list[tuple[str, tuple[Any, ...], float]]
+        sides = [("edges at each node", ((tails, x), (heads, x)), 2.0)]
+        if edges.directed:
+            sides = [("arcs out", ((tails, x),), 1.0), ("arcs in", ((heads, x),), 1.0)]
+        for name, ends, count in sides:
+            b.rows(
+                name, m * (n + 1), *((each * (n + 1) + end, used, 1.0) for end, used in ends),
+                (row, held, -count), lower=0, upper=0, template="vehicle {0}, node {1}",
+                index=places,
+            )  # fmt: skip
+        b.rows(
+            "only vehicles that are used", m * n, (each * n + np.arange(n), y, 1.0),
+            (each * n + np.arange(n), z[:, None], -1.0), upper=0, template="vehicle {0}, node {1}",
+            index=pairs,
+        )  # fmt: skip
+        b.rows(
+            "length of the route", m, (each, x, self._lengths), (np.arange(m), loads, -1.0),
+            lower=0, upper=0, template="vehicle {0}",
+        )  # fmt: skip
+        return x, y, loads
+
+    def _order_rows(self, b: ProgramBuilder, y: Indices) -> None:
+        """Rank vehicles that nothing tells apart by the first node of each."""
+        order = np.argsort(self._ranks)
+        n = order.size
+        after, before = np.nonzero(np.tri(n, k=-1, dtype=bool))
+        for group in self._groups:
+            for former, k in itertools.pairwise(group):
+                b.rows(
+                    f"vehicle {k} after vehicle {former}", n, (np.arange(n), y[k, order], 1.0),
+                    (after, y[former, order[before]], -1.0), upper=0, template="node {0}",
+                    index=self.model.customers[order],
+                )  # fmt: skip
+
+    def _limit_rows(self, b: ProgramBuilder, y: Indices, loads: Indices) -> None:
+        """Write the limits, and what of the lengths is minimised."""
+        model, unit = self.model, self.unit
+        each = np.arange(model.vehicles)
+        if model.capacity is not None:
+            assert model.demands is not None
+            b.rows(
+                "demands within capacity", each.size,
+                (each[:, None], y, model.demands[model.customers]), upper=model.capacity,
+                template="vehicle {0}",
+            )  # fmt: skip
+        if model.battery is not None:
+            b.rows(
+                "route within battery", each.size, (each, loads, 1.0), upper=model.battery / unit,
+                template="vehicle {0}",
+            )  # fmt: skip
+        if model.budget is not None:
+            b.rows("sum within budget", 1, (0, loads, 1.0), upper=model.budget / unit)
+        for name, sign in self._extremes:
+            least = float(self._round_trips.min(axis=0).max()) if sign > 0 else 0.0
+            counted = (
+                model.objective in _LONGEST if sign > 0 else model.objective is Objective.RANGE
+            )
+            cost = sign * counted
+            column = b.columns(name, 1, lower=least, cost=cost * unit)
+            b.rows(
+                f"{name} of all", each.size, (each, column, sign), (each, loads, -sign), lower=0,
+                template="vehicle {0}",
+            )  # fmt: skip
+            if sign < 0 and model.range_limit is not None:
+                b.rows(
+                    "range within limit", 1, (0, column - 1, 1.0), (0, column, -1.0),
+                    upper=model.range_limit / unit,
+                )  # fmt: skip
+        if self._spread:
+            limit = np.inf if model.deviation_limit is None else model.deviation_limit / unit
+            s = b.columns("deviation", 1, upper=limit, cost=model.q * unit, equation="16")
+            slopes = np.array([self._slope(way) for way in self.tangents]).reshape(-1, each.size)
+            b.rows(
+                "tangent of the deviation", len(slopes),
+                (np.arange(len(slopes))[:, None], loads, slopes),
+                (np.arange(len(slopes)), s, -1.0), upper=0, equation="16",
+            )  # fmt: skip
+
+    @property
+    def _extremes(self) -> list[tuple[str, float]]:
+        """The columns of the longest and the shortest length that are needed, with their senses."""
+        model = self.model
+        if model.objective is Objective.RANGE or model.range_limit is not None:
+            return [("longest", 1.0), ("shortest", -1.0)]
+        return [("longest", 1.0)] if model.objective in _LONGEST else []
+
+    def _slope(self, loads: tuple[float, ...]) -> Floats:
+        """Return the gradient of the deviation."""
+        away = np.array(loads) - np.mean(loads)
+        share = len(loads) - (self.model.deviation is Deviation.SAMPLE)
+        slope: Floats = away / (np.sqrt(share) * np.linalg.norm(away))
+        return slope
+
+    def _missed(self, point: Floats) -> Iterator[Cut]:
+        """Yield cuts that a point of the relaxation breaks."""
+        edges, m = self._edges, self.model.vehicles
+        n = edges.customers
+        used = point[: m * edges.size].reshape(m, -1)
+        visited = point[used.size : used.size + m * n].reshape(m, n)
+        together = used.sum(axis=0)
+        aside = isolated(edges, together)
+        yield from map(Cut, aside)
+        if not aside:
+            for members, _ in weak_sets(edges, together, np.ones(n)):
+                yield Cut(members)
+        for k in range(m):
+            for members, node in weak_sets(edges, used[k], visited[k]):
+                yield Cut(members, k, node)
+
+    def refined(self, point: Floats, tolerance: float) -> ThreeIndexFormulation | None:
+        """Return the formulation that also has the cuts and the tangent that `point` misses."""
+        edges, model = self._edges, self.model
+        m = model.vehicles
+        used = np.rint(point[: m * edges.size]).reshape(m, -1)
+        cuts = grown(self.cuts, (Cut(s) for one in used for s in isolated(edges, one)))
+        more = self._more
+        if self._spread:
+            loads = (used * self._lengths).sum(axis=1)
+            spread = deviation_of(model, loads)
+            rounding = _ROUNDING * float(loads.max())
+            missed = model.q * (spread - point[-1]) > max(
+                _EXACT * (loads.sum() + model.q * spread), rounding
+            )
+            limit = np.inf if model.deviation_limit is None else model.deviation_limit / self.unit
+            if missed or spread > limit * (1 + tolerance / 2) + rounding:
+                way = tuple(loads.tolist())
+                more = (*more, *(() if way in self.tangents else (way,)))
+        if len(cuts) == len(self.cuts) and len(more) == len(self._more):
+            return None
+        finer = replace(self)
+        object.__setattr__(finer, "_added", cuts)
+        object.__setattr__(finer, "_more", more)
+        return finer
+
+    def encode(self, plan: FleetPlan) -> Floats:
+        """Return the columns of a plan; routes of vehicles that nothing tells apart may be exchanged."""
+        required("plan", plan, FleetPlan)
+        model, edges = self.model, self._edges
+        m, n = model.vehicles, edges.customers
+        if len(plan.routes) != m:
+            raise InvalidData(f"routes must be {m}, got {len(plan.routes)}", field="routes")
+        place = {node: k for k, node in enumerate(model.customers.tolist())}
+        for k, route in enumerate(plan.routes):
+            for stop, node in enumerate(route):
+                if node not in place:
+                    raise InvalidData(
+                        f"routes[{k}][{stop}] must be a node to visit, got {node}", field="routes"
+                    )
+        given = [[place[node] for node in route] for route in plan.routes]
+        routes: list[list[int]] = [[]] * m
+        for group in self._groups:
+            ranked = sorted(
+                (given[k] for k in group), key=lambda r: min((int(self._ranks[i]) for i in r), default=n)
+            )  # fmt: skip
+            for k, stops in zip(group, ranked, strict=True):
+                routes[k] = stops
+        used = np.array([edges.of_routes([route]) for route in routes])
+        visited = np.zeros((m, n))
+        for k, stops in enumerate(routes):
+            np.add.at(visited[k], stops, 1.0)
+        loads = (used * self._lengths).sum(axis=1)
+        parts = [used.ravel(), visited.ravel(), visited.any(axis=1), loads]
+        extremes = {1.0: loads.max(), -1.0: loads.min()}
+        parts += [[extremes[sign]] for _, sign in self._extremes]
+        if self._spread:
+            parts.append([deviation_of(model, loads)])
+        return np.concatenate(parts)
+
+    def decode(self, point: Floats) -> FleetPlan:
+        """Return the routes that the used edges make; edges that miss the depot raise."""
+        edges, model = self._edges, self.model
+        m = model.vehicles
+        held = Array((self.program.size,)).coerce("point", point, {})
+        routes = []
+        for k, used in enumerate(held[: m * edges.size].reshape(m, -1)):
+            found = edges.routes(used)
+            if len(found) > 1:
+                raise InvalidData(f"point: vehicle {k} has {len(found)} routes", field="point")
+            routes.append(tuple(model.customers[found[0]].tolist()) if found else ())
+        return FleetPlan(tuple(routes))
+
+    def statistics(self, plan: FleetPlan) -> dict[str, float | int | str]:
+        """Return how many cuts and tangents are held."""
+        counts: dict[str, float | int | str] = {"subtour cuts": len(self.cuts)}
+        return {**counts, "tangents": len(self.tangents)} if self._spread else counts

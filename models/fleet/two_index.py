@@ -1,0 +1,171 @@
+"""The program of least total length in two indices: which edges are used, by no matter whom.
+
+Routes from one depot that nothing tells apart are edges x_ij, each 0 or 1, and at the depot 0, 1 or
+2, twice for a route to one node alone. Two edges meet at each node, 2 k at the depot for k routes, and
+no set of nodes is left aside: x(E(S)) <= (nodes of S) - 1, of which only what is missed is held.
+Source: the vehicle-flow program of G. Laporte and Y. Nobert, "A cutting planes algorithm for the
+m-salesmen problem", Journal of the Operational Research Society 31, 1980; eq. 15 is the objective.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData, UnsupportedFormulation
+from ..fields import Array, required
+from ..formulation import Formulation
+from ..programs.builder import ProgramBuilder
+from ..programs.linear import MixedIntegerProgram
+from .cuts import Cut, Edges, check_rounds, grown, isolated, strengthened, weak_sets
+from .data import Objective
+from .model import FleetRouting
+from .plan import FleetPlan
+
+__all__ = ["TwoIndexFormulation"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
+    """Edges without vehicles, and subtour cuts: those of the root, and what solutions break.
+
+    Parameters
+    ----------
+    model : FleetRouting
+        The objective "sum" of symmetric distances, one depot, and no limit but a budget.
+    root_rounds : int
+        Linear programs solved beforehand for the cuts that the root needs; 0 leaves all cuts to
+        what solutions break.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The model tells vehicles apart, or its distances depend on the direction.
+    """
+
+    root_rounds: int = 100
+    _added: tuple[Cut, ...] | None = field(default=None, init=False, repr=False)
+
+    name: ClassVar[str] = "two-index"
+    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
+    summary: ClassVar[str] = "edges without vehicles, subtour cuts as they are missed; the sum only"
+
+    def __post_init__(self) -> None:
+        check_rounds(self.name, self.root_rounds)
+        model = self.model
+        reasons = {
+            f"the objective {str(model.objective)!r}": model.objective is not Objective.SUM,
+            "several depots": np.unique(model.depots).size > 1,
+            "distances that depend on the direction": not model.symmetric,
+            "capacity": model.capacity is not None,
+            "battery": model.battery is not None,
+            "deviation_limit": model.deviation_limit is not None,
+            "range_limit": model.range_limit is not None,
+        }
+        for what, found in reasons.items():
+            if found:
+                raise UnsupportedFormulation(
+                    f"formulation {self.name!r} does not cover {what}: 'three-index' does"
+                )
+
+    @cached_property
+    def _nodes(self) -> NDArray[np.int64]:
+        """Customers, then the depot."""
+        return np.append(self.model.customers, self.model.depots[0])
+
+    @cached_property
+    def _edges(self) -> Edges:
+        return Edges(len(self.model.customers), directed=False)
+
+    @cached_property
+    def cuts(self) -> tuple[Cut, ...]:
+        """The cuts that are held."""
+        if self._added is not None:
+            return self._added
+        return strengthened(self._posed, self._missed, self.root_rounds)
+
+    def build(self) -> MixedIntegerProgram:
+        """Return the program described at the head of this module."""
+        return self._posed(self.cuts)
+
+    def _posed(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
+        model, edges = self.model, self._edges
+        n, labels = edges.customers, self._nodes
+        tails, heads = edges.ends
+        lengths = edges.lengths(model.distances[np.ix_(labels, labels)])
+        most = min(model.vehicles, n)
+        b = ProgramBuilder()
+        x = b.columns(
+            "edge used", edges.size, upper=np.where(heads == n, 2, 1), cost=lengths, integral=True,
+            template="edge {0}-{1}", index=np.column_stack([labels[tails], labels[heads]]),
+        )  # fmt: skip
+        k = b.columns(
+            "routes", 1, lower=model.vehicles if model.use_all else 1, upper=most, integral=True
+        )
+        inner = heads < n
+        b.rows(
+            "two edges at each node", n, (tails, x, 1.0), (heads[inner], x[inner], 1.0),
+            lower=2, upper=2, template="node {0}", index=labels[:n],
+        )  # fmt: skip
+        b.rows("edges at the depot", 1, (0, x[~inner], 1.0), (0, k, -2.0), lower=0, upper=0)
+        if model.budget is not None:
+            unit = model.length_unit
+            b.rows("sum within budget", 1, (0, x, lengths), upper=model.budget, unit=unit)
+        within = [edges.within(cut.members) for cut in cuts]
+        rows = np.repeat(np.arange(len(cuts)), [part.size for part in within])
+        b.rows(
+            "no route without the depot", len(cuts),
+            (rows, x[np.concatenate([np.empty(0, int), *within])], 1.0),
+            upper=np.array([len(cut.members) - 1.0 for cut in cuts]),
+        )  # fmt: skip
+        return b.build(name=f"{model.name}:two-index" if model.name else "two-index")
+
+    def _missed(self, point: Floats) -> Iterator[Cut]:
+        """Yield cuts that a point of the relaxation breaks."""
+        edges, used = self._edges, point[: self._edges.size]
+        aside = isolated(edges, used)
+        if not aside:
+            aside = [members for members, _ in weak_sets(edges, used, np.ones(edges.customers))]
+        yield from map(Cut, aside)
+
+    def refined(self, point: Floats, tolerance: float) -> TwoIndexFormulation | None:
+        """Return the formulation that cuts off the routes of `point` that miss the depot."""
+        aside = isolated(self._edges, np.rint(point[: self._edges.size]))
+        cuts = grown(self.cuts, map(Cut, aside))
+        if len(cuts) == len(self.cuts):
+            return None
+        finer = replace(self)
+        object.__setattr__(finer, "_added", cuts)
+        return finer
+
+    def encode(self, plan: FleetPlan) -> Floats:
+        """Return how often each edge is used, and the number of routes."""
+        required("plan", plan, FleetPlan)
+        place = {node: k for k, node in enumerate(self._nodes[:-1].tolist())}
+        for k, route in enumerate(plan.routes):
+            for stop, node in enumerate(route):
+                if node not in place:
+                    raise InvalidData(
+                        f"routes[{k}][{stop}] must be a node to visit, got {node}", field="routes"
+                    )
+        used = self._edges.of_routes([place[node] for node in route] for route in plan.routes)
+        return np.append(used, sum(bool(route) for route in plan.routes))
+
+    def decode(self, point: Floats) -> FleetPlan:
+        """Return the routes that the used edges make; edges that miss the depot raise."""
+        held = Array((self._edges.size + 1,)).coerce("point", point, {})
+        found = self._edges.routes(held[:-1])
+        routes = [tuple(self._nodes[route].tolist()) for route in found]
+        idle = self.model.vehicles - len(routes)
+        return FleetPlan((*routes, *[()] * max(idle, 0)))
+
+    def statistics(self, plan: FleetPlan) -> dict[str, float | int | str]:
+        """Return how many cuts are held."""
+        return {"subtour cuts": len(self.cuts)}

@@ -1,0 +1,112 @@
+"""A panel of bars: what each of several vehicles does, their mean, deviation and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .style import BLACK, DARK, RED, RING, axis_style, bare, key, number
+
+__all__ = ["MOST_BARS", "draw_loads"]
+
+Floats = NDArray[np.float64]
+
+#: More bars than this have no names and no numbers.
+MOST_BARS = 24
+#: Height of a bar, where two are 1 apart, and of few; room right of the longest one for its number.
+_HEIGHT, _THIN, _ROOM = 0.66, 0.44, 1.22
+
+
+def draw_loads(
+    axes: Any, loads: Floats, label: str, *, names: Sequence[str], deviation: float | None = None,
+    limits: Floats | None = None, wrong: Sequence[int] = (),
+) -> list[Any]:  # fmt: skip
+    """Draw a bar for each of `loads`, from the top, in the colour that its route has on the map.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where.
+    loads : ndarray, shape (vehicles,)
+        Lengths of the bars; those that are not finite are left out.
+    label : str
+        Of the axis, with its unit.
+    names : sequence of str, length vehicles
+        Names of the bars.
+    deviation : float, optional
+        Drawn as a band around the mean, which is a line.
+    limits : ndarray, shape (vehicles,), optional
+        The most that each bar may reach.
+    wrong : sequence of int
+        Bars that are framed in red, as they break a limit.
+
+    Returns
+    -------
+    list
+        Entries of a legend.
+    """
+    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.colors import to_rgba
+    from matplotlib.patheffects import withStroke
+
+    rows = np.arange(len(loads))
+    shown = np.where(np.isfinite(loads), loads, 0.0)
+    corners = np.array([[0, -0.5], [1, -0.5], [1, 0.5], [0, 0.5]])
+    thick = _HEIGHT if len(loads) > 4 else _THIN
+    boxes = corners * [1, thick] * np.stack([shown, np.ones(len(loads))], axis=1)[:, None]
+    boxes[..., 1] += rows[:, None]
+    bars = PolyCollection(
+        list(boxes), facecolors=[to_rgba(axis_style(k)["color"], 0.85) for k in range(len(loads))], gid="load",
+        edgecolors=[RED if k in wrong else "none" for k in rows], linewidths=2.0, zorder=3,
+    )  # fmt: skip
+    axes.add_collection(bars, autolim=False)
+    keys = [key("mean", color=BLACK, lw=1.2, ls="--")]
+    mean = float(shown.mean()) if len(shown) else 0.0
+    axes.axvline(mean, color=BLACK, lw=1.2, ls="--", zorder=4, gid="mean")
+    ends = [float(shown.max(initial=0.0))]
+    if deviation is not None and np.isfinite(deviation):
+        from matplotlib.patches import Patch
+
+        axes.axvspan(
+            mean - deviation, mean + deviation, color=DARK, alpha=0.15, lw=0, zorder=1,
+            gid="deviation",
+        )  # fmt: skip
+        keys.append(Patch(facecolor=DARK, alpha=0.15, label=f"± deviation, {number(deviation, 4)}"))
+        ends.append(mean + deviation)
+    top = max(ends) or 1.0
+    if limits is not None:
+        near = np.flatnonzero(np.isfinite(limits) & (limits <= 2.0 * top))
+        ticks = np.stack([limits[near], near - 0.45, limits[near], near + 0.45], axis=1)
+        if len(near):
+            top = max(top, float(limits[near].max()))
+            look: dict[str, Any] = {"color": RED, "lw": 1.4, "zorder": 5, "gid": "limit"}
+            axes.add_collection(
+                LineCollection(list(ticks.reshape(-1, 2, 2)), **look), autolim=False
+            )
+            keys.append(key("limit", color=RED, lw=1.4))
+        far = np.setdiff1d(rows[np.isfinite(limits)], near)
+        if far.size:
+            least = number(float(limits[far].min()), 4)
+            words = f"limit {least}" if np.ptp(limits[far]) == 0 else f"limits from {least}"
+            keys.append(key(f"{words}, out of sight", ls=""))
+    if len(wrong):
+        keys.append(key("limit broken", marker="s", mfc="none", mec=RED, mew=1.6, ms=RING["ms"]))
+    axes.set_xlim(0.0, top * (_ROOM if len(loads) <= MOST_BARS else 1.05))
+    axes.set_ylim(max(len(loads), 1) - 0.5, -0.5)
+    axes.set_xlabel(label, fontsize=8.5)
+    bare(axes)
+    axes.grid(visible=False, axis="y")
+    if len(loads) <= MOST_BARS:
+        axes.set_yticks(rows, list(names))
+        for row, load, place in zip(rows, loads, shown, strict=True):
+            axes.annotate(
+                number(float(load), 5), (place, row), (4, 0), textcoords="offset points", va="center",
+                fontsize=7.5, color=RED if row in wrong else DARK, zorder=6, annotation_clip=False,
+                path_effects=[withStroke(linewidth=2.0, foreground="white")],
+            )  # fmt: skip
+    else:
+        axes.set_ylabel("vehicle", fontsize=8.5)
+    return keys

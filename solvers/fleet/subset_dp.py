@@ -1,0 +1,252 @@
+"""``subset-dp``: small fleets solved to proven optimality over all subsets of the nodes; ours.
+
+A vehicle does best on the shortest tour through its nodes wherever the objective never falls when a
+route gets longer. That is plain for the sum and the longest route. For Σ L_k + q s, the slope by L_k is
+1 + q (L_k - mean) / (√D ‖L - mean‖), where D is m - 1 or m, and no entry of a vector that sums to 0 is
+less than -√((m - 1) / m) of its norm; so it holds for q up to √(D m / (m - 1)), which is √m for the
+sample's deviation. Beyond that, for the range, and under limits on deviation or range, a detour may
+pay, and the model is refused.
+
+Tours come from the dynamic program of M. Held and R. M. Karp, "A dynamic programming approach to
+sequencing problems", Journal of SIAM 10, 1962, once for each depot; another one over subsets hands
+them out.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UnsupportedFormulation
+from ...models.fleet.checks import loads_of, objective_of
+from ...models.fleet.data import LEXICOGRAPHIC, Deviation, FleetData, Objective
+from ...models.fleet.model import FleetRouting
+from ...models.fleet.plan import FleetPlan
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+
+__all__ = ["SubsetDP", "shortest_tours"]
+
+Floats = NDArray[np.float64]
+
+#: Customers and vehicles at the most: 3^15 pairs of a set and a part of it take a second a vehicle.
+MOST = 15
+#: Share of a limit that sums of lengths in another order may differ by.
+_ROUNDING = 1e-12
+
+
+class SubsetDP(Backend):
+    """Held and Karp's tours of all subsets, and a dynamic program that hands the subsets out."""
+
+    name = "subset-dp"
+    accepts = FleetRouting
+    guarantee = Guarantee.EXACT
+    features = frozenset({Feature.GAP, Feature.INCUMBENTS, Feature.DUAL_BOUND, Feature.INTERRUPT})
+    deterministic = True
+    single_threaded = True
+    summary = f"exact, over all subsets of at most {MOST} nodes; ours"
+
+    def refuses(self, problem: Any) -> str:
+        """Return why the model is too large, or a detour may pay in it."""
+        size, vehicles = len(problem.customers), problem.vehicles
+        if max(size, vehicles) > MOST:
+            return f"it takes at most {MOST} nodes and vehicles, got {size} and {vehicles}"
+        for name in ("deviation_limit", "range_limit"):
+            if getattr(problem, name) is not None:
+                return f"it does not take {name}, for which a detour may pay"
+        if problem.objective is Objective.RANGE:
+            return "it does not take the objective 'range', for which a detour may pay"
+        most = math.sqrt(_share(problem) * vehicles / max(vehicles - 1, 0.5))
+        if problem.q > most and vehicles > 1:
+            return f"it takes q up to {most:.6g}, beyond which a detour may pay, got {problem.q:g}"
+        return ""
+
+    def run(self, problem: FleetRouting, request: Request) -> Answer:
+        """Solve, and say how the search ended."""
+        reason = self.refuses(problem)
+        if reason:
+            raise UnsupportedFormulation(f"backend {self.name!r}: {reason}")
+        begin = time.perf_counter()
+        search = _Search(problem, request)
+        search.solve()
+        plan, stopped = search.plan, request.control.stopped
+        termination = Termination.INFEASIBLE
+        if stopped and not search.done:
+            termination = Termination.NO_SOLUTION if plan is None else Termination.FEASIBLE
+        elif plan is not None:
+            termination = Termination.OPTIMAL
+        ended = termination in (Termination.INFEASIBLE, Termination.OPTIMAL)
+        bound = search.value if termination is Termination.OPTIMAL else search.bound
+        return Answer(
+            termination,
+            None if ended else request.control.reason or Limit.INTERRUPTED,
+            plan,
+            search.value if plan is not None else None,
+            bound if math.isfinite(bound) else None,
+            seconds={"solve": time.perf_counter() - begin},
+            statistics=search.statistics,
+        )
+
+
+def _share(model: FleetData) -> float:
+    """Return what the sum of squares is divided by."""
+    return float(max(model.vehicles - (model.deviation is Deviation.SAMPLE), 1))
+
+
+def shortest_tours(distances: Floats) -> Floats:
+    """Return the shortest ways from the depot through each set to each of its nodes, and the tours.
+
+    Parameters
+    ----------
+    distances : ndarray, shape (n + 1, n + 1)
+        Between n customers and the depot, which is last.
+
+    Returns
+    -------
+    ndarray, shape (2^n, n + 1)
+        The way through set S that ends at j, which must be in S; in the last column the tour.
+    """
+    n = len(distances) - 1
+    sets = np.arange(2**n)
+    counts = ((sets[:, None] >> np.arange(n)) & 1).sum(axis=1)
+    found = np.full((2**n, n + 1), np.inf)
+    found[1 << np.arange(n), np.arange(n)] = distances[n, :n]
+    for count in range(2, n + 1):
+        for j in range(n):
+            of = sets[(counts == count) & (sets >> j & 1 == 1)]
+            found[of, j] = (found[of ^ (1 << j), :n] + distances[:n, j]).min(axis=1)
+    found[:, n] = (found[:, :n] + distances[:n, n]).min(axis=1)
+    found[0, n] = 0.0
+    return found
+
+
+class _Search:
+    """The tables of one model, and the best plan so far."""
+
+    def __init__(self, model: FleetRouting, request: Request) -> None:
+        self.model, self.control = model, request.control
+        self.plan: FleetPlan | None = None
+        self.value, self.bound, self.done = math.inf, -math.inf, False
+        self.statistics: dict[str, float | int | str] = {"programs over subsets": 0}
+        self.ways: dict[int, tuple[Floats, Floats]] = {}
+        customers, homes = model.customers, model.homes
+        n = customers.size
+        bits = (np.arange(2**n)[:, None] >> np.arange(n)) & 1
+        self.tours = np.empty((model.vehicles, 2**n))
+        for k, home in enumerate(homes.tolist()):
+            if home not in self.ways:
+                nodes = np.append(customers, home)
+                distances = model.distances[np.ix_(nodes, nodes)]
+                self.ways[home] = shortest_tours(distances), distances
+            tours = self.ways[home][0][:, n].copy()
+            if model.battery is not None:
+                tours[tours > model.battery[k] * (1 + _ROUNDING)] = np.inf
+            if model.capacity is not None:
+                assert model.demands is not None
+                carried = bits @ model.demands[customers]
+                tours[carried > model.capacity[k] * (1 + _ROUNDING)] = np.inf
+            if model.use_all:
+                tours[0] = np.inf
+            self.tours[k] = tours
+        self.sums = np.empty((model.vehicles + 1, 2**n))
+        self.choice = np.empty((model.vehicles, 2**n), np.int64)
+
+    def solve(self) -> None:
+        """Find the best plan; what a stop leaves undone leaves `done` False."""
+        objective = self.model.objective
+        least = self._sum(math.inf)
+        if least is None:
+            return
+        self.bound = least  # of the sum; replaced where the objective is another
+        if objective in (Objective.MAX, Objective.LEXICOGRAPHIC):
+            self.bound = -math.inf
+            if math.isfinite(least) and not self._longest(least):
+                return
+        elif objective is Objective.DEVIATION and self.model.q > 0 and math.isfinite(least):
+            if not self._spread():
+                return
+        self.done = True
+
+    def _sum(self, limit: float) -> float | None:
+        """Return the least sum with routes up to `limit`, infinite beyond the budget; None if stopped."""
+        from .subset_kernels import least_sums
+
+        model = self.model
+        self.statistics["programs over subsets"] = int(self.statistics["programs over subsets"]) + 1
+        if not least_sums(self.tours, limit, self.sums, self.choice, self.control.flag):
+            return None
+        full = self.tours.shape[1] - 1
+        least = float(self.sums[0, full])
+        if model.budget is not None and least > model.budget * (1 + _ROUNDING):
+            return math.inf
+        if math.isfinite(least):
+            owned, left = [], full
+            for k in range(model.vehicles):
+                owned.append(int(self.choice[k, left]))
+                left ^= owned[-1]
+            self._offer(owned)
+        return least
+
+    def _offer(self, owned: list[int]) -> None:
+        """Keep the plan with these sets of nodes if it is the best so far."""
+        routes = tuple(self._route(k, one) for k, one in enumerate(owned))
+        plan = FleetPlan(routes)
+        value = objective_of(self.model, loads_of(self.model, plan))
+        if value < self.value:
+            self.plan, self.value = plan, value
+            self.control.incumbent(value, plan)
+
+    def _route(self, k: int, owned: int) -> tuple[int, ...]:
+        """Return the shortest tour of vehicle k through a set of nodes."""
+        ways, distances = self.ways[int(self.model.homes[k])]
+        at, route = len(distances) - 1, list[int]()
+        while owned:
+            at = int(np.argmin(ways[owned, :-1] + distances[:-1, at]))
+            route.append(int(self.model.customers[at]))
+            owned ^= 1 << at
+        return tuple(route[::-1])
+
+    def _longest(self, total: float) -> bool:
+        """Lower the longest route as far as it goes; return whether that was finished."""
+        lengths = np.unique(self.tours[np.isfinite(self.tours)])
+        low, high, held = 0, lengths.size - 1, total
+        while low < high:
+            middle = (low + high) // 2
+            found = self._sum(float(lengths[middle]))
+            if found is None:
+                return False
+            if math.isfinite(found):
+                high, held = middle, found
+            else:
+                low = middle + 1
+                self.bound = float(lengths[low])
+        self.bound = float(lengths[high])
+        if self.model.objective is Objective.LEXICOGRAPHIC:
+            # A longer route may pay as far as the sum can fall for it.
+            reach = self.bound + LEXICOGRAPHIC * (held - total)
+            for limit in lengths[(lengths > lengths[high]) & (lengths <= reach)].tolist():
+                if self._sum(limit) is None:
+                    return False
+        return True
+
+    def _spread(self) -> bool:
+        """Weigh sum and deviation; return whether that was finished."""
+        from .subset_kernels import best_spread
+
+        model = self.model
+        limits = (model.homes, model.capacity, model.battery)
+        kinds = list(zip(*(a.tolist() for a in limits if a is not None), strict=True))
+        alike = np.array([len(set(kinds[k:])) == 1 for k in range(len(kinds))], np.int8)
+        owned = np.full(len(kinds), -1)
+        budget = 1e300 if model.budget is None else model.budget * (1 + _ROUNDING)
+        _, tried = best_spread(
+            self.tours, self.sums, alike, model.q, _share(model), budget, self.value, owned,
+            self.control.flag,
+        )  # fmt: skip
+        self.statistics["parts tried"] = int(tried)
+        if owned[0] >= 0:
+            self._offer(owned.tolist())
+        return not self.control.stopped
