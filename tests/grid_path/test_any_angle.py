@@ -23,7 +23,7 @@ from crosstrack.solvers.grid_path.any_angle_kernels import STOPPED, search
 from crosstrack.solvers.grid_path.free_paths import line_tables
 
 #: Cells that corners of mazes may be apart to be joined in brute force.
-NEAR = 12
+NEAR = 20
 HEURISTICS = ("theta-star", "shortcut-greedy", "shortcut-visibility", "rrt-star")
 
 
