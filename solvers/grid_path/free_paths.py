@@ -23,6 +23,9 @@ __all__ = ["AnyDirection", "Ground", "Leg", "line_tables"]
 
 Floats = NDArray[np.float64]
 
+#: Relative difference of sums of the same lengths, in cells and in metres.
+ROUNDING = 1e-9
+
 
 def line_tables(
     blocked: NDArray[np.bool_], corners: NDArray[np.int8]
@@ -212,12 +215,9 @@ class AnyDirection(Backend):
             plan = ground.plan([paths[min(paths, key=lambda k: legs[k].length)]])
         if not exact:
             return Answer(Termination.FEASIBLE, limit, plan, plan.length, **common)
-        if limit is None:
-            bound = plan.length
-        return Answer(
-            Termination.FEASIBLE if limit else Termination.OPTIMAL, limit, plan, plan.length,
-            min(bound, plan.length), **common,
-        )  # fmt: skip
+        if bound >= plan.length * (1.0 - ROUNDING):  # a stop may come when all is done
+            return Answer(Termination.OPTIMAL, None, plan, plan.length, plan.length, **common)
+        return Answer(Termination.FEASIBLE, limit, plan, plan.length, bound, **common)
 
     def _leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
         """Go straight where that is possible, else search."""

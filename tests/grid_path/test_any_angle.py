@@ -300,6 +300,28 @@ def test_a_stopped_search_keeps_its_bound():
     answer = AnyAngle().run(model, Request(control=control))
     assert answer.termination is Termination.NO_SOLUTION and answer.limit is Limit.INTERRUPTED
     assert 0 < answer.dual_bound <= best
+    straight = GridPath(GridMap(["..."]), (0, 0), (0, 2), connectivity="any")
+    assert AnyAngle().run(straight, Request()).termination is Termination.OPTIMAL
+
+
+def test_a_search_stopped_after_the_first_goal_keeps_its_path():
+    """The second goal is nearer in a straight line than the path to the first is long."""
+    lines = [".@.."] * 7 + ["...."]
+    model = GridPath(GridMap(lines), (0, 0), [(7, 3), (0, 2)], connectivity="any")
+
+    class Stopping(AnyAngle):
+        def leg(self, ground, goal, ceiling, request):
+            found = super().leg(ground, goal, ceiling, request)
+            request.control.stop(Limit.INTERRUPTED)
+            return found
+
+    whole = AnyAngle().run(model, Request())
+    answer = Stopping().run(model, Request())
+    assert answer.termination is Termination.FEASIBLE and answer.limit is Limit.INTERRUPTED
+    assert model.verify(answer.point).ok
+    assert answer.dual_bound < whole.primal_bound < answer.primal_bound
+    single = GridPath(GridMap(lines), (0, 0), (0, 2), connectivity="any")
+    assert Stopping().run(single, Request()).termination is Termination.OPTIMAL
 
 
 def test_sixteen_thousand_to_one():
