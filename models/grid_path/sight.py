@@ -24,7 +24,7 @@ from .checks import DIGITS
 if TYPE_CHECKING:
     from .gridmap import GridMap
 
-__all__ = ["Sight", "convex_corners", "free_at", "line_of_sight", "sees"]
+__all__ = ["SLACK", "Sight", "convex_corners", "free_at", "line_of_sight", "sees"]
 
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
@@ -159,7 +159,7 @@ class Sight:
         self.grid = grid
         self.blocked: Truths = np.pad(grid.blocked, 1, constant_values=True)
         corner = float(np.abs(grid.origin).max()) + grid.cell * max(grid.shape)
-        self.slack = SLACK + 2 * DIGITS * corner / grid.cell
+        self.slack = SLACK + DIGITS * corner / grid.cell
 
     def cells(self, points: ArrayLike) -> Floats:
         """Return points, x, y (m), in cells of the padded map, multiples of 1/2 where that is meant."""

@@ -19,9 +19,48 @@ from ..backend import Answer, Backend, Guarantee, Limit, Request, Termination
 if TYPE_CHECKING:
     from ...models.grid_path.plan import GridPlan
 
-__all__ = ["AnyDirection", "Ground", "Leg"]
+__all__ = ["AnyDirection", "Ground", "Leg", "line_tables"]
 
 Floats = NDArray[np.float64]
+
+#: Relative difference of sums of the same lengths, in cells and in metres.
+ROUNDING = 1e-9
+
+
+def line_tables(
+    blocked: NDArray[np.bool_], corners: NDArray[np.int8]
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return runs of cells and next corners, line by line, as :mod:`.any_angle_kernels` says.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows, columns)
+        The padded map.
+    corners : ndarray of int8, shape (rows, columns)
+        Where shortest paths may turn.
+
+    Returns
+    -------
+    runs : ndarray of int32, shape (2, rows, columns + 1)
+        First columns of runs, and those beyond them.
+    onward : ndarray of int32, shape (rows, columns + 1)
+        The next corner from each column on.
+    """
+    rows, columns = blocked.shape
+    place = np.arange(columns + 1, dtype=np.int32)
+    runs = np.full((2, rows, columns + 1), columns, np.int32)
+    differs = blocked[:, 1:] != blocked[:, :-1]
+    first, beyond = runs[0, :, :columns], runs[1, :, :columns]
+    first[:, 0] = 0
+    first[:, 1:] = np.where(differs, place[1:columns], 0)
+    np.maximum.accumulate(first, axis=1, out=first)
+    first[blocked] = -1
+    beyond[:, :-1] = np.where(differs, place[1:columns], columns)
+    beyond[:] = np.minimum.accumulate(beyond[:, ::-1], axis=1)[:, ::-1]
+    onward = np.full((rows, columns + 1), columns, np.int32)
+    onward[:, :columns] = np.where(corners > 0, place[:columns], columns)
+    onward[:] = np.minimum.accumulate(onward[:, ::-1], axis=1)[:, ::-1]
+    return runs, onward
 
 
 @dataclass
@@ -85,8 +124,6 @@ class Ground:
     @cached_property
     def tables(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Runs of cells and next corners; see :mod:`.any_angle_kernels`."""
-        from .any_angle import line_tables
-
         return line_tables(self.sight.blocked, self.corners)
 
     def plan(self, paths: list[Floats]) -> GridPlan:
@@ -104,15 +141,11 @@ class Ground:
                 self.request.control.incumbent(plan.length, plan)
 
     def sees(self, a: Floats, b: Floats) -> bool:
-        """Return whether a segment, in cells, keeps to free cells."""
-        from ...models.grid_path.sight import sees
+        """Return whether a segment between centres, in cells, keeps to free cells."""
+        from ...models.grid_path.sight import SLACK, sees
 
-        return bool(
-            sees(
-                self.sight.blocked, float(a[0]), float(a[1]), float(b[0]), float(b[1]),
-                self.sight.slack,
-            )
-        )  # fmt: skip
+        (ax, ay), (bx, by) = a.tolist(), b.tolist()
+        return bool(sees(self.sight.blocked, ax, ay, bx, by, SLACK))
 
     def count(self, name: str, more: int) -> None:
         """Add to a statistic."""
@@ -182,12 +215,9 @@ class AnyDirection(Backend):
             plan = ground.plan([paths[min(paths, key=lambda k: legs[k].length)]])
         if not exact:
             return Answer(Termination.FEASIBLE, limit, plan, plan.length, **common)
-        if limit is None:
-            bound = plan.length
-        return Answer(
-            Termination.FEASIBLE if limit else Termination.OPTIMAL, limit, plan, plan.length,
-            min(bound, plan.length), **common,
-        )  # fmt: skip
+        if bound >= plan.length * (1.0 - ROUNDING):  # a stop may come when all is done
+            return Answer(Termination.OPTIMAL, None, plan, plan.length, plan.length, **common)
+        return Answer(Termination.FEASIBLE, limit, plan, plan.length, bound, **common)
 
     def _leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
         """Go straight where that is possible, else search."""

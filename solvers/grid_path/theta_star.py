@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from ...models.grid_path.sight import sees
+from ...models.grid_path.sight import SLACK, sees
 from ..backend import Feature, Guarantee, Request
 from .free_paths import AnyDirection, Ground, Leg
 
@@ -112,7 +112,7 @@ class ThetaStar(AnyDirection):
         blocked, flag = ground.sight.blocked, request.control.flag
         columns = blocked.shape[1]
         start, end = (int(y) * columns + int(x) for x, y in (ground.start, goal))
-        cells, expanded = theta(blocked, start, end, ground.sight.slack, flag)
+        cells, expanded = theta(blocked, start, end, SLACK, flag)
         ground.count("cells expanded", expanded)
         if not len(cells):
             return Leg(None, stopped=request.control.stopped)
