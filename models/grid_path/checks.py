@@ -63,18 +63,27 @@ def depths(grid: GridMap, path: Floats) -> tuple[float, int]:
     worst, where = max(float(outside.max()), 0.0), max(int(np.argmax(outside)) - 1, 0)
     if not np.isfinite(path).all() or worst >= 1.0:
         return (worst if np.isfinite(worst) else np.inf), where
-    for segments, cells in _around(grid.blocked, path):
-        a, b = path[segments], path[segments + 1]
-        # The part of the segment within each blocked cell, as shares of its length.
-        step = np.where(b - a == 0, 1e-300, b - a)
-        first, last = (cells - a) / step, (cells + 1 - a) / step
-        enter = np.maximum(np.minimum(first, last).max(axis=1), 0.0)
-        leave = np.minimum(np.maximum(first, last).min(axis=1), 1.0)
-        middle = a + 0.5 * (enter + leave)[:, None] * (b - a)
-        deep = np.minimum(middle - cells, cells + 1 - middle).min(axis=1)
-        deep = np.where(enter <= leave, deep, 0.0)
-        if deep.max(initial=0.0) > worst:
-            worst, where = float(deep.max()), int(segments[np.argmax(deep)])
+    walls = np.pad(grid.blocked, 1, constant_values=True)
+    shifted = path + 1.0
+    # Between two blocked cells side by side there is no way either, so they count as one.
+    boxes = (
+        (walls, (1, 1)),
+        (walls[:, :-1] & walls[:, 1:], (2, 1)),
+        (walls[:-1] & walls[1:], (1, 2)),
+    )
+    for marked, extent in boxes:
+        for segments, cells in _around(marked, shifted):
+            a, b = shifted[segments], shifted[segments + 1]
+            # The part of the segment within each box, as shares of its length.
+            step = np.where(b - a == 0, 1e-300, b - a)
+            first, last = (cells - a) / step, (cells + extent - a) / step
+            enter = np.maximum(np.minimum(first, last).max(axis=1), 0.0)
+            leave = np.minimum(np.maximum(first, last).min(axis=1), 1.0)
+            middle = a + 0.5 * (enter + leave)[:, None] * (b - a)
+            deep = np.minimum(middle - cells, cells + extent - middle).min(axis=1)
+            deep = np.where(enter <= leave, deep, 0.0)
+            if deep.max(initial=0.0) > worst:
+                worst, where = float(deep.max()), int(segments[np.argmax(deep)])
     return worst, where
 
 
