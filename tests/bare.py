@@ -17,6 +17,9 @@ from pathlib import Path
 #: One instance of each problem in the catalogue, solved by its default backend.
 INSTANCES = {
     "error-correction": "error-correction/example-1",
+    "fleet-mission": "fleet-mission/example",
+    "fleet-routing": "fleet/example",
+    "grid-path": "grid-path/pocket",
     "messenger-tour": "messenger/met-at-start",
     "minimum-derivative": "minimum-derivative/reach",
     "minimum-snap": "minimum-snap/paper",

@@ -72,6 +72,28 @@ model = ct.models.MessengerTour([[60.0, 20.0], [10.0, 70.0], [50.0, 80.0]], [[1.
 for name in BACKENDS:
     ct.solve(model, name, time_limit=60)
 """,
+    """
+import crosstrack as ct
+from crosstrack.jit import compile_always
+from crosstrack.models import FleetRouting, GridPath
+compile_always()
+lines = ["....", ".@@.", "...."]
+weights = [[1.0, 2.0, 1.0, 1.0]] * 3
+for model, names in (
+    (GridPath({"blocked": lines}, (0, 0), (2, 3)), ("a-star", "dijkstra", "jump-point")),
+    (GridPath({"blocked": lines}, (0, 0), (2, 3), weights=weights), ("a-star", "dijkstra")),
+    (
+        GridPath({"blocked": lines}, (0, 0), (2, 3), connectivity="any"),
+        ("any-angle", "theta-star", "shortcut-visibility", "shortcut-greedy", "rrt-star"),
+    ),
+    (
+        FleetRouting(2, points=[[0, 0], [9, 1], [2, 8], [5, 5], [7, 3]], map=None),
+        ("subset-dp", "fleet-search", "pso-ac", "pso-ac-serial", "tpha", "kmeans-ac"),
+    ),
+):
+    for name in names:
+        ct.solve(model, name, time_limit=60)
+""",
 )
 
 

@@ -165,6 +165,8 @@ def _examples() -> list[tuple[Any, Any]]:
         ConicProgram,
         ControlPlan,
         ErrorCorrectionRouting,
+        FleetRouting,
+        GridPath,
         MessengerTour,
         MinimumDerivative,
         MinimumSnap,
@@ -177,6 +179,8 @@ def _examples() -> list[tuple[Any, Any]]:
         TimeAllocation,
         Trajectory,
     )  # fmt: skip
+    from crosstrack.models.fleet import FleetPlan
+    from crosstrack.models.grid_path import GridPlan
     from crosstrack.models.messenger import Primitive, TourPlan
     from crosstrack.models.optimal_control.plan import Piecewise
 
@@ -254,6 +258,13 @@ def _examples() -> list[tuple[Any, Any]]:
         (0, 1), [2.5, 5.0], [[0.0, 25.0], [8.0, 48.0]], tour.start,
         (Primitive(0, "S", 25.0, np.pi / 2), Primitive(1, "R", 2.0, np.pi / 2), Primitive(1, "S", 23.0, 1.17)),
     )  # fmt: skip
+    grid = {"blocked": ["...", ".@.", "..."], "cell": 2.0, "origin": [1.0, -1.0]}
+    walk = GridPath(grid, (0, 0), [[2, 2], [0, 2]], weights=[[1.0, 2.0, 3.0]] * 3)
+    walked = GridPlan(([[2, 0], [4, 0], [6, 0]],))
+    fleet = FleetRouting(
+        2, points=[[2, 0], [4, 0], [6, 4], [2, 4]], map=grid, objective="sum-deviation", q=0.5,
+        demands=[0.0, 1.0, 1.0, 2.0], capacity=3.0, battery=[40.0, 50.0], ids=("a", 1, "c", 2),
+    )  # fmt: skip
     vector = np.array([2.0, 0.0, 1.0])
     return [
         (routing, Route((0, 1, 2, 4))), (named, Route((0, 1, 2, 4))),
@@ -264,7 +275,7 @@ def _examples() -> list[tuple[Any, Any]]:
         (TimeAllocation(through, total_time=5.0, order=3, velocity_limit=3.0), path),
         (mixed, vector), (quadratic, vector), (conic, vector), (nonlinear, np.array([1.0, 1.0])),
         (braking(bound=9.0, mixed_path={"upper": 9.0}).build(), cruising(costates=True)), (relay().build(), relayed()),
-        (slew, resting), (tour, flown),
+        (slew, resting), (tour, flown), (walk, walked), (fleet, FleetPlan(((1, 2), (3,)))),
     ]  # fmt: skip
 
 
