@@ -170,24 +170,34 @@ def _recreate(
     route: NDArray[np.int64], loads: NDArray[np.float64], demands: NDArray[np.float64],
     carried: NDArray[np.float64], counts: NDArray[np.int64], removed: NDArray[np.int64],
     capacity: NDArray[np.float64], battery: NDArray[np.float64], rules: NDArray[np.float64],
-    use_all: bool, least: NDArray[np.float64], spot: NDArray[np.int64], draw: Any,
+    use_all: bool, least: NDArray[np.float64], spot: NDArray[np.int64], keys: NDArray[np.float64],
+    draw: Any,
 ) -> None:  # fmt: skip
     """Put the removed nodes back one by one, each where the energy rises the least."""
     m = counts.size
     n = place.size - m
-    keys = np.empty(count)
     how = draw.integers(0, 8)
     for i in range(count):
-        here = place[removed[i]]
+        # Sorted as they come: there are few.
+        node = removed[i]
+        here = place[node]
         if how < 4:
-            keys[i] = draw.random()
+            key = draw.random()
         elif how < 6:
-            keys[i] = -distances[place[n], here]
+            key = -distances[place[n], here]
         elif how < 7:
-            keys[i] = distances[place[n], here]
+            key = distances[place[n], here]
         else:
-            keys[i] = -demands[here] + 1e-9 * draw.random()
-    for i in np.argsort(keys):
+            key = -demands[here]
+        j = i
+        while j > 0 and keys[j - 1] > key:
+            keys[j], removed[j] = keys[j - 1], removed[j - 1]
+            j -= 1
+        keys[j], removed[j] = key, node
+    # Places until the next one that is passed over.
+    passing = math.log(1.0 - draw.random()) / math.log(1.0 - BLINK)
+    left = count
+    for i in range(count):
         node = removed[i]
         here = place[node]
         empty = 0
@@ -196,8 +206,8 @@ def _recreate(
             if counts[k] == 0:
                 empty += 1
         # What is left must do for the vehicles that are still at their depots.
-        only_empty = use_all and empty >= count
-        count -= 1
+        only_empty = use_all and empty >= left
+        left -= 1
         for k in range(m):
             if only_empty and counts[k] > 0:
                 continue
@@ -217,7 +227,9 @@ def _recreate(
                 if k < 0:
                     continue
                 for side in range(2):
-                    if draw.random() < BLINK:
+                    passing -= 1.0
+                    if passing < 0.0:
+                        passing = math.log(1.0 - draw.random()) / math.log(1.0 - BLINK)
                         continue
                     behind = other if side == 0 else before[other]
                     start, end = place[behind], place[after[behind]]
@@ -244,6 +256,25 @@ def _recreate(
 
 
 @kernel
+def _copy(
+    after: NDArray[np.int64], before: NDArray[np.int64], route: NDArray[np.int64],
+    loads: NDArray[np.float64], carried: NDArray[np.float64], counts: NDArray[np.int64],
+    whole: NDArray[np.int64], parts: NDArray[np.float64], back: bool,
+) -> None:  # fmt: skip
+    """Write the routes into two tables, or what these hold back into the routes."""
+    for i in range(after.size):
+        if back:
+            after[i], before[i], route[i] = whole[0, i], whole[1, i], whole[2, i]
+        else:
+            whole[0, i], whole[1, i], whole[2, i] = after[i], before[i], route[i]
+    for k in range(loads.size):
+        if back:
+            loads[k], carried[k], counts[k] = parts[0, k], parts[1, k], whole[3, k]
+        else:
+            parts[0, k], parts[1, k], whole[3, k] = loads[k], carried[k], counts[k]
+
+
+@kernel
 def anneal(
     nodes: NDArray[np.int64], near: NDArray[np.int64], distances: NDArray[np.float64],
     place: NDArray[np.int64], after: NDArray[np.int64], before: NDArray[np.int64],
@@ -255,7 +286,7 @@ def anneal(
     """Anneal the routes in place; they end as the best that were met. Return the steps taken."""
     m = counts.size
     removed = np.empty(nodes.size, np.int64)
-    least, spot = np.empty(m), np.empty(m, np.int64)
+    least, spot, keys = np.empty(m), np.empty(m, np.int64), np.empty(nodes.size)
     # Nodes without a route, such as all at first.
     count = 0
     for node in nodes:
@@ -265,13 +296,13 @@ def anneal(
     if count:
         _recreate(
             count, near, distances, place, after, before, route, loads, demands, carried, counts,
-            removed, capacity, battery, rules, use_all, least, spot, draw,
+            removed, capacity, battery, rules, use_all, least, spot, keys, draw,
         )  # fmt: skip
     energy, objective, broken = measure(loads, carried, capacity, battery, rules)
-    now_after, now_before, now_route = after.copy(), before.copy(), route.copy()
-    now_loads, now_carried, now_counts = loads.copy(), carried.copy(), counts.copy()
-    best_after, best_before, best_route = after.copy(), before.copy(), route.copy()
-    best_loads, best_carried, best_counts = loads.copy(), carried.copy(), counts.copy()
+    now, now_parts = np.empty((4, after.size), np.int64), np.empty((2, m))
+    top, top_parts = np.empty((4, after.size), np.int64), np.empty((2, m))
+    _copy(after, before, route, loads, carried, counts, now, now_parts, False)
+    _copy(after, before, route, loads, carried, counts, top, top_parts, False)
     best, best_broken, best_energy = objective, broken, energy
     cooling = (cold / hot) ** (1.0 / max(steps, 1))
     heat = hot * energy
@@ -285,21 +316,17 @@ def anneal(
         )  # fmt: skip
         _recreate(
             count, near, distances, place, after, before, route, loads, demands, carried, counts,
-            removed, capacity, battery, rules, use_all, least, spot, draw,
+            removed, capacity, battery, rules, use_all, least, spot, keys, draw,
         )  # fmt: skip
         found, objective, broken = measure(loads, carried, capacity, battery, rules)
         if found < energy - heat * math.log(1.0 - draw.random()):
             energy = found
-            now_after[:], now_before[:], now_route[:] = after, before, route
-            now_loads[:], now_carried[:], now_counts[:] = loads, carried, counts
+            _copy(after, before, route, loads, carried, counts, now, now_parts, False)
             less = objective < best or (objective == best and found < best_energy)
             if broken < best_broken or (broken == best_broken and less):
                 best, best_broken, best_energy = objective, broken, found
-                best_after[:], best_before[:], best_route[:] = after, before, route
-                best_loads[:], best_carried[:], best_counts[:] = loads, carried, counts
+                _copy(after, before, route, loads, carried, counts, top, top_parts, False)
         else:
-            after[:], before[:], route[:] = now_after, now_before, now_route
-            loads[:], carried[:], counts[:] = now_loads, now_carried, now_counts
-    after[:], before[:], route[:] = best_after, best_before, best_route
-    loads[:], carried[:], counts[:] = best_loads, best_carried, best_counts
+            _copy(after, before, route, loads, carried, counts, now, now_parts, True)
+    _copy(after, before, route, loads, carried, counts, top, top_parts, True)
     return done
