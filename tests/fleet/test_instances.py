@@ -1,9 +1,8 @@
-"""Instances of fleet routing: the generator, the catalogue, files in and out, and what has no plan."""
+"""Instances of fleet routing: the generator, the catalogue, files in and out."""
 
 import csv
 import hashlib
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from crosstrack.instances.fleet import generate, read_nodes, read_tsplib, read_v
 from crosstrack.instances.fleet.printed import table_2
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan
-from crosstrack.solvers import Diagnosis
 
 PUBLIC = Path(__file__).parents[3] / "shared" / "data" / "tsplib"
 needs_public = pytest.mark.skipif(
@@ -372,41 +370,3 @@ def test_what_cannot_be_exported(tmp_path):
             with pytest.raises(InvalidData, match=message):
                 export_plan(model, FleetPlan(routes), tmp_path / "b", kind)
     assert [one.name for one in tmp_path.iterdir()] == ["a.csv"]
-
-
-# -- why there is no plan ------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("model", "message", "where"),
-    [
-        (
-            "fleet/battery-too-small",
-            "node 2 is out of reach.* takes 85.44 m.* lasts 80 m",
-            "node 2",
-        ),
-        (generate(7, 2, 1, budget=300.0), "together take at least 585.603 m", "budget"),
-        (generate(5, 2, 1, deviation_limit=1e-3), "deviation_limit 0.001 is in", "deviation_limit"),
-        (generate(5, 2, 1, range_limit=0.0), "range_limit 0 is in the way", "range_limit"),
-        (generate(6, 2, 1, battery=250), "battery 250 is in the way.* at least 308.43", "battery"),
-        (generate(4, 3, 1, demands=[0, 9, 1, 1, 1], capacity=5), "node 1 takes 9", "node 1"),
-        (generate(4, 3, 1, demands=[0, 5, 5, 5, 5], capacity=5), "all nodes take 20", ""),
-        (generate(4, 3, 1, demands=[0, 3, 3, 3, 3], capacity=5), "capacity 5 is in", "capacity"),
-        (generate(3, 3, 1, battery=[300, 300, 1]), "use_all is in the way.* of 3 veh", "use_all"),
-    ],
-    ids=lambda one: one if isinstance(one, str) else "",
-)
-def test_what_is_in_the_way(model, message, where):
-    model = ct.load(model) if isinstance(model, str) else model
-    found = ct.diagnose(model)
-    assert found.feasible is False
-    texts = [finding.text for finding in found.findings if finding.where == where]
-    assert texts, found
-    assert re.search(message, texts[0]), texts
-    assert Diagnosis.from_dict(json.loads(json.dumps(found.to_dict()))) == found
-
-
-def test_a_fleet_with_a_plan():
-    found = ct.diagnose(ct.load("fleet/example"))
-    assert found.feasible
-    assert "a plan exists" in found.summary
