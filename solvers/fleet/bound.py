@@ -45,8 +45,6 @@ SAFE, ROUNDING = 1e-9, 1e-12
 STEPS, PAIRS = 20, 50_000_000
 #: Steps at the least, whatever the number of pairs.
 LEAST = 10
-#: Share of the steps, and of their length, where other prices are begun with.
-WARM = 0.5
 #: Sets of nodes far apart that are tried.
 TRIES = 3
 #: Nodes above which paths through others, pairs and assignments are left out, for their n^3 steps.
@@ -110,7 +108,6 @@ class _Proof:
     symmetric: bool
     flag: Flag
     pairs: Floats = field(default_factory=lambda: np.zeros((0, 0)))
-    start: Floats | None = None
 
     @classmethod
     def of(cls, model: FleetRouting, unit: float, flag: Flag) -> Self:
@@ -236,14 +233,15 @@ class _Proof:
         share = routes if each else np.ones(1)
         tails, heads = np.empty((2, n - roots), np.int64)
         weights = np.empty(n - roots)
-        warm = self.start is not None
-        leave, enter = prices = np.zeros((2, n)) if self.start is None else self.start[:, nodes]
+        leave, enter = prices = np.zeros((2, n))
         old, best, first = np.zeros((2, n)), 0.0, 0.0
-        steps = int(max(min(STEPS * n**0.62, PAIRS / n**2), LEAST) * (WARM if warm else 1.0))
+        steps = int(max(min(STEPS * n**0.62, PAIRS / n**2), LEAST))
         for step in range(steps):
             if self.flag[0] != 0:
                 break
-            spanning_tree(costs, back, leave, enter, tails, heads, weights, roots)
+            spanning_tree(
+                costs, back, leave, enter, tails, heads, weights, roots, not self.symmetric
+            )
             order = np.argsort(weights)
             away, home = starts - enter, ends - leave
             outs, sum_out = _cheapest(away, taken)
@@ -255,19 +253,12 @@ class _Proof:
                 values += ahead[routes] - ahead[routes - 1]
             values += prices.sum()
             pick = int(np.argmin(values / share))
-            value, k = float(values[pick]), taken[:, 0 if not alone else pick]
-            added = (
-                np.abs(weights).sum()
-                + np.abs(prices).sum()
-                + np.abs(away).sum()
-                + np.abs(home).sum()
-            )
-            best = max(best, float((value - ROUNDING * added) / (routes[pick] if each else 1)))
-            used = order[: n - routes[pick]]
-            slope = 1.0 - np.array(
-                [np.bincount(ends[used], minlength=n) for ends in (tails, heads)]
-            )
-            for h, count in enumerate(k.tolist()):
+            value, number = float(values[pick]), int(routes[pick])
+            added = sum(float(np.abs(one).sum()) for one in (weights, prices, away, home))
+            best = max(best, (value - ROUNDING * added) / (number if each else 1))
+            used = order[: n - number]
+            slope = 1.0 - np.array([np.bincount(x[used], minlength=n) for x in (tails, heads)])
+            for h, count in enumerate(taken[:, pick if alone else 0].tolist()):
                 slope[1, outs[h, :count]] -= 1.0
                 slope[0, ins[h, : count - pooled]] -= 1.0
                 slope[0, ins[h, count : count + pooled]] -= 1.0
@@ -276,13 +267,9 @@ class _Proof:
             if not slope.any():
                 break
             if step == 0:
-                first, old = (
-                    max(value, known, float(costs.mean())) / n * (WARM if warm else 1.0),
-                    slope,
-                )
+                first, old = max(value, known, float(costs.mean())) / n, slope
             prices += first * (1.0 - step / steps) ** 2 * (0.6 * slope + 0.4 * old)
             old = slope
-        self.start = prices[:, np.argsort(nodes)]
         return best
 
 

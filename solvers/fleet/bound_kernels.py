@@ -25,6 +25,7 @@ def spanning_tree(
     heads: Ints,
     weights: Floats,
     roots: int,
+    both: bool,
 ) -> None:
     """Fill in trees of least weight that span all nodes, one from each root, by Prim's algorithm.
 
@@ -43,6 +44,8 @@ def spanning_tree(
         Filled in with their weights.
     roots : int
         The first so many nodes are kept apart; 1 makes one tree.
+    both : bool
+        Whether opposite arcs differ.
     """
     n = there.shape[0]
     key = np.empty(n)
@@ -60,14 +63,14 @@ def spanning_tree(
         for k in range(left):
             j = rest[k]
             one = there[at, j] - leave[at] - enter[j]
-            other = back[at, j] - leave[j] - enter[at]
-            # The sign of `near` says which way the arc leads.
             if one < key[j]:
                 key[j] = one
                 near[j] = at
-            if other < key[j]:
-                key[j] = other
-                near[j] = -1 - at
+            if both:
+                other = back[at, j] - leave[j] - enter[at]
+                if other < key[j]:
+                    key[j] = other
+                    near[j] = -1 - at
             if key[j] < best:
                 best, place = key[j], k
         if edge < 0:
@@ -76,6 +79,7 @@ def spanning_tree(
         at = rest[place]
         rest[place] = rest[left - 1]
         weights[edge] = key[at]
+        # The sign says which way the arc leads.
         if near[at] >= 0:
             tails[edge] = near[at]
             heads[edge] = at
