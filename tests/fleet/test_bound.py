@@ -229,7 +229,7 @@ def test_bounds_that_are_optima(name: str) -> None:
 def test_many_nodes(objective: str) -> None:
     """Beyond the nodes up to which all pairs of paths are looked at; ways back are uphill or not."""
     rng = np.random.default_rng(7)
-    points = rng.random((700, 2))
+    points = rng.random((520, 2))
     flat = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
     for costs in (flat, flat + np.maximum(points[:, 1] - points[:, None, 1], 0.0)):
         model = FleetRouting(3, costs=costs, objective=objective, depots=[0, 1, 1], use_all=False)
