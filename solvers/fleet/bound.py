@@ -4,11 +4,12 @@ Routes cost no less than what they are relaxed to, of which the greatest bound c
 
 * the way to a node and back, by shortest paths through the nodes;
 * of more nodes than vehicles, some two share a route, so the longest is as long as the shortest round
-  trip to two of them;
+  trip to two of them; of no more nodes than vehicles, either some two do, or none, which makes the sum
+  greater;
 * with the depots taken apart, r routes through n nodes are n - r arcs without a circle and r arcs from
   and to the depots. Each node is left once and entered once, which prices relax; the prices are raised
   step by step, and the number of routes is whichever is cheapest. Their best is the bound of all
-  subtour cuts;
+  subtour cuts. Nodes that share no route are roots of trees apart;
 * where ways back differ from ways there, the cheapest assignment of a next node to each node.
 
 The longest of r routes is at least their sum over r.
@@ -42,10 +43,10 @@ Flag = NDArray[np.int8]
 #: Share of a bound, and of the sum of all numbers that it was added up from, left for their rounding.
 SAFE, ROUNDING = 1e-9, 1e-12
 #: Steps of the prices: so many times n^0.62 (Volgenant and Jonker), but no more pairs than these in all.
-STEPS, PAIRS = 20, 50_000_000
+STEPS, PAIRS = 20, 100_000_000
 #: Steps at the least, whatever the number of pairs.
 LEAST = 10
-#: Sets of nodes far apart that are tried.
+#: Sets of nodes far apart that are tried, the largest first.
 TRIES = 3
 #: Nodes above which paths through others, pairs and assignments are left out, for their n^3 steps.
 MANY = 500
@@ -201,13 +202,15 @@ class _Proof:
         if sets and len(sets[-1][1]) > self.most:
             longest = sets.pop()[0]
         for length, nodes in sets[: -TRIES - 1 : -1]:
-            separate = self.prices(known, each=True, apart=nodes)
+            separate = self.prices(known, each=True, apart=nodes, enough=length)
             longest = max(longest, min(length, separate))
             if separate < length:
                 break
         return longest
 
-    def prices(self, known: float, each: bool, apart: Sequence[int] = ()) -> float:
+    def prices(
+        self, known: float, each: bool, apart: Sequence[int] = (), enough: float = np.inf
+    ) -> float:
         """Return a bound by priced nodes.
 
         Parameters
@@ -218,6 +221,8 @@ class _Proof:
             Whether the mean of the routes that are used is bounded, rather than their sum.
         apart : sequence of int
             Customers of which no two share a route.
+        enough : float
+            A bound beyond which there is nothing to be gained.
         """
         n, roots = self.size, max(len(apart), 1)
         nodes = np.concatenate([np.array(apart, int), np.setdiff1d(np.arange(n), apart)])
@@ -237,7 +242,7 @@ class _Proof:
         old, best, first = np.zeros((2, n)), 0.0, 0.0
         steps = int(max(min(STEPS * n**0.62, PAIRS / n**2), LEAST))
         for step in range(steps):
-            if self.flag[0] != 0:
+            if self.flag[0] != 0 or best >= enough:
                 break
             spanning_tree(
                 costs, back, leave, enter, tails, heads, weights, roots, not self.symmetric
