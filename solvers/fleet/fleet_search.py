@@ -283,8 +283,8 @@ class _Search:
         """Return routes of which some are those of `one`, and the rest what those of `other` leave."""
         first, second = one.lists(self.data), other.lists(self.data)
         m = len(first)
-        chosen = np.flatnonzero(draw.random(m) < 0.5)
-        if one is other or not chosen.size:
+        chosen = [k for k in range(m) if draw.random() < 0.5]
+        if one is other or not chosen:
             return self.routes_of(first)
         taken = {node for k in chosen for node in first[k]}
         found: list[list[int]] = [[] for _ in range(m)]
@@ -294,7 +294,7 @@ class _Search:
         for k in chosen:
             found[k] = first[k]
         if (self.model.homes == self.model.homes[0]).all():
-            rest = [second[k] for k in np.argsort(shared, kind="stable")[: len(free)]]
+            rest = [second[k] for k in sorted(range(m), key=shared.__getitem__)[: len(free)]]
         else:
             rest = [second[k] for k in free]
         for k, stops in zip(free, rest, strict=True):
