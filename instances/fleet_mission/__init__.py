@@ -1,1 +1,32 @@
-"""Missions of a fleet on a map."""
+"""Instances of fleet missions: seeded maps in the paper's manner, readers, and plans as files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .exports import (
+        write_mission_geojson as write_mission_geojson,
+        write_mission_poly7 as write_mission_poly7,
+        write_mission_samples as write_mission_samples,
+    )
+    from .generator import random_mission as random_mission
+
+CATALOGUE = {"fleet-mission": ".listing:catalogue_entries"}
+REFERENCES = {"fleet-mission": ".files:resolve_references"}
+DEMOS = {"fleet-mission": ".demo:DEMO"}
+EXPORTS = {
+    "samples": ".exports:SAMPLES",
+    "poly7": ".exports:POLY7",
+    "geojson": ".exports:GEOJSON",
+}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "exports": ("write_mission_geojson", "write_mission_poly7", "write_mission_samples"),
+        "generator": ("random_mission",),
+    },
+)

@@ -2,6 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ...lazy import attach
 
-__getattr__, __dir__, __all__ = attach(__name__, {})
+if TYPE_CHECKING:
+    from .curves import lengths_of as lengths_of
+    from .model import FleetMission as FleetMission
+    from .plan import MissionPlan as MissionPlan
+
+MODELS = {"fleet-mission": ".model:FleetMission"}
+PICTURES = {"fleet-mission": ".plot:draw"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {"curves": ("lengths_of",), "model": ("FleetMission",), "plan": ("MissionPlan",)},
+)

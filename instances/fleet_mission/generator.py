@@ -1,0 +1,69 @@
+"""Seeded missions in the paper's manner: irregular polygons, nodes that can be reached."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...models.fields import Array
+from ...models.fleet_mission.model import FleetMission
+from ...models.grid_path.gridmap import GridMap
+from ..grid_path.generators import random_nodes, random_polygons
+
+__all__ = ["random_mission"]
+
+
+def random_mission(
+    nodes: int = 75,
+    obstacles: int = 28,
+    vehicles: int = 4,
+    seed: int = 0,
+    *,
+    bounds: ArrayLike = (0.0, 0.0, 200.0, 200.0),
+    cell: float = 1.0,
+    radius: float = 1.0,
+    velocity_limit: float = 3.0,
+    acceleration_limit: float = 2.0,
+    separation: float = 0.0,
+    size: float = 1.0,
+) -> FleetMission:
+    """Return a mission over nodes that are drawn among irregular polygons, from the bounds' middle.
+
+    Parameters
+    ----------
+    nodes, obstacles : int
+        Their numbers (paper: 75 and 28).
+    vehicles : int
+        The number of robots (paper: 4).
+    seed : int
+        Same seed, same mission.
+    bounds : array-like, shape (4,)
+        Least x and y, greatest x and y, m.
+    cell, radius, velocity_limit, acceleration_limit, separation
+        Those of :class:`~crosstrack.models.FleetMission`.
+    size : float
+        Factor on the size of polygons, which otherwise cover about 15 % of the map.
+
+    Raises
+    ------
+    InvalidData
+        There is no room for so many polygons or nodes.
+    """
+    corners = Array((4,)).coerce("bounds", bounds, {})
+    depot = 0.5 * (corners[:2] + corners[2:])
+    # A robot passes between any two polygons, wherever the lines of the grid are.
+    gap = 2.0 * radius + 2.0 * cell
+    polygons = random_polygons(obstacles, seed, corners, keep=[depot], gap=gap, size=size)
+    grid = GridMap.from_polygons(polygons, corners, cell, radius)
+    return FleetMission(
+        obstacles=polygons,
+        bounds=corners,
+        nodes=random_nodes(grid, depot, nodes, seed),
+        depot=np.asarray(depot),
+        vehicles=vehicles,
+        cell=cell,
+        radius=radius,
+        velocity_limit=np.full(2, velocity_limit),
+        acceleration_limit=np.full(2, acceleration_limit),
+        separation=separation,
+    )

@@ -1,0 +1,271 @@
+"""Polynomial curves in pieces that shrink: their hulls, their lengths, how near two of them come.
+
+A piece of a polynomial lies within the hull of its Bézier points, which comes nearer to the curve
+with the square of the piece's duration. Whatever is proven of the hulls holds for the curve.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..minimum_snap.polynomials import bernstein_matrix, derived, gauss_legendre
+from ..minimum_snap.trajectory import Trajectory
+
+__all__ = ["Near", "Pieces", "hulls_of", "lengths_of", "nearest", "pieces_of"]
+
+Floats = NDArray[np.float64]
+
+#: Nodes of the quadrature of a length, and how often a piece is halved at the most.
+NODES, HALVINGS = 16, 40
+#: Pieces at the most of a search for the least distance.
+MOST = 100_000
+
+
+class Pieces(NamedTuple):
+    """Pieces of curves.
+
+    Parameters
+    ----------
+    control : ndarray, shape (n, degree + 1, 2)
+        Bézier points, m.
+    times : ndarray, shape (n, 2)
+        Where each begins and ends, s.
+    owner : ndarray of int, shape (n,)
+        The curve, or pair of curves, that each is a piece of.
+    """
+
+    control: Floats
+    times: Floats
+    owner: NDArray[np.int64]
+
+    def take(self, rows: Any) -> Pieces:
+        """Return some of the pieces."""
+        return Pieces(self.control[rows], self.times[rows], self.owner[rows])
+
+    def halved(self) -> Pieces:
+        """Return both halves of each piece: all first ones, then all second ones."""
+        left, right = _halving(self.control.shape[1] - 1)
+        middle = self.times.mean(axis=1)
+        return Pieces(
+            np.concatenate([left @ self.control, right @ self.control]),
+            np.concatenate(
+                [
+                    np.stack([self.times[:, 0], middle], axis=1),
+                    np.stack([middle, self.times[:, 1]], axis=1),
+                ]
+            ),
+            np.concatenate([self.owner, self.owner]),
+        )
+
+    def middles(self) -> Floats:
+        """Return the points half-way, shape (n, 2)."""
+        left, _ = _halving(self.control.shape[1] - 1)
+        return np.asarray(left[-1] @ self.control)
+
+    def sizes(self) -> Floats:
+        """Return the diameters of the boxes around the pieces, m, shape (n,)."""
+        return np.asarray(np.hypot(*np.ptp(self.control, axis=1).T))
+
+    def bends(self) -> Floats:
+        """Return how far each curve may be from its chord, m, shape (n,)."""
+        share = np.linspace(0.0, 1.0, self.control.shape[1])[:, None]
+        first, last = self.control[:, :1], self.control[:, -1:]
+        off = self.control - (first + share * (last - first))
+        return np.asarray(np.hypot(off[..., 0], off[..., 1]).max(axis=1))
+
+
+@cache
+def _halving(degree: int) -> tuple[Floats, Floats]:
+    """Return the matrices that lead from Bézier points to those of the two halves."""
+    left = np.array(
+        [
+            [math.comb(i, j) / 2.0**i if j <= i else 0.0 for j in range(degree + 1)]
+            for i in range(degree + 1)
+        ]
+    )
+    return left, left[::-1, ::-1].copy()
+
+
+def hulls_of(points: Floats) -> Any:
+    """Return the convex hulls of points, shape (n, k, 2), as an array of shapely's geometries."""
+    import shapely
+
+    count, each, _ = points.shape
+    together = shapely.multipoints(points.reshape(-1, 2), indices=np.repeat(np.arange(count), each))
+    return shapely.convex_hull(together)
+
+
+def pieces_of(trajectory: Trajectory, owner: int = 0) -> Pieces:
+    """Return one piece a segment."""
+    times = np.stack([trajectory.times[:-1], trajectory.times[1:]], axis=1)
+    return Pieces(trajectory.bezier(), times, np.full(trajectory.segments, owner))
+
+
+def lengths_of(trajectory: Trajectory, relative: float = 1e-12) -> Floats:
+    """Return the length of each segment, m, by quadrature of the speed on pieces that are halved.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The curve.
+    relative : float
+        Change by halving, relative to the whole length, at which a piece is halved no more.
+
+    Returns
+    -------
+    ndarray, shape (segments,)
+    """
+    nodes, weights = gauss_legendre(NODES)
+    speed = derived(trajectory.coefficients, 1)
+
+    def quadrature(row: NDArray[np.int64], begin: Floats, width: Floats) -> Floats:
+        s = begin[:, None] + width[:, None] * nodes
+        rate = np.einsum("nsp,npd->nsd", s[..., None] ** np.arange(speed.shape[1]), speed[row])
+        return np.asarray((np.hypot(rate[..., 0], rate[..., 1]) @ weights) * width)
+
+    total = np.zeros(trajectory.segments)
+    row = np.arange(trajectory.segments)
+    begin, width = np.zeros(row.size), np.ones(row.size)
+    coarse = quadrature(row, begin, width)
+    allowed = relative * float(coarse.sum())
+    for _ in range(HALVINGS):
+        width = width / 2.0
+        first, second = quadrature(row, begin, width), quadrature(row, begin + width, width)
+        rough = np.abs(first + second - coarse) > allowed * width
+        np.add.at(total, row[~rough], (first + second)[~rough])
+        row, later = row[rough], (begin + width)[rough]
+        if not row.size:
+            return total
+        begin, width = begin[rough], width[rough]
+        coarse = np.concatenate([first[rough], second[rough]])
+        if row.size > MOST:  # digits that cancel, which no halving brings back
+            break
+        row, width = np.concatenate([row, row]), np.concatenate([width, width])
+        begin = np.concatenate([begin, later])
+    np.add.at(total, row if row.size == coarse.size else np.concatenate([row, row]), coarse)
+    return total
+
+
+class Near(NamedTuple):
+    """Where two curves come nearest to one another.
+
+    Parameters
+    ----------
+    distance : float
+        m; infinite where no two are under way at one time.
+    time : float
+        s.
+    pair : tuple of int
+        The curves.
+    """
+
+    distance: float
+    time: float
+    pair: tuple[int, int]
+
+
+def _common(
+    trajectories: list[Trajectory], pairs: NDArray[np.int64]
+) -> tuple[Pieces, Pieces] | None:
+    """Return both curves of each pair in pieces that begin and end at the same times."""
+    found: list[list[Pieces]] = [[], []]
+    degree = max(one.degree for one in trajectories)
+    matrix = bernstein_matrix(degree)
+    binomial = np.array(
+        [[float(math.comb(k, j)) for k in range(degree + 1)] for j in range(degree + 1)]
+    )
+    lag = np.maximum(np.arange(degree + 1) - np.arange(degree + 1)[:, None], 0)
+    for number, pair in enumerate(pairs):
+        both = [trajectories[int(k)] for k in pair]
+        begin, end = (f(*(one.times[side] for one in both)) for f, side in ((max, 0), (min, -1)))
+        knots = np.unique(np.concatenate([one.times for one in both]))
+        knots = knots[(knots >= begin) & (knots <= end)]
+        if knots.size < 2:
+            continue
+        times = np.stack([knots[:-1], knots[1:]], axis=1)
+        for one, pieces in zip(both, found, strict=True):
+            index = np.searchsorted(one.times, times.mean(axis=1), "right") - 1
+            index = np.clip(index, 0, one.segments - 1)
+            long = one.durations[index]
+            s = (times[:, 0] - one.times[index]) / long
+            width = (times[:, 1] - times[:, 0]) / long
+            powers = np.zeros((len(times), degree + 1, 2))
+            powers[:, : one.degree + 1] = one.coefficients[index]
+            moved = np.einsum("jk,njk,nkd->njd", binomial, s[:, None, None] ** lag, powers)
+            moved *= width[:, None, None] ** np.arange(degree + 1)[:, None]
+            pieces.append(Pieces(matrix @ moved, times, np.full(len(times), number)))
+    if not found[0]:
+        return None
+    first, second = (
+        Pieces(*(np.concatenate(parts) for parts in zip(*side, strict=True))) for side in found
+    )
+    return first, second
+
+
+def nearest(trajectories: list[Trajectory], centre: ArrayLike, radius: float, slack: float) -> Near:
+    """Return how near any two robots come to one another, and where.
+
+    Branch and bound in time: the hull of the Bézier points of a difference bounds it from below.
+
+    Parameters
+    ----------
+    trajectories : list of Trajectory
+        x, y (m) in time; before its first and after its last knot a robot does not count.
+    centre : array-like, shape (2,)
+        Of a disc, m.
+    radius : float
+        Its radius, m: robots in it do not count, nor do those no more than `slack` outside of it.
+    slack : float
+        By how much the least distance may be less than what is returned, m.
+    """
+    import shapely
+
+    pairs = np.array([[a, b] for b in range(len(trajectories)) for a in range(b)], int)
+    best = Near(math.inf, 0.0, (0, 0))
+    common = _common(trajectories, pairs) if pairs.size else None
+    if common is None:
+        return best
+    first, second = common
+    middle, apart, origin = np.asarray(centre, float), radius + slack, shapely.Point(0.0, 0.0)
+
+    def away(points: Floats) -> Floats:
+        off = points - middle
+        return np.asarray(np.hypot(off[..., 0], off[..., 1]))
+
+    while len(first.times):
+        places = [
+            (first.control[:, 0], second.control[:, 0], first.times[:, 0]),
+            (first.middles(), second.middles(), first.times.mean(axis=1)),
+            (first.control[:, -1], second.control[:, -1], first.times[:, 1]),
+        ]
+        for a, b, times in places:
+            counts = (away(a) > apart) & (away(b) > apart)
+            distance = np.where(counts, np.hypot(*(a - b).T), np.inf)
+            k = int(np.argmin(distance))
+            if distance[k] < best.distance:
+                one, other = pairs[first.owner[k]].tolist()
+                best = Near(float(distance[k]), float(times[k]), (one, other))
+        home = (away(first.control).max(axis=1) <= apart) | (
+            away(second.control).max(axis=1) <= apart
+        )
+        between = first.control - second.control
+        # Boxes first, which cost little.
+        box = np.maximum(np.maximum(between.min(axis=1), -between.max(axis=1)), 0.0)
+        open_ = np.flatnonzero(~home & (np.hypot(*box.T) < best.distance - slack))
+        lower = shapely.distance(hulls_of(between[open_]), origin)
+        open_ = open_[lower < best.distance - slack]
+        long = first.times[open_, 1] - first.times[open_, 0]
+        # Two instants that floats cannot tell apart are one.
+        size = np.abs(first.times[open_]).max(axis=1)
+        open_ = open_[long > 1e-14 * np.maximum(size, 1e-300)]
+        if open_.size > MOST:
+            k = open_[int(np.argmin(np.hypot(*box[open_].T)))]
+            one, other = pairs[first.owner[k]].tolist()
+            return Near(float(np.hypot(*box[k])), float(first.times[k].mean()), (one, other))
+        first, second = first.take(open_).halved(), second.take(open_).halved()
+    return best

@@ -1,0 +1,187 @@
+"""The data of a fleet's mission: obstacles, nodes, robots, limits, and what follows from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..declaration import Declared
+from ..fields import Array, Optional, Real, Whole, declared, frozen, show
+from ..fleet.data import Deviation, Objective
+from ..grid_path.gridmap import GridMap
+from ..grid_path.polygons import Polygon, Polygons, as_shapely
+from ..labels import Ids
+from ..records import Member
+
+if TYPE_CHECKING:
+    from .collision import Solids
+
+__all__ = ["MissionData"]
+
+Floats = NDArray[np.float64]
+
+#: Robots at the most: each may meet every other.
+MOST = 200
+
+
+class EachAxis(Array):
+    """One number an axis, or one for both; > 0."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
+        given = self._numbers(name, value)
+        found = super().coerce(name, np.full(2, given) if given.ndim == 0 else given, sizes)
+        self._refuse(name, found, found <= 0, "must be > 0")
+        return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MissionData(Declared):
+    """What :class:`~crosstrack.models.FleetMission` asks; the fields are said there."""
+
+    obstacles: tuple[Polygon, ...] = declared(Polygons())
+    bounds: Floats = declared(Array((4,)))
+    nodes: Floats = declared(Array(("n", 2)))
+    depot: Floats = declared(Array((2,)))
+    vehicles: int = declared(Whole(1, MOST))
+    cell: float = declared(Real(lower=0, strict=True, unit="m"), default=1.0)
+    radius: float = declared(Real(lower=0, unit="m"), default=0.0)
+    velocity_limit: Floats = declared(EachAxis((2,)), default=1.0)
+    acceleration_limit: Floats = declared(EachAxis((2,)), default=1.0)
+    separation: float = declared(Real(lower=0, unit="m"), default=0.0)
+    depot_radius: float = declared(Optional(Real(lower=0, unit="m")), default=None)
+    objective: Objective = declared(Member(Objective), default=Objective.DEVIATION)
+    q: float = declared(Real(lower=0), default=0.4)
+    deviation: Deviation = declared(Member(Deviation), default=Deviation.SAMPLE)
+    ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
+
+    # -- checks ----------------------------------------------------------------------------------
+
+    def check(self) -> None:
+        """Refuse places where no robot can be, and nodes that none can reach."""
+        if self.depot_radius is None:
+            # Resolved here, so that a default and the same value written out are one content.
+            room = max(self.separation, 2.0 * self.radius) + self.cell
+            object.__setattr__(self, "depot_radius", room)
+        count = len(self.nodes)
+        if not count:
+            raise InvalidData("nodes must hold at least one node, got none", field="nodes")
+        if self.vehicles > count:
+            raise InvalidData(
+                f"vehicles must be at most the {count} nodes to visit, got {self.vehicles}",
+                field="vehicles",
+            )
+        grid = self.map
+        if not self.cell >= 1e-9 * float(np.abs(self.nodes).max()):
+            raise InvalidData(
+                f"nodes must be nearer than 1e9 cells of {self.cell:g} m to the origin",
+                field="nodes",
+            )
+        places = [("depot", "depot", self.depot)]
+        places += [
+            ("nodes", f"nodes[{k}] (node {self.label(k)})", node)
+            for k, node in enumerate(self.nodes)
+        ]
+        points = np.concatenate([self.depot[None], self.nodes])
+        self._check_room(places, points)
+        blocked = np.flatnonzero(~grid.holds(self.cells))
+        if blocked.size:
+            field, name, place = places[int(blocked[0])]
+            raise InvalidData(
+                f"{name} at {show(place.tolist())} must lie in a cell that is free as a whole: cells "
+                f"of {self.cell:g} m are too coarse there, take a smaller cell",
+                field=field,
+            )
+        regions = self._regions
+        found = regions[self.cells[:, 0], self.cells[:, 1]]
+        apart = np.flatnonzero(found != found[0])
+        if apart.size:
+            k = int(apart[0]) - 1
+            raise InvalidData(
+                f"nodes[{k}] (node {self.label(k)}) at {show(self.nodes[k].tolist())} cannot be "
+                f"reached from the depot by a robot of radius {self.radius:g} m over cells of "
+                f"{self.cell:g} m",
+                field="nodes",
+            )
+
+    def _check_room(self, places: list[tuple[str, str, Floats]], points: Floats) -> None:
+        """Refuse places out of bounds, within obstacles or too near to one."""
+        depths = self.solids.depths(points, self.radius)
+        within = np.asarray(self.solids.depths(points, 0.0) > 0)
+        beyond = (points < self.bounds[:2]) | (points > self.bounds[2:])
+        outside = np.asarray(beyond.any(axis=1))
+        # Contact counts as free, up to rounding.
+        near = np.asarray(depths > 1e-9 * self.cell)
+        for k in np.flatnonzero(outside | within | near)[:1].tolist():
+            field, name, place = places[k]
+            at = f"{name} at {show(place.tolist())}"
+            if outside[k]:
+                message = f"{at} must lie within the bounds {show(self.bounds.tolist())}"
+            elif within[k]:
+                message = f"{at} must not lie within an obstacle, got one {depths[k]:g} m deep"
+            else:
+                message = (
+                    f"{at} must be at least radius = {self.radius:g} m away from obstacles, got "
+                    f"{self.radius - depths[k]:g} m"
+                )
+            raise InvalidData(message, field=field)
+
+    # -- what follows from the data --------------------------------------------------------------
+
+    @cached_property
+    def map(self) -> GridMap:
+        """The cells that the obstacles leave free for a robot's centre."""
+        try:
+            return GridMap.from_polygons(self.obstacles, self.bounds, self.cell, self.radius)
+        except InvalidData as error:
+            if error.field != "blocked":
+                raise
+            raise InvalidData(
+                f"obstacles must leave a cell of {self.cell:g} m free for a robot of radius "
+                f"{self.radius:g} m, got none within the bounds",
+                field="obstacles",
+            ) from None
+
+    @cached_property
+    def solids(self) -> Solids:
+        """The obstacles as shapely's polygons, none of which overlap."""
+        from .collision import Solids
+
+        return Solids(as_shapely(self.obstacles))
+
+    @cached_property
+    def places(self) -> Floats:
+        """The depot and then the nodes, shape (n + 1, 2), m."""
+        return frozen(np.concatenate([self.depot[None], self.nodes]))
+
+    @cached_property
+    def _regions(self) -> NDArray[np.signedinteger[Any]]:
+        """The number of the region of free cells that each cell is part of, 0 where it is blocked."""
+        from scipy.ndimage import label
+
+        # Without cutting corners, eight neighbours lead nowhere that four do not lead.
+        return np.asarray(label(~self.map.blocked)[0])
+
+    @cached_property
+    def cells(self) -> NDArray[np.int64]:
+        """Rows and columns of the cells of :attr:`places`, shape (n + 1, 2).
+
+        Of a place between cells it is a free one, and where possible one that the depot's leads to.
+        """
+        shifts = 1e-9 * np.array([(x, y) for x in (0.0, -1.0, 1.0) for y in (0.0, -1.0, 1.0)])
+        beside = self.map.cells_of(self.places + self.cell * shifts[:, None])
+        free = self.map.holds(beside)
+        safe = np.where(free[..., None], beside, 0)
+        region = np.where(free, self._regions[safe[..., 0], safe[..., 1]], 0)
+        first = np.argmax(free, axis=0)
+        home = region[first[0], 0]
+        chosen = np.where((region == home).any(axis=0), np.argmax(region == home, axis=0), first)
+        return frozen(beside[chosen, np.arange(len(self.places))])
+
+    def label(self, node: int) -> str:
+        """Return the name of `node`: its id, or its index."""
+        return str(node if self.ids is None else self.ids[node])

@@ -1,0 +1,117 @@
+"""The whole mission of a fleet: from obstacles as polygons to trajectories that keep all limits.
+
+Source: sections 2 and 3 of "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for
+Multirobot in Obstacle Environment", Wireless Communications and Mobile Computing, 2021.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..model import Model
+from ..verification import TOLERANCE, Verification
+from .checks import verify_mission
+from .data import MissionData
+from .plan import MissionPlan
+
+__all__ = ["FleetMission"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FleetMission(MissionData, Model[MissionPlan]):
+    r"""Trajectories of m round robots that share out nodes among obstacles, and balance their ways.
+
+    Every robot leaves the depot from rest, passes its nodes, and comes back to rest; every node is
+    passed once. With L_k the length of the curve of robot k, minimise what `objective` says, by
+    default :math:`\sum_k L_k + q s` with the standard deviation s of all L_k (eq. 15 and 16). The
+    curves are piecewise polynomials whose derivatives up to the jerk are continuous (eq. 25), keep
+    the robot's radius away from all obstacles at every instant, and keep the limits.
+
+    Parameters
+    ----------
+    obstacles : list of polygons
+        Each a ring of shape (k, 2), m, or ``{"shell": ring, "holes": [ring, …]}``; they may touch,
+        overlap and nest.
+    bounds : ndarray, shape (4,)
+        Least x and y, greatest x and y, m, of where the robots' centres may be.
+    nodes : ndarray, shape (n, 2)
+        x, y, m.
+    depot : ndarray, shape (2,)
+        x, y, m, where all robots begin and end.
+    vehicles : int
+        m, the number of robots; each has a node at least.
+    cell : float
+        Side of the cells of :attr:`map`, m, and what violated positions are held against.
+    radius : float
+        Of each robot, m.
+    velocity_limit, acceleration_limit : float or ndarray, shape (2,)
+        Largest absolute value of each component, m/s and m/s².
+    separation : float
+        Least distance of the centres of two robots at any time, m; distances are only reported
+        where it is 0.
+    depot_radius : float, optional
+        Robots no further than this from the depot do not count for `separation`, m; by default a cell
+        more than the separation or two radii, whichever is greater.
+    objective : {"sum-deviation", "sum", "max", "range", "max-sum"}
+        What is minimised of the lengths L_k, as in :class:`~crosstrack.models.FleetRouting`.
+    q : float
+        Weight of the deviation; it counts for the objective "sum-deviation" only.
+    deviation : {"sample", "population"}
+        Whether the deviation divides by m - 1, as the paper's table 3, or by m, as its eq. 16.
+    ids : sequence of int or str, optional
+        Names of the nodes.
+
+    Raises
+    ------
+    InvalidData
+        Naming field, row and value: polygons that cross themselves, a node or the depot out of
+        bounds, within an obstacle, nearer than `radius` to one, in a cell that is not free as a
+        whole, or beyond reach; more robots than nodes, NaN, no free cell.
+
+    Examples
+    --------
+    >>> from crosstrack.models import FleetMission
+    >>> model = FleetMission(
+    ...     [[[4, 4], [6, 4], [5, 6]]], (0, 0, 10, 10), [[8, 8], [8, 2], [2, 8]], (1, 1), 2, cell=0.5
+    ... )
+    >>> print(model.describe())
+    2 robots, 3 nodes, 1 obstacle, sum-deviation
+    """
+
+    kind: ClassVar[str] = "fleet-mission"
+    objective_unit: ClassVar[str] = "m"
+    plan_type: ClassVar[type] = MissionPlan
+
+    # -- plans -----------------------------------------------------------------------------------
+
+    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    def verify(self, plan: MissionPlan, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return the objective and every constraint, of the curves themselves.
+
+        Lengths come from quadrature, limits from exact extremes, distances from shapely; between
+        instants the hulls of ever shorter pieces decide. A position may be off by `tolerance` times
+        the side of a cell.
+        """
+        return verify_mission(self, plan, tolerance)
+
+    def plan_to_data(self, plan: MissionPlan) -> Any:
+        """Return ``{"routes": […], "trajectories": […], "visits": […]}``."""
+        return plan.to_data()
+
+    def plan_from_data(self, data: Any) -> MissionPlan:
+        """Return the plan in `data`."""
+        return MissionPlan.from_data(data)
+
+    def describe(self) -> str:
+        """Return the size in a few words."""
+
+        def several(count: int, word: str) -> str:
+            return f"{count} {word}" + "s" * (count != 1)
+
+        return (
+            f"{several(self.vehicles, 'robot')}, {several(len(self.nodes), 'node')}, "
+            f"{several(len(self.obstacles), 'obstacle')}, {self.objective}"
+        )

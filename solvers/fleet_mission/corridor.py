@@ -1,0 +1,263 @@
+"""Boxes of free cells along the ways of a robot, and the shortest string that they leave.
+
+Each box consists of whole free cells, so its points are all safe. Consecutive boxes share a cell at
+least, and a curve that rests at a point of each such share is one that fits: there is always one.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.grid_path.gridmap import GridMap
+
+__all__ = ["Cell", "Corridor", "corridor", "crossed"]
+
+Floats = NDArray[np.float64]
+Cell = tuple[int, int]
+Box = tuple[int, int, int, int]
+
+#: Distance in cells below which a path touches a line of the grid.
+SLACK = 1e-9
+#: Sweeps over the knots that pull the string tight.
+SWEEPS = 60
+#: Share of a cell by which boxes are less than their cells, for what a solver leaves of a bound.
+INSET = 1e-5
+
+
+class Corridor(NamedTuple):
+    """The boxes of a robot's whole way.
+
+    Parameters
+    ----------
+    lower, upper : ndarray, shape (k, 2)
+        A box a segment, m.
+    knots : ndarray, shape (k + 1, 2)
+        Points of a short polyline within the boxes, m.
+    stops : ndarray of int, shape (stops,)
+        The knots that are the depot and the nodes, in their order; the same one where several are at
+        one place.
+    """
+
+    lower: Floats
+    upper: Floats
+    knots: Floats
+    stops: NDArray[np.int64]
+
+
+def crossed(grid: GridMap, path: Floats) -> list[Cell] | None:
+    """Return the free cells that a polyline leads through, each beside the one before.
+
+    Parameters
+    ----------
+    grid : GridMap
+        The map.
+    path : ndarray, shape (k, 2)
+        x, y (m); it may touch blocked cells and turn at their corners.
+
+    Returns
+    -------
+    list of (row, column), or None
+        None where the path leads through a blocked cell, or between two that touch at a corner.
+    """
+    free = ~np.pad(grid.blocked, 1, constant_values=True)
+
+    def is_free(row: int, column: int) -> bool:
+        rows, columns = grid.shape
+        return bool(free[min(max(row, -1), rows) + 1, min(max(column, -1), columns) + 1])
+
+    chain: list[Cell] = []
+    points = (path - grid.origin) / grid.cell
+    for a, b in itertools.pairwise(points):
+        cuts = [0.0, 1.0]
+        for axis in (0, 1):
+            low, high = sorted((a[axis], b[axis]))
+            if high - low > SLACK:
+                lines = np.arange(np.ceil(low), np.floor(high) + 1)
+                cuts += ((lines - a[axis]) / (b[axis] - a[axis])).tolist()
+        shares = np.unique(np.clip(cuts, 0.0, 1.0))
+        long = float(np.hypot(*(b - a)))
+        for one, two in itertools.pairwise(shares.tolist()):
+            if (two - one) * long <= SLACK:
+                continue
+            x, y = (a + 0.5 * (one + two) * (b - a)).tolist()
+            cell = _cell(x, y, chain[-1] if chain else None, is_free)
+            if cell is None or not _append(chain, cell, is_free):
+                return None
+    if not chain:
+        x, y = points[0].tolist()
+        cell = _cell(x, y, None, is_free)
+        return None if cell is None else [cell]
+    return chain
+
+
+def _cell(x: float, y: float, before: Cell | None, is_free: object) -> Cell | None:
+    """Return the free cell that holds a point, of two beside a line the one nearer to `before`."""
+
+    def sides(value: float) -> list[int]:
+        line = round(value)
+        return [line - 1, line] if abs(value - line) <= SLACK else [int(np.floor(value))]
+
+    found = [(r, c) for r in sides(y) for c in sides(x) if is_free(r, c)]  # type: ignore[operator]
+    if not found:
+        return None
+    if before is None:
+        return found[-1]
+    return min(found, key=lambda cell: abs(cell[0] - before[0]) + abs(cell[1] - before[1]))
+
+
+def _append(chain: list[Cell], cell: Cell, is_free: object) -> bool:
+    """Append a cell, and the one that leads to it around a corner; return whether that is possible."""
+    if chain and chain[-1] != cell:
+        row, column = chain[-1]
+        steps = abs(cell[0] - row) + abs(cell[1] - column)
+        if steps == 2 and cell[0] != row and cell[1] != column:
+            beside = [c for c in ((row, cell[1]), (cell[0], column)) if is_free(*c)]  # type: ignore[operator]
+            if not beside:
+                return False
+            chain.append(beside[0])
+        elif steps > 1:
+            return False
+    if not chain or chain[-1] != cell:
+        chain.append(cell)
+    return True
+
+
+def _boxes(grid: GridMap, chain: list[Cell], reach: int) -> list[Box]:
+    """Return rectangles of free cells (least row and column, greatest) that cover a chain.
+
+    Each holds the cell of the chain where the one before ended.
+    """
+    total = np.pad(grid.blocked.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    rows, columns = grid.shape
+
+    def free(box: Box) -> bool:
+        r, c, s, d = box
+        if r < 0 or c < 0 or s >= rows or d >= columns:
+            return False
+        inner = total[s + 1, d + 1] - total[r, d + 1] - total[s + 1, c] + total[r, c]
+        return not inner
+
+    found: list[Box] = []
+    begin = 0
+    while True:
+        end, box = begin, (*chain[begin], *chain[begin])
+        while end + 1 < len(chain):
+            row, column = chain[end + 1]
+            wider = (min(box[0], row), min(box[1], column), max(box[2], row), max(box[3], column))
+            if not free(wider):
+                break
+            box, end = wider, end + 1
+        sides = [True] * 4
+        for _ in range(reach):
+            for side in range(4):
+                grown = list(box)
+                grown[side] += -1 if side < 2 else 1
+                if sides[side] and free((grown[0], grown[1], grown[2], grown[3])):
+                    box = (grown[0], grown[1], grown[2], grown[3])
+                else:
+                    sides[side] = False
+        found.append(box)
+        while end + 1 < len(chain) and (
+            box[0] <= chain[end + 1][0] <= box[2] and box[1] <= chain[end + 1][1] <= box[3]
+        ):
+            end += 1
+        if end + 1 == len(chain):
+            return found
+        begin = end
+
+
+def corridor(
+    grid: GridMap, places: Floats, chains: Sequence[list[Cell]], margin: float, reach: int = 12
+) -> Corridor:
+    """Return the corridor of a way from place to place.
+
+    Parameters
+    ----------
+    grid : GridMap
+        The map.
+    places : ndarray, shape (stops, 2)
+        The depot, the nodes and the depot again, m.
+    chains : list of list of (row, column)
+        The cells from each place to the next; empty where both are at one place.
+    margin : float
+        How far the boxes reach beyond the shortest polyline, m.
+    reach : int
+        How far free cells are looked for beyond the chain.
+    """
+    lower, upper = [], []
+    stops = [0]
+    fixed = {0: places[0]}
+    for place, chain in zip(places[1:], chains, strict=True):
+        if chain:
+            for row, column, last_row, last_column in _boxes(grid, chain, reach):
+                lower.append((column, row))
+                upper.append((last_column + 1, last_row + 1))
+        stops.append(len(lower))
+        fixed[len(lower)] = place
+    if not lower:
+        empty = np.empty((0, 2))
+        return Corridor(empty, empty, places[:1], np.array(stops))
+    inset = INSET * grid.cell
+    low = grid.origin + np.array(lower, float) * grid.cell + inset
+    high = grid.origin + np.array(upper, float) * grid.cell - inset
+    at = np.array(sorted(fixed))
+    # Places on an edge of their cell are safe, too.
+    for side in (0, -1):
+        rows = np.clip(at + side, 0, len(low) - 1)
+        for knot, row in zip(at.tolist(), rows.tolist(), strict=True):
+            low[row] = np.minimum(low[row], fixed[knot])
+            high[row] = np.maximum(high[row], fixed[knot])
+    knots = _string(low, high, {knot: fixed[knot] for knot in at.tolist()})
+    least, most = np.minimum(knots[:-1], knots[1:]), np.maximum(knots[:-1], knots[1:])
+    low, high = np.maximum(low, least - margin), np.minimum(high, most + margin)
+    return Corridor(low, high, knots, np.array(stops))
+
+
+def _string(low: Floats, high: Floats, fixed: dict[int, Floats]) -> Floats:
+    """Return a short polyline with a knot in what each two consecutive boxes share.
+
+    Knot by knot the sum of the distances to its neighbours is made the least: on each edge of the
+    share by the law of reflection, and nothing is longer than a straight line through it.
+    """
+    count = len(low)
+    below = np.concatenate([low[:1], np.maximum(low[:-1], low[1:]), low[-1:]])
+    above = np.concatenate([high[:1], np.minimum(high[:-1], high[1:]), high[-1:]])
+    for knot, place in fixed.items():
+        below[knot] = above[knot] = place
+    knots: Floats = 0.5 * (below + above)
+    for _ in range(SWEEPS):
+        for first in (1, 2):
+            rows = np.arange(first, count, 2)
+            if not rows.size:
+                continue
+            a, b, bottom, top = knots[rows - 1], knots[rows + 1], below[rows], above[rows]
+            options = [_through(a, b, bottom, top)]
+            for axis, edge in itertools.product((0, 1), (bottom, top)):
+                other = 1 - axis
+                one, two = np.abs(a[:, axis] - edge[:, axis]), np.abs(b[:, axis] - edge[:, axis])
+                apart = one + two
+                share = np.divide(one, apart, out=np.full_like(one, 0.5), where=apart > 0)
+                place = np.empty_like(a)
+                place[:, axis] = edge[:, axis]
+                place[:, other] = a[:, other] + share * (b[:, other] - a[:, other])
+                options.append(np.clip(place, bottom, top))
+            each = np.stack(options)
+            cost = np.hypot(*np.moveaxis(each - a, -1, 0)) + np.hypot(*np.moveaxis(each - b, -1, 0))
+            best = np.argmin(cost * (1 + 1e-12 * (np.arange(5) > 0))[:, None], axis=0)
+            knots[rows] = each[best, np.arange(rows.size)]
+    return knots
+
+
+def _through(a: Floats, b: Floats, bottom: Floats, top: Floats) -> Floats:
+    """Return the middle of what boxes cut out of segments, or a corner's clip where they miss."""
+    step = np.where(b == a, 1e-300, b - a)
+    one, two = (bottom - a) / step, (top - a) / step
+    enter = np.maximum(np.minimum(one, two).max(axis=1), 0.0)
+    leave = np.minimum(np.maximum(one, two).min(axis=1), 1.0)
+    share = np.where(enter <= leave, 0.5 * (enter + leave), 0.5)
+    return np.asarray(np.clip(a + share[:, None] * (b - a), bottom, top))

@@ -1,0 +1,166 @@
+"""What the pipelines of a mission share: the stages before the curves, and the clock of each."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import CrosstrackError, UnsupportedOption
+from ...models.fleet.model import FleetRouting
+from ...models.fleet.plan import FleetPlan
+from ...models.fleet_mission.model import FleetMission
+from ...models.fleet_mission.plan import MissionPlan
+from ...models.grid_path import distances
+from ...models.grid_path.model import Connectivity, GridPath
+from ...models.minimum_snap.trajectory import Trajectory
+from ...models.model import Model
+from ..backend import Answer, Backend, Limit, Request, Termination
+from ..registry import find_backend
+
+__all__ = ["Stages", "Unanswered", "planned", "taking"]
+
+Floats = NDArray[np.float64]
+
+
+class Unanswered(CrosstrackError):
+    """A stage that has no answer, which ends the run; no caller sees it."""
+
+    def __init__(self, stage: str, answer: Answer) -> None:
+        super().__init__(stage)
+        self.stage, self.answer = stage, answer
+
+    def ended(self, request: Request, statistics: Mapping[str, Any]) -> Answer:
+        """Return the answer of the whole run."""
+        limit = self.answer.limit or request.control.reason
+        message = f"{self.stage}: {self.answer.message or self.answer.termination}"
+        return Answer(Termination.NO_SOLUTION, limit, statistics=dict(statistics), message=message)
+
+
+def taking(option: str, name: str, kind: type[Model[Any]], *programs: type[Model[Any]]) -> Backend:
+    """Return the backend that an option names, which takes models of a `kind`, or a program of theirs.
+
+    Raises
+    ------
+    UnsupportedOption
+        It takes neither.
+    """
+    backend = find_backend(name)
+    accepted = backend.accepts if isinstance(backend.accepts, tuple) else (backend.accepts,)
+    if not any(issubclass(one, accepted) for one in (kind, *programs)):
+        raise UnsupportedOption(
+            f"option {option!r} must name a backend for {kind.kind}, got {name!r}, which takes "
+            f"{backend.accepted_kinds()}"
+        )
+    return backend
+
+
+@dataclass
+class Stages:
+    """A mission on the way, its counts and the seconds of its stages.
+
+    Parameters
+    ----------
+    problem : FleetMission
+        The mission.
+    request : Request
+        The run that the stages are part of.
+    """
+
+    problem: FleetMission
+    request: Request
+    statistics: dict[str, float | int | str] = field(default_factory=dict)
+    paths: dict[tuple[int, int], Floats] = field(default_factory=dict)
+
+    @contextmanager
+    def clock(self, stage: str) -> Iterator[None]:
+        """Add the seconds of a stage to the statistics."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            name = f"{stage} seconds"
+            spent = float(self.statistics.get(name, 0.0)) + time.perf_counter() - begin
+            self.statistics[name] = spent
+
+    def routed(
+        self, backend: Backend, seconds: float | None, *, manhattan: bool = False
+    ) -> FleetPlan:
+        """Return routes over the places (0 the depot, then the nodes).
+
+        Parameters
+        ----------
+        backend : Backend
+            What solves the routing.
+        seconds : float, optional
+            For the routing, at the most.
+        manhattan : bool
+            Whether distances are those of the paper, which obstacles do not lengthen, instead of true
+            ones on the map.
+        """
+        problem, grid = self.problem, self.problem.map
+        with self.clock("distances"):
+            if manhattan:
+                costs = np.abs(problem.places[:, None] - problem.places[None]).sum(axis=-1)
+            else:
+                costs = distances(grid, problem.cells)
+        q = problem.q if problem.objective == "sum-deviation" else 0.0
+        routing = FleetRouting(
+            problem.vehicles, costs=costs, depots=np.zeros(1, np.int64), objective=problem.objective, q=q,
+            deviation=problem.deviation,
+        )  # fmt: skip
+        with self.clock("routing"):
+            answer = self.request.within(backend, routing, time_limit=seconds)
+        found = answer.point
+        checked = None if found is None else routing.verify(found)
+        if checked is None or not checked.ok:
+            raise Unanswered("routing", answer)
+        self.statistics["routing objective"] = float(checked.objective or 0.0)
+        assert isinstance(found, FleetPlan)
+        return found
+
+    def path(self, backend: Backend, start: int, goal: int, connectivity: Connectivity) -> Floats:
+        """Return a path between two places (0 the depot, then the nodes), from cell to cell, m."""
+        key, back = (start, goal), (goal, start)
+        if back in self.paths:
+            return self.paths[back][::-1]
+        if key not in self.paths:
+            grid = self.problem.map
+            cells = self.problem.cells
+            leg = GridPath(grid, cells[start], cells[goal], connectivity=connectivity)
+            answer = self.request.within(backend, leg)
+            if answer.point is None or not leg.verify(answer.point).ok:
+                raise Unanswered("paths", answer)
+            self.paths[key] = answer.point.paths[0]
+        return self.paths[key]
+
+    def stopped(self) -> Limit | None:
+        """Return the limit that ends the run, None where it may go on."""
+        control = self.request.control
+        return (control.reason or Limit.INTERRUPTED) if control.stopped else None
+
+
+def planned(
+    routes: FleetPlan, flights: list[Trajectory], stops: list[NDArray[np.int64]]
+) -> MissionPlan:
+    """Return the plan of trajectories that pass the nodes at some of their knots.
+
+    Parameters
+    ----------
+    routes : FleetPlan
+        Nodes from 1, 0 is the depot.
+    flights : list of Trajectory
+        One a robot.
+    stops : list of ndarray of int
+        The knots at the depot, the nodes and the depot again.
+    """
+    return MissionPlan(
+        tuple(tuple(node - 1 for node in route) for route in routes.routes),
+        tuple(flights),
+        tuple(one.times[knots[1:-1]] for one, knots in zip(flights, stops, strict=True)),
+    )
