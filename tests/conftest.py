@@ -93,6 +93,7 @@ for model, names in (
 ):
     for name in names:
         ct.solve(model, name, time_limit=60)
+ct.solve(ct.load("fleet-mission/pocket"))
 """,
 )
 

@@ -57,9 +57,10 @@ class EachVehicle(Array):
     """One number a vehicle, or one for all."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        if np.ndim(value) == 0 and not isinstance(value, str | dict | set):
-            value = np.full(sizes["vehicles"][0], Real(self.lower).coerce(name, value, {}))
-        return super().coerce(name, value, sizes)
+        given = self._numbers(name, value)
+        if given.ndim == 0:
+            given = np.full(sizes["vehicles"][0], Real(self.lower).coerce(name, value, {}))
+        return super().coerce(name, given, sizes)
 
 
 class Count(Whole):
@@ -75,9 +76,10 @@ class Depots(Array):
     """One node for all vehicles, or one for each."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        if np.ndim(value) == 0 and not isinstance(value, str | dict | set):
-            value = [Whole(0).coerce(name, value, {})]
-        return super().coerce(name, value, sizes)
+        given = self._numbers(name, value)
+        if given.ndim == 0:
+            given = np.array([Whole(0).coerce(name, value, {})])
+        return super().coerce(name, given, sizes)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -24,9 +24,10 @@ class EachVehicle(Array):
     """One number a vehicle, or one for all; the full table is kept."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        if np.ndim(value) == 0 and not isinstance(value, str | dict | set):
-            value = np.full(sizes["n"][0], Real(self.lower).coerce(name, value, {}))
-        return super().coerce(name, value, sizes)
+        given = self._numbers(name, value)
+        if given.ndim == 0:
+            given = np.full(sizes["n"][0], Real(self.lower).coerce(name, value, {}))
+        return super().coerce(name, given, sizes)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

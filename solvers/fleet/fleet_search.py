@@ -73,7 +73,7 @@ class _Data:
         of_sum = model.objective is Objective.DEVIATION
         divisor = m - 1 if model.deviation is Deviation.SAMPLE else m
         weight = model.q if of_sum else LEXICOGRAPHIC_OF[model.objective]
-        flat = model.objective in (Objective.MAX, Objective.RANGE, Objective.LEXICOGRAPHIC)
+        flat = model.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
         limits = (model.budget, model.deviation_limit, model.range_limit)
         rules = [
             float(CODES[model.objective]), weight, float(divisor), MEAN if flat else 0.0,
@@ -206,6 +206,7 @@ class _Search:
     bound: float | None = None
     steps: int = 0
     rounds: int = 0
+    proving: float = 0.0
 
     def answer(self) -> Answer:
         """Search, and say what was found."""
@@ -216,11 +217,6 @@ class _Search:
         self.draws = [np.random.default_rng(seed) for seed in seeds]
         if request.warm_start is not None:
             self.offer(self.routes_of([list(route) for route in request.warm_start.routes]))
-        proven = time.perf_counter()
-        if request.options["bound"]:
-            self.bound = lower_bound(model, request.control.flag)
-            request.control.bound = self.bound
-        proven = time.perf_counter() - proven
         # One processor gains nothing by threads.
         threads = min(ABREAST, request.threads or os.cpu_count() or 1)
         with ThreadPoolExecutor(threads) as pool:
@@ -228,7 +224,7 @@ class _Search:
         stopped = request.control.stopped
         limit = request.control.reason if stopped else Limit.TIME if request.left() == 0.0 else None
         statistics = {"steps": self.steps, "rounds": self.rounds}
-        seconds = {"solve": time.perf_counter() - begin, "bound": proven}
+        seconds = {"solve": time.perf_counter() - begin, "bound": self.proving}
         if self.best is None:
             return Answer(
                 Termination.NO_SOLUTION, limit, None, None, self.bound, seconds=seconds,
@@ -271,6 +267,15 @@ class _Search:
             for routes, _, _ in jobs:
                 better |= self.offer(routes)
             idle = 0 if better else idle + 1
+            if self.rounds == 1 and options["bound"]:
+                self.prove()  # when there is something to fall back upon
+
+    def prove(self) -> None:
+        """Prove a lower bound."""
+        begin = time.perf_counter()
+        control = self.request.control
+        self.bound = control.bound = lower_bound(self.model, control.flag)
+        self.proving = time.perf_counter() - begin
 
     def drawn(self, draw: np.random.Generator) -> tuple[_Routes, float, np.random.Generator]:
         """Return routes to anneal, and how hot: none yet, or two of those kept, recombined."""

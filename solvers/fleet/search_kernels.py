@@ -27,6 +27,8 @@ SUM, MAX, DEVIATION, RANGE = 0, 1, 2, 3
 PENALTY = 10.0
 #: Probability of passing over a place in recreate (the paper's "blink").
 BLINK = 0.01
+#: The same for the range alone, which longer ways may lessen.
+LOOSE = 0.5
 #: Mean number of nodes taken out, and the longest string of them.
 REMOVED, LONGEST = 10.0, 10
 WIDE, FAR = 0.1, 40.0
@@ -195,7 +197,8 @@ def _recreate(
             j -= 1
         keys[j], removed[j] = key, node
     # Places until the next one that is passed over.
-    passing = math.log(1.0 - draw.random()) / math.log(1.0 - BLINK)
+    rate = math.log(1.0 - (LOOSE if rules[0] == RANGE else BLINK))
+    passing = math.log(1.0 - draw.random()) / rate
     left = count
     for i in range(count):
         node = removed[i]
@@ -212,6 +215,8 @@ def _recreate(
             if only_empty and counts[k] > 0:
                 continue
             for side in range(2):
+                if counts[k] > 0 and rules[0] == RANGE and draw.random() < LOOSE:
+                    continue
                 behind = n + k if side == 0 else before[n + k]
                 start, end = place[behind], place[after[behind]]
                 cost = distances[start, here] + distances[here, end] - distances[start, end]
@@ -229,7 +234,7 @@ def _recreate(
                 for side in range(2):
                     passing -= 1.0
                     if passing < 0.0:
-                        passing = math.log(1.0 - draw.random()) / math.log(1.0 - BLINK)
+                        passing = math.log(1.0 - draw.random()) / rate
                         continue
                     behind = other if side == 0 else before[other]
                     start, end = place[behind], place[after[behind]]
