@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..models.model import Model
-from .report.tables import FittedTable, markup, number, render, seconds_text, table
+from .report.fitting import FittedTable
+from .report.tables import markup, number, render, seconds_text, table
 from .solution import Solution
 
 __all__ = ["EQUAL", "Front", "FrontPoint", "gathered"]
