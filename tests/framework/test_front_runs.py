@@ -212,6 +212,13 @@ def test_sweeps_that_are_none(arguments, error, words, tmp_path):
         sweep(ct.load("error-correction/example-1"), "theta", [1.0], "sum", "max")
 
 
+def test_a_value_that_the_backend_does_not_take_is_said_first():
+    model, ran = FleetRouting(2, points=PLACES, objective="sum-deviation"), []
+    with pytest.raises(UnsupportedFormulation, match="takes q up to"):
+        sweep(model, "q", [0, 99], "sum", "max", backend="subset-dp", on_point=ran.append)
+    assert ran == []
+
+
 # -- what is shown -------------------------------------------------------------------------------
 
 
