@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from .solvers.crosscheck import Comparison as Comparison, compare as compare
     from .solvers.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
     from .solvers.dispatch import solve as solve, verify as verify
-    from .solvers.pareto import Front as Front, front as front
+    from .solvers.fronts import Front as Front
+    from .solvers.pareto import front as front
     from .solvers.registry import backend_states as backends
     from .solvers.solution import Solution as Solution
 
@@ -41,7 +42,8 @@ _get, _, _names = attach(
         "solvers.crosscheck": ("Comparison", "compare"),
         "solvers.diagnosis": ("Diagnosis", "diagnose"),
         "solvers.dispatch": ("solve", "verify"),
-        "solvers.pareto": ("Front", "front"),
+        "solvers.fronts": ("Front",),
+        "solvers.pareto": ("front",),
         "solvers.solution": ("Solution",),
     },
 )

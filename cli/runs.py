@@ -25,6 +25,7 @@ from .options import (
     picture_path,
     plot,
     reading,
+    tolerance,
 )
 
 if TYPE_CHECKING:
@@ -217,7 +218,11 @@ def compare(
 )
 @click.option("--first", help="The first objective of a sweep, such as sum.")
 @click.option("--time-limit", type=float, help="Seconds for each run (default: 60).")
+@click.option("--formulation", help="Formulation for backends that take programs.")
+@click.option("--gap", type=float, help="Relative gap at which an exact backend may stop.")
 @click.option("--seed", type=int, help="Seed for backends that draw.")
+@click.option("--threads", type=int, help="Threads for backends that use several.")
+@tolerance
 @click.option(
     "--option",
     "options",

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from .crosscheck import Comparison as Comparison, compare as compare
     from .diagnosis import Diagnosis as Diagnosis, Finding as Finding, diagnose as diagnose
     from .dispatch import solve as solve, verify as verify
+    from .fronts import Front as Front, FrontPoint as FrontPoint
     from .isolation import Worker as Worker
-    from .pareto import Front as Front, FrontPoint as FrontPoint, front as front, sweep as sweep
+    from .pareto import front as front, sweep as sweep
     from .probing import probe as probe
     from .registry import (
         BackendState as BackendState,
@@ -95,7 +96,8 @@ __getattr__, __dir__, __all__ = attach(
             "Outcome",
             "Verdict",
         ),
-        "pareto": ("Front", "FrontPoint", "front", "sweep"),
+        "fronts": ("Front", "FrontPoint"),
+        "pareto": ("front", "sweep"),
         "isolation": ("Worker",),
         "probing": ("probe",),
         "dispatch": (

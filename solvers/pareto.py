@@ -5,177 +5,34 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import numbers
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..errors import InvalidData, UnknownName, UnsupportedFormulation
-from ..models.fields import Real, Whole, show
+from ..errors import InvalidData, UnknownName, UnsupportedFormulation, UnsupportedOption
+from ..models.fields import Flag, Optional, Real, Whole, show
 from ..models.model import Model, as_model
 from ..models.records import given
 from .backend import Backend, Limit, Termination
 from .campaign import Record
 from .dispatch import run_job
+from .fronts import EQUAL, Front, FrontPoint, gathered
+from .interrupts import on_interrupt
 from .job import GAP, Job
-from .report.fitting import FittedTable
-from .report.tables import markup, number, render, seconds_text, table
 from .solution import Solution
 
-__all__ = ["Front", "FrontPoint", "front", "sweep"]
+__all__ = ["front", "sweep"]
 
 #: Points of a front where no limits are given, and the most that are allowed.
 POINTS, MOST = 10, 10_000
 #: By how much a limit is less than what the last plan has, relative to the first plan's: at first, and
 #: at the least. Halved where no plan is found.
 STEP, FINEST = 0.05, 1e-3
-#: What counts as equal, relative.
-EQUAL = 1e-9
-
-
-@dataclass(frozen=True)
-class FrontPoint:
-    """One plan of a front.
-
-    Parameters
-    ----------
-    objective : float
-        The model's objective, or the first of two that a sweep compares.
-    second : float
-        The second objective.
-    limit : float, optional
-        The limit on the second objective under which the plan was sought; None for none. In a sweep
-        the value of the field.
-    solution : Solution
-        The verified answer.
-    proven : bool
-        Whether the objective is proven to be the least within the limit, up to the gap asked for.
-    """
-
-    objective: float
-    second: float
-    limit: float | None
-    solution: Solution[Any] = field(repr=False)
-    proven: bool
-
-    def dominates(self, other: FrontPoint) -> bool:
-        """Return whether this is no worse in either objective, and better in one."""
-        slack = EQUAL * max(abs(self.objective), abs(other.objective))
-        room = EQUAL * max(abs(self.second), abs(other.second))
-        no_worse = self.objective <= other.objective + slack and self.second <= other.second + room
-        return no_worse and (
-            self.objective < other.objective - slack or self.second < other.second - room
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the point as JSON data."""
-        return {
-            "objective": self.objective,
-            "second": self.second,
-            "limit": self.limit,
-            "proven": self.proven,
-            "solution": self.solution.to_dict(),
-        }
-
-
-@dataclass(frozen=True)
-class Front:
-    """What :func:`front` found; printed, a table.
-
-    Parameters
-    ----------
-    model : Model
-        What was asked.
-    second : str
-        The second objective.
-    points : tuple of FrontPoint
-        Plans of which none dominates another, by the second objective from large to small.
-    dominated : tuple of FrontPoint
-        Plans that were found and are dominated.
-    unsolved : tuple of Solution
-        How the runs under the other limits ended, without a plan.
-    field : str
-        The field that was limited, or varied by a sweep.
-    interrupted : bool
-        Whether Ctrl-C ended it; what had been found is there.
-    """
-
-    model: Model[Any]
-    second: str
-    points: tuple[FrontPoint, ...]
-    dominated: tuple[FrontPoint, ...] = ()
-    unsolved: tuple[Solution[Any], ...] = ()
-    field: str = ""
-    interrupted: bool = False
-
-    @property
-    def solutions(self) -> tuple[Solution[Any], ...]:
-        """The answers of all points."""
-        return tuple(point.solution for point in self.points)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the front as JSON data."""
-        return {
-            "model": self.model.kind,
-            "instance": self.model.name,
-            "digest": self.model.digest,
-            "second": self.second,
-            "field": self.field,
-            "points": [point.to_dict() for point in self.points],
-            "dominated": [point.to_dict() for point in self.dominated],
-            "unsolved": [solution.to_dict() for solution in self.unsolved],
-            "interrupted": self.interrupted,
-        }
-
-    def parts(self) -> list[Any]:
-        """Return what to print: the points, and how the other runs ended."""
-        shown = sorted(
-            [*((one, "") for one in self.points), *((one, "dominated") for one in self.dominated)],
-            key=lambda pair: (-pair[0].second, pair[0].objective),
-        )
-        title = f"{self.model.name or self.model.kind}: objective and {self.second}"
-        parts: list[Any] = [_table(title, self.field, self.second, shown)]
-        for one in self.unsolved:
-            parts.append(
-                f"{one.instance}: {one.termination}{f', {one.limit}' if one.limit else ''}"
-            )
-        if self.interrupted:
-            parts.append("interrupted: what is missing was not run")
-        return parts
-
-    def summary(self) -> str:
-        """Return the points as a table of text."""
-        return render(*self.parts(), width=140)
-
-    def __str__(self) -> str:
-        return self.summary()
-
-    def _repr_html_(self) -> str:
-        return markup(*self.parts())
-
-
-def _table(
-    title: str, name: str, second: str, rows: Iterable[tuple[FrontPoint, str]]
-) -> FittedTable:
-    cells = [
-        (
-            "" if one.limit is None else number(one.limit),
-            number(one.objective),
-            number(one.second),
-            ""
-            if one.solution.gap is None
-            else f"{one.solution.gap:.1e}"
-            if one.solution.gap
-            else "0",
-            one.solution.backend,
-            seconds_text(one.solution.seconds.get("total")),
-            ", ".join(word for word in ("proven" if one.proven else "", state) if word),
-        )
-        for one, state in rows
-    ]
-    columns = (name, "objective", second, "gap", "backend", "total", "state")
-    return table(title, columns, cells, right=(name, "objective", second, "gap", "total"))
+#: A limit that binds nothing, for what must be known of all limited models before the first run.
+_LOOSE = 1e100
 
 
 def front(
@@ -221,7 +78,7 @@ def front(
         Runs at the most, where no limits are given.
     step : float
         Relative to what the first plan has of the second objective. What lies within a step may be
-        missed; a step of 1e-6 finds all there is, where the backend is exact.
+        missed; a step of 1e-6 finds all there is, where the backend is exact and `points` are enough.
     time_limit : float, optional
         Seconds for each run.
     record : path-like, optional
@@ -239,11 +96,14 @@ def front(
     Raises
     ------
     UnsupportedFormulation
-        The model declares no second objective.
+        The model declares no second objective, or the backend does not take its limit.
     UnknownName
         It declares none of this name.
     InvalidData
         Limits that are no finite numbers >= 0, or a record that exists or cannot be written.
+    UnsupportedOption
+        `resume` without a record, or an option that the backend does not take. What the backend does
+        not take raises before the first run.
 
     Examples
     --------
@@ -273,6 +133,9 @@ def front(
         label = model.name or model.kind
         return model.limited(second, limit).renamed(f"{label}, {second} <= {limit:.10g}")
 
+    for limit in (None, _LOOSE) if chosen is None else (chosen[0],):
+        _taken(ask(model=limited(limit)))
+
     with _Runs(record, resume, isolate, on_point) as runs:
 
         def solve(limit: float | None) -> Solution[Any]:
@@ -284,9 +147,9 @@ def front(
         tried: list[tuple[float | None, Solution[Any]]] = []
         if chosen is not None:
             for limit in chosen:
-                tried.append((limit, solve(limit)))
                 if runs.interrupted:
                     break
+                tried.append((limit, solve(limit)))
         else:
             tried.append((None, solve(None)))
             _descend(tried, solve, value, most, width, runs)
@@ -295,7 +158,7 @@ def front(
         for limit, s in tried
         if s.plan is not None and s.primal_bound is not None
     ]
-    return _made(model, second, field_name, found, [s for _, s in tried], runs.interrupted)
+    return gathered(model, second, field_name, found, [s for _, s in tried], runs.interrupted)
 
 
 def _descend(
@@ -313,7 +176,7 @@ def _descend(
     now = whole = value(first)
     step, closed = width, -math.inf
     finest = min(FINEST, width)
-    while len(tried) < most and not runs.interrupted and whole > 0:
+    while len(tried) < most and not runs.interrupted and 0 < whole < math.inf:
         limit = now - step * whole
         if limit <= closed or limit < 0:
             # Below the least limit under which there was no plan there is none.
@@ -341,15 +204,19 @@ def sweep(
     second: str,
     *,
     backend: str | Backend = "auto",
+    formulation: str | None = None,
     time_limit: float | None = 60.0,
+    gap: float | None = None,
+    tolerance: float | None = None,
     seed: int | None = None,
+    threads: int | None = None,
     backend_options: Mapping[str, Any] | None = None,
     isolate: bool | None = None,
     record: str | Path | None = None,
     resume: bool = False,
     on_point: Callable[[Solution[Any]], None] | None = None,
 ) -> Front:
-    """Solve the model for each value of a field, and compare two objectives of the plans.
+    r"""Solve the model for each value of a field, and compare two objectives of the plans.
 
     For a weight such as q of a fleet's deviation: the plans of some weights may be dominated by those
     of others, which are named as such.
@@ -364,7 +231,8 @@ def sweep(
         Its values.
     first, second : str
         Two of the model's ``second_objectives``.
-    backend, time_limit, seed, backend_options, isolate, record, resume, on_point
+    backend, formulation, time_limit, gap, tolerance, seed, threads, backend_options, isolate, record, \
+    resume, on_point
         As in :func:`front`.
 
     Returns
@@ -378,43 +246,46 @@ def sweep(
         As :func:`front`; the model has no such field, or refuses a value.
     """
     model = as_model(model)
-    _declared(model, first)
-    _declared(model, second)
+    for one in (first, second):
+        _declared(model, one)
     fields = [one.name for one in dataclasses.fields(model) if one.init and one.name != "name"]
     if name not in fields:
         raise UnknownName(f"field of model {model.kind!r}", name, fields)
     label = model.name or model.kind
-    models = []
+    own = given("backend_options", backend_options)
+    jobs = []
     for value in _listed("values", values):
-        changed: dict[str, Any] = {name: value}
-        models.append(
-            (value, dataclasses.replace(model, **changed).renamed(f"{label}, {name} = {value}"))
-        )
+        changed: dict[str, Any] = {name: value, "name": f"{label}, {name} = {value}"}
+        asked = dataclasses.replace(model, **changed)
+        job = Job(
+            asked, backend, formulation, time_limit=time_limit, gap=gap, tolerance=tolerance, seed=seed,
+            threads=threads, backend_options=own,
+        )  # fmt: skip
+        _taken(job)
+        jobs.append((value, job))
     found, answers = [], []
     with _Runs(record, resume, isolate, on_point) as runs:
-        for value, one in models:
-            solution = runs.solve(
-                Job(
-                    model=one, backend=backend, time_limit=time_limit, seed=seed,
-                    backend_options=given("backend_options", backend_options),
-                )
-            )  # fmt: skip
+        for value, job in jobs:
+            if runs.interrupted:
+                break
+            solution = runs.solve(job)
             answers.append(solution)
             if solution.plan is not None:
                 pair = (
                     model.second_objective(first, solution.plan),
                     model.second_objective(second, solution.plan),
                 )
-                number_ = float(value) if isinstance(value, int | float) else None
-                found.append(FrontPoint(*pair, number_, solution, _proves(solution, None)))
-            if runs.interrupted:
-                break
-    return _made(model, second, name, found, answers, runs.interrupted)
+                level = float(value) if isinstance(value, numbers.Real) else None
+                found.append(FrontPoint(*pair, level, solution, _proves(solution, gap)))
+    return gathered(model, second, name, found, answers, runs.interrupted, first)
 
 
 @dataclass
 class _Runs:
-    """Runs one after another, each added to a record where there is one."""
+    """Runs one after another, each added to a record where there is one.
+
+    The first Ctrl-C, also one between two runs, sets `interrupted` and ends the run at work.
+    """
 
     record: str | Path | None
     resume: bool
@@ -423,13 +294,19 @@ class _Runs:
     interrupted: bool = False
 
     def __enter__(self) -> _Runs:
+        self.isolate = Optional(Flag()).coerce("isolate", self.isolate, {})
         if self.resume and self.record is None:
-            raise InvalidData("resume needs a record, got none", field="record")
-        self._stack = contextlib.ExitStack()
-        self._file = None
-        if self.record is not None:
-            self._file = self._stack.enter_context(Record(self.record, resume=self.resume))
+            raise UnsupportedOption("resume needs a record to go on with")
+        with contextlib.ExitStack() as stack:
+            self._file = None
+            if self.record is not None:
+                self._file = stack.enter_context(Record(self.record, resume=self.resume))
+            stack.enter_context(on_interrupt(self._interrupt))
+            self._stack = stack.pop_all()
         return self
+
+    def _interrupt(self) -> None:
+        self.interrupted = True
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
@@ -439,8 +316,9 @@ class _Runs:
         found = None if self._file is None else self._file.find(job, job.model)
         if found is None:
             found = run_job(job, self.isolate, None)
-            self.interrupted = found.limit is Limit.INTERRUPTED
-            if self._file is not None and not self.interrupted:
+            cut = found.limit is Limit.INTERRUPTED
+            self.interrupted |= cut
+            if self._file is not None and not cut:
                 self._file.add(job, found)
         if self.listener is not None:
             self.listener(found)
@@ -456,6 +334,14 @@ def _declared(model: Model[Any], second: str) -> str:
             f"second objective of model {model.kind!r}", second, model.second_objectives
         )
     return model.second_objectives[second]
+
+
+def _taken(job: Job) -> None:
+    """Raise where the backend does not take the job, which is better known before others have run."""
+    target = job.resolved().target()
+    reason = "" if target.formulation is not None else target.backend.refuses(target.model)
+    if reason:
+        raise UnsupportedFormulation(f"backend {target.backend.name!r}: {reason}")
 
 
 def _listed(name: str, values: Any) -> list[Any]:
@@ -481,24 +367,3 @@ def _proves(solution: Solution[Any], gap: float | None) -> bool:
     if solution.termination is not Termination.OPTIMAL or solution.gap is None:
         return False
     return solution.gap <= (GAP if gap is None else gap) + EQUAL
-
-
-def _made(
-    model: Model[Any], second: str, name: str, found: list[FrontPoint], answers: list[Solution[Any]],
-    interrupted: bool,
-) -> Front:  # fmt: skip
-    """Return the front of all plans that were found."""
-    kept: list[FrontPoint] = []
-    removed: list[FrontPoint] = []
-    ordered = sorted(found, key=lambda one: (-one.second, one.objective))
-    for k, one in enumerate(ordered):
-        same = any(
-            not (one.dominates(other) or other.dominates(one))
-            and math.isclose(one.objective, other.objective, rel_tol=EQUAL)
-            and math.isclose(one.second, other.second, rel_tol=EQUAL)
-            for other in ordered[:k]
-        )
-        worse = any(other.dominates(one) for other in ordered)
-        (removed if worse or same else kept).append(one)
-    unsolved = tuple(one for one in answers if one.plan is None)
-    return Front(model, second, tuple(kept), tuple(removed), unsolved, name, interrupted)

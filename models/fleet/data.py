@@ -177,6 +177,12 @@ class FleetData(Declared):
                 )
 
     def _check_reachable(self) -> None:
+        most = float(np.max(self.distances, where=np.isfinite(self.distances), initial=0.0))
+        if not np.isfinite(most * 4.0 * self.size):
+            raise InvalidData(
+                f"distances must be small enough to add up, got {most:g}",
+                field="points" if self.costs is None else "costs",
+            )
         far = np.argwhere(~np.isfinite(self.distances))
         if far.size:
             a, b = (int(x) for x in far[0])

@@ -12,7 +12,7 @@ from ..fields import Array, show
 __all__ = ["FleetPlan"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class FleetPlan:
     """Which nodes each vehicle visits, in which order.
 

@@ -56,6 +56,8 @@ def plot(model: Any, plan: Any = None, **options: Any) -> Figure:
     fronts = list(model.values()) if isinstance(model, Mapping) else [model]
     if fronts and all(hasattr(one, "second") and hasattr(one, "points") for one in fronts):
         require_matplotlib()
+        if plan is not None:
+            raise UnsupportedOption("a front is drawn with all of its plans: plan must be None")
         from .front import draw_front
 
         _refuse_unknown("front", draw_front, options, drawn=1)

@@ -254,6 +254,10 @@ def _recreate(
             # Of equal energies the shorter detour.
             if chosen < 0 or energy < best or (energy == best and least[k] < least[chosen]):
                 best, chosen = energy, k
+        if chosen < 0:
+            # Every place was passed over.
+            chosen = draw.integers(0, m)
+            spot[chosen] = n + chosen
         _put(
             node, spot[chosen], chosen, distances, place, after, before, route, loads, demands,
             carried, counts,
