@@ -58,7 +58,6 @@ class FrontPoint:
         """Return the point as JSON data."""
         return {
             "objective": self.objective,
-            **({"first": self.first} if self.first else {}),
             "second": self.second,
             "limit": self.limit,
             "proven": self.proven,
@@ -113,6 +112,7 @@ class Front:
             "model": self.model.kind,
             "instance": self.model.name,
             "digest": self.model.digest,
+            **({"first": self.first} if self.first else {}),
             "second": self.second,
             "field": self.field,
             "points": [point.to_dict() for point in self.points],
