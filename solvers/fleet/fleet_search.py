@@ -29,13 +29,15 @@ Whole = NDArray[np.int64]
 NEIGHBOURS = 20
 #: Temperatures, in energies: of a start, of what is annealed again, and at the end of both. Of 0.003
 #: … 0.1 those that gave the shortest longest routes on TSPLIB instances of 51 to 200 nodes.
-HOT, WARM, COLD = 0.02, 0.005, 3e-4
+HOT, WARM, COLD = 0.02, 0.01, 3e-4
 #: Share of the mean load in the energy, where the objective does not tell routes below the longest.
 MEAN = 0.03
 #: Steps of one annealing: so many a node, within bounds.
-STEPS, LEAST, MOST = 500, 1000, 50_000
+STEPS, LEAST, MOST = 250, 500, 50_000
 #: Routes of a fleet kept to be annealed again and recombined.
 KEPT = 8
+#: Annealings from scratch of a generation, and rounds without better routes that end it.
+BORN, STALE = 8, 10
 #: Annealings that run side by side, whatever the number of threads, so that it changes no plan.
 ABREAST = 2
 #: By how much an objective must be less to count as such, relative.
@@ -177,13 +179,13 @@ class FleetSearch(Backend):
     )  # fmt: skip
     options: ClassVar[Mapping[str, Option]] = {
         "patience": Option(
-            12,
-            "Rounds of annealings without better routes, after which the search ends.",
+            1,
+            "Generations in a row without better routes, after which the search ends.",
             int,
             lower=1,
         ),
         "steps": Option(
-            0, "Steps of one annealing; 0 means 500 a node, from 1000 to 50000.", int, lower=0
+            0, "Steps of one annealing; 0 means 250 a node, from 500 to 50000.", int, lower=0
         ),
         "bound": Option(True, "Whether to prove a lower bound as well.", bool),
     }
@@ -203,9 +205,11 @@ class _Search:
     pool: list[_Routes] = field(default_factory=list)
     best: FleetPlan | None = None
     objective: float = math.inf
+    key: tuple[float, float] = (math.inf, math.inf)
     bound: float | None = None
     steps: int = 0
     rounds: int = 0
+    born: int = 0
     proving: float = 0.0
 
     def answer(self) -> Answer:
@@ -244,11 +248,12 @@ class _Search:
         return self.objective - self.bound <= self.request.gap * abs(self.objective)
 
     def search(self, threads: ThreadPoolExecutor) -> None:
-        """Anneal in rounds: from scratch at first, then what was kept, recombined."""
+        """Anneal in rounds: each generation from scratch at first, then what was kept, recombined."""
         request, options = self.request, self.request.options
         count = len(self.data.nodes)
         steps = options["steps"] or min(max(STEPS * count, LEAST), MOST)
-        idle = 0
+        idle = stale = 0
+        improved = False
         # One node a vehicle, or a single node, leaves little to choose.
         patience = options["patience"] if count > 3 else 1
         flag = request.control.flag
@@ -263,12 +268,16 @@ class _Search:
             jobs = [self.drawn(draw) for draw in self.draws]
             self.steps += sum(threads.map(work, jobs))
             self.rounds += 1
-            better = False
-            for routes, _, _ in jobs:
-                better |= self.offer(routes)
-            idle = 0 if better else idle + 1
+            before = self.pool[0].key if self.pool else None
+            better = [self.offer(routes) for routes, _, _ in jobs]
+            improved |= any(better)
+            stale = 0 if self.pool[0].key != before else stale + 1
             if self.rounds == 1 and options["bound"]:
                 self.prove()  # when there is something to fall back upon
+            if stale >= STALE and self.born >= BORN:
+                idle = 0 if improved else idle + 1
+                self.pool.clear()
+                self.born, stale, improved = 0, 0, False
 
     def prove(self) -> None:
         """Prove a lower bound."""
@@ -279,7 +288,8 @@ class _Search:
 
     def drawn(self, draw: np.random.Generator) -> tuple[_Routes, float, np.random.Generator]:
         """Return routes to anneal, and how hot: none yet, or two of those kept, recombined."""
-        if len(self.pool) < KEPT and self.rounds * ABREAST < 2 * KEPT:
+        if self.born < BORN:
+            self.born += 1
             return _Routes.empty(self.data), HOT, draw
         a, b = (int(k) for k in draw.integers(0, len(self.pool), 2))
         return self.crossed(self.pool[a], self.pool[b], draw), WARM, draw
@@ -326,8 +336,10 @@ class _Search:
             self.pool.append(routes)
             self.pool.sort(key=lambda one: one.key)
             del self.pool[KEPT:]
+        first = routes.key < self.key
+        self.key = min(self.key, routes.key)
         if routes.key[0] > 0.0:
-            return bool(self.best is None and self.pool[0] is routes)
+            return first
         objective = objective_of(self.model, loads_of(self.model, plan))
         if not objective < self.objective - BETTER * abs(self.objective) and self.best is not None:
             return False

@@ -23,7 +23,7 @@ def scattered(n: int, vehicles: int, seed: int = 0, **more) -> FleetRouting:
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_small_fleets_get_the_best_of_all_routes(objective, seed):
     draw = np.random.default_rng(seed)
     costs = draw.integers(0, 20, (6, 6)) * 10.0 ** draw.integers(0, 3)
@@ -31,7 +31,7 @@ def test_small_fleets_get_the_best_of_all_routes(objective, seed):
     if seed % 2:
         costs = np.maximum(costs, costs.T)
     more = {"q": 0.7} if objective == "sum-deviation" else {}
-    if seed == 3:
+    if seed == 2:
         more["depots"] = [0, 5]
     model = FleetRouting(2, costs=costs, objective=objective, **more)
     found = ct.solve(model, "fleet-search", seed=seed)
@@ -44,7 +44,7 @@ def test_small_fleets_get_the_best_of_all_routes(objective, seed):
     count=st.integers(1, 7), vehicles=st.integers(1, 4), seed=st.integers(0, 10**6),
     objective=st.sampled_from(OBJECTIVES), use_all=st.booleans(), scale=st.sampled_from([1e-6, 1.0, 1e6]),
 )  # fmt: skip
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_routes_are_never_worse_than_proven_nor_below_a_bound(
     count, vehicles, seed, objective, use_all, scale
 ):
@@ -65,7 +65,7 @@ def test_routes_are_never_worse_than_proven_nor_below_a_bound(
 
 def test_the_same_seed_gives_the_same_plan_whatever_the_threads():
     model = scattered(30, 3)
-    options = {"patience": 3}
+    options = {"patience": 1, "steps": 500}
     plans = [
         ct.solve(
             model, "fleet-search", seed=7, threads=threads, backend_options=options
@@ -80,7 +80,7 @@ def test_the_same_seed_gives_the_same_plan_whatever_the_threads():
 
 def test_a_warm_start_is_never_made_worse():
     model = scattered(40, 4)
-    good = ct.solve(model, "fleet-search", backend_options={"patience": 2})
+    good = ct.solve(model, "fleet-search", backend_options={"patience": 1, "steps": 500})
     again = ct.solve(
         model, "fleet-search", warm_start=good, backend_options={"patience": 1, "steps": 1}
     )
@@ -108,7 +108,7 @@ def test_limits_are_kept(limits):
 
 def test_limits_that_nobody_can_keep_end_without_a_plan():
     model = scattered(8, 2, battery=1.0)
-    found = ct.solve(model, "fleet-search", backend_options={"patience": 2})
+    found = ct.solve(model, "fleet-search")
     assert found.plan is None
     assert found.termination is Termination.NO_SOLUTION
     assert "limits" in found.message
