@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UnsupportedOption
-from ..models.fields import show
+from ..models.fields import required, show
 
 __all__ = ["Option"]
 
@@ -46,6 +46,7 @@ class Option:
 
     def check(self, owner: str, name: str, value: Any) -> Any:
         """Return `value` coerced to :attr:`kind`, or raise :class:`UnsupportedOption`."""
+        owner, name = required("owner", owner, str), required("name", name, str)
         if value is None and self.default is None:
             return None
         wrong = isinstance(value, bool) is not (self.kind is bool)

@@ -165,6 +165,7 @@ def _examples() -> list[tuple[Any, Any]]:
         ConicProgram,
         ControlPlan,
         ErrorCorrectionRouting,
+        FleetMission,
         FleetRouting,
         GridPath,
         MessengerTour,
@@ -180,6 +181,7 @@ def _examples() -> list[tuple[Any, Any]]:
         Trajectory,
     )  # fmt: skip
     from crosstrack.models.fleet import FleetPlan
+    from crosstrack.models.fleet_mission import MissionPlan
     from crosstrack.models.grid_path import GridPlan
     from crosstrack.models.messenger import Primitive, TourPlan
     from crosstrack.models.optimal_control.plan import Piecewise
@@ -265,6 +267,15 @@ def _examples() -> list[tuple[Any, Any]]:
         2, points=[[2, 0], [4, 0], [6, 4], [2, 4]], map=grid, objective="sum-deviation", q=0.5,
         demands=[0.0, 1.0, 1.0, 2.0], capacity=3.0, battery=[40.0, 50.0], ids=("a", 1, "c", 2),
     )  # fmt: skip
+    mission = FleetMission(
+        obstacles=[[[4, 4], [6, 4], [6, 6], [4, 6]]], bounds=(0, 0, 10, 10), nodes=[[8, 2]], depot=(1, 1),
+        vehicles=1, cell=0.5, radius=0.25,
+    )  # fmt: skip
+    # From rest to rest, there and back.
+    smooth = np.array([0.0, 0, 0, 0, 35, -84, 70, -20])[:, None] * np.array([7.0, 1.0])
+    there, back = smooth.copy(), -smooth
+    there[0], back[0] = (1.0, 1.0), (8.0, 2.0)
+    driven = MissionPlan([[0]], [Trajectory([0.0, 20.0, 40.0], [there, back])], [[20.0]])
     vector = np.array([2.0, 0.0, 1.0])
     return [
         (routing, Route((0, 1, 2, 4))), (named, Route((0, 1, 2, 4))),
@@ -276,6 +287,7 @@ def _examples() -> list[tuple[Any, Any]]:
         (mixed, vector), (quadratic, vector), (conic, vector), (nonlinear, np.array([1.0, 1.0])),
         (braking(bound=9.0, mixed_path={"upper": 9.0}).build(), cruising(costates=True)), (relay().build(), relayed()),
         (slew, resting), (tour, flown), (walk, walked), (fleet, FleetPlan(((1, 2), (3,)))),
+        (mission, driven),
     ]  # fmt: skip
 
 
