@@ -216,7 +216,7 @@ def sweep(
     resume: bool = False,
     on_point: Callable[[Solution[Any]], None] | None = None,
 ) -> Front:
-    r"""Solve the model for each value of a field, and compare two objectives of the plans.
+    """Solve the model for each value of a field, and compare two objectives of the plans.
 
     For a weight such as q of a fleet's deviation: the plans of some weights may be dominated by those
     of others, which are named as such.
@@ -231,8 +231,9 @@ def sweep(
         Its values.
     first, second : str
         Two of the model's ``second_objectives``.
-    backend, formulation, time_limit, gap, tolerance, seed, threads, backend_options, isolate, record, \
-    resume, on_point
+    backend, formulation, time_limit, gap, tolerance, seed, threads, backend_options, isolate
+        As in :func:`crosstrack.solve`.
+    record, resume, on_point
         As in :func:`front`.
 
     Returns
