@@ -6,17 +6,67 @@ import csv
 import io
 import os
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from ..errors import BackendMissing, InvalidData
-from ..files import read_text
+from ..files import as_path, read_text
+from ..models.fields import show
 
-__all__ = ["table_rows", "xlsx_rows"]
+__all__ = ["read_columns", "table_rows", "xlsx_rows"]
 
 #: Bytes that a file may hold, packed and unpacked, and rows and columns that are read of its sheet.
 PACKED, UNPACKED, ROWS, COLUMNS = 32 << 20, 256 << 20, 200_000, 64
+
+
+def read_columns(
+    path: str | os.PathLike[str],
+    check: Callable[[list[str], str], None],
+    convert: Callable[[str, str, str], Any],
+    *,
+    what: str,
+    field: str,
+) -> dict[str, list[Any]]:
+    """Return the columns of a CSV or Excel file with a header, by their names in lower case.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    check : callable
+        ``(names, where)``; raises where the header is not that of such a file.
+    convert : callable
+        ``(text, where, name) -> value`` of a cell; raises where it is none.
+    what : str
+        What a row is, in the plural, for messages.
+    field : str
+        The field at fault where rows are missing, too short or too long.
+
+    Raises
+    ------
+    InvalidData
+        A row too short or too long, no row below the header, and what `check` and `convert` raise.
+    """
+    file = as_path(path)
+    rows = table_rows(file)
+    line, header = next(rows, (1, []))
+    names = [name.strip().lstrip("# ").casefold() for name in header]
+    check(names, f"{file}, line {line}")
+    table: dict[str, list[Any]] = {name: [] for name in names}
+    for line, values in rows:
+        where = f"{file}, line {line}"
+        if len(values) != len(names):
+            raise InvalidData(
+                f"{where}: {len(values)} values where the header has {len(names)}: "
+                f"{show(','.join(values))}",
+                field=field,
+            )
+        for name, value in zip(names, values, strict=True):
+            table[name].append(convert(value, where, name))
+    if not all(table.values()):
+        raise InvalidData(f"{file}: no {what} below the header", field=field)
+    return table
 
 
 def table_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:

@@ -11,10 +11,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...errors import InvalidData
-from ...files import as_path
 from ...models.fields import show
 from ..grid_path.maps import resolve_references as resolve_map
-from ..spreadsheets import table_rows
+from ..spreadsheets import read_columns
 from ..storage import Find, number
 
 __all__ = ["read_nodes", "resolve_references"]
@@ -39,37 +38,30 @@ def read_nodes(path: str | os.PathLike[str]) -> dict[str, Any]:
         Naming file, line, column and value: columns that are missing, repeat or are not known, a row
         too short or too long, what is no finite number, an id that is empty, a file without nodes.
     """
-    file = as_path(path)
-    rows = table_rows(file)
-    line, header = next(rows, (1, []))
-    names = [name.strip().lstrip("# ").casefold() for name in header]
-    if not set(_NEEDED) <= set(names) <= set(_KNOWN) or len(set(names)) < len(names):
-        raise InvalidData(
-            f"{file}, line {line}: must be a header of nodes: x,y, with demand and id where they have "
-            f"any; got {show(','.join(names))}",
-            field="header",
-        )
-    table: dict[str, list[Any]] = {name: [] for name in names}
-    for line, values in rows:
-        where = f"{file}, line {line}"
-        if len(values) != len(names):
-            raise InvalidData(
-                f"{where}: {len(values)} values where the header has {len(names)}: "
-                f"{show(','.join(values))}",
-                field="points",
-            )
-        for name, value in zip(names, values, strict=True):
-            if name == "id" and not value:
-                raise InvalidData(f"{where}: must name the node, got nothing", field="ids")
-            held = value if name == "id" else number(value, f"{where}, column {name}", name)
-            table[name].append(held)
-    if not table["x"]:
-        raise InvalidData(f"{file}: no nodes below the header", field="points")
+    table = read_columns(path, _check_header, _converted, what="nodes", field="points")
     found: dict[str, Any] = {"points": list(zip(table["x"], table["y"], strict=True))}
     for name, field in (("demand", "demands"), ("id", "ids")):
         if name in table:
             found[field] = table[name]
     return found
+
+
+def _check_header(names: list[str], where: str) -> None:
+    """Raise where the columns are none of a file of nodes."""
+    if not set(_NEEDED) <= set(names) <= set(_KNOWN) or len(set(names)) < len(names):
+        raise InvalidData(
+            f"{where}: must be a header of nodes: x,y, with demand and id where they have "
+            f"any; got {show(','.join(names))}",
+            field="header",
+        )
+
+
+def _converted(text: str, where: str, name: str) -> float | str:
+    if name != "id":
+        return number(text, f"{where}, column {name}", name)
+    if not text:
+        raise InvalidData(f"{where}: must name the node, got nothing", field="ids")
+    return text
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:

@@ -11,9 +11,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...errors import InvalidData
-from ...files import as_path
 from ...models.fields import show
-from ..spreadsheets import table_rows
+from ..spreadsheets import read_columns
 from ..storage import Find, number
 
 __all__ = ["read_vehicles", "resolve_references"]
@@ -40,25 +39,7 @@ def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
         Naming file, line, column and value: columns that are missing, repeat or are not known, a row
         too short or too long, what is no finite number, an id that is empty, a file without vehicles.
     """
-    file = as_path(path)
-    rows = table_rows(file)
-    line, header = next(rows, (1, []))
-    names = [name.strip().lstrip("# ").casefold() for name in header]
-    _check_header(names, f"{file}, line {line}")
-    table: dict[str, list[Any]] = {name: [] for name in names}
-    for line, values in rows:
-        where = f"{file}, line {line}"
-        if len(values) != len(names):
-            raise InvalidData(
-                f"{where}: {len(values)} values where the header has {len(names)}: "
-                f"{show(','.join(values))}",
-                field="positions",
-            )
-        for name, value in zip(names, values, strict=True):
-            read = _identified if name == "id" else number
-            table[name].append(read(value, f"{where}, column {name}", name))
-    if not table["x"]:
-        raise InvalidData(f"{file}: no vehicles below the header", field="positions")
+    table = read_columns(path, _check_header, _converted, what="vehicles", field="positions")
     found: dict[str, Any] = {"positions": list(zip(table["x"], table["y"], strict=True))}
     if "vx" in table:
         found["velocities"] = list(zip(table["vx"], table["vy"], strict=True))
@@ -94,7 +75,10 @@ def _check_header(names: list[str], where: str) -> None:
         )
 
 
-def _identified(text: str, where: str, field: str) -> str:
+def _converted(text: str, where: str, name: str) -> float | str:
+    place = f"{where}, column {name}"
+    if name != "id":
+        return number(text, place, name)
     if not text:
-        raise InvalidData(f"{where}: must name the vehicle, got nothing", field=field)
+        raise InvalidData(f"{place}: must name the vehicle, got nothing", field=name)
     return text

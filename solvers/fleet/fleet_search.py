@@ -254,15 +254,13 @@ class _Search:
         steps = options["steps"] or min(max(STEPS * count, LEAST), MOST)
         idle = stale = 0
         improved = False
-        # One node a vehicle, or a single node, leaves little to choose.
-        patience = options["patience"] if count > 3 else 1
         flag = request.control.flag
 
         def work(job: tuple[_Routes, float, np.random.Generator]) -> int:
             routes, hot, draw = job
             return routes.anneal(self.data, hot, steps, flag, draw)
 
-        while idle < patience and not self.within_gap:
+        while idle < options["patience"] and not self.within_gap:
             if request.control.stopped or request.left() == 0.0:
                 return
             jobs = [self.drawn(draw) for draw in self.draws]

@@ -347,7 +347,8 @@ def test_exports(tmp_path):
     assert line == {"type": "LineString", "coordinates": model.points[[0, 7, 6, 0]].tolist()}
     assert drawn["features"][0]["properties"]["length"] == pytest.approx(loads[0])
 
-    vrplib = pytest.importorskip("vrplib")
+    import vrplib
+
     held = vrplib.read_solution(export_plan(model, plan, tmp_path / "a.sol", "vrplib"))
     assert held["routes"] == [[7, 6], [1, 2, 3, 4, 5]]
     assert held["cost"] == pytest.approx(loads.sum())
