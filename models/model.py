@@ -10,12 +10,13 @@ import hashlib
 import json
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import HiddenData, InvalidData, UnknownName, UnsupportedFormulation
 from .declaration import Declared
@@ -111,6 +112,15 @@ class Model(Declared, ABC, Generic[PlanT]):
                 view.__dict__[field.name] = self.__dict__[field.name]
         view.__dict__["digest"] = self.digest
         return view
+
+    def oracle(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]] | None:
+        """Return what backends may ask of the hidden data during one run, None where there is nothing.
+
+        It lives where the hidden data does, and is made anew for each run, so it may count. Questions and
+        answers are tables of numbers, such as points and their values; backends ask by
+        :meth:`crosstrack.solvers.Control.ask`. What it raises ends the run.
+        """
+        return None
 
     if not TYPE_CHECKING:  # else every misspelt attribute would have a type
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import HiddenData
 from .enums import Limit
 from .stopping import Criterion, Progress
 
@@ -35,6 +36,8 @@ class Control:
     patience : float, optional
         Seconds after which a run in a process of its own, which can be killed, is given up when it
         does not stop.
+    oracle : callable, optional
+        What the model's hidden data answers, see :meth:`ask`.
 
     Attributes
     ----------
@@ -49,6 +52,7 @@ class Control:
         criterion: Criterion | None = None,
         forward: Callable[[float, Any], None] | None = None,
         patience: float | None = None,
+        oracle: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     ) -> None:
         self.flag: NDArray[np.int8] = np.zeros(1, np.int8)
         self.reason: Limit | None = None
@@ -58,6 +62,7 @@ class Control:
         self.stages = 0
         self.criterion = criterion
         self.patience = patience
+        self.oracle = oracle
         self.bound: float | None = None
         self.abandoned = False
         self._forward = forward
@@ -162,6 +167,32 @@ class Control:
         if self._whole is not None:
             self._whole.evaluated(count)  # which stops this stage where its own budget is used up
         return not self.stopped
+
+    def ask(self, questions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what the model's hidden data answers; it is reached in no other way.
+
+        Parameters
+        ----------
+        questions : ndarray, shape (m, n)
+            Such as points of a black box, one a row.
+
+        Returns
+        -------
+        ndarray, shape (m, k)
+
+        Raises
+        ------
+        HiddenData
+            The model answers nothing.
+        InvalidData
+            The answer is refused, as when a budget is used up.
+        """
+        whole = self
+        while whole._whole is not None:
+            whole = whole._whole
+        if whole.oracle is None:
+            raise HiddenData("the model answers no questions during a run")
+        return whole.oracle(questions)
 
     @contextmanager
     def stage(

@@ -10,26 +10,27 @@ import os
 import pickle
 import queue
 import signal
+import socket
 import struct
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from types import TracebackType
 from typing import IO, Any, Self
 
 import cloudpickle
 
-from .. import errors
-from ..errors import CrosstrackError, WorkerFailure
+from ..errors import WorkerFailure
 from .assembly import Claim, assemble, claim_from_data
 from .backend import Backend, Limit, Termination
 from .execution import GRACE, warm_objective
 from .interrupts import on_interrupt
 from .job import Job
+from .oracles import raised, serve
 from .output import Lines
 from .registry import rivals
 from .running import PATIENCE
@@ -66,6 +67,9 @@ class Worker:
         self._level = logging.DEBUG
         self._interrupt = threading.Event()
         self._closing = threading.RLock()
+        self._channel: socket.socket | None = None
+        #: Answers what the running job asks of its model's hidden data.
+        self._oracle: Callable[[Any], Any] | None = None
         #: Native modules that backends have loaded in the process.
         self.loaded: set[str] = set()
 
@@ -89,14 +93,23 @@ class Worker:
         self._errors = tempfile.TemporaryFile(prefix="crosstrack-worker-")  # noqa: SIM115 (closed with the worker)
         self._printed = Lines(self._errors.fileno())
         # -P: a module in the working folder must not stand in for one of the standard library.
-        command = [sys.executable, "-P", "-m", "crosstrack.solvers.worker"]
-        self._process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._errors,
-            start_new_session=True,
-        )
+        self._channel, theirs = socket.socketpair()
+        command = [sys.executable, "-P", "-m", "crosstrack.solvers.worker", str(theirs.fileno())]
+        with theirs:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._errors,
+                start_new_session=True,
+                pass_fds=(theirs.fileno(),),
+            )
+        threading.Thread(
+            target=serve,
+            args=(self._channel, lambda: self._oracle),
+            name="crosstrack-oracle",
+            daemon=True,
+        ).start()
         self._lines = queue.SimpleQueue()
         self.loaded = set()
         threading.Thread(
@@ -127,6 +140,11 @@ class Worker:
                 if stream is not None:
                     with contextlib.suppress(OSError):  # unsent bytes for a dead process
                         stream.close()
+        if self._channel is not None:
+            with contextlib.suppress(OSError):  # the other end is gone
+                self._channel.shutdown(socket.SHUT_RDWR)
+            self._channel.close()
+            self._channel = None
         if self._errors is not None and self._printed is not None:
             self._printed.forward(self._level, rest=True)
             self._errors.close()
@@ -221,7 +239,7 @@ class Worker:
                 raise WorkerFailure(self._buried())
             if event.get("number") == number:
                 if event["event"] == "error":
-                    raise _raised(event) or WorkerFailure(f"{event['type']}: {event['message']}")
+                    raise raised(event) or WorkerFailure(f"{event['type']}: {event['message']}")
                 return event["result"]
         self.close()
         raise WorkerFailure(f"no answer within {deadline:g} s; the worker was killed")
@@ -244,6 +262,7 @@ class Worker:
             return self._solve(job, grace, listener)
         finally:
             self._interrupt.clear()
+            self._oracle = None
 
     def _solve(self, job: Job, grace: float, listener: Listener | None) -> Solution[Any]:
         begin = time.monotonic()
@@ -253,6 +272,7 @@ class Worker:
             warm_objective(job)  # the worker, which lacks the hidden data, cannot verify it
         # What a backend must not see does not even reach its process: the plan is verified here.
         sent = replace(job, model=job.model.blinded()) if hides else job
+        self._oracle = job.model.oracle() if hides else None
         number = self._send("solve", sent)
         deadline = begin + job.time_limit + grace if job.time_limit is not None else float("inf")
         incumbents: list[Incumbent[Any]] = []
@@ -303,23 +323,13 @@ class Worker:
                 total = {"total": time.monotonic() - begin}
                 return replace(solution, seconds={**solution.seconds, **total})
             elif kind == "error":
-                known = _raised(event)
+                if event["last"]:
+                    self.close()
+                known = raised(event)
                 if known is not None:
                     raise known
                 why = f"{event['type']}: {event['message']}"
                 return _salvage(job, Termination.FAILED, None, why, incumbents, best, begin)
-
-
-def _raised(event: Mapping[str, Any]) -> CrosstrackError | None:
-    """Return the exception of ours that the worker has raised, None where it is another's."""
-    kind = getattr(errors, event["type"], None)
-    if not isinstance(kind, type) or not issubclass(kind, CrosstrackError):
-        return None
-    error = kind.__new__(kind)
-    Exception.__init__(error, event["message"])
-    if event["field"] is not None:
-        error.field = event["field"]  # type: ignore[attr-defined]
-    return error
 
 
 def _pump(stream: IO[bytes], lines: queue.SimpleQueue[dict[str, Any] | None]) -> None:

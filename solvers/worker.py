@@ -4,7 +4,8 @@ Each message in is eight bytes of length and a pickle of ``(path, number, (verb,
 inner pair pickled by itself; without a pair it asks job `number` to stop. Each line out is an object
 with ``event``: ``ready``, ``preparing``, ``prepared``, ``incumbent``, ``log``, ``solution``,
 ``claim``, ``result`` or ``error``. Whatever native code prints goes to standard error, so that it
-cannot garble the lines. The worker ends when its input does, even in the middle of a run.
+cannot garble the lines. What a run asks of data that is hidden from it goes through a socket, whose
+number is the argument (:mod:`crosstrack.solvers.oracles`). The worker ends when its input does, even in the middle of a run.
 
 On Linux a keeper stands between the worker and its parent. Processes that a backend starts become
 the keeper's children when their own parents die, whatever session they have moved to; when the worker
@@ -21,6 +22,7 @@ import pickle
 import queue
 import select
 import signal
+import socket
 import struct
 import sys
 import threading
@@ -124,6 +126,11 @@ class _Stops:
             self._number, self._control = number, control
         self.ask(self._asked)
 
+    @property
+    def abandoned(self) -> bool:
+        """Whether something of the last job still runs."""
+        return self._control is not None and self._control.abandoned
+
     def ask(self, number: int) -> None:
         """Stop job `number`, now or when it begins."""
         from .enums import Limit
@@ -164,6 +171,7 @@ def _serve() -> None:
     log.propagate = False
     jobs: queue.SimpleQueue[tuple[int, list[str], bytes]] = queue.SimpleQueue()
     stops = _Stops()
+    channel = socket.socket(fileno=int(sys.argv[1]))
 
     def listen() -> None:
         while (message := _read(sys.stdin.buffer)) is not None:
@@ -186,29 +194,32 @@ def _serve() -> None:
                 function, arguments = payload
                 send({"event": "result", "number": number, "result": function(*arguments)})
             else:
-                _solve(number, payload, send, stops)
+                _solve(number, payload, send, stops, channel)
         except Exception as error:
+            from .oracles import carried
+
             send(
                 {
                     "event": "error",
                     "number": number,
-                    "type": type(error).__name__,
-                    "message": str(error),
-                    "field": getattr(error, "field", None),
+                    **carried(error),
                     "trace": traceback.format_exc(),
+                    "last": stops.abandoned,
                 }
             )
 
 
-def _solve(number: int, job: Any, send: Any, stops: _Stops) -> None:
+def _solve(number: int, job: Any, send: Any, stops: _Stops, channel: socket.socket) -> None:
     from .assembly import claim_to_data
     from .backend import Control
     from .execution import claim, execute
+    from .oracles import Asking
     from .registry import is_ours
     from .running import PATIENCE
 
     model = job.model
-    control = Control(patience=PATIENCE)
+    asking = Asking(channel) if model.is_blinded else None
+    control = Control(patience=PATIENCE, oracle=asking)
     stops.begin(number, control)
 
     def heard(incumbent: Any) -> None:
@@ -227,12 +238,16 @@ def _solve(number: int, job: Any, send: Any, stops: _Stops) -> None:
         send({"event": "preparing" if begins else "prepared", "number": number})
 
     how: dict[str, Any] = {"listener": heard, "on_prepare": preparing, "control": control}
-    with shown(job.verbose):
-        # What others wrote may have bent this process: the parent judges its plans.
-        if model.is_blinded or (job.starts == 1 and not is_ours(job.backend)):
-            message = {"event": "claim", "claim": claim_to_data(job, claim(job, **how))}
-        else:
-            message = {"event": "solution", "solution": execute(job, **how).to_dict()}
+    try:
+        with shown(job.verbose):
+            # What others wrote may have bent this process: the parent judges its plans.
+            if model.is_blinded or (job.starts == 1 and not is_ours(job.backend)):
+                message = {"event": "claim", "claim": claim_to_data(job, claim(job, **how))}
+            else:
+                message = {"event": "solution", "solution": execute(job, **how).to_dict()}
+    finally:
+        if asking is not None and not asking.close():
+            control.abandon()
     # What was given up runs on in a thread: no other job may share its process.
     send({**message, "number": number, "last": control.abandoned})
 
