@@ -137,7 +137,9 @@ def backend_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys(one.name for one in _declared()))
 
 
-def find_backend(backend: str | Backend, model: Model[Any] | None = None) -> Backend:
+def find_backend(
+    backend: str | Backend, model: Model[Any] | None = None, *, problem: str | None = None
+) -> Backend:
     """Return the backend called `backend`; a backend object is returned as it is.
 
     Parameters
@@ -146,6 +148,9 @@ def find_backend(backend: str | Backend, model: Model[Any] | None = None) -> Bac
         A name. Native algorithms of several problems may share one.
     model : Model, optional
         What it is to solve: among backends of one name, the one that accepts it is taken.
+    problem : str, optional
+        Instead of a model, the problem (the name of its folders) whose native algorithm is meant;
+        the first backend of that name where it has none.
 
     Raises
     ------
@@ -165,6 +170,8 @@ def find_backend(backend: str | Backend, model: Model[Any] | None = None) -> Bac
     found = _declared(backend)
     if not found:
         raise UnknownName("backend", backend, backend_names())
+    if problem is not None:
+        found = [one for one in found if one.problem == problem] or found[:1]
     if len(found) == 1:
         return found[0].load()
     if model is None:

@@ -67,7 +67,7 @@ class Backends(Made):
 
         tables: dict[str, list[Sequence[str]]] = {}
         for state in crosstrack.backends():
-            backend = find_backend(state.name)
+            backend = find_backend(state.name, problem=state.problem)
             comes = f"`{backend.extra}`" if backend.extra else "always there"
             rows = tables.setdefault(state.accepts, [])
             rows.append(

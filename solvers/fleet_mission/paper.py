@@ -61,7 +61,8 @@ class PaperPipeline(Backend):
         problem, grid = stages.problem, stages.problem.map
         router = taking("routing", stages.request.options["routing"], FleetRouting)
         routes = stages.routed(router, None, manhattan=True)
-        searcher, solver = find_backend("a-star"), find_backend("banded")
+        searcher = find_backend("a-star", problem="grid_path")
+        solver = find_backend("banded")
         flights: list[Trajectory] = []
         stops = []
         for route in routes.routes:

@@ -20,6 +20,7 @@ from ...models.grid_path import distances
 from ...models.grid_path.model import Connectivity, GridPath
 from ...models.minimum_snap.trajectory import Trajectory
 from ...models.model import Model
+from ...models.problems import problem_of
 from ..backend import Answer, Backend, Limit, Request, Termination
 from ..registry import find_backend
 
@@ -50,7 +51,7 @@ def taking(option: str, name: str, kind: type[Model[Any]], *programs: type[Model
     UnsupportedOption
         It takes neither.
     """
-    backend = find_backend(name)
+    backend = find_backend(name, problem=problem_of(kind.kind))
     accepted = backend.accepts if isinstance(backend.accepts, tuple) else (backend.accepts,)
     if not any(issubclass(one, accepted) for one in (kind, *programs)):
         raise UnsupportedOption(

@@ -95,7 +95,7 @@ def test_no_weight_of_labelling_is_best_everywhere():
 @pytest.mark.parametrize("name", [*EXACT, "labelling"])
 def test_a_stopped_search_proves_nothing(name):
     model = ct.load("error-correction/9")
-    backend = find_backend(name)
+    backend = find_backend(name, model)
     request = Request(options=backend.checked_options({}))
     request.control.stop(Limit.INTERRUPTED)
     answer = backend.run(model, request)

@@ -17,7 +17,7 @@ from crosstrack.models import Route
 from crosstrack.solvers import Answer, Feature, Termination
 from crosstrack.solvers.conformance import all_cases
 from crosstrack.solvers.output import captured
-from crosstrack.solvers.registry import backend_names, find_backend, is_plain
+from crosstrack.solvers.registry import backend_states, find_backend, is_plain
 
 LOG = "crosstrack.output"
 
@@ -50,7 +50,7 @@ def program_for(backend):
 
 
 FAST = ("highs", "clarabel", "ipopt")
-LOGGING = [name for name in backend_names() if Feature.LOG in find_backend(name).features]
+LOGGING = [one.name for one in backend_states() if str(Feature.LOG) in one.features]
 
 
 @pytest.mark.parametrize(
