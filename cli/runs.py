@@ -300,7 +300,7 @@ def reproduce(problem: str, rows: str | None, time_limit: float, as_json: bool) 
     found = [e for e in entries() if e.name.startswith(f"{problem}/") and "table" in e.published]
     if rows is not None:
         wanted = numbers(rows)
-        found = [e for e in found if e.published["row"] in wanted]
+        found = [e for e in found if e.published.get("row") in wanted]
         if not found:
             raise click.BadParameter(
                 f"no row of {problem!r} is among {rows!r}", param_hint="--rows"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,8 @@ class Spread:
         First quartile, median and third quartile of the verified objectives; None without any.
     seconds : tuple of float
         The same of the seconds of all runs, whether they succeeded or not.
+    options : mapping
+        The backend's own options; what other options gave is another spread.
     """
 
     backend: str
@@ -43,6 +45,15 @@ class Spread:
     successes: int
     objective: Quartiles | None
     seconds: Quartiles
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """The backend with its formulation and options."""
+        words = [f"{name}={value}" for name, value in self.options.items()]
+        return " ".join(
+            [self.backend, *([f": {self.formulation}"] if self.formulation else []), *words]
+        )
 
     @property
     def success_rate(self) -> float:
@@ -54,6 +65,11 @@ class Spread:
         return {**asdict(self), "success_rate": self.success_rate}
 
 
+def _own(solution: Solution[Any]) -> Mapping[str, Any]:
+    """Return the backend's own options that were asked of a run."""
+    return solution.options.get("backend_options") or {}
+
+
 def _quartiles(values: Sequence[float]) -> Quartiles:
     """Return quartiles by linear interpolation, NumPy's default (Hyndman and Fan 1996, type 7)."""
     low, middle, high = np.quantile(np.asarray(values, float), (0.25, 0.5, 0.75)).tolist()
@@ -62,18 +78,22 @@ def _quartiles(values: Sequence[float]) -> Quartiles:
 
 def spreads(solutions: Sequence[Solution[Any]]) -> tuple[Spread, ...]:
     """Return the spread of every backend that ran more than once, in order of appearance."""
-    groups: dict[tuple[str, str | None], list[Solution[Any]]] = {}
+    groups: dict[tuple[str, str | None, str], list[Solution[Any]]] = {}
     for solution in solutions:
-        groups.setdefault((solution.backend, solution.formulation), []).append(solution)
+        asked = repr(_own(solution))
+        groups.setdefault((solution.backend, solution.formulation, asked), []).append(solution)
     found = []
-    for (backend, formulation), runs in groups.items():
+    for (backend, formulation, _), runs in groups.items():
         if len(runs) > 1:
             values = [run.primal_bound for run in runs if run.primal_bound is not None]
             seconds = [run.seconds.get("solve", run.seconds.get("total", 0.0)) for run in runs]
             objective = _quartiles(values) if values else None
+            own = _own(runs[0])
             found.append(
-                Spread(backend, formulation, len(runs), len(values), objective, _quartiles(seconds))
-            )
+                Spread(
+                    backend, formulation, len(runs), len(values), objective, _quartiles(seconds), own
+                )
+            )  # fmt: skip
     return tuple(found)
 
 
@@ -81,7 +101,7 @@ def spreads_table(spreads: Sequence[Spread]) -> FittedTable:
     """Return a table of repeated runs: successes, and quartiles of objective and seconds."""
     rows = [
         (
-            spread.backend + (f" : {spread.formulation}" if spread.formulation else ""),
+            spread.label,
             f"{spread.successes} of {spread.runs}",
             *(number(value) for value in spread.objective or (None,) * 3),
             *(seconds_text(value) for value in spread.seconds),

@@ -147,7 +147,7 @@ def _table_3(q: float) -> CatalogueEntry:
         "The paper prints no coordinates: obstacles and nodes are ours by seed, with their numbers, so "
         "lengths are not comparable with the paper's.",
         Provenance.SEEDED,
-        {"table": 3, "q": q},
+        {"table": 3, "row": 1 + WEIGHTS.index(q), "q": q},
     )
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 __all__ = ["Column", "PaperTable", "PaperTables"]
 
@@ -20,11 +21,20 @@ class Column:
         Key of the paper's seconds that stand beside it; empty where there are none.
     warm : bool
         Whether the run starts from the best plan of the runs before it.
+    options : mapping
+        The backend's own options; two columns of one backend differ by them.
     """
 
     backend: str
     published: str = ""
     warm: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """What stands above it: the backend, its formulation, and its options."""
+        options = (f"{name}={value}" for name, value in self.options.items())
+        return "\n".join([*self.backend.split(":"), *options])
 
 
 @dataclass(frozen=True)
@@ -39,11 +49,17 @@ class PaperTable:
         Our runs.
     tolerance : float, optional
         The tolerance that they are asked for.
+    repeats : int
+        How often each backend that draws runs on each row, from different seeds; medians are shown.
+    known : str
+        Whose the published optimum is.
     """
 
     title: str
     columns: tuple[Column, ...]
     tolerance: float | None = None
+    repeats: int = 1
+    known: str = "paper"
 
 
 @dataclass(frozen=True)
@@ -53,7 +69,8 @@ class PaperTables:
     Parameters
     ----------
     tables : mapping of int to PaperTable
-        By the number that the catalogue's published figures name as ``"table"``.
+        By the number that the catalogue's published figures name as ``"table"``. Where these have
+        ``"evaluations"``, a list of whole numbers, there is a row for each, whose runs are granted as many.
     note : str
         What to mind when figures are compared.
     """

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median
 from typing import Any
 
 from ...errors import UnknownName
@@ -12,7 +15,7 @@ from ...models.problems import resolve, table as table_of
 from ..crosscheck import Comparison, compare
 from ..solution import Solution
 from ..verdict import Outcome, Verdict, judge
-from .layout import Column, PaperTables
+from .layout import Column, PaperTable, PaperTables
 from .tables import number, seconds_text, table
 
 __all__ = ["Reproduction", "reproduce", "reproduction_parts"]
@@ -20,11 +23,43 @@ __all__ = ["Reproduction", "reproduce", "reproduction_parts"]
 
 @dataclass(frozen=True)
 class Row:
-    """One instance of a table: the paper's figures and our answers."""
+    """One instance of a table: the paper's figures and our answers.
+
+    Parameters
+    ----------
+    table : int
+        Number of the table.
+    published : mapping
+        The paper's figures.
+    verdict : Verdict
+        On all answers.
+    answers : tuple of tuple of Solution
+        The answers of each column, one a seed; none where it was interrupted before.
+    evaluations : int, optional
+        What each run was granted, where the table varies it.
+    """
 
     table: int
     published: Mapping[str, Any]
     verdict: Verdict
+    answers: tuple[tuple[Solution[Any], ...], ...]
+    evaluations: int | None = None
+
+    @property
+    def label(self) -> str:
+        """What stands in front of it."""
+        name = self.verdict.instance.rpartition("/")[2]
+        return name if self.evaluations is None else f"{name}, {self.evaluations}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the row as JSON data."""
+        granted = {} if self.evaluations is None else {"evaluations": self.evaluations}
+        return {
+            "table": self.table,
+            "published": dict(self.published),
+            **granted,
+            **self.verdict.to_dict(),
+        }
 
 
 @dataclass(frozen=True)
@@ -62,10 +97,7 @@ class Reproduction:
             "verdict": str(self.outcome),
             "interrupted": self.interrupted,
             "note": paper_tables(self.problem).note,
-            "rows": [
-                {"table": row.table, "published": dict(row.published), **row.verdict.to_dict()}
-                for row in self.rows
-            ],
+            "rows": [row.to_dict() for row in self.rows],
         }
 
 
@@ -102,27 +134,65 @@ def reproduce(
     rows: list[Row] = []
     interrupted = False
     for model, published in instances:
-        if interrupted:
-            break
         layout = layouts[published["table"]]
-        answers: list[Solution[Any]] = []
-        for warm in (False, True):
-            names = [column.backend for column in layout.columns if column.warm is warm]
-            if names and not interrupted:
-                start = judge(model.name, answers, model).best if warm else None
+        # Of repeated runs no seconds are shown, which runs beside others would lengthen.
+        workers = (os.cpu_count() or 1) if layout.repeats > 1 else 1
+        for evaluations in published.get("evaluations", (None,)):
+            if interrupted:
+                break
+            found: list[Solution[Any]] = []
+            answers: list[tuple[Solution[Any], ...]] = [()] * len(layout.columns)
+            for warm, places in _turns(layout):
+                if interrupted:
+                    break
+                columns = [layout.columns[place] for place in places]
                 part = compare(
                     model,
-                    names,
+                    [column.backend for column in columns],
                     time_limit=time_limit,
                     tolerance=layout.tolerance,
-                    warm_start=start,
+                    evaluations=evaluations,
+                    repeats=layout.repeats,
+                    warm_start=judge(model.name, found, model).best if warm else None,
+                    backend_options={_named(column): column.options for column in columns},
                     compiled=True,
+                    workers=workers,
                     on_solution=on_solution,
                 )
                 interrupted = part.interrupted
-                answers.extend(part.solutions)
-        rows.append(Row(published["table"], published, judge(model.name, answers, model)))
+                found.extend(part.solutions)
+                for place, column in zip(places, columns, strict=True):
+                    answers[place] = tuple(s for s in part.solutions if _stands(s, column))
+            verdict = judge(model.name, found, model)
+            rows.append(Row(published["table"], published, verdict, tuple(answers), evaluations))
     return Reproduction(problem, tuple(rows), interrupted)
+
+
+def _named(column: Column) -> str:
+    return column.backend.partition(":")[0]
+
+
+def _stands(solution: Solution[Any], column: Column) -> bool:
+    """Return whether `solution`, of a run with the options of `column`, stands below it."""
+    formulation = column.backend.partition(":")[2]
+    return solution.backend == _named(column) and formulation in ("", solution.formulation)
+
+
+def _turns(layout: PaperTable) -> list[tuple[bool, list[int]]]:
+    """Return the columns that run together, warm ones last; of one backend only with equal options."""
+    turns: list[tuple[bool, list[int]]] = []
+    for warm in (False, True):
+        left = [place for place, column in enumerate(layout.columns) if column.warm is warm]
+        while left:
+            options: dict[str, Mapping[str, Any]] = {}
+            together = []
+            for place in left:
+                column = layout.columns[place]
+                if options.setdefault(_named(column), column.options) == column.options:
+                    together.append(place)
+            left = [place for place in left if place not in together]
+            turns.append((warm, together))
+    return turns
 
 
 def reproduction_parts(result: Reproduction) -> list[Any]:
@@ -134,38 +204,44 @@ def reproduction_parts(result: Reproduction) -> list[Any]:
         if not rows:
             continue
         lengths = any("optimum" in row.published for row in rows)
-        head = ["row", *(["optimum\npaper"] if lengths else []), "optimum\nours"]
+        head = ["row", *([f"optimum\n{layout.known}"] if lengths else []), "optimum\nours"]
         for column in layout.columns:
-            label = column.backend.replace(":", "\n")
-            head += [f"{label}\npaper"] if column.published else []
-            head.append(f"{label}{'*' if column.warm else ''}\nours")
+            head += [f"{column.label}\npaper"] if column.published else []
+            head.append(f"{column.label}{'*' if column.warm else ''}\nours")
         lines = []
         for row in rows:
             best = row.verdict.best
-            line = [row.verdict.instance.rpartition("/")[2]]
+            line = [row.label]
             line += [number(row.published.get("optimum"), 0)] if lengths else []
             line.append(number(None if best is None else best.primal_bound))
-            for column in layout.columns:
+            for column, answers in zip(layout.columns, row.answers, strict=True):
                 if column.published:
                     line.append(seconds_text(row.published["seconds"].get(column.published)))
-                line.append(_ours(column, row.verdict))
+                line.append(_ours(answers) if layout.repeats == 1 else _median(answers))
             lines.append([*line, str(row.verdict.outcome)])
         parts.append(table(layout.title, [*head, "verdict"], lines, right=head[1:]))
     parts.append(layouts.note)
     return parts
 
 
-def _ours(column: Column, verdict: Verdict) -> str:
+def _ours(answers: Sequence[Solution[Any]]) -> str:
     """Return the seconds of our run, or how it ended without a proof."""
-    name, _, formulation = column.backend.partition(":")
-    for solution in verdict.solutions:
-        if solution.backend == name and formulation in ("", solution.formulation):
-            if solution.termination in ("optimal", "infeasible"):
-                return seconds_text(solution.seconds.get("solve"))
-            if solution.termination in ("locally_optimal", "feasible") and solution.gap is None:
-                # Nothing is proven, so what was found stands beside how long it took.
-                found = number(solution.primal_bound)
-                return f"{found} in {seconds_text(solution.seconds.get('solve'))}"
-            gap = "" if solution.gap is None else f", gap {solution.gap:.1%}"
-            return f"{solution.limit or solution.termination}{gap}"
+    for solution in answers:
+        if solution.termination in ("optimal", "infeasible"):
+            return seconds_text(solution.seconds.get("solve"))
+        if solution.termination in ("locally_optimal", "feasible") and solution.gap is None:
+            # Nothing is proven, so what was found stands beside how long it took.
+            found = number(solution.primal_bound)
+            return f"{found} in {seconds_text(solution.seconds.get('solve'))}"
+        gap = "" if solution.gap is None else f", gap {solution.gap:.1%}"
+        return f"{solution.limit or solution.termination}{gap}"
     return ""
+
+
+def _median(answers: Sequence[Solution[Any]]) -> str:
+    """Return the median of what the seeds found, or how most of them ended without a plan."""
+    values = [math.inf if s.primal_bound is None else s.primal_bound for s in answers]
+    middle = median(values) if values else math.inf
+    if math.isfinite(middle):
+        return f"{middle:.3g}"
+    return next((str(s.termination) for s in answers if s.primal_bound is None), "")
