@@ -56,6 +56,9 @@ def read_columns(
     table: dict[str, list[Any]] = {name: [] for name in names}
     for line, values in rows:
         where = f"{file}, line {line}"
+        if file.suffix.casefold() == ".xlsx":
+            # A sheet does not tell how many of its cells are empty at the end of a row.
+            values = values + [""] * (len(names) - len(values))
         if len(values) != len(names):
             raise InvalidData(
                 f"{where}: {len(values)} values where the header has {len(names)}: "

@@ -77,8 +77,8 @@ def test_every_command_works_on_it(installed, place):
     assert "error-correction" in listed
     assert {small, EXAMPLE} <= {one["name"] for one in data("instances")}
     owners = {one["problem"] for one in data("backends") if one["name"] == dynamic}
-    assert owners == {"covering", "error_correction"}
-    assert done["backends in words"].stdout.count(dynamic) == 2
+    assert owners == {"covering", "error_correction", "guided_path"}
+    assert done["backends in words"].stdout.count(dynamic) == 3
     assert data("solve")["backend"] == dynamic
     assert data("solve")["plan"] == {"items": [0, 2]}
     assert (place / "small.png").stat().st_size > 1000

@@ -1,0 +1,35 @@
+"""Instances of a guided vehicle's tour: the paper's example and sizes, wild ones, and SOP files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .exports import write_stops_csv as write_stops_csv, write_tour as write_tour
+    from .generator import generate as generate, generate_relation as generate_relation
+    from .sop import read_sop as read_sop, write_sop as write_sop
+    from .stops import read_stops as read_stops
+    from .supersequence import (
+        supersequence_of as supersequence_of,
+        supersequence_tour as supersequence_tour,
+    )
+
+CATALOGUE = {"guided-path": ".listing:catalogue_entries"}
+REFERENCES = {"guided-path-tour": ".stops:resolve_references"}
+TABLE_FILES = {"guided-path-tour": ".stops:read_stops"}
+DEMOS = {"guided-path": ".demo:DEMO"}
+EXPORTS = {"csv": ".exports:CSV", "tsplib": ".exports:TSPLIB"}
+PRINTED = {"guided-path/table-1": ".printed:table_1"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "exports": ("write_stops_csv", "write_tour"),
+        "generator": ("generate", "generate_relation"),
+        "sop": ("read_sop", "write_sop"),
+        "stops": ("read_stops",),
+        "supersequence": ("supersequence_of", "supersequence_tour"),
+    },
+)

@@ -1,0 +1,97 @@
+"""Tours of a guided vehicle as tables, and as tours of TSPLIB."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import InvalidData
+from ...files import write_text
+from ...models.fields import required
+from ...models.guided_path.model import GuidedPathTour
+from ...models.guided_path.plan import GuidedPathPlan
+from ..exports import ExportFormat
+
+__all__ = ["CSV", "TSPLIB", "write_stops_csv", "write_tour"]
+
+
+def write_stops_csv(
+    plan: GuidedPathPlan, path: str | os.PathLike[str], *, model: GuidedPathTour
+) -> Path:
+    """Write one row a stop as CSV, in one step; return the path.
+
+    The columns are ``stop,customer,x,walked``: a number from 0, the name of the customer, where it is
+    and how far the vehicle has come until there, m. The first and the last row are the start.
+
+    Parameters
+    ----------
+    plan : GuidedPathPlan
+        The tour.
+    path : path-like
+        The file.
+    model : GuidedPathTour
+        What it is for.
+
+    Raises
+    ------
+    InvalidData
+        A plan with customers that there are not, or a file that cannot be written.
+    """
+    stops = _stops(plan, model)
+    places = model.coordinates[stops]
+    walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(places)))])
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow(("stop", "customer", "x", "walked"))
+    rows = zip(map(model.label, stops), places.tolist(), walked.tolist(), strict=True)
+    table.writerows((stop, *row) for stop, row in enumerate(rows))
+    return write_text(path, out.getvalue())
+
+
+def write_tour(
+    plan: GuidedPathPlan, path: str | os.PathLike[str], *, model: GuidedPathTour
+) -> Path:
+    """Write the tour as TSPLIB does, in one step; return the path.
+
+    Nodes are numbered as :func:`~crosstrack.instances.guided_path.write_sop` numbers them: the start is 1,
+    customer k is k + 1, and the end is the last.
+
+    Parameters
+    ----------
+    plan, path, model
+        As for :func:`write_stops_csv`.
+
+    Raises
+    ------
+    InvalidData
+        As for :func:`write_stops_csv`.
+    """
+    stops = _stops(plan, model)
+    nodes = [*(stop + 1 for stop in stops[:-1]), model.size + 1]
+    head = [
+        f"NAME: {' '.join(model.name.split()) or 'tour'}",
+        "TYPE: TOUR",
+        f"DIMENSION: {model.size + 1}",
+        "TOUR_SECTION",
+    ]
+    return write_text(path, "\n".join([*head, *map(str, nodes), "-1", "EOF"]) + "\n")
+
+
+def _stops(plan: GuidedPathPlan, model: GuidedPathTour) -> list[int]:
+    """Return the customers of a plan between the start and the start."""
+    required("model", model, GuidedPathTour)
+    order = required("plan", plan, GuidedPathPlan).order
+    other = next((x for x in order if not 1 <= x < model.size), None)
+    if other is not None:
+        raise InvalidData(
+            f"order must hold customers 1 … {model.size - 1}, got {other}", field="order"
+        )
+    return [0, *order, 0]
+
+
+CSV = ExportFormat("one row a stop (CSV)", ".csv", write_stops_csv)
+TSPLIB = ExportFormat("a tour of TSPLIB", ".tour", write_tour)

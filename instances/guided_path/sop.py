@@ -1,0 +1,237 @@
+"""Sequential ordering problems of TSPLIB (``.sop``) whose distances are those of a line.
+
+The first node of a file is the start, the last one the end at the start's place. An entry of -1 in row i
+and column j says that node j precedes node i; any other one is the distance from i to j.
+
+Source: G. Reinelt, "TSPLIB: a traveling salesman problem library", ORSA Journal on Computing 3, 1991.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ...files import as_path, read_text, write_text
+from ...models.fields import required, show
+from ...models.guided_path.data import MOST
+from ...models.guided_path.model import GuidedPathTour
+from ..storage import NUMBER
+
+__all__ = ["read_sop", "write_sop"]
+
+Floats = NDArray[np.float64]
+
+#: By how much distances may differ from those of the line, relative to the longest.
+_ROUNDING = 1e-9
+#: What stands for the way from the start to the end, which nobody takes.
+_NO_WAY = 1_000_000
+_HEAD = {"TYPE": "SOP", "EDGE_WEIGHT_TYPE": "EXPLICIT", "EDGE_WEIGHT_FORMAT": "FULL_MATRIX"}
+
+
+def read_sop(path: str | os.PathLike[str]) -> GuidedPathTour:
+    """Return the tour that a file of TSPLIB's sequential ordering problems asks for.
+
+    Distances tell neither the direction of the line nor where it begins: the start is at 0, and who is
+    farthest from it on the right. Customers are the nodes 2, 3, … of the file, in their order. Where the
+    relation is one of chains, it is stated so, otherwise as the fewest pairs.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Raises
+    ------
+    InvalidData
+        Naming the file: no such problem, numbers that are missing or none, a relation with a cycle, and
+        distances that are no line's to 1e-9 of the longest, with the nodes that show it.
+    """
+    file = as_path(path)
+    matrix = _matrix(file)
+    broken = np.argwhere((matrix < 0) & (matrix != -1))
+    if len(broken):
+        i, j = broken[0]
+        raise InvalidData(
+            f"{file}: entry {i + 1}, {j + 1} must be a distance or -1, got {matrix[i, j]:g}",
+            field="coordinates",
+        )
+    before = matrix == -1  # row i, column j: j precedes i
+    np.fill_diagonal(before, False)
+    if before[0].any() or before[:, -1].any():
+        node = int(np.append(np.flatnonzero(before[0]), np.flatnonzero(before[:, -1]))[0])
+        raise InvalidData(
+            f"{file}: node 1 must come first and node {len(matrix)} last, the precedence of node "
+            f"{node + 1} says otherwise",
+            field="precedence",
+        )
+    both = np.argwhere(before & before.T)
+    if len(both):
+        i, j = both[0]
+        raise InvalidData(
+            f"{file}: precedence must have no cycle, nodes {i + 1} and {j + 1} each precede the other",
+            field="precedence",
+        )
+    try:
+        places = _places(matrix, before)
+        relation = _relation(before[1:-1, 1:-1].T)
+        return GuidedPathTour.from_data({"coordinates": places, **relation}, name=file.stem)
+    except InvalidData as error:
+        raise InvalidData(f"{file}: {error}", field=error.field) from None
+
+
+def _relation(precedes: NDArray[np.bool_]) -> dict[str, list[list[int]]]:
+    """Return the relation in few words: as chains where it is of such, else by the fewest pairs."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    if connected_components(csr_array(precedes), connection="strong")[0] < len(precedes):
+        # There is a cycle, which the model names.
+        return {"precedence": (np.argwhere(precedes) + 1).tolist()}
+    # A pair that others imply says nothing.
+    weights = precedes.astype(np.float32)
+    pairs = (np.argwhere(precedes & (weights @ weights == 0)) + 1).tolist()
+    after = {int(one): int(other) for one, other in pairs}
+    followers = set(after.values())
+    if len(after) < len(pairs) or len(followers) < len(pairs):
+        return {"precedence": pairs}
+    chains = [[head] for head in after if head not in followers]
+    for chain in chains:
+        while chain[-1] in after:
+            chain.append(after[chain[-1]])
+    return {"chains": chains}
+
+
+def _places(matrix: Floats, before: NDArray[np.bool_]) -> Floats:
+    """Return the coordinates of the start and the customers, by distances from the start."""
+    # The last node is the start once more: what leads to it tells the distance of the start.
+    apart = matrix[:-1, :-1].copy()
+    apart[1:, 0] = apart[0, 1:]
+    mutual = before[:-1, :-1]
+    apart[mutual] = apart.T[mutual]
+    np.fill_diagonal(apart, 0.0)
+    far = int(apart[0].argmax())
+    # To be on the far node's side means that the way there is the shorter one of two.
+    ahead = np.abs(apart[far] - (apart[0, far] - apart[0])) <= np.abs(
+        apart[far] - (apart[0, far] + apart[0])
+    )
+    places: Floats = np.where(ahead, apart[0], -apart[0])
+    line = np.abs(places[:, None] - places)
+    wanted = np.zeros_like(matrix)
+    wanted[:-1, :-1] = line
+    wanted[:-1, -1] = line[:, 0]
+    held = ~before
+    held[0, -1] = False
+    held[-1] = False
+    np.fill_diagonal(held, False)
+    held[1:, 0] = False
+    off = np.where(held, np.abs(matrix - wanted), 0.0)
+    i, j = np.unravel_index(int(off.argmax()), off.shape)
+    if off[i, j] > _ROUNDING * line.max():
+        raise InvalidData(
+            f"distances must be those of a line: with nodes 1 and {far + 1} at 0 and "
+            f"{apart[0, far]:.10g} and the others by their distances from these, nodes {i + 1} and "
+            f"{j + 1} are {wanted[i, j]:.10g} apart, got {matrix[i, j]:.10g}",
+            field="coordinates",
+        )
+    return places
+
+
+def _matrix(file: Path) -> Floats:
+    """Return the matrix of a file."""
+    head, parts, inside = dict[str, str](), [np.empty(0)], False
+    for line in read_text(file).splitlines():
+        key, _, value = (part.strip() for part in line.partition(":"))
+        if key == "EOF":
+            break
+        if inside:
+            parts.append(_numbers(file, line.split()))
+        elif key == "EDGE_WEIGHT_SECTION":
+            inside = True
+        elif key:
+            head[key] = value
+    for key, value in _HEAD.items():
+        if head.get(key) != value:
+            raise InvalidData(
+                f"{file}: {key} must be {value}, got {show(head.get(key))}", field=key.lower()
+            )
+    said = head.get("DIMENSION", "")
+    size = int(said) if said.isascii() and said.isdigit() and len(said) < 10 else 0
+    if not 3 <= size <= MOST + 2:
+        raise InvalidData(
+            f"{file}: DIMENSION must be a whole number from 3 to {MOST + 2}, got {show(said)}",
+            field="dimension",
+        )
+    found = np.concatenate(parts)
+    # The section may begin with the dimension, where a matrix has the 0 of its diagonal.
+    if found[:1] == size:
+        found = found[1:]
+    if found.size != size**2:
+        raise InvalidData(
+            f"{file}: EDGE_WEIGHT_SECTION must hold {size} × {size} numbers, got {found.size}",
+            field="coordinates",
+        )
+    return found.reshape(size, size)
+
+
+def _numbers(file: Path, words: list[str]) -> Floats:
+    """Return the numbers of a line."""
+    bad = next((word for word in set(words) if not NUMBER.fullmatch(word)), None)
+    found = np.array([] if bad else words, float)
+    if bad is not None or not np.isfinite(found).all():
+        raise InvalidData(
+            f"{file}: EDGE_WEIGHT_SECTION must hold finite numbers, got "
+            f"{show(bad or words[int((~np.isfinite(found)).argmax())])}",
+            field="coordinates",
+        )
+    return found
+
+
+def write_sop(model: GuidedPathTour, path: str | os.PathLike[str]) -> Path:
+    """Write a tour as a sequential ordering problem of TSPLIB, in one step; return the path.
+
+    Node 1 is the start, nodes 2, 3, … are customers 1, 2, …, and the last node is the end. The whole
+    relation is written, also what follows from it. Distances are whole numbers where the coordinates
+    are; many readers take no others.
+
+    Parameters
+    ----------
+    model : GuidedPathTour
+        The tour.
+    path : path-like
+        The file, usually called ``.sop``.
+
+    Raises
+    ------
+    InvalidData
+        The file cannot be written.
+    """
+    places = required("model", model, GuidedPathTour).coordinates
+    size = model.size + 1
+    whole = bool((places == np.round(places)).all() and np.abs(places).max() < 2**52)
+    # Nobody writes more digits than a float has.
+    way = _NO_WAY if np.ptp(places) < _NO_WAY else 10 * int(np.ptp(places))
+    lines = [
+        f"NAME: {' '.join(model.name.split()) or 'tour'}",
+        "TYPE: SOP",
+        f"COMMENT: a line of {model.size - 1} customers",
+        f"DIMENSION: {size}",
+        "EDGE_WEIGHT_TYPE: EXPLICIT",
+        "EDGE_WEIGHT_FORMAT: FULL_MATRIX",
+        "EDGE_WEIGHT_SECTION",
+        str(size),
+    ]
+    for i, here in enumerate(places):
+        row = np.abs(places - here)
+        words = list(map(str, (row.astype(np.int64) if whole else row).tolist()))
+        for j in np.flatnonzero(model.closure[:, i]).tolist():
+            words[j] = "-1"
+        back = words[0]
+        if i:
+            words[0] = "-1"
+        lines.append(" ".join([*words, back if i else str(way)]))
+    lines.append(" ".join(["-1"] * (size - 1) + ["0"]))
+    return write_text(path, "\n".join([*lines, "EOF"]) + "\n")

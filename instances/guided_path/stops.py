@@ -1,0 +1,142 @@
+"""Stops of a guided vehicle in CSV and Excel files, and instances that refer to such or to SOP files.
+
+A file has a header with the column ``coordinate`` and any of ``id``, ``chain``, ``place`` and ``after``, in
+any order. The first row below is the start. Rows with the same entry of ``chain`` are a chain, in the
+order of ``place``, or of the rows where there is no such column; an empty cell means no chain. A cell of
+``after`` names the stops that must precede, by their ids (by their rows' numbers, the start's being 0,
+where there are no ids), with spaces between them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from ...errors import InvalidData
+from ...models.fields import show
+from ..spreadsheets import read_columns
+from ..storage import Find, number
+from .sop import read_sop
+
+__all__ = ["read_stops", "resolve_references"]
+
+_KNOWN = ("coordinate", "id", "chain", "place", "after")
+
+
+def read_stops(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the data of an instance that a CSV or Excel file of stops holds.
+
+    Returns
+    -------
+    dict
+        ``coordinates`` (m), and of ``chains``, ``precedence`` and ``ids`` what the file has: what
+        :class:`~crosstrack.models.guided_path.GuidedPathTour` takes.
+
+    Raises
+    ------
+    BackendMissing
+        It is an Excel file, and openpyxl is not installed.
+    InvalidData
+        Naming file, line, column and value: columns that are missing, repeat or are not known, a row
+        too short or too long, what is no finite number, an id that is empty or comes twice, a start
+        that is in a chain or after others, a place that is empty or comes twice in a chain, a stop that
+        there is not, a file without stops.
+    """
+    table = read_columns(path, _check_header, _converted, what="stops", field="coordinates")
+    found: dict[str, Any] = {"coordinates": table["coordinate"]}
+    names = table.get("id", [str(row) for row in range(len(table["coordinate"]))])
+    if "id" in table:
+        found["ids"] = names
+    for column in ("chain", "after"):
+        if column in table and table[column][0]:
+            raise InvalidData(
+                f"{path}: the first row is the start, whose {column} must be empty, got "
+                f"{show(table[column][0])}",
+                field=column,
+            )
+    if "chain" in table:
+        found["chains"] = _chains(table, names, path)
+    if "after" in table:
+        rows = {name: row for row, name in enumerate(names)}
+        if len(rows) < len(names):
+            raise InvalidData(f"{path}: ids must differ, for after to name them", field="ids")
+        found["precedence"] = [
+            (_row(name, rows, f"{path}: after of stop {names[row]}"), row)
+            for row, text in enumerate(table["after"])
+            for name in text.split()
+        ]
+    return found
+
+
+def _chains(
+    table: Mapping[str, list[Any]], names: list[str], path: str | os.PathLike[str]
+) -> list[list[int]]:
+    """Return the chains in the order of their first rows."""
+    members: dict[str, list[int]] = {}
+    for row, chain in enumerate(table["chain"]):
+        if chain:
+            members.setdefault(chain, []).append(row)
+    if "place" in table:
+        for chain, rows in members.items():
+            seen: dict[float, int] = {}
+            for row in rows:
+                place = table["place"][row]
+                if place is None or seen.setdefault(place, row) != row:
+                    raise InvalidData(
+                        f"{path}: stop {names[row]} of chain {chain} must have a place of its own, got "
+                        f"{'nothing' if place is None else f'{place:g}'}",
+                        field="place",
+                    )
+            rows.sort(key=table["place"].__getitem__)
+    return list(members.values())
+
+
+def _row(name: str, rows: Mapping[str, int], where: str) -> int:
+    if name not in rows:
+        raise InvalidData(f"{where} must name stops, got {show(name)}", field="after")
+    return rows[name]
+
+
+def _check_header(names: list[str], where: str) -> None:
+    """Raise where the columns are none of a file of stops."""
+    lost = "place" in names and "chain" not in names
+    if not {"coordinate"} <= set(names) <= set(_KNOWN) or len(set(names)) < len(names) or lost:
+        raise InvalidData(
+            f"{where}: must be a header of stops: coordinate, with id, chain, place in the chain and "
+            f"after where they have any; got {show(','.join(names))}",
+            field="header",
+        )
+
+
+def _converted(text: str, where: str, name: str) -> float | str | None:
+    if name == "coordinate" or (name == "place" and text):
+        return number(text, f"{where}, column {name}", name)
+    if name == "place":
+        return None
+    if name == "id" and not text:
+        raise InvalidData(f"{where}: must name the stop, got nothing", field="ids")
+    return text
+
+
+def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
+    """Return `data` of an instance with its stops read from their file.
+
+    ``"coordinates": "file.csv"`` names a file of stops, ``"sop": "file.sop"`` one of TSPLIB's sequential
+    ordering problems on a line.
+    """
+    found = dict(data)
+    if isinstance(found.get("sop"), str):
+        held = {
+            key: value
+            for key, value in read_sop(find(found.pop("sop"))).data().items()
+            if key != "ids" and len(value)
+        }
+    elif isinstance(found.get("coordinates"), str):
+        held = read_stops(find(found.pop("coordinates")))
+    else:
+        return found
+    for key in held:
+        if key in found:
+            raise InvalidData(f"{key} must not be given: the file holds it", field=key)
+    return {**found, **held}

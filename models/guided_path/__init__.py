@@ -1,0 +1,19 @@
+"""Tours of a vehicle that is guided along a path, with customers that must precede others."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .model import GuidedPathTour as GuidedPathTour
+    from .plan import GuidedPathPlan as GuidedPathPlan
+
+MODELS = {"guided-path-tour": ".model:GuidedPathTour"}
+PICTURES = {"guided-path-tour": ".plot:draw"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {"model": ("GuidedPathTour",), "plan": ("GuidedPathPlan",)},
+)

@@ -1,0 +1,174 @@
+"""The program of a tour as arcs between customers, and who is served before whom.
+
+x_ij = 1 says that j is served next after i, the start 0 included; y_ij = 1 that i is served anywhere
+before j, which settles the relation and leaves no tour aside: of any three customers no two orders
+make a circle, and nobody comes between two that follow one another. Arcs against the relation, and
+past somebody who must come between, are left out. Each gap between places is crossed as often as a
+chain of the relation asks. Customers that every tour passes in time are left out (:mod:`.walks`).
+
+Source: S. C. Sarin, H. D. Sherali, A. Bhootra, "New tighter polynomial length formulations for the
+asymmetric traveling salesman problem with and without precedence constraints", Operations Research
+Letters 33, 2005; without its arcs between pairs, E. Balas, M. Fischetti, W. R. Pulleyblank, "The
+precedence-constrained asymmetric traveling salesman polytope", Mathematical Programming 68, 1995.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UnsupportedFormulation
+from ..fields import Array
+from ..formulation import Formulation
+from ..programs.builder import ProgramBuilder
+from ..programs.linear import MixedIntegerProgram
+from .data import GuidedPathData
+from .gaps import Gaps
+from .model import GuidedPathTour
+from .plan import GuidedPathPlan
+from .walks import kept_order, reduced, served
+
+__all__ = ["ArcsFormulation"]
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Customers at the most, which takes some 200 000 rows.
+_MOST = 60
+
+
+@dataclass(frozen=True, eq=False)
+class ArcsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
+    """Arcs from one customer to the next, and the order of any two; for few customers.
+
+    Parameters
+    ----------
+    model : GuidedPathTour
+        At most 60 customers that decide the length.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        There are more.
+    """
+
+    name: ClassVar[str] = "arcs"
+    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
+    summary: ClassVar[str] = "arcs between customers and the order of any two; for few customers"
+
+    def __post_init__(self) -> None:
+        if self._kept.size - 1 > _MOST:
+            raise UnsupportedFormulation(
+                f"formulation {self.name!r} takes {_MOST} customers at the most that decide the "
+                f"length, got {self._kept.size - 1}: 'sweeps' takes more"
+            )
+
+    @cached_property
+    def _reduced(self) -> tuple[GuidedPathData, tuple[int, ...]]:
+        return reduced(self.model)
+
+    @property
+    def _kept(self) -> GuidedPathData:
+        """The customers that count, numbered anew."""
+        return self._reduced[0]
+
+    @cached_property
+    def _gaps(self) -> Gaps:
+        return Gaps(self._kept)
+
+    @cached_property
+    def _arcs(self) -> tuple[Indices, Indices]:
+        """Tails and heads of the arcs."""
+        before = self._kept.closure.copy()
+        between = before.astype(float) @ before > 0
+        free = ~(np.eye(len(before), dtype=bool) | before.T | between)
+        free[0, before.any(axis=0)] = False
+        free[before.any(axis=1), 0] = False
+        tails, heads = np.nonzero(free)
+        return tails, heads
+
+    def build(self) -> MixedIntegerProgram:
+        """Return the program described at the head of this module."""
+        kept, b = self._kept, ProgramBuilder()
+        labels = np.array(self._reduced[1])
+        gaps, size = self._gaps, kept.size
+        tails, heads = self._arcs
+        ways = np.concatenate([[0.0], np.cumsum(gaps.lengths)])[gaps.at]
+        x = b.columns(
+            "served next", tails.size, upper=1, integral=True,
+            cost=np.abs(ways[heads] - ways[tails]), template="{1} after {0}",
+            index=labels[np.column_stack([tails, heads])],
+        )  # fmt: skip
+        first, second = np.triu_indices(size - 1, 1)
+        first, second = first + 1, second + 1
+        pairs = labels[np.column_stack([first, second])]
+        y = b.columns(
+            "served before", first.size, lower=kept.closure[first, second].astype(float),
+            upper=1.0 - kept.closure[second, first], integral=True, template="{0} before {1}",
+            index=pairs,
+        )  # fmt: skip
+        for name, ends in (("left once", tails), ("reached once", heads)):
+            b.rows(name, size, (ends, x, 1.0), lower=1, upper=1, template="{0}", index=labels)
+        # The order of any two customers as a column, a sign and a constant.
+        column = np.zeros((size, size), np.int64)
+        sign, constant = np.ones((size, size)), np.zeros((size, size))
+        column[first, second] = column[second, first] = y
+        sign[second, first], constant[second, first] = -1.0, 1.0
+        inner = np.flatnonzero((tails > 0) & (heads > 0))
+        i, j = tails[inner], heads[inner]
+        rows = np.arange(inner.size)
+        b.rows(
+            "next is after", rows.size, (rows, x[inner], 1.0), (rows, column[i, j], -sign[i, j]),
+            upper=constant[i, j], template="{1} after {0}", index=labels[np.column_stack([i, j])],
+        )  # fmt: skip
+        arc = np.full((size, size), -1)
+        arc[tails, heads] = x
+        i, j, k = (part.ravel() + 1 for part in np.indices((size - 1,) * 3))
+        may = ~kept.closure.T
+        most = (arc[j, i] >= 0).astype(int) + may[i, j] + may[j, k] + may[k, i]
+        i, j, k = np.stack([i, j, k])[:, (i != j) & (j != k) & (k != i) & (most > 2)]
+        rows = np.arange(i.size)
+        back = arc[j, i] >= 0
+        orders = [(i, j), (j, k), (k, i)]
+        b.rows(
+            "no circle of three", i.size, (rows[back], arc[j, i][back], 1.0),
+            *((rows, column[at], sign[at]) for at in orders),
+            upper=2.0 - sum(constant[at] for at in orders), template="{0}, {1} and {2}",
+            index=labels[np.column_stack([i, j, k])],
+        )  # fmt: skip
+        each = np.arange(gaps.lengths.size)
+        crossed = (gaps.at[tails] <= each[:, None]) & (gaps.at[heads] > each[:, None])
+        row, at = np.nonzero(crossed)
+        b.rows(
+            "gap crossed as often as a chain asks", each.size, (row, x[at], 1.0),
+            lower=gaps.crossings, template="gap {0}", index=each,
+        )  # fmt: skip
+        return b.build(name=f"{self.model.name}:{self.name}" if self.model.name else self.name)
+
+    def encode(self, plan: GuidedPathPlan) -> Floats:
+        """Return the columns of the order in which `plan` serves those customers that count."""
+        order = kept_order(self.model, self._reduced[1], plan)
+        size = self._kept.size
+        after = np.zeros((size, size))
+        after[[0, *order], [*order, 0]] = 1.0
+        place = np.empty(size)
+        place[order] = np.arange(size - 1)
+        first, second = np.triu_indices(size - 1, 1)
+        return np.concatenate([after[self._arcs], place[first + 1] < place[second + 1]])
+
+    def decode(self, point: Floats) -> GuidedPathPlan:
+        """Return the order along the arcs; whoever is passed and may be served, is."""
+        held = Array((self.program.size,)).coerce("point", point, {})
+        tails, heads = (ends[held[: ends.size] > 0.5] for ends in self._arcs)
+        follows = dict(zip(tails.tolist(), heads.tolist(), strict=True))
+        numbers, stops, at = self._reduced[1], list[int](), 0
+        for _ in numbers:
+            at = follows.get(at, 0)
+            if not at:
+                break
+            stops.append(numbers[at])
+        return GuidedPathPlan(served(self.model, stops))

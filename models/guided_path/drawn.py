@@ -1,0 +1,93 @@
+"""What all pictures of a guided vehicle's tour share: the way it walks, the chains, and the axes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..plots.maps import length_unit
+from ..plots.style import DARK, axis_style, bare, number
+from .data import GuidedPathData
+from .plan import GuidedPathPlan
+
+__all__ = ["Walk", "dress_line", "dress_walk", "groups_of", "look_of", "walk_of"]
+
+Floats = NDArray[np.float64]
+
+#: Markers of chains, for each round of the colours.
+_MARKERS = ("o", "^", "D", "v", "P")
+
+
+class Walk(NamedTuple):
+    """A tour as it is drawn.
+
+    Parameters
+    ----------
+    stops : list of int
+        Who is served, with the start at both ends.
+    places : ndarray, shape (stops,)
+        Where, m.
+    walked : ndarray, shape (stops,)
+        How far the vehicle has come, m.
+    """
+
+    stops: list[int]
+    places: Floats
+    walked: Floats
+
+
+def walk_of(model: GuidedPathData, plan: GuidedPathPlan) -> Walk:
+    """Return the way of a plan whose customers there are."""
+    stops = [0, *plan.order, 0]
+    places = model.coordinates[stops]
+    walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(places)))])
+    return Walk(stops, places, walked)
+
+
+def groups_of(model: GuidedPathData) -> tuple[tuple[int, ...], ...]:
+    """Return the chains that are drawn: those of the model, or the fewest that hold its relation."""
+    given = [tuple(x for x in chain if x) for chain in model.chains]
+    return tuple(chain for chain in given or model.cover if len(chain) > 1)
+
+
+def look_of(group: int) -> dict[str, Any]:
+    """Return marker and colour of the customers of a chain; -1 is for those in none."""
+    if group < 0:
+        return {"marker": "o", "color": DARK}
+    return {
+        "marker": _MARKERS[group // 7 % len(_MARKERS)],
+        "color": axis_style(group)["color"],
+    }
+
+
+def dress_line(axes: Any, model: GuidedPathData, scale: float) -> None:
+    """Set the limits of the line."""
+    low, high = float(model.coordinates.min()), float(model.coordinates.max())
+    # A line without any extent has no scale of its own.
+    around = 0.08 * (high - low) or max(1.0, 0.1 * abs(low))
+    axes.set_xlim((low - around) * scale, (high + around) * scale)
+    bare(axes)
+    _plain_ticks(axes.xaxis)
+
+
+def _plain_ticks(axis: Any) -> None:
+    """Write the numbers of an axis in full, without a common factor aside."""
+    from matplotlib.ticker import FuncFormatter
+
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 7)))
+
+
+def dress_walk(axes: Any, walk: Walk, scale: float, over: str = "walked") -> Floats:
+    """Set the limits of what is walked, and return where the stops are, shape (stops, 2)."""
+    if over == "walked":
+        size, unit = length_unit(float(walk.walked[-1]))
+        down, words = walk.walked * size, f"walked ({unit})"
+    else:
+        down, words = np.arange(len(walk.stops), dtype=float), "stops"
+    around = 0.03 * float(down[-1]) or 0.5
+    axes.set_ylim(float(down[-1]) + around, -around)
+    axes.set_ylabel(words, fontsize=8.5)
+    _plain_ticks(axes.yaxis)
+    return np.column_stack([walk.places * scale, down])

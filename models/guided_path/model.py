@@ -1,0 +1,92 @@
+"""A guided vehicle that visits customers along a path, some before others.
+
+Source: "Exact and Heuristic Algorithms for Routing AGV on Path with Precedence Constraints",
+Mathematical Problems in Engineering 2016, article 5040513, doi 10.1155/2016/5040513.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..model import Model
+from ..verification import TOLERANCE, Verification
+from .checks import verify_tour
+from .data import GuidedPathData
+from .plan import GuidedPathPlan
+
+__all__ = ["GuidedPathTour"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GuidedPathTour(GuidedPathData, Model[GuidedPathPlan]):
+    r"""The shortest tour along a line from the start through all customers and back.
+
+    With the coordinates :math:`x_i` and the order :math:`\pi` of service, minimise
+    :math:`|x_{\pi_1} - x_0| + \sum_k |x_{\pi_{k+1}} - x_{\pi_k}| + |x_0 - x_{\pi_n}|` such that whoever
+    must precede is served first. Known as the travelling salesman problem on a path with precedence
+    constraints (TSPP-PC); strongly NP-hard, as the shortest common supersequence of binary words
+    reduces to it.
+
+    Parameters
+    ----------
+    coordinates : ndarray, shape (n + 1,)
+        Where the start (entry 0) and the customers 1 … n are along the path, m; any sign, equal ones
+        too.
+    chains : list of lists of int
+        Customers of each chain in the order in which they must be served; no customer in two.
+    precedence : ndarray of int, shape (p, 2)
+        Further pairs (i, j): i must be served before j. Any relation without cycles, beside chains
+        or instead of them.
+    ids : sequence of int or str, optional
+        Names of the start and the customers.
+
+    Raises
+    ------
+    InvalidData
+        Naming field, place and value: no customers, numbers of customers that there are not, a customer
+        in two chains, a cycle, NaN.
+
+    Examples
+    --------
+    >>> from crosstrack.models import GuidedPathTour
+    >>> model = GuidedPathTour([0, 1, 2, 3, 4], chains=[[3, 1], [4, 2]])
+    >>> print(model.describe())
+    4 customers, 2 chains
+    >>> print(model.verify(model.as_plan({"order": [3, 4, 2, 1]})).objective)
+    8.0
+    """
+
+    kind: ClassVar[str] = "guided-path-tour"
+    objective_unit: ClassVar[str] = "m"
+    plan_type: ClassVar[type] = GuidedPathPlan
+    formulations: ClassVar[dict[str, Any]] = {
+        "sweeps": ".models.guided_path.sweeps:SweepsFormulation",
+        "arcs": ".models.guided_path.arcs:ArcsFormulation",
+    }
+    default_formulation: ClassVar[str] = "sweeps"
+
+    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    def verify(self, plan: GuidedPathPlan, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return the length and every constraint, by walking the path."""
+        return verify_tour(self, plan, tolerance)
+
+    def plan_to_data(self, plan: GuidedPathPlan) -> Any:
+        """Return ``{"order": […]}``."""
+        return plan.to_data()
+
+    def plan_from_data(self, data: Any) -> GuidedPathPlan:
+        """Return the plan in `data`."""
+        return GuidedPathPlan.from_data(data)
+
+    def describe(self) -> str:
+        """Return the size in a few words."""
+        customers = self.size - 1
+        words = [f"{customers} customer{'s' if customers > 1 else ''}"]
+        if self.chains:
+            words.append(f"{len(self.chains)} chain{'s' if len(self.chains) > 1 else ''}")
+        if len(self.precedence):
+            words.append(f"{len(self.precedence)} pair{'s' if len(self.precedence) > 1 else ''}")
+        return ", ".join(words)

@@ -1,0 +1,176 @@
+"""What a tour along a path serves for nothing: the customers that it passes in any case.
+
+Property 1 of the paper says that of customers without any relation only the outermost two matter. The
+same holds of every customer that lies on the way from whoever must precede it to whoever must follow:
+between the last of the former and the first of the latter, any tour passes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from heapq import heapify, heappop, heappush
+
+import numpy as np
+
+from ...errors import InvalidData
+from ..fields import required
+from .data import GuidedPathData
+from .plan import GuidedPathPlan
+
+__all__ = ["kept_order", "length_of", "reduced", "served"]
+
+
+def reduced(
+    model: GuidedPathData, *, passing: bool = True
+) -> tuple[GuidedPathData, tuple[int, ...]]:
+    """Return the customers that decide the length of a tour, as a smaller model, and their numbers.
+
+    Its least length is that of `model`: :func:`served` makes a tour of either one of the other. Where
+    no customer decides anything, one that is kept makes the smaller model one at all.
+
+    Parameters
+    ----------
+    model : GuidedPathData
+    passing : bool
+        Whether to leave out more than Property 1 does: every customer that any tour passes in time.
+
+    Returns
+    -------
+    GuidedPathData, tuple of int
+        The smaller model, whose relation is all precedence; and the number in `model` of each of its
+        customers, in increasing order after the start's.
+    """
+    x = model.coordinates.tolist()
+    before: list[set[int]] = [set() for _ in x]
+    after: list[set[int]] = [set() for _ in x]
+    for one, other in model.pairs:
+        before[other].add(one)
+        after[one].add(other)
+    kept = set(range(1, model.size))
+    last = model.sorted_customers[-1]
+    todo = list(reversed(model.sorted_customers)) if passing else []
+    while todo:
+        c = todo.pop()
+        # Never more pairs than there were, which would only slow down what follows.
+        many = len(before[c]) * len(after[c]) > len(before[c]) + len(after[c])
+        if many or c not in kept:
+            continue
+        here = x[c]
+        came, goes = [x[k] for k in before[c] or (0,)], [x[k] for k in after[c] or (0,)]
+        if (
+            max(came) <= here <= min(goes)
+            or max(goes) <= here <= min(came)
+            or min(came) == here == max(came)
+            or min(goes) == here == max(goes)
+        ):
+            kept.discard(c)
+            todo += [*before[c], *after[c]]
+            for one in before[c]:
+                after[one] = (after[one] - {c}) | after[c]
+            for other in after[c]:
+                before[other] = (before[other] - {c}) | before[c]
+    free = sorted((x[c], c) for c in kept if not before[c] and not after[c])
+    kept.difference_update(c for _, c in free)
+    ends = [x[0], *(x[c] for c in kept)]
+    if free and free[0][0] < min(ends):
+        kept.add(free[0][1])
+    if free and free[-1][0] > max(ends):
+        kept.add(min(c for there, c in free if there == free[-1][0]))
+    numbers = (0, *sorted(kept or {last}))
+    at = {c: k for k, c in enumerate(numbers)}
+    pairs = [(at[one], at[other]) for one in kept for other in after[one]]
+    relation = np.array(sorted(pairs), np.int64).reshape(-1, 2)
+    return GuidedPathData(model.coordinates[list(numbers)], precedence=relation), numbers
+
+
+def served(model: GuidedPathData, stops: Iterable[int]) -> tuple[int, ...]:
+    """Return the order of service when all that is available is served as it is passed.
+
+    No other way to serve along the same walk has served more at any time, so every customer is served
+    wherever that is possible, and the order is no longer than the walk.
+
+    Parameters
+    ----------
+    model : GuidedPathData
+    stops : iterable of int
+        Customers to walk to one after the other, from the start and at last back to it. Some may be
+        missing, or come twice.
+
+    Returns
+    -------
+    tuple of int
+        All customers; of those at the same place, and available there, the smaller number first.
+
+    Raises
+    ------
+    InvalidData
+        The walk does not pass a customer once all that must precede it are served.
+    """
+    x = model.coordinates.tolist()
+    after: list[list[int]] = [[] for _ in x]
+    missing = [0] * model.size
+    for one, other in model.pairs:
+        after[one].append(other)
+        missing[other] += 1
+    ready = [c for c in range(1, model.size) if not missing[c]]
+    # What is available and not served, on either side, the nearest first: signed places and numbers.
+    ahead = {side: [(side * x[c], c) for c in ready] for side in (1, -1)}
+    ahead = {side: [one for one in heap if one[0] >= side * x[0]] for side, heap in ahead.items()}
+    for heap in ahead.values():
+        heapify(heap)
+    order: list[int] = []
+    done = [False] * model.size
+    at = x[0]
+    for stop in (0, *stops, 0):
+        side = 1 if x[stop] >= at else -1
+        heap = ahead[side]
+        while heap and heap[0][0] <= side * x[stop]:
+            _, c = heappop(heap)
+            if done[c]:
+                continue
+            at = x[c]
+            order.append(c)
+            done[c] = True
+            for other in after[c]:
+                missing[other] -= 1
+                if not missing[other]:
+                    for way in (1, -1):
+                        if way * x[other] >= way * at:
+                            heappush(ahead[way], (way * x[other], other))
+        at = x[stop]
+    if len(order) < model.size - 1:
+        left = next(c for c in model.sorted_customers if not done[c])
+        raise InvalidData(
+            f"stops must lead past customer {model.label(left)} once it may be served",
+            field="stops",
+        )
+    return tuple(order)
+
+
+def kept_order(model: GuidedPathData, numbers: Sequence[int], plan: GuidedPathPlan) -> list[int]:
+    """Return the order of service in the smaller model of :func:`reduced`.
+
+    Parameters
+    ----------
+    model : GuidedPathData
+    numbers : sequence of int
+        Of the customers that are kept, as :func:`reduced` returns them.
+    plan : GuidedPathPlan
+        A plan for `model`.
+
+    Raises
+    ------
+    InvalidData
+        `plan` does not have each customer once.
+    """
+    required("plan", plan, GuidedPathPlan)
+    if sorted(plan.order) != list(range(1, model.size)):
+        raise InvalidData("order must have each customer once", field="order")
+    number = {c: k for k, c in enumerate(numbers)}
+    return [number[c] for c in plan.order if c in number]
+
+
+def length_of(model: GuidedPathData, order: Sequence[int]) -> float:
+    """Return the length of the tour that serves customers in this order."""
+    stops = model.coordinates[[0, *order, 0]]
+    return float(np.abs(np.diff(stops)).sum())

@@ -1,0 +1,11 @@
+"""Algorithms for the tour of a guided vehicle; the loops are compiled by Numba."""
+
+BACKENDS = {
+    "a-star": ".a_star:AStar",
+    "dynamic-programming": ".dynamic_programming:DynamicProgramming",
+    "insert-nearest": ".insertion:InsertNearest",
+    "insert-index": ".insertion:InsertIndex",
+    "greedy": ".greedy:Greedy",
+}
+DIAGNOSES = {"guided-path-tour": ".diagnosis:diagnose_tour"}
+PAPER_TABLES = {"guided-path": ".paper_tables:TABLES"}

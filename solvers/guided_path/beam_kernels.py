@@ -1,0 +1,192 @@
+"""A beam search over the states of a tour along a path: the loops.
+
+States wait in a list for each number of customers served, so that those that are compared are equally
+far. Of each list the best are expanded, and all are given back to the pool.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from .state_kernels import hashed, least_rest, neighbours, pack, serve, unpack
+
+__all__ = ["CLASSES", "beam"]
+
+Ints = NDArray[np.int64]
+Links = NDArray[np.int32]
+
+#: Classes of ranks, of which the lowest are kept.
+CLASSES = 1024
+
+
+@kernel
+def _distinct(head: int, keys: Ints, costs: Ints, after: Links, table: Links, free: Links) -> int:
+    """Leave out of a list all but the shortest way to each state; return its new head."""
+    for slot in range(table.size):
+        table[slot] = -1
+    mask, kept, state = table.size - 1, -1, head
+    while state >= 0:
+        following = int(after[state])
+        slot = hashed(keys[state]) & mask
+        twin = -1
+        while table[slot] >= 0:
+            other = int(table[slot])
+            same = True
+            for word in range(keys.shape[1]):
+                same = same and keys[other, word] == keys[state, word]
+            if same:
+                twin = other
+                break
+            slot = (slot + 1) & mask
+        if twin < 0:
+            table[slot] = state
+            after[state] = kept
+            kept = state
+        else:
+            if costs[state, 0] < costs[twin, 0]:
+                for column in range(costs.shape[1]):
+                    costs[twin, column] = costs[state, column]
+            free[0] += 1
+            free[free[0]] = state
+        state = following
+    return kept
+
+
+@kernel
+def _limit(
+    head: int, costs: Ints, after: Links, width: int, tally: Ints
+) -> tuple[int, int, int, int]:
+    """Return least rank, width of a class, the class that fills `width`, and how many of it fit."""
+    low, high, count, state = 0, 0, 0, head
+    while state >= 0:
+        rank = costs[state, 1]
+        low, high = (min(low, rank), max(high, rank)) if count else (rank, rank)
+        count += 1
+        state = int(after[state])
+    step = (high - low) // tally.size + 1
+    if count <= width:
+        return low, step, int(tally.size), 0
+    for one in range(tally.size):
+        tally[one] = 0
+    state = head
+    while state >= 0:
+        tally[(costs[state, 1] - low) // step] += 1
+        state = int(after[state])
+    one = 0
+    while tally[one] < width:
+        width -= tally[one]
+        one += 1
+    return low, step, one, width
+
+
+@kernel(interpretable=True)
+def beam(
+    first: Ints, place: Ints, at: Ints, length: Ints, crossings: NDArray[np.int16], needs: Ints,
+    needed: Ints, fields: Ints, groups: Ints, members: Ints, weighted: Ints, rests: Links,
+    times: int, over: int, keys: Ints, costs: Ints, after: Links, free: Links, table: Links,
+    heads: Links, trace: Links, best: int, width: int, flag: NDArray[np.int8],
+) -> tuple[int, int, int]:  # fmt: skip
+    """Return the length of the best tour, below `best`, its last entry of `trace`, and what was left.
+
+    Parameters
+    ----------
+    first, place, at, length, crossings, needs, needed, fields
+        As in :class:`~.bound.Tables`.
+    groups, members, weighted, rests, times, over
+        As in :class:`~.shares.Shares`.
+    keys : ndarray of int, shape (room, words)
+        Room for states.
+    costs : ndarray of int, shape (room, 3)
+        The way to each, the same with the bound on the rest, and its entry of `trace`.
+    after : ndarray of int32, shape (room,)
+        What follows it in its list.
+    free : ndarray of int32, shape (room + 1,)
+        How many rooms are free, and which.
+    table : ndarray of int32
+        States of a list by key; of a power of two, twice the room at the least.
+    heads : ndarray of int32, shape (n + 1,)
+        The first of each list.
+    trace : ndarray of int32, shape (m, 2)
+        Filled in: the entry from which a state was reached, and its place.
+    best : int
+        Only shorter tours count.
+    width : int
+        The most states of a list that are expanded.
+    flag : ndarray of int8
+        Not 0 asks to stop.
+
+    Returns
+    -------
+    int, int, int
+        The entry is -1 where nothing shorter was met; 0 left out proves that there is nothing.
+    """
+    chains, total = first.size - 1, first[first.size - 1]
+    counts, then = np.zeros(chains, np.int64), np.empty(chains, np.int64)
+    most = np.empty(length.size, np.int16)
+    tally = np.empty(CLASSES, np.int64)
+    for one in range(heads.size):
+        heads[one] = -1
+    for one in range(len(keys)):
+        free[one + 1] = one
+    free[0] = len(keys) - 1
+    here = place[place.size - 1]
+    begun = serve(counts, here, first, place, needs, needed)
+    root = int(free[free[0] + 1])
+    pack(counts, here, fields, keys[root])
+    for column in range(3):
+        costs[root, column] = 0
+    after[root], heads[begun] = -1, root
+    trace[0, 0], trace[0, 1] = -1, here
+    entries, last, left = 1, -1, 0
+    for layer in range(begun, total):
+        if flag[0] != 0:
+            return best, last, left + 1
+        head = _distinct(int(heads[layer]), keys, costs, after, table, free)
+        low, step, limit, quota = _limit(head, costs, after, width, tally)
+        state = head
+        while state >= 0:
+            following = int(after[state])
+            way, reached, group = costs[state, 0], costs[state, 2], (costs[state, 1] - low) // step
+            useful = costs[state, 1] < best
+            here = unpack(keys[state], fields, counts)
+            free[0] += 1
+            free[free[0]] = state
+            state = following
+            if not useful:
+                continue
+            if group > limit or (group == limit and quota == 0):
+                left += 1
+                continue
+            if group == limit:
+                quota -= 1
+            for there in neighbours(counts, here, first, place, needs, needed):
+                if there < 0:
+                    continue
+                for k in range(chains):
+                    then[k] = counts[k]
+                done = layer + serve(then, there, first, place, needs, needed)
+                farther = way + abs(at[there] - at[here])
+                rest = least_rest(
+                    then, there, first, place, at, length, crossings, groups, members,
+                    weighted, rests, times, over, most,
+                )  # fmt: skip
+                if farther + rest >= best:
+                    continue
+                if free[0] == 0 and done < total:
+                    left += 1
+                    continue
+                trace[entries, 0], trace[entries, 1] = reached, there
+                if done == total:
+                    best, last = farther + rest, entries
+                else:
+                    room = int(free[free[0]])
+                    free[0] -= 1
+                    pack(then, there, fields, keys[room])
+                    costs[room, 0], costs[room, 1] = farther, farther + rest
+                    costs[room, 2] = entries
+                    after[room] = heads[done]
+                    heads[done] = room
+                entries += 1
+    return best, last, left

@@ -1,0 +1,167 @@
+"""What a tour along a path still costs at the least, and the states of its searches as tables.
+
+A state is a position and how far each chain of the relation's fewest chains has been served. Between two
+neighbouring places lies a gap; each path of the relation that is left crosses it some times before it
+ends at the start, and the tour no fewer. So the length of each gap times the most crossings that any such
+path still needs is a lower bound. All paths from one position cross a gap an odd number of times, or all
+an even number, so that the crossings from the position to the first customer need no table: they round
+the most crossings of the rest up to the right parity. The bound is consistent: it never falls by more
+than what was walked.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.guided_path.data import GuidedPathData
+
+__all__ = ["Tables", "whole_lengths"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Binary digits of the largest coordinate difference, so that sums of 5000 tours' ways stay whole.
+DIGITS = 44
+#: Bits used of a word of a state's key: sign and one more are left.
+WORD = 62
+
+
+def whole_lengths(places: Floats) -> tuple[Ints, float, bool]:
+    """Return the gaps between sorted places as whole numbers of a unit, the unit, and if that is exact.
+
+    Where no unit divides all gaps, the range is cut into 2^43 … 2^44 units and the gaps are rounded
+    down, so that whole lengths never exceed true ones.
+    """
+    gaps = np.diff(places)
+    span = float(places[-1] - places[0])
+    if span == 0.0:
+        return np.zeros(gaps.size, np.int64), 1.0, True
+    unit = max(math.ldexp(1.0, math.frexp(span)[1] - DIGITS), 5e-324)
+    whole = np.floor(gaps / unit).astype(np.int64)
+    exact = bool((whole * unit == gaps).all())
+    if exact:
+        common = int(np.gcd.reduce(whole))
+        return whole // common, unit * common, True
+    return whole, unit, False
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """A model as the searches want it; customers are numbered chain by chain.
+
+    Parameters
+    ----------
+    customers : ndarray of int, shape (n,)
+        Their numbers in the model.
+    first : ndarray of int, shape (chains + 1,)
+        The first customer of each chain, and n.
+    place : ndarray of int, shape (n + 1,)
+        The place of each customer, and of the start, which is last; places are sorted and distinct.
+    length : ndarray of int, shape (places - 1,)
+        Of the gaps between neighbouring places, in units.
+    at : ndarray of int, shape (places,)
+        Sums of lengths.
+    crossings : ndarray of int16, shape (n, places - 1)
+        The most times that a path of the relation crosses a gap from a customer on, back to the start.
+    needs : ndarray of int, shape (n + 1,)
+        The first of each customer's rows in `needed`, and their number.
+    needed : ndarray of int, shape (m, 2)
+        Chain of which at least a count must be served before, and that count.
+    fields : ndarray of int, shape (chains + 1, 3)
+        Word, shift and mask of each chain's count in a key, and of the place in the last row.
+    words : int
+        Words of a key.
+    unit : float
+        Of the lengths, m.
+    exact : bool
+        Whether the lengths are not rounded.
+    """
+
+    customers: Ints
+    first: Ints
+    place: Ints
+    length: Ints
+    at: Ints
+    crossings: NDArray[np.int16]
+    needs: Ints
+    needed: Ints
+    fields: Ints
+    words: int
+    unit: float
+    exact: bool
+
+    @classmethod
+    def of(cls, model: GuidedPathData) -> Tables:
+        """Return the tables of `model`."""
+        chains = model.cover
+        customers = np.array([c for chain in chains for c in chain], np.int64)
+        first = np.cumsum([0, *map(len, chains)])
+        number = np.empty(model.size, np.int64)
+        number[customers] = np.arange(customers.size)
+        places, place = np.unique(model.coordinates, return_inverse=True)
+        length, unit, exact = whole_lengths(places)
+        needs, needed = _needs(model, first, number)
+        fields, words = _fields([*map(len, chains), places.size - 1])
+        where = np.append(place[customers], place[0])
+        return cls(
+            customers, first, where, length, np.append(0, np.cumsum(length)),
+            _crossings(model, number, where, length.size), needs, needed, fields, words, unit, exact,
+        )  # fmt: skip
+
+    def root(self) -> int:
+        """Return the bound on whole tours, in units."""
+        most = self.crossings.max(axis=0, initial=0).astype(np.int64)
+        return int(self.length @ (most + most % 2))
+
+
+def _needs(model: GuidedPathData, first: Ints, number: Ints) -> tuple[Ints, Ints]:
+    """Return whom each customer needs of other chains, without what those before it need too."""
+    before: list[list[tuple[int, int]]] = [[] for _ in range(model.size - 1)]
+    chain = np.searchsorted(first, np.arange(model.size - 1), side="right") - 1
+    for one, other in model.pairs:
+        a, b = int(number[one]), int(number[other])
+        if chain[a] != chain[b]:
+            before[b].append((int(chain[a]), a - int(first[chain[a]]) + 1))
+    starts, rows = [0], list[tuple[int, int]]()
+    known: dict[int, int] = {}
+    for b, needed in enumerate(before):
+        if b == first[chain[b]]:
+            known = {}
+        for k, count in sorted(needed, reverse=True):
+            if known.get(k, 0) < count:
+                known[k] = count
+                rows.append((k, count))
+        starts.append(len(rows))
+    return np.array(starts), np.array(rows, np.int64).reshape(-1, 2)
+
+
+def _fields(most: list[int]) -> tuple[Ints, int]:
+    """Return word, shift and mask of whole numbers up to `most`, and how many words they take."""
+    rows, word, shift = [], 0, 0
+    for one in most:
+        bits = one.bit_length()
+        if shift + bits > WORD:
+            word, shift = word + 1, 0
+        rows.append((word, shift, (1 << bits) - 1))
+        shift += bits
+    return np.array(rows, np.int64), word + 1
+
+
+def _crossings(model: GuidedPathData, number: Ints, place: Ints, gaps: int) -> NDArray[np.int16]:
+    after: list[list[int]] = [[] for _ in range(model.size)]
+    for one, other in model.pairs:
+        after[one].append(int(number[other]))
+    found = np.zeros((model.size - 1, gaps), np.int16)
+    for c in reversed(model.sorted_customers):
+        row = found[number[c]]
+        here = int(place[number[c]])
+        for other in (*after[c], -1):
+            # The start is last, and nothing is crossed from there on.
+            way = found[other].copy() if other >= 0 else np.zeros(gaps, np.int16)
+            way[slice(*sorted((here, int(place[other]))))] += 1
+            np.maximum(row, way, out=row)
+    return found

@@ -1,0 +1,96 @@
+"""What makes a tour along a path long: such a tour always exists, so no constraint is to blame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from ...models.guided_path.data import GuidedPathData
+from ...models.guided_path.gaps import Gaps
+from ...models.guided_path.model import GuidedPathTour
+from ..diagnosis import Diagnosis, Finding
+
+__all__ = ["diagnose_tour"]
+
+#: Stretches of the path, and customers in a row, that are named.
+_STRETCHES, _NAMED = 5, 12
+
+
+def diagnose_tour(model: GuidedPathTour, time_limit: float | None = None) -> Diagnosis:
+    """Return what no tour falls below, and which customers force it to and fro.
+
+    Parameters
+    ----------
+    model : GuidedPathTour
+        What is asked.
+    time_limit : float, optional
+        Not needed: nothing is searched.
+    """
+    gaps = Gaps(model)
+    span = float(np.ptp(model.coordinates))
+    summary = (
+        "a plan exists, as whoever must precede can always be served first; no tour is shorter than "
+        f"{gaps.bound:.10g} m"
+    )
+    if span > 0:
+        summary += f", {gaps.bound / (2 * span):.3g} times the way to both ends and back"
+    findings = (_relation(model), *_stretches(gaps))
+    return Diagnosis(model.name, True, "how often each gap is crossed at least", summary, findings)
+
+
+def _relation(model: GuidedPathData) -> Finding:
+    """Return how wide and how long the relation is."""
+    chain = _longest(model)
+    width = len(model.cover)
+    text = (
+        f"{width} customers at the most are in no order among themselves; the longest chain has "
+        f"{len(chain)}: {_named(model, chain)}"
+        if width > 1
+        else f"there is only one order: {_named(model, chain)}"
+    )
+    return Finding(text, "", "precedence", {"width": width, "longest": list(chain)})
+
+
+def _longest(model: GuidedPathData) -> tuple[int, ...]:
+    """Return the most customers each of whom must directly precede the next."""
+    before = Gaps(model).before
+    length = {0: 0}
+    for c in model.sorted_customers:
+        length[c] = 1 + max(length[one] for one in before[c])
+    chain = [max(model.sorted_customers, key=lambda c: length[c])]
+    while length[chain[-1]] > 1:
+        chain.append(max(before[chain[-1]], key=lambda one: length[one]))
+    return tuple(reversed(chain))
+
+
+def _stretches(gaps: Gaps) -> Iterator[Finding]:
+    """Yield the stretches that are crossed most often, with customers who force it."""
+    model, open_ = gaps.model, gaps.crossings > 1
+    if not open_.any():
+        yield Finding("no gap need be crossed more than once there and once back")
+    for _ in range(_STRETCHES):
+        if not open_.any():
+            return
+        most = np.where(open_, gaps.crossings, 0)
+        gap = int(np.lexsort((gaps.lengths, most))[-1])
+        forcing = gaps.forcing(gap)
+        # The same customers lie on both sides of all gaps between the innermost of them.
+        at = gaps.at[[0, *forcing]]
+        first, last = int(at[at <= gap].max()), int(at[at > gap].min())
+        open_[first:last] &= gaps.crossings[first:last] > gaps.crossings[gap]
+        low, high = (float(gaps.places[place]) for place in (first, last))
+        times = 2 * int(gaps.crossings[gap])
+        yield Finding(
+            f"between {low:.10g} m and {high:.10g} m every tour passes at least {times} times: "
+            f"customers {_named(model, forcing)} are on its two sides in turn",
+            where=f"{low:.10g} … {high:.10g} m",
+            data={"from": low, "to": high, "crossings": times, "customers": list(forcing)},
+        )
+
+
+def _named(model: GuidedPathData, customers: Iterable[int]) -> str:
+    """Return the labels of customers who precede one another, the first few of many."""
+    labels = [model.label(c) for c in customers]
+    more = len(labels) - _NAMED
+    return " -> ".join(labels[:_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,163 @@
+"""``dynamic-programming``: the paper's Algorithm 3, over how far each chain has been served.
+
+Source: "Exact and Heuristic Algorithms for Routing AGV on Path with Precedence Constraints",
+Mathematical Problems in Engineering 2016, article 5040513: f*(t, S) is the shortest way from the
+start through the customers of S that ends at the last one of chain t. With k chains of l_1, …, l_k
+customers the table has k · Π (l_i + 1) entries, each the least of at most k sums.
+
+Any relation is covered by the fewest chains, and what it says between chains is asked of every
+entry. Property 1 of the paper, and what follows from it (:func:`.walks.reduced`), comes first.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UnsupportedFormulation
+from ...models.guided_path.data import GuidedPathData
+from ...models.guided_path.model import GuidedPathTour
+from ...models.guided_path.plan import GuidedPathPlan
+from ...models.guided_path.walks import length_of, reduced, served
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+
+__all__ = ["MOST_ENTRIES", "DynamicProgramming", "Table"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Entries of the table at the most, 0.8 GB: nine chains of five customers have 91 million.
+MOST_ENTRIES = 100_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The shortest ways f*(t, S) of a tour whose customers are in chains.
+
+    Parameters
+    ----------
+    chains : tuple of tuples of int
+        The customers of each chain.
+    start : float
+        Where the tour begins and ends.
+    places : ndarray, shape (n,)
+        Where the customers are, chain after chain.
+    need : ndarray of int, shape (n, k)
+        How many customers of each chain must be served before this one.
+    """
+
+    chains: tuple[Sequence[int], ...]
+    start: float
+    places: Floats
+    need: Ints
+
+    @classmethod
+    def of(cls, model: GuidedPathData) -> Table:
+        """Return the table of all customers in the fewest chains."""
+        members = [c for chain in model.cover for c in chain]
+        precede = model.closure[np.ix_(members, members)].T
+        heads = np.cumsum([0, *map(len, model.cover)])[:-1]
+        need = np.add.reduceat(precede, heads, axis=1, dtype=np.int64)
+        return cls(model.cover, float(model.coordinates[0]), model.coordinates[members], need)
+
+    @property
+    def states(self) -> int:
+        """The number of states S."""
+        return math.prod(len(chain) + 1 for chain in self.chains)
+
+    @property
+    def strides(self) -> Ints:
+        """What one more customer of each chain adds to the number of a state."""
+        return np.cumprod([1, *(len(chain) + 1 for chain in self.chains[:-1])])
+
+    @property
+    def starts(self) -> Ints:
+        """Where each chain begins in the list of all customers."""
+        return np.cumsum([0, *map(len, self.chains)])
+
+    def filled(self, flag: NDArray[np.int8]) -> Floats | None:
+        """Return all entries, shape (states, k), infinite where there is no way; None if stopped."""
+        from .table_kernels import fill_table
+
+        values = np.empty((self.states, len(self.chains)))
+        done = fill_table(
+            self.start, self.places, self.starts, self.strides, self.need, values, flag
+        )
+        return values if done else None
+
+    def best(self, values: Floats) -> tuple[int, ...]:
+        """Return the order of a shortest tour, by the entries."""
+        from .table_kernels import trace_table
+
+        order = np.empty(len(self.places), np.int64)
+        trace_table(self.start, self.places, self.starts, self.strides, values, order)
+        members = [c for chain in self.chains for c in chain]
+        return tuple(members[k] for k in order.tolist())
+
+
+class DynamicProgramming(Backend):
+    """Algorithm 3 of the paper."""
+
+    name = "dynamic-programming"
+    accepts = GuidedPathTour
+    guarantee = Guarantee.EXACT
+    features = frozenset({Feature.GAP, Feature.DUAL_BOUND, Feature.INTERRUPT})
+    deterministic = True
+    single_threaded = True
+    summary = "the paper's Algorithm 3, over how far each chain has been served"
+    options = {
+        "passing": Option(
+            True,
+            "leave out every customer that any tour passes in time, rather than only what Property 1 does",
+            bool,
+        ),
+    }
+
+    def refuses(self, problem: Any) -> str:
+        """Return why the table would be too large."""
+        small, _ = reduced(problem)
+        return _too_large(small.cover)
+
+    def run(self, problem: GuidedPathTour, request: Request) -> Answer:
+        """Fill in the table, and follow the shortest tour back."""
+        begin = time.perf_counter()
+        small, numbers = reduced(problem, passing=request.options["passing"])
+        reason = _too_large(small.cover)
+        if reason:
+            raise UnsupportedFormulation(f"backend {self.name!r}: {reason}")
+        table = Table.of(small)
+        values = table.filled(request.control.flag)
+        statistics = {
+            "customers left out": problem.size - small.size,
+            "states": table.states,
+            "table entries": table.states * len(table.chains),
+        }
+        order: tuple[int, ...] | None = None
+        if values is not None:
+            order = served(problem, [numbers[c] for c in table.best(values)])
+        length = None if order is None else length_of(problem, order)
+        return Answer(
+            Termination.NO_SOLUTION if order is None else Termination.OPTIMAL,
+            (request.control.reason or Limit.INTERRUPTED) if order is None else None,
+            None if order is None else GuidedPathPlan(order),
+            length,
+            length,
+            seconds={"solve": time.perf_counter() - begin},
+            statistics=statistics,
+        )
+
+
+def _too_large(chains: Sequence[Sequence[int]]) -> str:
+    entries = len(chains) * math.prod(len(chain) + 1 for chain in chains)
+    if entries <= MOST_ENTRIES:
+        return ""
+    return (
+        f"its table may have {MOST_ENTRIES:,} entries, and would have {float(min(entries, 10**300)):.3g} for "
+        f"{len(chains)} chains that matter"
+    )

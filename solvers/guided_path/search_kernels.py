@@ -1,0 +1,214 @@
+"""A* over the states of a tour along a path, and its hash table and buckets: the loops.
+
+States are numbered as they are met. An open one is in the doubly linked list of its bucket.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from .state_kernels import hashed, least_rest, neighbours, pack, serve, unpack
+
+__all__ = [
+    "BEST", "COUNT", "DONE", "EXPANDED", "FULL", "GOAL", "LOWEST", "PAUSED", "rehash", "search_anew",
+    "search_on",
+]  # fmt: skip
+
+Ints = NDArray[np.int64]
+Links = NDArray[np.int32]
+
+#: How a search comes back.
+DONE, FULL, PAUSED = 0, 1, 2
+#: Entries of `info`: states met, lowest bucket that may hold one, length of the best tour, the state
+#: that it ended with (-1: none of this search), states expanded.
+COUNT, LOWEST, BEST, GOAL, EXPANDED = 0, 1, 2, 3, 4
+#: What follows a state that is not open.
+CLOSED = -2
+
+
+@kernel
+def _slot(key: Ints, keys: Ints, table: Links) -> int:
+    """Return where a key is in the table, or where it would be put."""
+    most = table.size - 1
+    slot = hashed(key) & most
+    while True:
+        state = table[slot]
+        if state < 0:
+            return slot
+        same = True
+        for word in range(key.size):
+            if keys[state, word] != key[word]:
+                same = False
+                break
+        if same:
+            return slot
+        slot = (slot + 1) & most
+
+
+@kernel
+def rehash(keys: Ints, count: int, table: Links) -> None:
+    """Fill a table, which is of a power of two, with the first `count` states."""
+    for slot in range(table.size):
+        table[slot] = -1
+    for state in range(count):
+        table[_slot(keys[state], keys, table)] = state
+
+
+@kernel
+def _link(state: int, bucket: int, buckets: Links, links: Links) -> None:
+    head = buckets[bucket]
+    links[state, 0] = -1
+    links[state, 1] = head
+    if head >= 0:
+        links[head, 0] = state
+    buckets[bucket] = state
+
+
+@kernel
+def _unlink(state: int, bucket: int, buckets: Links, links: Links) -> None:
+    before, after = int(links[state, 0]), int(links[state, 1])
+    if before >= 0:
+        links[before, 1] = after
+    else:
+        buckets[bucket] = after
+    if after >= 0:
+        links[after, 0] = before
+    links[state, 1] = CLOSED
+
+
+@kernel
+def search_on(
+    first: Ints, place: Ints, at: Ints, length: Ints, crossings: NDArray[np.int16], needs: Ints,
+    needed: Ints, fields: Ints, groups: Ints, members: Ints, weighted: Ints, rests: Links,
+    times: int, over: int, keys: Ints, costs: Ints, parents: Links, links: Links,
+    table: Links, buckets: Links, lowest: int, width: int, info: Ints, steps: int,
+    flag: NDArray[np.int8],
+) -> int:  # fmt: skip
+    """Expand up to `steps` states, and return how the search came back.
+
+    A state is expanded again where a shorter way to it is found. Only what may be shorter than the
+    best tour is kept, so that the search is done when no bucket below its length is left.
+
+    Parameters
+    ----------
+    first, place, at, length, crossings, needs, needed, fields
+        As in :class:`~.bound.Tables`.
+    groups, members, weighted, rests, times, over
+        As in :class:`~.shares.Shares`.
+    keys : ndarray of int, shape (room, words)
+        Of the states.
+    costs : ndarray of int, shape (room, 2)
+        The way to each state, and the same with the bound on the rest.
+    parents : ndarray of int32, shape (room,)
+        Where it was reached from.
+    links : ndarray of int32, shape (room, 2)
+        Before and after it in its bucket.
+    table, buckets : ndarray of int32
+        States by key, and the first of each bucket; -1 where there is none.
+    lowest, width : int
+        Least way of the first bucket, and how far each reaches.
+    info : ndarray of int, shape (5,)
+        See :data:`COUNT` and what follows it.
+    steps : int
+        The most states to expand.
+    flag : ndarray of int8
+        Not 0 asks to pause.
+    """
+    chains, room = first.size - 1, len(keys)
+    counts, after = np.empty(chains, np.int64), np.empty(chains, np.int64)
+    key, most = np.empty(keys.shape[1], np.int64), np.empty(length.size, np.int16)
+    total = first[chains]
+    for _ in range(steps):
+        if flag[0] != 0:
+            return PAUSED
+        bucket = info[LOWEST]
+        while bucket < buckets.size and buckets[bucket] < 0:
+            bucket += 1
+        info[LOWEST] = bucket
+        if bucket == buckets.size or lowest + bucket * width >= info[BEST]:
+            return DONE
+        if info[COUNT] + 2 > room:
+            return FULL
+        state = int(buckets[bucket])
+        _unlink(state, bucket, buckets, links)
+        if costs[state, 1] >= info[BEST]:
+            continue
+        info[EXPANDED] += 1
+        here = unpack(keys[state], fields, counts)
+        for there in neighbours(counts, here, first, place, needs, needed):
+            if there < 0:
+                continue
+            done = 0
+            for k in range(chains):
+                after[k] = counts[k]
+            serve(after, there, first, place, needs, needed)
+            for k in range(chains):
+                done += after[k]
+            pack(after, there, fields, key)
+            way = costs[state, 0] + abs(at[there] - at[here])
+            slot = _slot(key, keys, table)
+            other = int(table[slot])
+            if other >= 0:
+                rest = costs[other, 1] - costs[other, 0]
+                if way >= costs[other, 0]:
+                    continue
+                if links[other, 1] != CLOSED:
+                    _unlink(other, (costs[other, 1] - lowest) // width, buckets, links)
+            else:
+                rest = least_rest(
+                    after, there, first, place, at, length, crossings, groups, members,
+                    weighted, rests, times, over, most,
+                )  # fmt: skip
+            if way + rest >= info[BEST]:
+                continue
+            if other < 0:
+                other = info[COUNT]
+                info[COUNT] += 1
+                table[slot] = other
+                for word in range(key.size):
+                    keys[other, word] = key[word]
+            costs[other, 0], costs[other, 1] = way, way + rest
+            parents[other] = state
+            if done == total:
+                info[BEST], info[GOAL] = way + rest, other
+                links[other, 1] = CLOSED
+            else:
+                bucket = (way + rest - lowest) // width
+                _link(other, bucket, buckets, links)
+                info[LOWEST] = min(info[LOWEST], bucket)
+    return PAUSED
+
+
+@kernel(interpretable=True)
+def search_anew(
+    first: Ints, place: Ints, at: Ints, length: Ints, crossings: NDArray[np.int16], needs: Ints,
+    needed: Ints, fields: Ints, groups: Ints, members: Ints, weighted: Ints, rests: Links,
+    times: int, over: int, keys: Ints, costs: Ints, parents: Links, links: Links,
+    table: Links, buckets: Links, lowest: int, width: int, info: Ints, best: int, steps: int,
+    flag: NDArray[np.int8],
+) -> int:  # fmt: skip
+    """Begin at the start, and go on as :func:`search_on` does; `best` is the length of a tour."""
+    for slot in range(table.size):
+        table[slot] = -1
+    for bucket in range(buckets.size):
+        buckets[bucket] = -1
+    counts = np.zeros(first.size - 1, np.int64)
+    most = np.empty(length.size, np.int16)
+    here = place[place.size - 1]
+    serve(counts, here, first, place, needs, needed)
+    pack(counts, here, fields, keys[0])
+    table[_slot(keys[0], keys, table)] = 0
+    costs[0, 0] = 0
+    costs[0, 1] = least_rest(
+        counts, here, first, place, at, length, crossings, groups, members,
+        weighted, rests, times, over, most,
+    )  # fmt: skip
+    parents[0] = -1
+    _link(0, (costs[0, 1] - lowest) // width, buckets, links)
+    info[COUNT], info[LOWEST], info[BEST], info[GOAL], info[EXPANDED] = 1, 0, best, -1, 0
+    return search_on(
+        first, place, at, length, crossings, needs, needed, fields, groups, members, weighted, rests, times, over, keys, costs, parents, links,
+        table, buckets, lowest, width, info, steps, flag,
+    )  # fmt: skip

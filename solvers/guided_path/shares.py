@@ -1,0 +1,196 @@
+"""A stronger bound on tours along a path: chains in groups, each with a share of every gap's length.
+
+Whoever serves all chains serves those of each group. So, if the length of every gap is shared among
+the groups, the shortest tours of the groups alone, each by its own lengths, together are no longer than
+the shortest tour of all. The shares are raised where a group's tour crosses a gap more often than the
+others' do, step by step: the Lagrangian decomposition of M. Guignard and S. Kim, "Lagrangean
+decomposition: a model yielding stronger Lagrangean bounds", Mathematical Programming 39, 1987, with the
+step of B. T. Polyak, "Minimization of unsmooth functionals", USSR Computational Mathematics and
+Mathematical Physics 9, 1969. What the last tables hold bounds every state, see
+:func:`.share_kernels.rest_of_shares`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bound import Tables
+from .share_kernels import fill_rests, walk_alone
+
+__all__ = ["Shares", "no_shares", "shares_of"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Ways are less than this in tables, and their sums less than 2^31.
+LONG = 1 << 29
+#: Chains of a group, entries of its table, and of all tables, at the most.
+MOST, ENTRIES, ALL_ENTRIES = 6, 25_000_000, 45_000_000
+#: Steps with small groups at the most; steps with the last ones at the least, and the loops of all.
+FIRST, LEAST, WORK = 400, 2, 3e8
+#: Of the bound: by how much it is hoped to rise, and when that is given up; steps without a rise until
+#: less is hoped for. With small groups, and with the last ones.
+AIM, PATIENCE, END = (0.1, 0.02), (12, 3), 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """Groups of chains, with what :func:`.share_kernels.rest_of_shares` takes of them.
+
+    Parameters
+    ----------
+    groups, members, weighted : ndarray of int
+    rests : ndarray of int32
+    times, over : int
+        What its value is multiplied with, and divided by, to be one in units of the tables.
+    """
+
+    groups: Ints
+    members: Ints
+    weighted: Ints
+    rests: NDArray[np.int32]
+    times: int
+    over: int
+
+
+def no_shares(tables: Tables) -> Shares:
+    """Return what bounds nothing."""
+    return Shares(
+        np.zeros((1, 2), np.int64), np.zeros((0, 2), np.int64),
+        np.zeros((0, tables.at.size), np.int64), np.zeros(0, np.int32), 1, 1,
+    )  # fmt: skip
+
+
+def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) -> Shares | None:
+    """Return the groups with the greatest bound that was found; None where `flag` stopped it.
+
+    Parameters
+    ----------
+    tables : Tables
+    best : int
+        Length of a tour, in units.
+    samples : ndarray of int, shape (m, chains + 1)
+        States whose bounds are raised, on the average: counts and place of each.
+    flag : ndarray of int8, shape (1,)
+        Not 0 asks to stop.
+    """
+    groups = _grouped(np.diff(tables.first))
+    parts = [part for group in groups for part in np.array_split(group, max(len(group) // 2, 1))]
+    ascent = _Ascent(tables, parts, best, samples, flag)
+    lengths = np.tile(tables.length / len(parts), (len(parts), 1))
+    lengths = ascent.climb(lengths, FIRST, AIM[0], PATIENCE[0])
+    if len(groups) < len(parts):
+        owner = np.repeat(np.arange(len(groups)), [max(len(group) // 2, 1) for group in groups])
+        merged = np.zeros((len(groups), tables.length.size))
+        np.add.at(merged, owner, lengths)
+        ascent = _Ascent(tables, groups, best, samples, flag)
+        steps = int(np.clip(WORK / ascent.work, LEAST, FIRST))
+        ascent.climb(merged, steps, AIM[1], PATIENCE[1])
+    return None if flag[0] != 0 else ascent.shares()
+
+
+def _grouped(sizes: Ints) -> list[Ints]:
+    """Return the chains in groups as large as the tables may be, long and short ones mixed."""
+    order = np.argsort(-sizes, kind="stable")
+    for count in range(1, sizes.size + 1):
+        # To and fro, so that products of sizes are nearly equal.
+        turns = np.arange(sizes.size) % (2 * count)
+        owner = np.minimum(turns, 2 * count - 1 - turns)
+        groups = [order[owner == g] for g in range(count)]
+        entries = [float(np.prod(sizes[one] + 1.0)) * one.size for one in groups]
+        if max(entries) <= ENTRIES and sum(entries) <= ALL_ENTRIES and len(groups[0]) <= MOST:
+            return groups
+    return [order[g : g + 1] for g in range(sizes.size)]
+
+
+class _Ascent:
+    """Steps that raise the bound of some groups."""
+
+    def __init__(
+        self, tables: Tables, groups: list[Ints], best: int, samples: Ints, flag: NDArray[np.int8]
+    ) -> None:
+        self.tables, self.groups, self.flag, self.samples = tables, groups, flag, samples
+        self.sizes = [np.diff(tables.first)[group] for group in groups]
+        self.ends = np.cumsum([0, *(int(np.prod(size + 1)) * size.size for size in self.sizes)])
+        self.work = float(sum(np.diff(self.ends) * list(map(len, groups))))
+        longest = int(np.diff(tables.first).max())
+        self.places = []
+        for group in groups:
+            places = np.full((group.size + 1, longest + 1), tables.place[-1])
+            for i, k in enumerate(group.tolist()):
+                own = tables.place[tables.first[k] : tables.first[k + 1]]
+                places[i, : own.size] = own
+            self.places.append(places)
+        self.times, self.over = max(best // LONG, 1), max(LONG // max(best, 1), 1)
+        self.rests, self.kept = (np.empty(self.ends[-1], np.int32) for _ in range(2))
+        self.best, self.weighted = -1.0, np.zeros((len(groups), tables.at.size), np.int64)
+
+    def value(self, lengths: Floats) -> tuple[float, Floats]:
+        """Return the mean bound by these shares, and how often each group's way crosses each gap."""
+        whole = np.floor(lengths * (self.over / self.times)).astype(np.int64)
+        weighted = np.pad(np.cumsum(whole, axis=1), ((0, 0), (1, 0)))
+        crossed = np.zeros(lengths.shape, np.int64)
+        total, starts = 0, np.ascontiguousarray(self.samples[:, -1])
+        for g, places in enumerate(self.places):
+            heads, rests = weighted[g][places], self.rests[self.ends[g] : self.ends[g + 1]]
+            if not fill_rests(heads, self.sizes[g], rests, self.flag):
+                return -1.0, lengths
+            begun = np.ascontiguousarray(self.samples[:, self.groups[g]])
+            total += walk_alone(
+                heads, self.sizes[g], rests, places, begun, starts, weighted[g], crossed[g]
+            )
+        if total > self.best * len(starts):
+            self.best, self.weighted = total / len(starts), weighted
+            self.rests, self.kept = self.kept, self.rests
+        return total / len(starts), crossed / len(starts)
+
+    def climb(self, lengths: Floats, steps: int, hope: float, patience: int) -> Floats:
+        """Return the shares with the greatest bound met on the way from `lengths`."""
+        found, aim, stale = lengths, 0.0, 0
+        before = np.zeros(lengths.shape)
+        for step in range(steps):
+            former = self.best
+            value, crossed = self.value(lengths)
+            if value < 0:
+                break
+            aim = aim or hope * value
+            if value > former:
+                found = lengths
+            stale = 0 if value > former + 0.1 * aim else stale + 1
+            if stale > patience:
+                lengths, aim, stale = found, aim * 0.6, 0
+            slope = crossed - crossed.mean(axis=0)
+            before = slope if step == 0 else 0.5 * slope + 0.5 * before
+            steep = float((before**2).sum())
+            if steep == 0.0 or aim < END * self.best:
+                break
+            way = (self.best + aim - value) / steep * (self.times / self.over)
+            lengths = _shared(lengths + way * before, self.tables.length)
+        return found
+
+    def shares(self) -> Shares:
+        """Return the best."""
+        members = np.concatenate(self.groups)
+        radix = np.concatenate([np.cumprod([1, *(size[:-1] + 1)]) for size in self.sizes])
+        begins = np.cumsum([0, *map(len, self.groups)])
+        return Shares(
+            np.column_stack((begins, self.ends)), np.column_stack((members, radix)), self.weighted,
+            self.kept, self.times, self.over,
+        )  # fmt: skip
+
+
+def _shared(lengths: Floats, whole: Ints) -> Floats:
+    """Return the nearest shares that are not negative and add up to the whole, gap by gap.
+
+    Source: M. Held, P. Wolfe and H. P. Crowder, "Validation of subgradient optimization",
+    Mathematical Programming 6, 1974.
+    """
+    count = len(lengths)
+    down = -np.sort(-lengths, axis=0)
+    cut = (np.cumsum(down, axis=0) - whole) / np.arange(1, count + 1)[:, None]
+    last = (down > cut).sum(axis=0).clip(1) - 1
+    found: Floats = np.maximum(lengths - cut[last, np.arange(whole.size)], 0.0)
+    return found

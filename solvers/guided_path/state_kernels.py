@@ -1,0 +1,143 @@
+"""What the searches of tours along a path do with one state; see :mod:`.bound` for the tables.
+
+A state's counts say how far each chain is served; its key packs them and the place into words.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from .share_kernels import rest_of_shares
+
+__all__ = ["hashed", "least_rest", "neighbours", "pack", "rest_by_gaps", "serve", "unpack"]
+
+Ints = NDArray[np.int64]
+Links = NDArray[np.int32]
+
+#: Half a word; two factors of 31 bits, so that no product leaves 62 bits, compiled or not.
+HALF = (1 << 31) - 1
+MIX, STIR = 0x5851F42D, 0x2545F491
+
+
+@kernel
+def unpack(key: Ints, fields: Ints, counts: Ints) -> int:
+    """Fill in the counts of a key; return its place."""
+    chains = counts.size
+    for k in range(chains):
+        counts[k] = (key[fields[k, 0]] >> fields[k, 1]) & fields[k, 2]
+    return int((key[fields[chains, 0]] >> fields[chains, 1]) & fields[chains, 2])
+
+
+@kernel
+def pack(counts: Ints, place: int, fields: Ints, key: Ints) -> None:
+    """Fill in the key of a state."""
+    chains = counts.size
+    for word in range(key.size):
+        key[word] = 0
+    for k in range(chains):
+        key[fields[k, 0]] |= counts[k] << fields[k, 1]
+    key[fields[chains, 0]] |= place << fields[chains, 1]
+
+
+@kernel
+def hashed(key: Ints) -> int:
+    """Return a number of 31 bits that few keys share."""
+    found = HALF
+    for word in range(key.size):
+        for half in ((key[word] >> 31) & HALF, key[word] & HALF):
+            found = (found ^ half) * MIX
+            found = (found ^ (found >> 33)) & HALF
+    found = found * STIR
+    return (found ^ (found >> 29)) & HALF
+
+
+@kernel
+def _open(customer: int, counts: Ints, needs: Ints, needed: Ints) -> bool:
+    """Return whether all that a customer needs of other chains is served."""
+    for row in range(needs[customer], needs[customer + 1]):
+        if counts[needed[row, 0]] < needed[row, 1]:
+            return False
+    return True
+
+
+@kernel
+def neighbours(
+    counts: Ints, here: int, first: Ints, place: Ints, needs: Ints, needed: Ints
+) -> tuple[int, int]:
+    """Return the nearest places left and right where a customer is available; -1 where none is."""
+    left, right = -1, -1
+    for k in range(counts.size):
+        customer = first[k] + counts[k]
+        if customer < first[k + 1]:
+            there = place[customer]
+            if (there < here and there > left) or (there > here and (right < 0 or there < right)):
+                if _open(customer, counts, needs, needed):
+                    if there < here:
+                        left = there
+                    else:
+                        right = there
+    return left, right
+
+
+@kernel
+def serve(counts: Ints, here: int, first: Ints, place: Ints, needs: Ints, needed: Ints) -> int:
+    """Serve whatever is available at a place, and what that makes available; return how many."""
+    served, again = 0, True
+    while again:
+        again = False
+        for k in range(counts.size):
+            customer = first[k] + counts[k]
+            while (
+                customer < first[k + 1]
+                and place[customer] == here
+                and _open(customer, counts, needs, needed)
+            ):
+                customer += 1
+                counts[k] += 1
+                served += 1
+                again = len(needed) > 0
+    return served
+
+
+@kernel
+def rest_by_gaps(
+    counts: Ints, here: int, first: Ints, place: Ints, length: Ints,
+    crossings: NDArray[np.int16], most: NDArray[np.int16],
+) -> int:  # fmt: skip
+    """Return a bound on the way from here through all that is not served to the start.
+
+    `most` is room for a number a gap.
+    """
+    gaps = length.size
+    for gap in range(gaps):
+        most[gap] = 0
+    for k in range(counts.size):
+        customer = first[k] + counts[k]
+        if customer < first[k + 1]:
+            for gap in range(gaps):
+                most[gap] = max(most[gap], crossings[customer, gap])
+    total, start = 0, place[place.size - 1]
+    for gap in range(gaps):
+        odd = (here <= gap) != (start <= gap)
+        total += length[gap] * (most[gap] + ((most[gap] + odd) & 1))
+    return total
+
+
+@kernel(interpretable=True)
+def least_rest(
+    counts: Ints, here: int, first: Ints, place: Ints, at: Ints, length: Ints,
+    crossings: NDArray[np.int16], groups: Ints, members: Ints, weighted: Ints, rests: Links,
+    times: int, over: int, most: NDArray[np.int16],
+) -> int:  # fmt: skip
+    """Return the greater of both bounds; see :class:`~.shares.Shares`.
+
+    All ways from here to the start differ by twice a whole number of units.
+    """
+    rest = rest_by_gaps(counts, here, first, place, length, crossings, most)
+    if len(weighted) > 0:
+        shared = rest_of_shares(counts, here, first, place, groups, members, weighted, rests)
+        shared = (shared * times + over - 1) // over
+        rest = max(rest, shared + ((shared - rest) & 1))
+    return rest
