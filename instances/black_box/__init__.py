@@ -1,0 +1,26 @@
+"""Instances of black boxes: the paper's functions, the same with moved optima, wild ones, and paths."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .exports import write_point_csv as write_point_csv
+    from .generator import generate as generate
+    from .paths import path_grid as path_grid, path_instance as path_instance
+
+CATALOGUE = {"black-box": ".listing:catalogue_entries"}
+DEMOS = {"black-box": ".demo:DEMO"}
+EXPORTS = {"csv": ".exports:CSV"}
+PRINTED = {"black-box/functions": ".printed:functions", "black-box/paths": ".printed:paths"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "exports": ("write_point_csv",),
+        "generator": ("generate",),
+        "paths": ("path_grid", "path_instance"),
+    },
+)

@@ -1,0 +1,49 @@
+"""Points of black boxes as tables."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ...errors import InvalidData
+from ...files import write_text
+from ...models.black_box.model import BlackBoxMinimisation
+from ...models.black_box.plan import BlackBoxPoint
+from ...models.fields import required
+from ..exports import ExportFormat
+
+__all__ = ["CSV", "write_point_csv"]
+
+
+def write_point_csv(
+    plan: BlackBoxPoint, path: str | os.PathLike[str], *, model: BlackBoxMinimisation
+) -> Path:
+    """Write one row a variable as CSV, in one step; return the path.
+
+    The columns are ``variable,value,lower,upper``: the number from 0, where the point is, and the bounds,
+    with all digits.
+
+    Parameters
+    ----------
+    plan : BlackBoxPoint
+        The point.
+    path : path-like
+        The file.
+    model : BlackBoxMinimisation
+        What it is for.
+
+    Raises
+    ------
+    InvalidData
+        A point of other variables, or a file that cannot be written.
+    """
+    required("plan", plan, BlackBoxPoint)
+    required("model", model, BlackBoxMinimisation)
+    if len(plan.x) != model.dimension:
+        raise InvalidData(f"x must have {model.dimension} entries, got {len(plan.x)}", field="x")
+    rows = zip(plan.x, model.lows.tolist(), model.highs.tolist(), strict=True)
+    lines = [f"{k},{x!r},{low!r},{high!r}" for k, (x, low, high) in enumerate(rows)]
+    return write_text(path, "\n".join(["variable,value,lower,upper", *lines]) + "\n")
+
+
+CSV = ExportFormat("one row a variable (CSV)", ".csv", write_point_csv)

@@ -1,0 +1,185 @@
+"""What the catalogue holds of black boxes: the paper's five functions, moved ones, wild ones, and paths."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from ...models.black_box.model import BlackBoxMinimisation
+from ..catalogue import CatalogueEntry, Provenance
+from .generator import generate
+from .paths import PATHS, path_instance
+
+__all__ = ["EVALUATIONS", "FUNCTIONS", "LENGTHS", "PAPER", "catalogue_entries"]
+
+PAPER = (
+    "The Robot Path Planning Based on Improved Artificial Fish Swarm Algorithm, Mathematical Problems "
+    "in Engineering, 2016"
+)
+
+#: Evaluations of 100 fish in 50, 100 and 200 iterations: what every algorithm is granted.
+EVALUATIONS = (5_000, 10_000, 20_000)
+#: The functions of tables 2 and 3: name in the catalogue, formula, variables, least value.
+FUNCTIONS = (
+    ("rastrigin-10", "rastrigin", 10, 0.0),
+    ("easom", "easom", 2, -1.0),
+    ("booth", "booth", 2, 0.0),
+    ("bohachevsky", "bohachevsky", 2, 0.0),
+    ("sum-squares-10", "sum-squares", 10, 0.0),
+)
+#: Lengths (m) of the shortest paths on the maps: in any direction, and along eight neighbours, both proven
+#: by the exact searches. Where the goal is walled in there are none.
+LENGTHS = {
+    "open": (26.870057685, 26.870057685),
+    "cells": (26.417921924, 28.213203436),
+    "blocks": (28.605031887, 31.071067812),
+    "polygons-30": (42.869391386, 47.798989873),
+    "polygons-40": (54.516034089, 59.355339059),
+    "gap": (70.784061132, 78.012193309),
+    "pocket": (37.095516877, 41.142135624),
+    "corners": (37.764045246, 45.899494937),
+    "rooms": (49.389034750, 53.941125497),
+}
+#: Numbers under which ``reproduce`` runs them: functions as printed, with their optima moved, and paths.
+PRINTED_TABLE, MOVED_TABLE, PATH_TABLE = 2, 3, 4
+
+_USUAL = (
+    "The bounds are the usual ones of this function. Every algorithm is granted the evaluations of "
+    "100 fish in 50, 100 and 200 iterations."
+)
+_SPECIAL = "Ours: the paper has no such instance."
+
+
+def catalogue_entries() -> tuple[CatalogueEntry, ...]:
+    """Return the instances."""
+    return (*_paper(), *_wild(), *_paths())
+
+
+def _paper() -> tuple[CatalogueEntry, ...]:
+    found = []
+    for row, (name, formula, dimension, least) in enumerate(FUNCTIONS, 1):
+        several = f"{formula.replace('-', ' ')} of {dimension} variables"
+        figures = {"optimum": least, "evaluations": list(EVALUATIONS)}
+        build = partial(generate, formula, dimension, budget=EVALUATIONS[-1])
+        found += [
+            _entry(
+                name, f"{several}, as printed", build, _USUAL, Provenance.COMPLETED,
+                {"table": PRINTED_TABLE, "row": row, **figures, "source": "the formula"},
+            ),
+            _entry(
+                f"{name}-shifted", f"{several}, the optimum moved", partial(build, seed=row),
+                f"{_USUAL} Each variable's optimum is moved by 0.1 to 0.3 of its range.",
+                Provenance.SEEDED,
+                {"table": MOVED_TABLE, "row": 10 + row, **figures, "source": "the formula"},
+            ),
+        ]  # fmt: skip
+    return tuple(found)
+
+
+def _wild() -> tuple[CatalogueEntry, ...]:
+    narrow = {"name": "rastrigin", "shift": [3.0, 3.0], "stretch": 1e-10}
+    wide = {"name": "rastrigin", "shift": [1e8, 3e8], "stretch": 1e8}
+    small, everywhere = [[3 - 3e-10, 3 + 7e-10]] * 2, [[-5e8, 5e8]] * 2
+    cases: tuple[tuple[str, str, Callable[[], BlackBoxMinimisation], float], ...] = (
+        (
+            "example", "rastrigin of 2 variables, moved, in 2,000 evaluations",
+            partial(generate, "rastrigin", 2, 6, budget=2000), 0.0,
+        ),
+        ("one-variable", "rastrigin of 1 variable", partial(generate, "rastrigin", 1, 1), 0.0),
+        (
+            "sphere-100", "a bowl of 100 variables, its middle moved",
+            partial(generate, "sphere", 100, 2), 0.0,
+        ),
+        ("valley-5", "rosenbrock of 5 variables", partial(generate, "rosenbrock", 5), 0.0),
+        ("ackley-5", "nearly flat with ripples, moved", partial(generate, "ackley", 5, 3), 0.0),
+        (
+            "noisy", "a bowl of 4 variables with noise of deviation 0.1 on every value",
+            partial(generate, "sphere", 4, 4, deviation=0.1), 0.0,
+        ),
+        ("constant", "the same everywhere", partial(generate, "constant", 3), 0.0),
+        ("step", "terraces: jumps, and no slope between them", partial(generate, "step", 5, 5), 0.0),
+        ("corner", "the optimum in a corner of the bounds", partial(_corner, "sphere"), 6.0),
+        (
+            "bounds-1e-9", "rastrigin between bounds that are 1e-9 apart",
+            partial(_within, narrow, small), 0.0,
+        ),
+        (
+            "bounds-1e9", "rastrigin between bounds that are 1e9 apart",
+            partial(_within, wide, everywhere), 0.0,
+        ),
+        (
+            "one-fixed", "a bowl of 3 variables, one between equal bounds",
+            partial(_within, "sphere", [[-1, 2], [0.5, 0.5], [-2, 1]]), 0.25,
+        ),
+        (
+            "all-fixed", "every variable between equal bounds: a single point",
+            partial(_within, "booth", [[2, 2], [2, 2]]), 2.0,
+        ),
+        (
+            "one-evaluation", "booth with a single evaluation",
+            partial(_within, "booth", [[-10, 10], [-10, 10]], 1), 0.0,
+        ),
+    )  # fmt: skip
+    return tuple(
+        _entry(
+            name,
+            title,
+            build,
+            _SPECIAL,
+            Provenance.OURS,
+            {"optimum": least, "source": "the formula"},
+        )
+        for name, title, build, least in cases
+    )
+
+
+def _paths() -> tuple[CatalogueEntry, ...]:
+    found = []
+    for row, (name, asked) in enumerate(PATHS.items(), 21):
+        published: dict[str, Any] = {"table": PATH_TABLE, "row": row}
+        if name in LENGTHS:
+            anywhere, neighbours = LENGTHS[name]
+            published |= {
+                "optimum": anywhere,
+                "eight neighbours": neighbours,
+                "source": "any-angle",
+            }
+        several = f"{asked.title}, {asked.waypoints} waypoints"
+        note = f"The map is ours, as the paper's were not at hand. {asked.note}".rstrip()
+        found.append(
+            _entry(
+                f"path-{name}",
+                several,
+                partial(path_instance, name),
+                note,
+                Provenance.SEEDED,
+                published,
+            )
+        )
+    return tuple(found)
+
+
+def _entry(
+    name: str, title: str, builder: Callable[[], BlackBoxMinimisation], note: str,
+    provenance: Provenance, published: Mapping[str, Any],
+) -> CatalogueEntry:  # fmt: skip
+    return CatalogueEntry(
+        name=f"black-box/{name}",
+        model="black-box",
+        title=title,
+        paper=PAPER,
+        provenance=provenance,
+        builder=builder,
+        published=published,
+        note=note,
+    )
+
+
+def _within(function: Any, bounds: Any, budget: int = 10_000) -> BlackBoxMinimisation:
+    return BlackBoxMinimisation(function, bounds, budget)
+
+
+def _corner(function: str) -> BlackBoxMinimisation:
+    """Return a bowl whose middle lies beyond the bounds: least at (1, 2, -1), where it is 6."""
+    return _within(function, [[1, 5], [2, 6], [-3, -1]])

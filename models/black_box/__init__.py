@@ -1,0 +1,30 @@
+"""Minimisation of a function that is only known by its values."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .functions import Named as Named, PythonFunction as PythonFunction
+    from .model import BlackBoxMinimisation as BlackBoxMinimisation
+    from .plan import BlackBoxPoint as BlackBoxPoint
+    from .waypoints import (
+        WaypointPath as WaypointPath,
+        as_grid_plan as as_grid_plan,
+        path_problem as path_problem,
+    )
+
+MODELS = {"black-box": ".model:BlackBoxMinimisation"}
+PICTURES = {"black-box": ".plot:draw"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "functions": ("Named", "PythonFunction"),
+        "model": ("BlackBoxMinimisation",),
+        "plan": ("BlackBoxPoint",),
+        "waypoints": ("WaypointPath", "as_grid_plan", "path_problem"),
+    },
+)

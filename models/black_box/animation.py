@@ -1,0 +1,162 @@
+"""A path through waypoints on its map, and how a search came to it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import required, show
+from ..plots.animation import play, stage_of
+from ..plots.maps import BLOCKED, draw_cells
+from ..plots.options import check_frames
+from ..plots.space import dots
+from ..plots.style import BLACK, GREY, RED, axis_style, key, legend_row, number
+from .model import BlackBoxMinimisation
+from .waypoints import WaypointPath
+
+if TYPE_CHECKING:
+    from matplotlib.animation import FuncAnimation
+
+__all__ = ["animate_search", "blocked_part", "box_of", "draw_ends", "path_function"]
+
+Floats = NDArray[np.float64]
+
+#: Points that a part of a path is looked at for what is blocked.
+_POINTS = 2001
+#: Earlier paths that an animation shows beside the present one.
+_EARLIER = 5
+
+
+def path_function(model: BlackBoxMinimisation) -> WaypointPath:
+    """Return the function of `model`, or raise where it is the length of no path."""
+    return required("function", model.function, WaypointPath)
+
+
+def box_of(function: WaypointPath, lines: Floats) -> tuple[Floats, Floats]:
+    """Return the corners of what is shown, m: the map, and paths that leave it by less than its size."""
+    grid = function.map
+    low = grid.origin
+    high = low + np.array(grid.shape[::-1]) * grid.cell
+    points = np.concatenate([low[None], high[None], lines.reshape(-1, 2)])
+    near = np.clip(points, 2 * low - high, 2 * high - low)
+    return near.min(axis=0), near.max(axis=0)
+
+
+def draw_ends(axes: Any, function: WaypointPath, scale: float) -> list[Any]:
+    """Draw the map with start and goal, and return the entries of a legend."""
+    grid = function.map
+    corner = grid.origin * scale
+    draw_cells(axes, grid.blocked, corner, corner + np.array(grid.shape[::-1]) * grid.cell * scale)
+    if not grid.upward:
+        axes.invert_yaxis()
+    goal, start = function.goal[None] * scale, function.start[None] * scale
+    dots(axes, goal, "*", "white", size=110, edge=BLACK, width=1.0, zorder=8, gid="goal")
+    dots(axes, start, "o", "white", size=42, edge=BLACK, width=1.2, zorder=9, gid="start")
+    return [
+        key("start", marker="o", mfc="white", mec=BLACK, ms=6),
+        key("goal", marker="*", mfc="white", mec=BLACK, ms=9),
+        key("blocked", marker="s", mfc=BLOCKED, mec=BLOCKED, ms=7),
+    ]
+
+
+def blocked_part(function: WaypointPath, line: Floats) -> Floats:
+    """Return points along a path, shape (n, 2), NaN where they are free."""
+    share = np.linspace(0, 1, _POINTS)[:, None]
+    parts = [a + share * (b - a) for a, b in itertools.pairwise(line)]
+    way = np.concatenate(parts)
+    # Not to tell the side of a cell, which may be touched, from its inside.
+    shift = 1e-6 * function.map.cell
+    around = [way + np.array([x, y]) * shift for x in (-1, 1) for y in (-1, 1)]
+    near = (function.map.cells_of(np.clip(points, -1e15, 1e15)) for points in around)
+    free = np.any([function.map.holds(cells) for cells in near], axis=0)
+    return np.where(free[:, None], np.nan, way)
+
+
+def animate_search(
+    model: BlackBoxMinimisation,
+    incumbents: Sequence[Any],
+    *,
+    frames: int = 120,
+    interval: float = 120.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> FuncAnimation:
+    """Return how a search came to its path: the best one so far, from one improvement to the next.
+
+    Parameters
+    ----------
+    model : BlackBoxMinimisation
+        Its function is a :class:`~crosstrack.models.black_box.WaypointPath`.
+    incumbents : sequence of Incumbent
+        What was met on the way, in its order: ``met`` after
+        ``solve(model, "iafsa", on_incumbent=met.append)``.
+    frames : int
+        Number of pictures at the most, at least 2; where there are more improvements, some are left
+        out.
+    interval : float
+        Time from one to the next, ms.
+    title : str, optional
+        Instead of the name.
+    size : (float, float), optional
+        Width and height (inch).
+
+    Returns
+    -------
+    matplotlib.animation.FuncAnimation
+        Tied to no window: ``animate_search(model, met).save("search.gif", writer="pillow")``;
+        ``to_jshtml()`` returns a page.
+
+    Raises
+    ------
+    InvalidData
+        The function is another one, or what was met is no list of points of this model.
+    UnsupportedOption
+        An option has a value that is not allowed.
+    """
+    check_frames(frames, interval)
+    function = path_function(required("model", model, BlackBoxMinimisation))
+    plain = isinstance(incumbents, list | tuple)
+    if not plain or not incumbents or not all(hasattr(one, "plan") for one in incumbents):
+        raise InvalidData(
+            "incumbents must be a list of at least one, as on_incumbent is given them, got "
+            f"{show(incumbents)}",
+            field="incumbents",
+        )
+    kept = np.unique(np.linspace(0, len(incumbents) - 1, frames).round().astype(int))
+    steps = [incumbents[k] for k in kept]
+    lines = function.polylines(np.array([model.as_plan(one.plan).x for one in steps]))
+    text = (model.name or model.describe()) if title is None else title
+    stage = stage_of(*box_of(function, lines), title=text, size=size)
+    axes, scale = stage.axes, stage.scale
+    draw_ends(axes, function, scale)
+    look = axis_style(0)
+    earlier = [
+        axes.plot([], [], lw=0.8, color=GREY, alpha=0.7 * 0.7**k, zorder=3, gid="earlier path")[0]
+        for k in range(_EARLIER)
+    ]
+    (way,) = axes.plot([], [], lw=2.0, zorder=5, marker="o", ms=3.5, gid="path", **look)
+    (within,) = axes.plot([], [], lw=2.4, color=RED, zorder=6, gid="path through what is blocked")
+    keys = [
+        key("best so far", lw=2.0, **look),
+        key("before", lw=0.8, color=GREY),
+        key("blocked", lw=2.4, color=RED),
+    ]
+    legend_row(axes, keys, "lower right", (1.0, 0.98))
+
+    def update(frame: int) -> list[Any]:
+        frame = min(frame, len(lines) - 1)
+        way.set_data(*(lines[frame] * scale).T)
+        within.set_data(*(blocked_part(function, lines[frame]) * scale).T)
+        for k, one in enumerate(earlier):
+            before = frame - 1 - k
+            one.set_data(*(lines[before] * scale).T if before >= 0 else ([], []))
+        now = steps[frame]
+        stage.clock.set_text(f"value {number(now.objective)} after {now.seconds:.2f} s")
+        return [way, within, *earlier, stage.clock]
+
+    return play(stage, update, len(lines), interval)

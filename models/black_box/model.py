@@ -1,0 +1,191 @@
+"""A function of bounded variables that is only known by its values, to be minimised in few of them.
+
+Source of the test functions and of the algorithms' setting: "The Robot Path Planning Based on Improved
+Artificial Fish Swarm Algorithm", Mathematical Problems in Engineering 2016, article 3297585, doi
+10.1155/2016/3297585.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import Array, Whole, declared, required, show
+from ..model import Model
+from ..verification import TOLERANCE, Check, Verification, check_tolerance
+from .functions import BlackBoxFunction, FunctionSpec
+from .plan import BlackBoxPoint
+
+__all__ = ["BlackBoxMinimisation"]
+
+Floats = NDArray[np.float64]
+
+#: Variables at the most.
+MOST = 10_000
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BlackBoxMinimisation(Model[BlackBoxPoint]):
+    """The least value of a function within bounds, found in a given number of evaluations.
+
+    Backends never see the function: they run in a process of their own and ask for values, which are
+    counted where the function is. It may be noisy, jump, or have no value (NaN, infinity) in
+    places, which then lie above all others.
+
+    Parameters
+    ----------
+    function : str, mapping or callable
+        A test function by name, such as ``"rastrigin"``, its data (:class:`Named`), the length of a path
+        among obstacles (:class:`WaypointPath`), or anything that Python can call
+        (:class:`PythonFunction`). Hidden from backends.
+    bounds : ndarray, shape (d, 2)
+        The least and the greatest value of each variable; where they are equal, it is fixed.
+    budget : int
+        Evaluations that a run may use, >= 1.
+    samples : int
+        Evaluations that the verification takes the mean of; more than 1 for a function of Python that is
+        noisy.
+
+    Raises
+    ------
+    InvalidData
+        Naming field, place and value: bounds that are reversed or not finite, a function of other
+        dimensions, an unknown name.
+
+    Examples
+    --------
+    >>> from crosstrack.models import BlackBoxMinimisation
+    >>> model = BlackBoxMinimisation("booth", [[-10, 10], [-10, 10]], budget=500)
+    >>> print(model.describe())
+    2 variables, 500 evaluations
+    >>> print(model.verify(model.as_plan({"x": [1, 3]})).objective)
+    0.0
+    """
+
+    function: BlackBoxFunction = declared(FunctionSpec(), hidden=True)
+    bounds: Floats = declared(Array(("d", 2)))
+    budget: int = declared(Whole(1, 10**9), default=10_000)
+    samples: int = declared(Whole(1, 10**6), default=1)
+
+    kind: ClassVar[str] = "black-box"
+    plan_type: ClassVar[type] = BlackBoxPoint
+
+    def check(self) -> None:
+        """Refuse bounds that nothing lies within, and functions of other dimensions."""
+        if not 1 <= self.dimension <= MOST:
+            raise InvalidData(
+                f"bounds must have 1 … {MOST} rows, got {self.dimension}", field="bounds"
+            )
+        with np.errstate(over="ignore"):
+            width = self.highs - self.lows
+        bad = np.flatnonzero((width < 0) | ~np.isfinite(width))
+        if bad.size:
+            k = int(bad[0])
+            raise InvalidData(
+                f"bounds[{k}] must be the least and the greatest value, not reversed and with a "
+                f"difference that is a number, got {show(self.bounds[k].tolist())}",
+                field="bounds",
+            )
+        self.function.check_dimension(self.dimension)
+
+    @property
+    def dimension(self) -> int:
+        """The number of variables."""
+        return len(self.bounds)
+
+    @property
+    def lows(self) -> Floats:
+        """The least value of each variable, shape (d,)."""
+        return self.bounds[:, 0]
+
+    @property
+    def highs(self) -> Floats:
+        """The greatest value of each variable, shape (d,)."""
+        return self.bounds[:, 1]
+
+    def oracle(self) -> Callable[[Floats], Floats]:
+        """Return what answers a run's questions: points of shape (m, d), values of shape (m, 1).
+
+        It refuses points beyond the bounds and, at once, more than :attr:`budget` in all.
+        """
+        return _Evaluations(self)
+
+    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    def verify(self, plan: BlackBoxPoint, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return the value at the point, without noise where it is known, and whether the bounds hold."""
+        check_tolerance(tolerance)
+        required("plan", plan, BlackBoxPoint)
+        if len(plan.x) != self.dimension:
+            raise InvalidData(f"x must have {self.dimension} entries, got {len(plan.x)}", field="x")
+        x = np.array(plan.x)
+        over = np.maximum(self.lows - x, x - self.highs)
+        # Relative to the range, or, where it is nothing, to the digits of the bounds.
+        scale = np.maximum(self.highs - self.lows, 1e-9 * np.abs(self.highs))
+        share = np.divide(over, scale, out=np.where(over > 0, np.inf, 0.0), where=scale > 0)
+        k = int(share.argmax())
+        bounds = Check.scaled(
+            "bounds", "", max(float(over[k]), 0.0), "", f"x[{k}]", tolerance, float(scale[k])
+        )
+        values = self.function.values(np.repeat(x[None], self.samples, axis=0))
+        numbers = np.isfinite(values)
+        whole = Check(
+            "value is a number", "", float((~numbers).sum()), "", 0.0,
+            "" if numbers.all() else f"{values[~numbers][0]:g}", 0.0,
+        )  # fmt: skip
+        spread = 2 * float(values.std(ddof=1)) / self.samples**0.5 if self.samples > 1 else 0.0
+        if not numbers.all():
+            return Verification(None, (bounds, whole))
+        return Verification(float(values.mean()), (bounds, whole), spread)
+
+    def plan_to_data(self, plan: BlackBoxPoint) -> Any:
+        """Return ``{"x": […]}``."""
+        return plan.to_data()
+
+    def plan_from_data(self, data: Any) -> BlackBoxPoint:
+        """Return the plan in `data`."""
+        return BlackBoxPoint.from_data(data)
+
+    def describe(self) -> str:
+        """Return the size in a few words."""
+        several = "1 variable" if self.dimension == 1 else f"{self.dimension} variables"
+        return f"{several}, {self.budget} evaluation{'s' if self.budget > 1 else ''}"
+
+
+class _Evaluations:
+    """The answers of one run, counted."""
+
+    def __init__(self, model: BlackBoxMinimisation) -> None:
+        self.model = model
+        self.left = model.budget
+        self.noise = np.random.default_rng(model.scene_seeds(1)[0])
+
+    def __call__(self, points: Floats) -> Floats:
+        """Return the values at `points`, with noise where there is some."""
+        model = self.model
+        if points.ndim != 2 or points.shape[1] != model.dimension:
+            raise InvalidData(
+                f"points must have shape (m, {model.dimension}), got {points.shape}", field="x"
+            )
+        if len(points) > self.left:
+            raise InvalidData(
+                f"budget: {len(points)} evaluations asked for, {self.left} of {model.budget} left",
+                field="budget",
+            )
+        outside = ~((points >= model.lows) & (points <= model.highs))
+        if outside.any():
+            row, k = np.argwhere(outside)[0].tolist()
+            raise InvalidData(
+                f"x[{k}] must lie in [{model.lows[k]:g}, {model.highs[k]:g}], got "
+                f"{show(float(points[row, k]))}",
+                field="x",
+            )
+        self.left -= len(points)
+        values = model.function.values(points)
+        if model.function.noise:
+            values = values + self.noise.normal(0.0, model.function.noise, len(points))
+        return np.asarray(values, np.float64)[:, None]

@@ -1,0 +1,16 @@
+"""Algorithms that minimise a function of which they only get values."""
+
+BACKENDS = {
+    "dual-annealing": ".scipy_searches:DualAnnealing",
+    "differential-evolution": ".scipy_searches:DifferentialEvolution",
+    "direct": ".scipy_searches:Direct",
+    "shgo": ".scipy_searches:Shgo",
+    "iafsa": ".fish:ImprovedFishSwarm",
+    "haafsa": ".fish:HybridFishSwarm",
+    "afsa": ".fish:FishSwarm",
+    "cma-es": ".pymoo_searches:CmaEs",
+    "particle-swarm": ".pymoo_searches:ParticleSwarm",
+    "random-search": ".random_search:RandomSearch",
+}
+DIAGNOSES = {"black-box": ".diagnosis:diagnose_black_box"}
+PAPER_TABLES = {"black-box": ".paper_tables:TABLES"}

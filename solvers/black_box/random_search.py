@@ -1,0 +1,35 @@
+"""``random-search``: points drawn alike from everywhere, what any search has to be better than."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..backend import Request
+from .native import BlackBoxBackend, Objective
+
+__all__ = ["RandomSearch"]
+
+#: Points asked for at once.
+_BATCH = 256
+
+
+class RandomSearch(BlackBoxBackend):
+    """Uniformly drawn points."""
+
+    name = "random-search"
+    summary = "uniformly drawn points: what other searches are measured against"
+
+    def search(
+        self,
+        objective: Objective,
+        generator: np.random.Generator,
+        request: Request,
+        start: NDArray[np.float64] | None,
+    ) -> Mapping[str, Any]:
+        """Draw until the run is ended."""
+        while True:
+            objective(generator.random((_BATCH, objective.dimension)))

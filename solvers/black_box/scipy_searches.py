@@ -1,0 +1,302 @@
+"""SciPy's global searches: ``differential-evolution``, ``dual-annealing``, ``direct``, ``shgo``.
+
+Each works in the unit cube, and each evaluation counts, those of its local searches too. The two that
+draw go on until the evaluations are used: differential evolution starts again where its population has
+converged, dual annealing heats up again. The two that draw nothing end where SciPy ends them.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData, UnsupportedOption
+from ...models.black_box.model import BlackBoxMinimisation
+from ..backend import Feature, Option, Request
+from .native import BlackBoxBackend, Objective, latin_hypercube
+
+__all__ = ["DifferentialEvolution", "Direct", "DualAnnealing", "Shgo"]
+
+Floats = NDArray[np.float64]
+
+#: Stands for "no value": SciPy refuses or mistakes infinity; its square is a number still.
+_WALL = 1e150
+#: More iterations than any budget has evaluations.
+_ENDLESS = 10**10
+#: Numbers in a population at the most.
+_POPULATION = 10**7
+#: Bytes that DIRECT may have for its rectangles.
+_MEMORY = 2**29
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep warnings of differences between walls from the log; the process runs nothing else."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _one(objective: Objective) -> Callable[[Floats], float]:
+    """Return the objective at one point, finite everywhere."""
+
+    def value(x: Floats) -> float:
+        return float(np.clip(objective(np.asarray(x)[None])[0], -_WALL, _WALL))
+
+    return value
+
+
+def _cube(objective: Objective) -> list[tuple[float, float]]:
+    return [(0.0, 1.0)] * objective.dimension
+
+
+class _SciPy(BlackBoxBackend):
+    """Base of the searches of SciPy."""
+
+    requires = ("scipy",)
+
+    def prepare(self) -> None:
+        """Load SciPy, which may take a second: no part of a time limit."""
+        import scipy.optimize  # noqa: F401
+
+
+class DifferentialEvolution(_SciPy):
+    """Storn and Price's differential evolution, a generation a question.
+
+    R. Storn and K. Price, "Differential evolution: a simple and efficient heuristic for global
+    optimization over continuous spaces", Journal of Global Optimization 11 (1997).
+    """
+
+    name = "differential-evolution"
+    summary = "differential evolution of SciPy, started again when it has converged"
+    options: ClassVar[Mapping[str, Option]] = {
+        "population": Option(
+            15,
+            "Points per variable; in all at most a twentieth of the evaluations.",
+            int,
+            lower=1,
+            upper=1000,
+        ),
+        "tolerance": Option(
+            0.01,
+            "Standard deviation of the population's values, relative to their mean, at which it has "
+            "converged.",
+            lower=0.0,
+        ),
+        "polish": Option(True, "Whether a converged best point is improved by L-BFGS-B.", bool),
+    }
+
+    def search(
+        self,
+        objective: Objective,
+        generator: np.random.Generator,
+        request: Request,
+        start: Floats | None,
+    ) -> Mapping[str, Any]:
+        """Evolve one population after another until the run is ended."""
+        from scipy.optimize import differential_evolution
+
+        d = objective.dimension
+        most = min(objective.granted // 20, _POPULATION // d)
+        count = max(min(request.options["population"] * d, most), 5)
+
+        def values(x: Floats) -> Floats:
+            return np.clip(objective(x.T), -_WALL, _WALL)
+
+        with _quiet():
+            while True:
+                try:
+                    differential_evolution(
+                        values,
+                        _cube(objective),
+                        init=latin_hypercube(generator, count, d),
+                        x0=start,
+                        maxiter=_ENDLESS,
+                        tol=request.options["tolerance"],
+                        polish=request.options["polish"],
+                        rng=generator,
+                        updating="deferred",
+                        vectorized=True,
+                    )
+                except RuntimeError as error:
+                    # SciPy takes any ValueError for its own; a function that raises ends the run as it is.
+                    if isinstance(error.__cause__, InvalidData):
+                        raise error.__cause__ from None
+                    raise
+                start = None
+
+
+class DualAnnealing(_SciPy):
+    """Generalised simulated annealing with local searches.
+
+    Y. Xiang and others, "Generalized simulated annealing algorithm and its application to the Thomson
+    model", Physics Letters A 233 (1997).
+    """
+
+    name = "dual-annealing"
+    summary = "dual annealing of SciPy, heated up again and again"
+    options: ClassVar[Mapping[str, Option]] = {
+        "local": Option(True, "Whether L-BFGS-B improves what the annealing finds.", bool),
+        "temperature": Option(5230.0, "Temperature at the start.", lower=0.011, upper=5e4),
+    }
+
+    def search(
+        self,
+        objective: Objective,
+        generator: np.random.Generator,
+        request: Request,
+        start: Floats | None,
+    ) -> Mapping[str, Any]:
+        """Anneal until the run is ended."""
+        from scipy.optimize import dual_annealing
+
+        value = _one(objective)
+        with _quiet():
+            while True:
+                dual_annealing(
+                    value,
+                    _cube(objective),
+                    maxiter=_ENDLESS,
+                    initial_temp=request.options["temperature"],
+                    maxfun=_ENDLESS,
+                    rng=generator,
+                    no_local_search=not request.options["local"],
+                    x0=start,
+                )
+                start = None
+
+
+class _Deterministic(_SciPy):
+    """A search that draws nothing: a warm start is its first point, and the best until it finds a better."""
+
+    features = BlackBoxBackend.features - {Feature.SEED}
+    deterministic = True
+
+
+class Direct(_Deterministic):
+    """Division of the cube into rectangles, the most promising ones again and again.
+
+    D. R. Jones, C. D. Perttunen and B. E. Stuckman, "Lipschitzian optimization without the Lipschitz
+    constant", Journal of Optimization Theory and Applications 79 (1993); the locally biased form is J. M.
+    Gablonsky and C. T. Kelley's, Journal of Global Optimization 21 (2001).
+    """
+
+    name = "direct"
+    summary = "DIRECT of SciPy: dividing rectangles, without drawing anything"
+    options: ClassVar[Mapping[str, Option]] = {
+        "biased": Option(True, "Whether it keeps to good places, rather than to large ones.", bool),
+        "epsilon": Option(
+            1e-4,
+            "Least improvement, relative to the best value, that is worth dividing.",
+            lower=0.0,
+        ),
+    }
+    #: Variables at the most: the first step alone divides every one of them.
+    most: ClassVar[int] = 1000
+
+    def refuses(self, problem: BlackBoxMinimisation) -> str:
+        """Return why there are too many variables."""
+        return _too_many(problem, self.most, "its rectangles would not fit into memory")
+
+    def search(
+        self,
+        objective: Objective,
+        generator: np.random.Generator,
+        request: Request,
+        start: Floats | None,
+    ) -> Mapping[str, Any]:
+        """Divide until the run is ended, or memory or the depth of rectangles is used up."""
+        from scipy.optimize import direct
+
+        d = objective.dimension
+        # It takes memory for all its rectangles before the first, half as many again as are asked for.
+        most = max(min(objective.left, int(_MEMORY / (1.5 * (12 * d + 40)))), 2 * d + 1)
+        with _quiet():
+            found = direct(
+                _one(objective),
+                _cube(objective),
+                eps=request.options["epsilon"],
+                maxfun=most + 1,  # so that the run is ended by its own count
+                maxiter=most + 1,
+                locally_biased=request.options["biased"],
+                vol_tol=0.0,
+                len_tol=0.0,
+            )
+        return {"ended": found.message}
+
+
+class Shgo(_Deterministic):
+    """Simplicial homology global optimisation: local searches from the minima of a triangulation.
+
+    S. C. Endres, C. Sandrock and W. W. Focke, "A simplicial homology algorithm for Lipschitz
+    optimisation", Journal of Global Optimization 72 (2018).
+    """
+
+    name = "shgo"
+    summary = "SHGO of SciPy: local searches from the minima of a triangulation, without drawing"
+    options: ClassVar[Mapping[str, Option]] = {
+        "sampling": Option(
+            "simplicial",
+            "Where points are added: at the cube's simplices, or by a sequence and its Delaunay "
+            "triangulation (at most 5 variables).",
+            str,
+            ("simplicial", "sobol", "halton"),
+        ),
+        "points": Option(
+            None, "Points added between two rounds of local searches.", int, lower=2, upper=10**6
+        ),
+    }
+    #: Variables at the most: every corner of the cube is joined to 3^d others in all.
+    most: ClassVar[int] = 10
+
+    def prepare(self) -> None:
+        """Load what SciPy itself loads only when it begins."""
+        super().prepare()
+        import scipy.stats  # noqa: F401
+
+    def refuses(self, problem: BlackBoxMinimisation) -> str:
+        """Return why there are too many variables."""
+        return _too_many(problem, self.most, "its triangulation of the cube would not end")
+
+    def search(
+        self,
+        objective: Objective,
+        generator: np.random.Generator,
+        request: Request,
+        start: Floats | None,
+    ) -> Mapping[str, Any]:
+        """Refine the triangulation, and search locally, until the run is ended."""
+        from scipy.optimize import shgo
+
+        d, sampling = objective.dimension, request.options["sampling"]
+        if sampling != "simplicial" and d > 5:
+            raise UnsupportedOption(
+                f"backend 'shgo': sampling={sampling!r} takes at most 5 variables that are free, got {d}"
+            )
+        # SciPy's own default is every corner and the centre; each round looks at all points again,
+        # and without a round nothing is searched locally.
+        own = max(2**d + 1, objective.granted // 50)
+        points = request.options["points"] or max(min(own, objective.granted // 4), 2)
+        with _quiet():
+            found = shgo(
+                _one(objective),
+                _cube(objective),
+                n=points,
+                iters=_ENDLESS,
+                sampling_method=sampling,
+            )
+        return {"ended": found.message}
+
+
+def _too_many(problem: BlackBoxMinimisation, most: int, why: str) -> str:
+    free = int((problem.highs > problem.lows).sum())
+    return (
+        ""
+        if free <= most
+        else f"it takes at most {most} variables that are free, got {free}: {why}"
+    )

@@ -1,0 +1,397 @@
+"""What every search of black boxes must keep, ours and those of others, and what SciPy's are."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy.optimize
+from black_box.searches import DRAWING, EVERY, LACKING, Counted, box, search
+
+import crosstrack as ct
+from crosstrack.errors import BackendMissing, InvalidData, UnsupportedFormulation, UnsupportedOption
+from crosstrack.models.black_box import PythonFunction
+from crosstrack.solvers import Control, Feature, Limit, Termination, find_backend
+from crosstrack.solvers.black_box import native
+
+#: Many minima, the least of them off the middle.
+WAVY = {"name": "rastrigin", "shift": [1.25, -0.75]}
+SQUARE = ((-5.12, 5.12), (-5.12, 5.12))
+
+
+def many(function):
+    """Return a function of one point at a time, as one of many."""
+    return PythonFunction(function, vectorized=True)
+
+
+@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("budget", [1, 2, 7, 100])
+def test_the_budget_is_used_and_never_exceeded(name, budget):
+    model = box(WAVY, *SQUARE, budget=budget)
+    answer, oracle = search(name, model)
+    assert len(oracle.points) == budget == answer.statistics["evaluations"]
+    assert answer.limit is Limit.EVALUATIONS
+    best = min(model.function.values(np.array(oracle.points)))
+    assert answer.primal_bound == best == model.verify(answer.point).objective
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_fewer_evaluations_than_the_budget_may_be_granted_not_more(name):
+    model = box(WAVY, *SQUARE, budget=40)
+    for granted, used in ((13, 13), (1000, 40)):
+        answer, oracle = search(name, model, evaluations=granted)
+        assert len(oracle.points) == used
+        assert answer.limit is Limit.EVALUATIONS
+
+
+@pytest.mark.parametrize("name", DRAWING)
+def test_searches_that_draw_go_on_when_they_have_converged(name):
+    model = box("sphere", (-1, 2), (-3, 1), budget=2500)
+    _, oracle = search(name, model)
+    assert len(oracle.points) == 2500
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_the_same_seed_gives_the_same_points(name):
+    model = box({"name": "ackley", "shift": [0.3] * 3}, *[(-4, 5)] * 3, budget=300)
+    (_, first), (_, again), (_, other) = (search(name, model, seed) for seed in (3, 3, 4))
+    assert first.points == again.points
+    assert (first.points == other.points) is (Feature.SEED not in find_backend(name).features)
+
+
+@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize(
+    ("lowest", "width"), [(0.0, 2.0**30), (-3.0, 2.0**-30), (2.0**20, 2.0**10)]
+)
+def test_the_place_and_the_size_of_the_box_change_nothing(name, lowest, width):
+    """Also an optimum at the origin is found no sooner than another."""
+
+    def sought(lowest, width):
+        def function(x):
+            # Rounded, so that not even the last digit is another one.
+            unit = np.round((x / width - lowest), 4)
+            return ((unit - 0.625) ** 2).sum(axis=1) + 0.1 * np.abs(np.sin(9 * unit)).sum(axis=1)
+
+        high = (lowest + 1) * width
+        model = box(many(function), *[(lowest * width, high)] * 2, budget=100)
+        answer, _ = search(name, model)
+        return answer.primal_bound, np.array(answer.point.x) / width - lowest
+
+    value, place = sought(lowest, width)
+    wanted, at = sought(-0.625, 1.0)  # the optimum at the origin
+    assert value == wanted
+    np.testing.assert_allclose(place, at, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_no_value_in_most_places(name):
+    """A ring of values; the message says how many points had none."""
+
+    def ring(x):
+        far = np.hypot(*x.T)
+        return np.where((far > 0.6) & (far < 0.9), x[:, 0], np.where(far > 1, -np.inf, np.nan))
+
+    model = box(many(ring), (-1, 1), (-1, 1), budget=200)
+    answer, oracle = search(name, model)
+    assert answer.termination is Termination.FEASIBLE
+    assert model.verify(answer.point).ok
+    lacking = int((~np.isfinite(ring(np.array(oracle.points)))).sum())
+    assert answer.statistics["points without a value"] == lacking
+    assert f"no value at {lacking} of 200 points" in answer.message
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_no_value_anywhere(name):
+    answer, oracle = search(name, box(lambda x: math.nan, (0, 1), (0, 1), budget=60))
+    assert answer.termination is Termination.NO_SOLUTION
+    assert answer.point is None and answer.primal_bound is None
+    assert len(oracle.points) == 60
+
+
+@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize(
+    ("function", "bounds", "most"),
+    [
+        pytest.param("constant", [(0, 1)] * 3, 0.0, id="constant"),
+        pytest.param("step", [(-3.4, 4.2)] * 2, 2.0, id="terraces"),
+        pytest.param(lambda x: 1e200 * abs(x[0] - 0.3), [(0, 1)], 4e198, id="huge"),
+        pytest.param(lambda x: 1e-200 * abs(x[0] - 0.3), [(0, 1)], 4e-202, id="tiny"),
+        pytest.param(lambda x: -float(x[0] > 0.7), [(0, 1)], -1.0, id="a step down"),
+        pytest.param("sphere", [(-0.4, 0.7)], 1e-3, id="one variable"),
+        pytest.param(lambda x: x.sum(), [(0, 1)] * 2, 0.4, id="optimum in a corner"),
+        pytest.param(lambda x: -x.sum(), [(0, 1)] * 2, -1.6, id="in the opposite corner"),
+        pytest.param({"name": "sphere", "deviation": 0.1}, [(-2, 1)] * 2, 0.2, id="noisy"),
+    ],
+)
+def test_strange_functions(name, function, bounds, most):
+    model = box(function, *bounds, budget=200)
+    answer, _ = search(name, model, seed=1)
+    found = model.verify(answer.point)
+    assert found.ok and found.objective <= most
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_variables_without_a_width_are_fixed(name):
+    model = box("sum-squares", (2.5, 2.5), (-1, 1), (-7, -7), (-2, 1), budget=80)
+    answer, oracle = search(name, model)
+    points = np.array(oracle.points)
+    assert (points[:, [0, 2]] == [2.5, -7]).all()
+    assert len(np.unique(points[:, 1])) > 10
+    assert answer.primal_bound >= 2.5**2 + 3 * 49
+    alone = box("sum-squares", (2.5, 2.5), (-7, -7), budget=80)
+    answer, oracle = search(name, alone)
+    assert oracle.points == [[2.5, -7]] and answer.point.x == (2.5, -7) and answer.limit is None
+
+
+@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("budget", [1, 40])
+def test_a_warm_start_is_never_lost(name, budget):
+    """A needle that nobody finds."""
+    needle = (0.3, -1.7)
+    model = box(lambda x: -1e6 if tuple(x) == needle else x @ x, (0, 1), (-2, 2), budget=budget)
+    answer, oracle = search(name, model, warm=needle)
+    assert answer.point.x == needle and answer.primal_bound == -1e6
+    assert len(oracle.points) == budget
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_a_target_ends_a_search_where_it_is_reached_however_points_are_asked_for(name, monkeypatch):
+    """The evaluations up to the target hang on no clock."""
+    model = box(WAVY, *SQUARE, budget=3000)
+    found = []
+    for slow in (False, True):
+        # As for a function so slow that each question has one point, and for one that takes no time.
+        monkeypatch.setattr(native, "_QUESTION", -1.0 if slow else math.inf)
+        answer, oracle = search(name, model, target=20.0)
+        values = model.function.values(np.array(oracle.points))
+        assert answer.limit is Limit.TARGET
+        assert answer.statistics["evaluations"] == int((values <= 20).argmax()) + 1
+        assert answer.primal_bound == values[(values <= 20).argmax()]
+        assert answer.primal_bound == model.verify(answer.point).objective
+        found.append((answer.point, answer.statistics["evaluations"]))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("last", [1, 4])
+def test_a_search_that_is_stopped_asks_nothing_more(name, last):
+    """As at a time limit; what is known by then comes back."""
+    model = box(WAVY, *SQUARE, budget=3000)
+    control = Control()
+
+    def stop(oracle):
+        if oracle.questions == last:
+            control.stop(Limit.TIME)
+
+    control.oracle = Counted(model, stop)
+    answer, oracle = search(name, model, control=control)
+    assert oracle.questions == last
+    assert answer.limit is Limit.TIME and answer.termination is Termination.FEASIBLE
+    assert answer.primal_bound == min(model.function.values(np.array(oracle.points)))
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_what_the_function_raises_comes_through_every_search(name):
+    def fragile(sound):
+        calls = []
+
+        def value(x):
+            calls.append(1)
+            if len(calls) > sound:
+                raise ZeroDivisionError("too far right")
+            return x @ x
+
+        return box(value, (0, 1), (0, 1), budget=500)
+
+    text = "function raised ZeroDivisionError: too far right, at"
+    with pytest.raises(InvalidData, match=text):
+        search(name, fragile(0))
+    # What was answered before is kept.
+    answer, _ = search(name, fragile(4))
+    assert text in answer.message
+    assert answer.primal_bound == np.square(answer.point.x).sum()
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_many_variables(name):
+    model = box({"name": "sphere", "shift": [0.25] * 100}, *[(-1, 1)] * 100, budget=60)
+    if name == "shgo":
+        with pytest.raises(
+            UnsupportedFormulation, match="at most 10 variables that are free, got 100"
+        ):
+            search(name, model)
+        # Those that are fixed do not count.
+        model = box("sphere", *[(-1, 1)] * 3, *[(0, 0)] * 97, budget=60)
+    answer, oracle = search(name, model)
+    assert len(oracle.points) == 60 and len(answer.point.x) == 100
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_more_variables_than_a_search_holds(name):
+    model = box("sphere", *[(-1, 1)] * 10_000, budget=12)
+    refusal = find_backend(name).refuses(model)
+    assert bool(refusal) is (name in ("shgo", "direct", "cma-es"))
+    if refusal:
+        assert "got 10000" in refusal
+        with pytest.raises(UnsupportedFormulation, match=f"backend '{name}': it takes at most"):
+            search(name, model)
+    else:
+        assert len(search(name, model)[1].points) == 12
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        *(("differential-evolution", 1e-6), ("dual-annealing", 1e-6), ("direct", 1e-6)),
+        *(("shgo", 1e-6), ("cma-es", 1e-6), ("particle-swarm", 1e-3)),
+    ],
+)
+def test_a_valley_and_a_wavy_field_are_solved(name, most):
+    if name in LACKING:
+        pytest.skip("needs crosstrack[blackbox]")
+    budget = 400 if name == "shgo" else 1500
+    valley = box({"name": "booth", "shift": [1.1, -2.3]}, (-10, 10), (-10, 10), budget=budget)
+    assert search(name, valley)[0].primal_bound <= most
+    wavy = box(WAVY, *SQUARE, budget=budget)
+    assert search(name, wavy)[0].primal_bound <= 1.0  # at most the second of its minima
+
+
+# -- what is SciPy's ----------------------------------------------------------------------------------
+
+
+def asked_of_scipy(function, solve, count):
+    """Return the first points that SciPy itself asks for, in [0, 1]²."""
+    points = []
+
+    def value(x):
+        if len(points) == count:
+            raise StopIteration
+        points.append(list(map(float, x)))
+        return function(np.asarray(x))
+
+    with pytest.raises(StopIteration):
+        solve(value, [(0, 1)] * 2)
+    return points
+
+
+@pytest.mark.parametrize(
+    ("name", "own", "solve"),
+    [
+        pytest.param(
+            "direct",
+            {"biased": False},
+            lambda f, b: scipy.optimize.direct(
+                f, b, locally_biased=False, maxfun=10**4, vol_tol=0.0, len_tol=0.0
+            ),
+            id="direct",
+        ),
+        pytest.param(
+            "shgo", {"points": 9}, lambda f, b: scipy.optimize.shgo(f, b, n=9, iters=99), id="shgo"
+        ),
+        pytest.param(
+            "shgo",
+            {"points": 16, "sampling": "sobol"},
+            lambda f, b: scipy.optimize.shgo(f, b, n=16, iters=99, sampling_method="sobol"),
+            id="shgo by a sequence",
+        ),
+        pytest.param(
+            "dual-annealing",
+            {},
+            lambda f, b: scipy.optimize.dual_annealing(f, b, rng=np.random.default_rng(5)),
+            id="dual annealing",
+        ),
+    ],
+)
+def test_a_search_asks_for_what_scipy_asks_for(name, own, solve):
+    def function(x):
+        return float(np.sin(7 * x[0]) + (x[1] - 0.3) ** 2)
+
+    _, oracle = search(name, box(function, (0, 1), (0, 1), budget=150), seed=5, **own)
+    assert oracle.points == asked_of_scipy(function, solve, 150)
+
+
+def test_direct_says_why_it_has_ended_before_the_evaluations():
+    model = box("sphere", (-1, 2), budget=20_000)
+    answer, oracle = search("direct", model, biased=False)
+    assert len(oracle.points) < 20_000 and answer.limit is None
+    assert answer.statistics["ended"] == "Maximum number of levels has been reached."
+
+
+def test_direct_takes_no_memory_for_evaluations_that_it_will_not_use():
+    """A budget of 10⁹ alone would take SciPy tens of gigabytes and a minute."""
+    model = box("sphere", (-1, 2), (-1, 2), budget=10**9)
+    answer, oracle = search("direct", model, target=1e-3)
+    assert answer.limit is Limit.TARGET and len(oracle.points) < 10_000
+
+
+def test_the_populations_of_differential_evolution_fit_the_evaluations():
+    model = box("sphere", *[(-1, 2)] * 10, budget=1000)
+    _, oracle = search("differential-evolution", model, seed=2)
+    points = np.array(oracle.points)
+    # A twentieth of the evaluations, one in each slice of each variable.
+    slices = np.floor((points[:50] + 1) / 3 * 50)
+    assert (np.sort(slices, axis=0) == np.arange(50)[:, None]).all()
+    assert not (
+        np.sort(np.floor((points[:51] + 1) / 3 * 50), axis=0)[:50] == np.arange(50)[:, None]
+    ).all()
+
+
+def test_options_of_searches():
+    model = box("sphere", *[(-1, 2)] * 6, budget=100)
+    with pytest.raises(UnsupportedOption, match="at most 5 variables that are free, got 6"):
+        search("shgo", model, sampling="halton")
+    with pytest.raises(UnsupportedOption, match="one of 'simplicial', 'sobol', 'halton'"):
+        search("shgo", model, sampling="corners")
+    for name, own in (
+        ("differential-evolution", {"population": 0}),
+        ("dual-annealing", {"temperature": 1e6}),
+        ("direct", {"epsilon": -1.0}),
+        ("cma-es", {"sigma": 0.0}),
+        ("particle-swarm", {"particles": 1}),
+    ):
+        with pytest.raises(UnsupportedOption, match="must lie in"):
+            find_backend(name).checked_options(own)
+
+
+def test_differential_evolution_polishes_what_has_converged():
+    model = box("constant", (0, 1), (0, 1), budget=100)
+    for polish, apart in ((True, True), (False, False)):
+        _, oracle = search("differential-evolution", model, polish=polish)
+        # Two generations, all alike, then a point and the steps of a derivative there.
+        steps = np.array(oracle.points)[11:13] - oracle.points[10]
+        assert bool(abs(steps).max() < 1e-6) is apart
+
+
+def test_a_package_that_is_missing_is_named_with_what_brings_it(monkeypatch):
+    for name in ("cma-es", "particle-swarm"):
+        backend = find_backend(name)
+        monkeypatch.setattr(type(backend), "requires", ("nosuchpackage",))
+        with pytest.raises(
+            BackendMissing, match=r"needs nosuchpackage: pip install 'crosstrack\[blackbox\]'"
+        ):
+            backend.require()
+
+
+# -- through the dispatcher -----------------------------------------------------------------------------
+
+
+def test_searches_give_the_same_in_a_process_of_their_own():
+    model = box(WAVY, *SQUARE, budget=120, name="wavy")
+    some = {"random-search", "direct", "iafsa", "cma-es"}  # the rest loads for longer
+    for name in sorted(some - LACKING):
+        found = ct.solve(model, name, seed=7)
+        assert found.statistics["evaluations"] == 120 and found.verification.ok
+        # What is dispatched, in a process of its own, is what is searched here.
+        answer, _ = search(name, model, seed=7)
+        assert found.primal_bound == answer.primal_bound and found.plan == answer.point
+
+
+def test_a_time_limit_a_target_and_a_warm_start_through_the_dispatcher():
+    endless = box(WAVY, *SQUARE, budget=10**9)
+    found = ct.solve(endless, "random-search", seed=1, time_limit=1.0)
+    assert found.limit is Limit.TIME and found.verification.ok
+    aimed = ct.solve(endless, "differential-evolution", seed=1, target=found.primal_bound + 1.0)
+    assert aimed.limit is Limit.TARGET and aimed.primal_bound <= found.primal_bound + 1.0
+    kept = ct.solve(endless, "direct", warm_start=found, evaluations=5)
+    assert kept.limit is Limit.EVALUATIONS and kept.primal_bound <= found.primal_bound
+    with pytest.raises(InvalidData, match="warm_start is no plan of the model"):
+        ct.solve(endless, "direct", warm_start={"x": [9, 9]})
