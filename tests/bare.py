@@ -16,10 +16,12 @@ from pathlib import Path
 
 #: One instance of each problem in the catalogue, solved by its default backend.
 INSTANCES = {
+    "black-box": "black-box/booth",
     "error-correction": "error-correction/example-1",
     "fleet-mission": "fleet-mission/pocket",
     "fleet-routing": "fleet/example",
     "grid-path": "grid-path/pocket",
+    "guided-path-tour": "guided-path/example-5",
     "messenger-tour": "messenger/met-at-start",
     "minimum-derivative": "minimum-derivative/reach",
     "minimum-snap": "minimum-snap/paper",
@@ -28,7 +30,7 @@ INSTANCES = {
     "time-allocation": "time-allocation.json",  # written here, for the catalogue's take a minute
 }
 #: Problems whose default proves no bound, so that a comparison of it alone decides nothing.
-LOCAL = {"fleet-mission", "optimal-control", "time-allocation"}
+LOCAL = {"black-box", "fleet-mission", "optimal-control", "time-allocation"}
 #: Instances, and the formulation whose program is solved as a model of its own.
 PROGRAMS = {
     "mixed-integer-program": ("error-correction/example-1", "paper"),
@@ -98,7 +100,8 @@ def main() -> None:
         run("solve", instance, "--output", "plan.json")
         run("check", instance, "plan.json")
         if problem != "error-correction":  # whose plans no other software reads
-            form = "csv" if problem in ("fleet-routing", "grid-path") else "samples"
+            tables = ("black-box", "fleet-routing", "grid-path", "guided-path-tour")
+            form = "csv" if problem in tables else "samples"
             run("export", instance, "plan.json", "--output", "plan.csv", "--format", form)
         if problem != "satellite-slew":  # the longest, solved above
             run("compare", instance, "--backends", "auto", code=4 if problem in LOCAL else 0)

@@ -160,6 +160,7 @@ def _examples() -> list[tuple[Any, Any]]:
     from carts import braking, cruising, relay, relayed
 
     from crosstrack.models import (
+        BlackBoxMinimisation,
         ConeBlock,
         ConeKind,
         ConicProgram,
@@ -168,6 +169,7 @@ def _examples() -> list[tuple[Any, Any]]:
         FleetMission,
         FleetRouting,
         GridPath,
+        GuidedPathTour,
         MessengerTour,
         MinimumDerivative,
         MinimumSnap,
@@ -180,9 +182,11 @@ def _examples() -> list[tuple[Any, Any]]:
         TimeAllocation,
         Trajectory,
     )  # fmt: skip
+    from crosstrack.models.black_box import BlackBoxPoint
     from crosstrack.models.fleet import FleetPlan
     from crosstrack.models.fleet_mission import MissionPlan
     from crosstrack.models.grid_path import GridPlan
+    from crosstrack.models.guided_path import GuidedPathPlan
     from crosstrack.models.messenger import Primitive, TourPlan
     from crosstrack.models.optimal_control.plan import Piecewise
 
@@ -276,6 +280,12 @@ def _examples() -> list[tuple[Any, Any]]:
     there, back = smooth.copy(), -smooth
     there[0], back[0] = (1.0, 1.0), (8.0, 2.0)
     driven = MissionPlan([[0]], [Trajectory([0.0, 20.0, 40.0], [there, back])], [[20.0]])
+    guided = GuidedPathTour(
+        [0, 3, -1, 2.5, 3], chains=[[1, 2]], precedence=[[1, 3], [4, 3]], ids=("a", 1, "c", 2, 3)
+    )
+    box = BlackBoxMinimisation(
+        {"name": "rastrigin", "shift": [1.0, -1.0], "deviation": 0.1}, [[-5, 5], [2, 2]], budget=50
+    )
     vector = np.array([2.0, 0.0, 1.0])
     return [
         (routing, Route((0, 1, 2, 4))), (named, Route((0, 1, 2, 4))),
@@ -287,7 +297,7 @@ def _examples() -> list[tuple[Any, Any]]:
         (mixed, vector), (quadratic, vector), (conic, vector), (nonlinear, np.array([1.0, 1.0])),
         (braking(bound=9.0, mixed_path={"upper": 9.0}).build(), cruising(costates=True)), (relay().build(), relayed()),
         (slew, resting), (tour, flown), (walk, walked), (fleet, FleetPlan(((1, 2), (3,)))),
-        (mission, driven),
+        (mission, driven), (guided, GuidedPathPlan((4, 1, 2, 3))), (box, BlackBoxPoint((1.0, 2.0))),
     ]  # fmt: skip
 
 

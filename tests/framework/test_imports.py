@@ -63,8 +63,12 @@ def test_a_problem_imports_no_other_problem_but_its_public_names(checkout):
     allowed = {
         # A slew is an optimal control problem: its plan, checks and pictures are that problem's.
         ("satellite_slew", "optimal_control"),
+        # The path of a robot is one of the functions of a black box.
+        ("black_box", "grid_path"),
         # A fleet's distances are those of paths on a map, and a mission is both and a trajectory.
         ("fleet", "grid_path"),
+        # A path among obstacles as a black box is measured on such a map, and is a path on it.
+        ("black_box", "grid_path"),
         ("fleet_mission", "grid_path"),
         ("fleet_mission", "fleet"),
         ("fleet_mission", "minimum_snap"),
