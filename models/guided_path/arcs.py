@@ -23,14 +23,11 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
 from ..fields import Array
-from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
-from .data import GuidedPathData
-from .gaps import Gaps
-from .model import GuidedPathTour
+from .kept import KeptFormulation
 from .plan import GuidedPathPlan
-from .walks import kept_order, reduced, served
+from .walks import served
 
 __all__ = ["ArcsFormulation"]
 
@@ -42,7 +39,7 @@ _MOST = 60
 
 
 @dataclass(frozen=True, eq=False)
-class ArcsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
+class ArcsFormulation(KeptFormulation):
     """Arcs from one customer to the next, and the order of any two; for few customers.
 
     Parameters
@@ -57,7 +54,6 @@ class ArcsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
     """
 
     name: ClassVar[str] = "arcs"
-    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
     summary: ClassVar[str] = "arcs between customers and the order of any two; for few customers"
 
     def __post_init__(self) -> None:
@@ -66,19 +62,6 @@ class ArcsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
                 f"formulation {self.name!r} takes {_MOST} customers at the most that decide the "
                 f"length, got {self._kept.size - 1}: 'sweeps' takes more"
             )
-
-    @cached_property
-    def _reduced(self) -> tuple[GuidedPathData, tuple[int, ...]]:
-        return reduced(self.model)
-
-    @property
-    def _kept(self) -> GuidedPathData:
-        """The customers that count, numbered anew."""
-        return self._reduced[0]
-
-    @cached_property
-    def _gaps(self) -> Gaps:
-        return Gaps(self._kept)
 
     @cached_property
     def _arcs(self) -> tuple[Indices, Indices]:
@@ -94,7 +77,7 @@ class ArcsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
     def build(self) -> MixedIntegerProgram:
         """Return the program described at the head of this module."""
         kept, b = self._kept, ProgramBuilder()
-        labels = np.array(self._reduced[1])
+        labels = np.array(self._numbers)
         gaps, size = self._gaps, kept.size
         tails, heads = self._arcs
         ways = np.concatenate([[0.0], np.cumsum(gaps.lengths)])[gaps.at]
@@ -151,7 +134,7 @@ class ArcsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
 
     def encode(self, plan: GuidedPathPlan) -> Floats:
         """Return the columns of the order in which `plan` serves those customers that count."""
-        order = kept_order(self.model, self._reduced[1], plan)
+        order = self._order(plan)
         size = self._kept.size
         after = np.zeros((size, size))
         after[[0, *order], [*order, 0]] = 1.0
@@ -165,7 +148,7 @@ class ArcsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
         held = Array((self.program.size,)).coerce("point", point, {})
         tails, heads = (ends[held[: ends.size] > 0.5] for ends in self._arcs)
         follows = dict(zip(tails.tolist(), heads.tolist(), strict=True))
-        numbers, stops, at = self._reduced[1], list[int](), 0
+        numbers, stops, at = self._numbers, list[int](), 0
         for _ in numbers:
             at = follows.get(at, 0)
             if not at:

@@ -22,15 +22,12 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption
 from ..fields import Array, show
-from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
-from .data import GuidedPathData
-from .gaps import Gaps
-from .model import GuidedPathTour
+from .kept import KeptFormulation
 from .plan import GuidedPathPlan
 from .turns import enough_sweeps, some_length
-from .walks import kept_order, reduced, served
+from .walks import served
 
 __all__ = ["SweepsFormulation"]
 
@@ -42,7 +39,7 @@ _MOST = 500_000
 
 
 @dataclass(frozen=True, eq=False)
-class SweepsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
+class SweepsFormulation(KeptFormulation):
     """Turning points of sweeps and who is served by each; whole columns only.
 
     Parameters
@@ -63,7 +60,6 @@ class SweepsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
     sweeps: int | None = None
 
     name: ClassVar[str] = "sweeps"
-    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
     summary: ClassVar[str] = "turning points of sweeps, and who is served by each; 0-1 columns only"
 
     def __post_init__(self) -> None:
@@ -81,19 +77,6 @@ class SweepsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
                 f"formulation {self.name!r} has {_MOST} columns at the most, {self.count} sweeps "
                 f"along {self._gaps.lengths.size} gaps take {size}"
             )
-
-    @cached_property
-    def _reduced(self) -> tuple[GuidedPathData, tuple[int, ...]]:
-        return reduced(self.model)
-
-    @property
-    def _kept(self) -> GuidedPathData:
-        """The customers that count, numbered anew."""
-        return self._reduced[0]
-
-    @cached_property
-    def _gaps(self) -> Gaps:
-        return Gaps(self._kept)
 
     @cached_property
     def enough(self) -> int:
@@ -193,7 +176,7 @@ class SweepsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
 
         The walk is that through the customers that count.
         """
-        order = kept_order(self.model, self._reduced[1], plan)
+        order = self._order(plan)
         at = self._gaps.at.tolist()
         ends, sweep = [at[0], at[0]], [0] * len(at)
         for c in (*order, 0):
@@ -243,7 +226,7 @@ class SweepsFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
     def decode(self, point: Floats) -> GuidedPathPlan:
         """Return the order of service along the sweeps; whoever is passed and may be served, is."""
         held = Array((self.program.size,)).coerce("point", point, {})
-        numbers, at = self._reduced[1], self._gaps.at
+        numbers, at = self._numbers, self._gaps.at
         size = self._gaps.lengths.size
         right = held[: (self.count + 1) * size].reshape(self.count + 1, size)
         ends = np.rint(right).sum(axis=1)

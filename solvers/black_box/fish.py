@@ -10,10 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..backend import Request
 from ..option import Option
 from .fish_swarms import AdaptiveSwarm, ImprovedSwarm, Swarm
 from .native import BlackBoxBackend, Objective
@@ -46,16 +42,10 @@ class FishSwarm(BlackBoxBackend):
     #: What does the cycles.
     swarm: ClassVar[type[Swarm]] = Swarm
 
-    def search(
-        self,
-        objective: Objective,
-        generator: np.random.Generator,
-        request: Request,
-        start: NDArray[np.float64] | None,
-    ) -> Mapping[str, Any]:
+    def search(self, objective: Objective) -> Mapping[str, Any]:
         """Do one cycle after another until the run is ended."""
-        swarm = self.swarm(objective, generator, request.options)
-        swarm.begin(start)
+        swarm = self.swarm(objective, objective.generator, objective.options)
+        swarm.begin(objective.start)
         while True:
             swarm.cycle()
 

@@ -6,7 +6,7 @@ import math
 import time
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,12 @@ class Objective:
 
     Attributes
     ----------
+    options : mapping
+        The backend's own options.
+    generator : numpy.random.Generator
+        Of the run's seed.
+    start : ndarray, shape (dimension,), optional
+        Where a warm start lies in the unit cube; its value is known already.
     dimension : int
         The number of free variables.
     left, granted : int
@@ -58,7 +64,9 @@ class Objective:
     """
 
     def __init__(self, problem: BlackBoxMinimisation, request: Request) -> None:
-        self.problem, self.control = problem, request.control
+        self.problem, self.control, self.options = problem, request.control, request.options
+        self.generator = np.random.default_rng(0 if request.seed is None else request.seed)
+        self.start: Floats | None = None
         self.free = np.flatnonzero(problem.highs > problem.lows)
         self.dimension = self.free.size
         self._lower = problem.lows[self.free]
@@ -178,27 +186,25 @@ class BlackBoxBackend(Backend):
         }
     )
     single_threaded = True
+    #: Free variables at the most, and why; 0 where any number will do.
+    most: ClassVar[int] = 0
+    grows: ClassVar[str] = ""
+
+    def refuses(self, problem: BlackBoxMinimisation) -> str:
+        """Return why there are too many variables."""
+        free = int((problem.highs > problem.lows).sum())
+        if not self.most or free <= self.most:
+            return ""
+        return f"it takes at most {self.most} variables that are free, got {free}: {self.grows}"
 
     @abstractmethod
-    def search(
-        self,
-        objective: Objective,
-        generator: np.random.Generator,
-        request: Request,
-        start: Floats | None,
-    ) -> Mapping[str, Any]:
+    def search(self, objective: Objective) -> Mapping[str, Any]:
         """Ask for values until the search ends itself or ``Ended`` is raised through it.
 
         Parameters
         ----------
         objective : Objective
             At least one variable is free.
-        generator : numpy.random.Generator
-            Of the run's seed.
-        request : Request
-            With the backend's own options.
-        start : ndarray, shape (dimension,), optional
-            Where a warm start lies in the unit cube; its value is known already.
 
         Returns
         -------
@@ -213,20 +219,18 @@ class BlackBoxBackend(Backend):
             raise UnsupportedFormulation(f"backend {self.name!r}: {refusal}")
         begin = time.perf_counter()
         objective = Objective(problem, request)
-        generator = np.random.default_rng(0 if request.seed is None else request.seed)
         own: Mapping[str, Any] = {}
         limit: Limit | None = None
         message = ""
         try:
-            start = None
             if request.warm_start is not None or not objective.dimension:
                 given = problem.lows if request.warm_start is None else request.warm_start.x
                 # The point itself, which the way through the unit cube would round.
                 x = np.clip(np.asarray(given, float), problem.lows, problem.highs)
-                start = np.clip(objective.unit(x), 0.0, 1.0)
+                objective.start = np.clip(objective.unit(x), 0.0, 1.0)
                 objective.at(x[None])
             if objective.dimension:
-                own = self.search(objective, generator, request, start)
+                own = self.search(objective)
         except Ended:
             limit = request.control.reason or Limit.EVALUATIONS
         except InvalidData as error:

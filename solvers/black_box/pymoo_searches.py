@@ -13,8 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.black_box.model import BlackBoxMinimisation
-from ..backend import Option, Request
+from ..backend import Option
 from .native import BlackBoxBackend, Objective, latin_hypercube
 
 __all__ = ["CmaEs", "ParticleSwarm"]
@@ -53,8 +52,8 @@ class CmaEs(BlackBoxBackend):
             upper=10**6,
         ),
     }
-    #: Variables at the most: the matrix has d² entries, and its roots cost d³.
-    most: ClassVar[int] = 1000
+    most = 1000
+    grows = "its matrix has their square"
 
     def prepare(self) -> None:
         """Load what the search needs: no part of a time limit."""
@@ -62,20 +61,7 @@ class CmaEs(BlackBoxBackend):
             warnings.simplefilter("ignore")  # of libraries that it could use for pictures
             import cma  # noqa: F401
 
-    def refuses(self, problem: BlackBoxMinimisation) -> str:
-        """Return why there are too many variables."""
-        free = int((problem.highs > problem.lows).sum())
-        if free <= self.most:
-            return ""
-        return f"it takes at most {self.most} variables that are free, got {free}: its matrix has their square"
-
-    def search(
-        self,
-        objective: Objective,
-        generator: np.random.Generator,
-        request: Request,
-        start: Floats | None,
-    ) -> Mapping[str, Any]:
+    def search(self, objective: Objective) -> Mapping[str, Any]:
         """Evolve, from a drawn point after the first time, until the run is ended."""
         from cma import CMAEvolutionStrategy
 
@@ -86,18 +72,18 @@ class CmaEs(BlackBoxBackend):
             "verbose": -9,
             "verb_log": 0,
             "seed": np.nan,  # no seed of NumPy's own generator, which others may use
-            "randn": lambda *shape: generator.standard_normal(shape),
+            "randn": lambda *shape: objective.generator.standard_normal(shape),
         }
-        if request.options["population"] is not None:
-            asked["popsize"] = request.options["population"]
+        if objective.options["population"] is not None:
+            asked["popsize"] = objective.options["population"]
         restarts = 0
         while True:
-            middle = generator.random(size)
-            if start is not None:
-                middle[:d], start = start, None
+            middle = objective.generator.random(size)
+            if objective.start is not None:
+                middle[:d], objective.start = objective.start, None
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")  # of flat functions, which end in a restart
-                search = CMAEvolutionStrategy(middle, request.options["sigma"], asked)
+                search = CMAEvolutionStrategy(middle, objective.options["sigma"], asked)
                 while not search.stop():
                     points = search.ask()
                     search.tell(points, objective(np.array(points)[:, :d]).tolist())
@@ -129,26 +115,20 @@ class ParticleSwarm(BlackBoxBackend):
         Config.warnings["not_compiled"] = False  # which it would print
         import pymoo.algorithms.soo.nonconvex.pso  # noqa: F401
 
-    def search(
-        self,
-        objective: Objective,
-        generator: np.random.Generator,
-        request: Request,
-        start: Floats | None,
-    ) -> Mapping[str, Any]:
+    def search(self, objective: Objective) -> Mapping[str, Any]:
         """Move one swarm after another until the run is ended."""
         from pymoo.algorithms.soo.nonconvex.pso import PSO
         from pymoo.core.problem import Problem
         from pymoo.core.termination import NoTermination
 
-        d, count = objective.dimension, request.options["particles"]
+        d, count = objective.dimension, objective.options["particles"]
         problem = Problem(n_var=d, n_obj=1, xl=np.zeros(d), xu=np.ones(d))
         while True:
-            first = latin_hypercube(generator, count, d)
-            if start is not None:
-                first[0], start = start, None
-            swarm = PSO(count, sampling=first, adaptive=request.options["adaptive"])
-            seed = int(generator.integers(2**32))
+            first = latin_hypercube(objective.generator, count, d)
+            if objective.start is not None:
+                first[0], objective.start = objective.start, None
+            swarm = PSO(count, sampling=first, adaptive=objective.options["adaptive"])
+            seed = int(objective.generator.integers(2**32))
             swarm.setup(problem, termination=NoTermination(), seed=seed)
             spread = 1.0
             while spread > _CONVERGED:

@@ -5,10 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..backend import Request
 from .native import BlackBoxBackend, Objective
 
 __all__ = ["RandomSearch"]
@@ -23,13 +19,7 @@ class RandomSearch(BlackBoxBackend):
     name = "random-search"
     summary = "uniformly drawn points: what other searches are measured against"
 
-    def search(
-        self,
-        objective: Objective,
-        generator: np.random.Generator,
-        request: Request,
-        start: NDArray[np.float64] | None,
-    ) -> Mapping[str, Any]:
+    def search(self, objective: Objective) -> Mapping[str, Any]:
         """Draw until the run is ended."""
         while True:
-            objective(generator.random((_BATCH, objective.dimension)))
+            objective(objective.generator.random((_BATCH, objective.dimension)))

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedOption
-from ...models.black_box.model import BlackBoxMinimisation
-from ..backend import Feature, Option, Request
+from ..backend import Feature, Option
 from .native import BlackBoxBackend, Objective, latin_hypercube
 
 __all__ = ["DifferentialEvolution", "Direct", "DualAnnealing", "Shgo"]
@@ -91,19 +90,13 @@ class DifferentialEvolution(_SciPy):
         "polish": Option(True, "Whether a converged best point is improved by L-BFGS-B.", bool),
     }
 
-    def search(
-        self,
-        objective: Objective,
-        generator: np.random.Generator,
-        request: Request,
-        start: Floats | None,
-    ) -> Mapping[str, Any]:
+    def search(self, objective: Objective) -> Mapping[str, Any]:
         """Evolve one population after another until the run is ended."""
         from scipy.optimize import differential_evolution
 
         d = objective.dimension
         most = min(objective.granted // 20, _POPULATION // d)
-        count = max(min(request.options["population"] * d, most), 5)
+        count = max(min(objective.options["population"] * d, most), 5)
 
         def values(x: Floats) -> Floats:
             return np.clip(objective(x.T), -_WALL, _WALL)
@@ -114,12 +107,12 @@ class DifferentialEvolution(_SciPy):
                     differential_evolution(
                         values,
                         _cube(objective),
-                        init=latin_hypercube(generator, count, d),
-                        x0=start,
+                        init=latin_hypercube(objective.generator, count, d),
+                        x0=objective.start,
                         maxiter=_ENDLESS,
-                        tol=request.options["tolerance"],
-                        polish=request.options["polish"],
-                        rng=generator,
+                        tol=objective.options["tolerance"],
+                        polish=objective.options["polish"],
+                        rng=objective.generator,
                         updating="deferred",
                         vectorized=True,
                     )
@@ -128,7 +121,7 @@ class DifferentialEvolution(_SciPy):
                     if isinstance(error.__cause__, InvalidData):
                         raise error.__cause__ from None
                     raise
-                start = None
+                objective.start = None
 
 
 class DualAnnealing(_SciPy):
@@ -145,13 +138,7 @@ class DualAnnealing(_SciPy):
         "temperature": Option(5230.0, "Temperature at the start.", lower=0.011, upper=5e4),
     }
 
-    def search(
-        self,
-        objective: Objective,
-        generator: np.random.Generator,
-        request: Request,
-        start: Floats | None,
-    ) -> Mapping[str, Any]:
+    def search(self, objective: Objective) -> Mapping[str, Any]:
         """Anneal until the run is ended."""
         from scipy.optimize import dual_annealing
 
@@ -162,13 +149,13 @@ class DualAnnealing(_SciPy):
                     value,
                     _cube(objective),
                     maxiter=_ENDLESS,
-                    initial_temp=request.options["temperature"],
+                    initial_temp=objective.options["temperature"],
                     maxfun=_ENDLESS,
-                    rng=generator,
-                    no_local_search=not request.options["local"],
-                    x0=start,
+                    rng=objective.generator,
+                    no_local_search=not objective.options["local"],
+                    x0=objective.start,
                 )
-                start = None
+                objective.start = None
 
 
 class _Deterministic(_SciPy):
@@ -197,19 +184,10 @@ class Direct(_Deterministic):
         ),
     }
     #: Variables at the most: the first step alone divides every one of them.
-    most: ClassVar[int] = 1000
+    most = 1000
+    grows = "its rectangles would not fit into memory"
 
-    def refuses(self, problem: BlackBoxMinimisation) -> str:
-        """Return why there are too many variables."""
-        return _too_many(problem, self.most, "its rectangles would not fit into memory")
-
-    def search(
-        self,
-        objective: Objective,
-        generator: np.random.Generator,
-        request: Request,
-        start: Floats | None,
-    ) -> Mapping[str, Any]:
+    def search(self, objective: Objective) -> Mapping[str, Any]:
         """Divide until the run is ended, or memory or the depth of rectangles is used up."""
         from scipy.optimize import direct
 
@@ -220,10 +198,10 @@ class Direct(_Deterministic):
             found = direct(
                 _one(objective),
                 _cube(objective),
-                eps=request.options["epsilon"],
+                eps=objective.options["epsilon"],
                 maxfun=most + 1,  # so that the run is ended by its own count
                 maxiter=most + 1,
-                locally_biased=request.options["biased"],
+                locally_biased=objective.options["biased"],
                 vol_tol=0.0,
                 len_tol=0.0,
             )
@@ -252,28 +230,19 @@ class Shgo(_Deterministic):
         ),
     }
     #: Variables at the most: every corner of the cube is joined to 3^d others in all.
-    most: ClassVar[int] = 10
+    most = 10
+    grows = "its triangulation of the cube would not end"
 
     def prepare(self) -> None:
         """Load what SciPy itself loads only when it begins."""
         super().prepare()
         import scipy.stats  # noqa: F401
 
-    def refuses(self, problem: BlackBoxMinimisation) -> str:
-        """Return why there are too many variables."""
-        return _too_many(problem, self.most, "its triangulation of the cube would not end")
-
-    def search(
-        self,
-        objective: Objective,
-        generator: np.random.Generator,
-        request: Request,
-        start: Floats | None,
-    ) -> Mapping[str, Any]:
+    def search(self, objective: Objective) -> Mapping[str, Any]:
         """Refine the triangulation, and search locally, until the run is ended."""
         from scipy.optimize import shgo
 
-        d, sampling = objective.dimension, request.options["sampling"]
+        d, sampling = objective.dimension, objective.options["sampling"]
         if sampling != "simplicial" and d > 5:
             raise UnsupportedOption(
                 f"backend 'shgo': sampling={sampling!r} takes at most 5 variables that are free, got {d}"
@@ -281,7 +250,7 @@ class Shgo(_Deterministic):
         # SciPy's own default is every corner and the centre; each round looks at all points again,
         # and without a round nothing is searched locally.
         own = max(2**d + 1, objective.granted // 50)
-        points = request.options["points"] or max(min(own, objective.granted // 4), 2)
+        points = objective.options["points"] or max(min(own, objective.granted // 4), 2)
         with _quiet():
             found = shgo(
                 _one(objective),
@@ -291,12 +260,3 @@ class Shgo(_Deterministic):
                 sampling_method=sampling,
             )
         return {"ended": found.message}
-
-
-def _too_many(problem: BlackBoxMinimisation, most: int, why: str) -> str:
-    free = int((problem.highs > problem.lows).sum())
-    return (
-        ""
-        if free <= most
-        else f"it takes at most {most} variables that are free, got {free}: {why}"
-    )

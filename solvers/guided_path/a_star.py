@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
-from ...models.guided_path.walks import reduced, served
+from ...models.guided_path.walks import length_of, reduced, served
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 from . import search_kernels as kernels
 from .beam_kernels import beam
@@ -205,7 +205,7 @@ class _Search:
     def offer(self, stops: Iterable[int]) -> None:
         """Keep the tour from stop to stop if it is the best so far."""
         order = served(self.model, stops)
-        value = float(np.abs(np.diff(self.model.coordinates[[0, *order, 0]])).sum())
+        value = length_of(self.model, order)
         if value < self.value:
             self.plan, self.value = GuidedPathPlan(order), value
             self.control.incumbent(value, self.plan)

@@ -293,7 +293,8 @@ class Leaves(Asks):
         ask = request.control.ask
 
         def go_on():
-            with contextlib.suppress(Exception):
+            # The run ends meanwhile, or the channel with it.
+            with contextlib.suppress(HiddenData, EOFError, OSError):
                 while True:
                     ask(np.zeros((1, 2)))
 
