@@ -103,6 +103,10 @@ def declared(spec: Spec, *, hidden: bool = False, **options: Any) -> Any:
     without it, see :meth:`crosstrack.models.Model.blinded`. What is computed from it when the model
     is made has to be hidden too.
     """
+    if hidden and "default" in options:
+        # A default would be the class's attribute, which is read where the field is not there.
+        value = options.pop("default")
+        options["default_factory"] = lambda: value
     return dataclasses.field(metadata={"spec": spec, "hidden": hidden}, **options)
 
 
