@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy.sparse as sp
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
 from ...models.programs.linear import QuadraticProgram
@@ -88,7 +89,8 @@ class Qpsolvers(QuadraticBackend):
             finally:
                 clock.lap("solve")
         words = "; ".join([*(str(one.message) for one in heard), "no optimum was found"])
-        known = [np.ravel(part) for part in (found.y, found.z) if part is not None]
+        posed = form.right.size > 0  # else the row is not the program's
+        known = [np.ravel(part) for part in (found.y, found.z) if posed and part is not None]
         duals = np.concatenate([np.zeros(0), *known])
         return Ending(
             Ended.PROVEN if found.found else Ended.FAILED,
@@ -109,6 +111,10 @@ def _posed(qpsolvers: Any, program: QuadraticProgram, form: ConicForm, dense: bo
         return matrix[part].toarray() if dense else matrix[part].tocsc(), form.right[part]
 
     equal, above = rows(slice(0, form.zeros)), rows(slice(form.zeros, None))
+    if not form.right.size:
+        # qpsolvers would not call the solver, but SciPy's LSQR, and call what that leaves unbounded.
+        nothing = np.zeros((1, program.size))
+        above = (nothing if dense else sp.csc_array(nothing), np.zeros(1))
     return qpsolvers.Problem(
         hessian.toarray() if dense else hessian, program.cost.copy(), *above, *equal
     )
