@@ -167,6 +167,8 @@ def judge(
         if s.termination is Termination.UNBOUNDED and kinds[id(s)] is Guarantee.EXACT
     ]
     searches = [s for s in plans if kinds[id(s)] is not Guarantee.EXACT]
+    if model is not None and model.agreement is not None:
+        searches = []  # an estimate that is further from the truth has not stopped too early
     notes = _notes(solutions, plans, clean, searches)
 
     def verdict(outcome: Outcome, evidence: str) -> Verdict:
