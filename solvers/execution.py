@@ -28,6 +28,9 @@ log = logging.getLogger("crosstrack")
 
 __all__ = ["GRACE", "claim", "execute", "multistart", "warm_objective"]
 
+#: Seconds of a first start whose time is used up before it began.
+NO_TIME = 1e-9
+
 
 def execute(
     job: Job,
@@ -276,6 +279,8 @@ def multistart(
                 left = None if job.time_limit is None else job.time_limit - whole.progress.seconds
                 if results and (whole.stopped or (left is not None and left <= 0)):
                     break
+                if left is not None:
+                    left = max(left, NO_TIME)  # the first start says itself that there was none
                 one = replace(job, seed=first + start, starts=1, time_limit=left)
                 with whole.stage(left) as part:
                     results.append(run(one, control=part))

@@ -62,8 +62,9 @@ def test_no_time_is_a_limit_and_no_error(name, backend):
     assert answer.plan is None
 
 
-def test_no_time_for_several_starts():
-    answer = ct.solve(ct.load(BRYSON), time_limit=1e-3, starts=3)
+@pytest.mark.parametrize("seconds", [1e-3, 1e-12])
+def test_no_time_for_several_starts(seconds):
+    answer = ct.solve(ct.load(BRYSON), time_limit=seconds, starts=3)
     assert (answer.termination, answer.limit) == ("no_solution", "time")
     assert len(answer.starts) >= 1
 
