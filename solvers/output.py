@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import IO, Any
 
-__all__ = ["Diverted", "Lines", "Printed", "by_lines", "captured", "shown"]
+__all__ = ["Diverted", "Lines", "Printed", "by_lines", "captured", "flush_native", "shown"]
 
 log = logging.getLogger("crosstrack.output")
 
@@ -92,6 +92,12 @@ def _native_stdout() -> tuple[ctypes.CDLL, ctypes.c_void_p]:
     return system, ctypes.c_void_p.in_dll(system, name)
 
 
+def flush_native() -> None:
+    """Write out what native code has printed and the C library still holds."""
+    system, stream = _native_stdout()
+    system.fflush(stream)
+
+
 class Diverted:
     """File descriptor 1 turned to another file, while Python's own ``sys.stdout`` keeps its place.
 
@@ -107,7 +113,7 @@ class Diverted:
     """
 
     def __init__(self, descriptor: int) -> None:
-        self.flush()
+        flush_native()
         self._place = os.dup(1)
         # The same objects, for others hold them: handlers of logs, say.
         self._streams = []
@@ -121,16 +127,11 @@ class Diverted:
 
     def end(self) -> None:
         """Put everything back."""
-        self.flush()
+        flush_native()
         os.dup2(self._place, 1)
         for raw in self._streams:
             io.FileIO.__init__(raw, 1, "w", closefd=False)
         os.close(self._place)
-
-    def flush(self) -> None:
-        """Write out what native code has printed and the C library still holds."""
-        system, stream = _native_stdout()
-        system.fflush(stream)
 
 
 class _Split:
@@ -178,7 +179,7 @@ class _Capture:
         sys.stdout = self.split
 
     def forward(self) -> None:
-        self._diverted.flush()
+        flush_native()
         self._lines.forward(self.level)
 
     def close(self) -> None:

@@ -30,7 +30,7 @@ import traceback
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
-from .output import by_lines, shown
+from .output import by_lines, flush_native, shown
 
 __all__ = ["main"]
 
@@ -248,6 +248,9 @@ def _solve(number: int, job: Any, send: Any, stops: _Stops, channel: socket.sock
     finally:
         if asking is not None and not asking.close():
             control.abandon()
+    # A line without its end, which nobody would read after the answer.
+    sys.stdout.flush()
+    flush_native()
     # What was given up runs on in a thread: no other job may share its process.
     send({**message, "number": number, "last": control.abandoned})
 
