@@ -18,23 +18,29 @@ class Column:
     backend : str
         The backend, ``"name:formulation"`` for one on a certain formulation.
     published : str
-        Key of the paper's seconds that stand beside it; empty where there are none.
+        Key of the paper's seconds that stand beside it, or of its figure; empty where there is none.
     warm : bool
         Whether the run starts from the best plan of the runs before it.
     options : mapping
         The backend's own options; two columns of one backend differ by them.
+    figure : str
+        What is shown alone: ``"objective"``, or an attribute of the plan such as ``"exponent.value"``. Empty
+        shows the seconds of a proof, else the objective and its seconds.
     """
 
     backend: str
     published: str = ""
     warm: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
+    figure: str = ""
 
     @property
     def label(self) -> str:
-        """What stands above it: the backend, its formulation, and its options."""
+        """What stands above it: the backend, its formulation, its options, and the figure."""
         options = (f"{name}={value}" for name, value in self.options.items())
-        return "\n".join([*self.backend.split(":"), *options])
+        shown = self.figure.removesuffix(".value").rpartition(".")[2]
+        figure = [shown.replace("_", " ")] if shown not in ("", "objective") else []
+        return "\n".join([*self.backend.split(":"), *options, *figure])
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,7 @@ def reproduce(
                 columns = [layout.columns[place] for place in places]
                 part = compare(
                     model,
-                    [column.backend for column in columns],
+                    list(dict.fromkeys(column.backend for column in columns)),
                     time_limit=time_limit,
                     tolerance=layout.tolerance,
                     evaluations=evaluations,
@@ -215,9 +215,12 @@ def reproduction_parts(result: Reproduction) -> list[Any]:
             line += [number(row.published.get("optimum"), 0)] if lengths else []
             line.append(number(None if best is None else best.primal_bound))
             for column, answers in zip(layout.columns, row.answers, strict=True):
-                if column.published:
+                if column.figure and column.published:
+                    line.append(number(row.published.get(column.published)))
+                elif column.published:
                     line.append(seconds_text(row.published["seconds"].get(column.published)))
-                line.append(_ours(answers) if layout.repeats == 1 else _median(answers))
+                once = _ours(answers) if layout.repeats == 1 else _median(answers)
+                line.append(_figure(column.figure, answers) if column.figure else once)
             lines.append([*line, str(row.verdict.outcome)])
         parts.append(table(layout.title, [*head, "verdict"], lines, right=head[1:]))
     parts.append(layouts.note)
@@ -236,6 +239,25 @@ def _ours(answers: Sequence[Solution[Any]]) -> str:
         gap = "" if solution.gap is None else f", gap {solution.gap:.1%}"
         return f"{solution.limit or solution.termination}{gap}"
     return ""
+
+
+def _figure(figure: str, answers: Sequence[Solution[Any]]) -> str:
+    """Return the median of a figure of the plans, the first word where it is none, empty without plans."""
+    read = [_read(s, figure) for s in answers]
+    found = [value for value in read if value is not None]
+    if not found:
+        return ""
+    return found[0] if isinstance(found[0], str) else number(float(median(found)))
+
+
+def _read(solution: Solution[Any], figure: str) -> Any:
+    """Return an attribute of a plan by its dotted name, or the objective; None where a part is missing."""
+    if figure == "objective":
+        return solution.primal_bound
+    found = solution.plan
+    for name in figure.split("."):
+        found = None if found is None else getattr(found, name)
+    return found
 
 
 def _median(answers: Sequence[Solution[Any]]) -> str:
