@@ -17,7 +17,7 @@ from ..models.model import Model
 from ..models.problems import loadable, model_type, resolve, table
 from ..models.records import Member, Table
 
-__all__ = ["CatalogueEntry", "Provenance", "entries", "entry", "load", "register_entry"]
+__all__ = ["Assumed", "CatalogueEntry", "Provenance", "entries", "entry", "load", "register_entry"]
 
 log = logging.getLogger("crosstrack")
 
@@ -43,6 +43,19 @@ class Provenance(StrEnum):
     OURS = "ours"
     #: Published elsewhere.
     PUBLIC = "public"
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """What the reader of a CSV or Excel file puts where the file holds nothing, and a user may give.
+
+    Parameters
+    ----------
+    value : object
+        As data of the model.
+    """
+
+    value: Any
 
 
 @dataclass(frozen=True)
@@ -226,14 +239,19 @@ def _of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Model[A
         except (InvalidData, BackendBroken) as error:
             unread[one] = str(error)
             continue
+        assumed = {key: got.value for key, got in held.items() if isinstance(got, Assumed)}
         try:
             for key in held:
-                if key in given:
+                if key in given and key not in assumed:
                     raise InvalidData(f"{key} must not be given: the file holds it", field=key)
-            made: Model[Any] = model_type(one).from_data({**held, **given}, name=file.stem)
-            return made
+            data = {**held, **assumed, **given}
+            made: Model[Any] = model_type(one).from_data(data, name=file.stem)
         except InvalidData as error:
             lacking[one] = str(error)
+            continue
+        for key in assumed.keys() - given.keys():
+            log.warning("%s: %s is assumed, as the file holds none: data may give it", file, key)
+        return made
     if not lacking:
         _hint(file)
     reasons: dict[str, str] = {}
