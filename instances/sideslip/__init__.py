@@ -1,0 +1,27 @@
+"""Instances of sideslip estimation: simulated drives, and recordings that are read from files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .exports import write_sideslip_csv as write_sideslip_csv
+    from .generator import generate as generate
+    from .readers import read_recording as read_recording
+
+CATALOGUE = {"sideslip": ".listing:catalogue_entries"}
+TABLE_FILES = {"sideslip": ".readers:table_file"}
+DEMOS = {"sideslip": ".demo:DEMO"}
+EXPORTS = {"csv": ".exports:CSV"}
+PRINTED = {"sideslip/errors": ".printed:errors"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "exports": ("write_sideslip_csv",),
+        "generator": ("generate",),
+        "readers": ("read_recording",),
+    },
+)

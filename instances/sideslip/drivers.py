@@ -1,0 +1,89 @@
+"""Drivers who look ahead, and the uniform design that picks those whose drives estimators learn from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.declaration import Declared
+from ...models.fields import Real, declared
+
+__all__ = ["HELD_OUT", "Design", "Driver", "design_drivers", "uniform_design"]
+
+#: Rows, and what the columns of the design table U15(15^8) are multiplied with: the numbers below 15 that have no
+#: divisor in common with it.
+ROWS, FACTORS = 15, (1, 2, 4, 7, 8, 11, 13, 14)
+#: Columns of that table for the five parameters: of all fives those with the least centred discrepancy.
+COLUMNS = (0, 1, 2, 3, 6)
+#: Least and greatest value of each parameter, in the order of :class:`Driver`. The paper's are lost.
+RANGES = ((0.75, 1.2), (0.05, 0.25), (0.85, 1.05), (0.05, 0.15), (0.05, 0.15))
+
+
+@dataclass(frozen=True, eq=False)
+class Driver(Declared):
+    """A driver who steers by what is seen ahead.
+
+    Parameters
+    ----------
+    preview : float
+        How far ahead the driver looks, s (paper: T).
+    correction : float
+        How much the driver makes up for the lag of the vehicle, s (paper: T_c).
+    gain : float
+        Steering angle for a wanted lateral acceleration (paper: C_0), as a multiple of what the
+        vehicle needs when it turns steadily.
+    delay : float
+        Until the driver reacts, s (paper: T_d).
+    lag : float
+        Time constant of the muscles, s (paper: T_h).
+    """
+
+    preview: float = declared(Real(lower=0.1, upper=10.0, unit="s"))
+    correction: float = declared(Real(lower=0, upper=10.0, unit="s"))
+    gain: float = declared(Real(lower=0, upper=100.0))
+    delay: float = declared(Real(lower=0, upper=10.0, unit="s"))
+    lag: float = declared(Real(lower=0.001, upper=10.0, unit="s"))
+
+
+#: The driver of the drive that is estimated, who is none of the design's.
+HELD_OUT = Driver(preview=0.9, correction=0.14, gain=0.98, delay=0.11, lag=0.09)
+
+
+class Design(StrEnum):
+    """How drivers are picked."""
+
+    #: By a uniform design table, Fang and Wang, Number-theoretic Methods in Statistics, 1994.
+    UNIFORM = "uniform"
+    #: At random.
+    RANDOM = "random"
+
+
+def uniform_design() -> NDArray[np.int64]:
+    """Return the table U15(15^8): row i of column j is ``i h_j`` modulo 15, and 15 where that is 0."""
+    found: NDArray[np.int64] = np.outer(np.arange(1, ROWS + 1), FACTORS) % ROWS
+    return np.where(found == 0, ROWS, found)
+
+
+def design_drivers(count: int, design: Design, rng: np.random.Generator) -> tuple[Driver, ...]:
+    """Return drivers within :data:`RANGES`.
+
+    Parameters
+    ----------
+    count : int
+        Their number. A uniform design of fewer than 15 is the table's beginning; those beyond the 15th are drawn.
+    design : Design
+        How they are picked.
+    rng : Generator
+        For those at random.
+    """
+    low, high = np.array(RANGES).T
+    shares = rng.random((count, len(RANGES)))
+    if design is Design.UNIFORM:
+        levels = uniform_design()[:count, COLUMNS]
+        shares[: len(levels)] = (levels - 1.0) / (ROWS - 1)
+    parts: Any = np.round(low + (high - low) * shares, 6).tolist()
+    return tuple(Driver(*one) for one in parts)

@@ -1,0 +1,67 @@
+"""Estimates of the sideslip angle as tables."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import InvalidData
+from ...files import write_text
+from ...models.fields import required
+from ...models.sideslip.model import SideslipEstimation
+from ...models.sideslip.plan import SideslipEstimate
+from ..exports import ExportFormat
+
+__all__ = ["CSV", "write_sideslip_csv"]
+
+#: The header. Its columns are those that recordings are read from, and the claimed deviation.
+_COLUMNS = (
+    "time [s]", "sideslip [rad]", "deviation [rad]", "speed [m/s]", "steering [rad]",
+    "yaw_rate [rad/s]", "lateral_acceleration [m/s^2]",
+)  # fmt: skip
+
+
+def write_sideslip_csv(
+    plan: SideslipEstimate, path: str | os.PathLike[str], *, model: SideslipEstimation
+) -> Path:
+    """Write one row a sample as CSV, in one step; return the path.
+
+    The columns are time (s), the estimated angle and its deviation (rad), and what was measured: speed
+    (m/s), steering angle (rad), yaw rate (rad/s), lateral acceleration (m/s²), with all digits.
+    :func:`~crosstrack.instances.sideslip.read_recording` reads them back, the estimate as the angle.
+
+    Parameters
+    ----------
+    plan : SideslipEstimate
+        The estimate.
+    path : path-like
+        The file.
+    model : SideslipEstimation
+        What it is for.
+
+    Raises
+    ------
+    InvalidData
+        An estimate of another number of samples, or a file that cannot be written.
+    """
+    required("plan", plan, SideslipEstimate)
+    required("model", model, SideslipEstimation)
+    seen = model.recording
+    if len(plan) != len(seen):
+        raise InvalidData(
+            f"sideslip must have {len(seen)} entries, one a sample, got {len(plan)}",
+            field="sideslip",
+        )
+    table = np.column_stack(
+        [
+            *(seen.times, plan.sideslip, plan.deviation, seen.speed, seen.steering),
+            *(seen.yaw_rate, seen.lateral_acceleration),
+        ]
+    )
+    lines = [",".join(map(repr, row)) for row in table.tolist()]
+    return write_text(path, "\n".join([",".join(_COLUMNS), *lines]) + "\n")
+
+
+CSV = ExportFormat("one row a sample (CSV)", ".csv", write_sideslip_csv)

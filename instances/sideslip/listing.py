@@ -1,0 +1,104 @@
+"""What the catalogue holds of sideslip estimation: the paper's two roads, and drives wilder than its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from ..catalogue import CatalogueEntry, Provenance
+from .generator import generate
+from .settings import TABLE_3
+
+__all__ = ["MISMATCH", "PAPER", "catalogue_entries"]
+
+PAPER = (
+    "Vehicle Sideslip Angle Estimation Based on General Regression Neural Network, Mathematical "
+    "Problems in Engineering, 2016"
+)
+
+#: What the parameters that estimators believe in are multiplied by where they are wrong: a heavier car on
+#: softer tyres.
+MISMATCH = {"mass": 1.3, "cornering_front": 0.7, "cornering_rear": 0.7}
+#: Numbers under which ``reproduce`` runs them: as the paper has it, and with a wrong vehicle.
+PRINTED_TABLE, MISMATCH_TABLE = 3, 4
+
+_LOST = (
+    "The paper's vehicle, its drivers and the coefficients of its roads are lost: a textbook's vehicle and "
+    "drivers of ours stand for them, so its figures are a band and no target."
+)
+_SPECIAL = "Ours: the paper has no such drive."
+
+#: Drives that the paper has not: name, title, and what the generator is asked for.
+_WILD: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
+    (
+        "limit", "saturating tyres near the limit, friction 0.55",
+        {"tyre": "saturating", "friction": 0.55},
+    ),
+    (
+        "ice", "friction 0.2 where 0.9 is believed, after drives on a dry road",
+        {
+            "tyre": "saturating", "friction": 0.2, "speed": 16.0, "training_friction": 0.9,
+            "mismatch": {"friction": 4.5},
+        },
+    ),
+    (
+        "friction-change", "friction 0.9 that falls to 0.3 halfway, after drives on a dry road",
+        {
+            "tyre": "saturating", "friction": 0.9, "later_friction": 0.3,
+            "training_friction": 0.9,
+        },
+    ),
+    (
+        "stop-and-go", "down to standstill and on again",
+        {"speed": ((0, 22), (4, 10), (7, 0), (9, 0), (14, 15), (24, 22))},
+    ),
+    ("missing", "three samples of ten are left out", {"missing": 0.3}),
+    ("stale", "three samples of ten repeat the one before", {"stale": 0.3}),
+    ("biased", "sensors with a bias of 0.02 rad/s and 0.3 m/s²", {"bias": (0.02, 0.3)}),
+    ("noisy", "noise of ten times the signals' power", {"decibels": -10.0}),
+    ("short", "50 samples", {"road": "serpentine", "samples": 50}),
+    ("long", "10,000 samples", {"road": "serpentine", "samples": 10_000}),
+    ("unknown", "nobody knows the true angle", {"known": False}),
+    ("untrained", "no drive to learn from", {"drivers": 0}),
+)  # fmt: skip
+
+
+def catalogue_entries() -> tuple[CatalogueEntry, ...]:
+    """Return the instances."""
+    found = []
+    for road, printed in TABLE_3.items():
+        words = f"{road.replace('-', ' ')} at {printed.speed:g} km/h"
+        figures = {"mean": printed.mean, "deviation": printed.deviation, "source": "table 3"}
+        published = {"table": PRINTED_TABLE, "row": printed.row, **figures}
+        found.append(_entry(road, words, {"road": road}, _LOST, Provenance.COMPLETED, published))
+        found.append(
+            _entry(
+                f"{road}-mismatch",
+                f"{words}, mass and stiffness believed wrong by 30 %",
+                {"road": road, "mismatch": MISMATCH},
+                f"{_SPECIAL} The drives are those of {road}.",
+                Provenance.SEEDED,
+                {"table": MISMATCH_TABLE, "row": 10 + printed.row},
+            )
+        )
+    found += [
+        _entry(name, title, asked, _SPECIAL, Provenance.SEEDED, {}) for name, title, asked in _WILD
+    ]
+    return tuple(found)
+
+
+def _entry(
+    name: str, title: str, asked: Mapping[str, Any], note: str, provenance: Provenance,
+    published: Mapping[str, Any],
+) -> CatalogueEntry:  # fmt: skip
+    return CatalogueEntry(
+        name=f"sideslip/{name}",
+        model="sideslip",
+        title=title,
+        paper=PAPER,
+        provenance=provenance,
+        builder=partial(generate, **asked),
+        published=published,
+        note=note,
+    )

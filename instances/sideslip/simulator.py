@@ -1,0 +1,245 @@
+"""A vehicle that is driven along a road: the truth that estimators are measured by.
+
+The single-track model is written and integrated here on its own, so that no estimator is tested against
+itself: the classic Runge-Kutta method in steps of 25 ms at most, and shorter ones where the model is
+stiffer. The driver follows Guo's preview follower theory (K. Guo and H. Guan, Modelling of driver/vehicle
+directional control system, Vehicle System Dynamics 22, 1993), as the paper does: the lateral acceleration ``2/T² (f - y - T v)`` would
+bring the vehicle onto the course ``f`` that is seen at the time T ahead; it is asked for by the steering
+angle ``C_0 (1 + T_c s) e^(-T_d s) / (1 + T_h s)`` times as large. The least C_0 that follows a steady turn is what the
+vehicle itself needs, ``L / u² + m (b / C_f - a / C_r) / L``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ...jit import kernel
+from ...models.sideslip.data import LOW_SPEED, Tyre, Vehicle
+from .drivers import Driver
+from .roads import Road
+
+__all__ = ["STEERING_LIMIT", "Drive", "simulate"]
+
+Floats = NDArray[np.float64]
+Row = tuple[float, ...]
+
+#: Greatest angle of the front wheels, rad.
+STEERING_LIMIT = math.radians(30.0)
+#: Longest step of the integration, s, and its product with the model's fastest decay.
+STEP, STIFFEST = 0.025, 0.5
+#: Steps of one drive above which it is refused.
+MOST_STEPS = 50_000_000
+#: Speed (m/s) below which the driver steers as at that speed.
+SLOW = 3.0
+
+
+class Drive(NamedTuple):
+    """What happened, one entry a sample.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        Position, along the road and to its left, m.
+    heading : ndarray, shape (n,)
+        Of the vehicle, to the left of the road, rad.
+    sideslip : ndarray, shape (n,)
+        Angle of the velocity to the left of the heading, rad.
+    yaw_rate : ndarray, shape (n,)
+        rad/s.
+    steering : ndarray, shape (n,)
+        Angle of the front wheels, rad.
+    lateral_acceleration : ndarray, shape (n,)
+        Sum of the axles' forces by the mass, m/s².
+    """
+
+    x: Floats
+    y: Floats
+    heading: Floats
+    sideslip: Floats
+    yaw_rate: Floats
+    steering: Floats
+    lateral_acceleration: Floats
+
+
+def simulate(
+    vehicle: Vehicle,
+    road: Road,
+    driver: Driver,
+    speed: Floats,
+    friction: Floats,
+    shocks: Floats,
+    period: float,
+) -> Drive:
+    """Drive along a road, straight on in its middle at first: position, angles and rates begin at zero.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The one that is driven. Its friction is not read.
+    road : Road
+        What the driver follows.
+    driver : Driver
+        Who steers.
+    speed : ndarray, shape (n,)
+        Forward speed at each sample, m/s, linear in between. At standstill nothing turns.
+    friction : ndarray, shape (n,)
+        Coefficient of friction from each sample on; of no account for linear tyres.
+    shocks : ndarray, shape (n, 2)
+        What is added to sideslip angle and yaw rate at each sample after the first.
+    period : float
+        Time between samples, s.
+
+    Raises
+    ------
+    InvalidData
+        The vehicle spun: its sideslip angle reached 90°, beyond which the model means nothing. Or the
+        model is so stiff that it would take too many steps.
+    """
+    v = vehicle
+    slowest = max(float(speed.min()), LOW_SPEED)
+    decay = (v.cornering_front + v.cornering_rear) / v.mass
+    decay += (v.front**2 * v.cornering_front + v.rear**2 * v.cornering_rear) / v.yaw_inertia
+    steps = math.ceil(period * max(1.0 / STEP, decay / slowest / STIFFEST))
+    if steps * len(speed) > MOST_STEPS:
+        raise InvalidData(
+            f"period {period:g} s takes {steps} steps of the integration, {steps * len(speed)} for all samples, where "
+            f"at most {MOST_STEPS} are allowed: the vehicle is too stiff",
+            field="vehicle",
+        )
+    needed = v.mass * (v.rear / v.cornering_front - v.front / v.cornering_rear) / v.wheelbase
+    # Tuples: interpreted, Python's own numbers are several times as fast as those of arrays.
+    parameters = (
+        *(v.mass, v.yaw_inertia, v.front, v.rear, v.cornering_front, v.cornering_rear),
+        needed,
+    )
+    grip = friction if v.tyre is Tyre.SATURATING else np.full(len(speed), math.inf)
+    limits = grip[:, None] * np.array(v.loads)
+    who = (driver.preview, driver.correction, driver.gain, driver.delay, driver.lag)
+    found = np.zeros((7, len(speed)))
+    wanted = np.zeros(steps * (len(speed) - 1) + 1)
+    _drive(
+        parameters, road.along, road.aside, who, np.asarray(speed, dtype=float), limits, shocks,
+        period / steps, steps, wanted, found,
+    )  # fmt: skip
+    if not (np.abs(found[3]) < 0.5 * math.pi).all():
+        first = int(np.flatnonzero(~(np.abs(found[3]) < 0.5 * math.pi))[0])
+        raise InvalidData(
+            f"the vehicle spins {first * period:g} s after the start, and its sideslip angle must stay below 90°: "
+            "choose a lower speed, more friction or another driver",
+            field="speed",
+        )
+    return Drive(*found)
+
+
+@kernel
+def _force(angle: float, stiffness: float, limit: float) -> float:
+    """Return the lateral force of an axle by Fiala's brush."""
+    if abs(angle) >= 0.5 * math.pi:
+        return math.copysign(limit, angle)
+    part = stiffness * math.tan(angle) / (3.0 * limit)
+    if abs(part) >= 1.0:
+        return math.copysign(limit, angle)
+    return limit * part * (3.0 - 3.0 * abs(part) + part * part)
+
+
+@kernel
+def _rates(
+    p: Row, speed: float, steering: float, sideslip: float, yaw_rate: float, front: float,
+    rear: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Return the derivatives of angle and yaw rate, and the lateral acceleration."""
+    least = max(speed, LOW_SPEED)
+    # The lateral speed of each axle: it vanishes at rest, whatever the angles are.
+    aside = speed * sideslip
+    one = (speed * steering - aside - p[2] * yaw_rate) / least
+    two = (p[3] * yaw_rate - aside) / least
+    # Infinite limits: linear tyres.
+    one = p[4] * one if front == math.inf else _force(one, p[4], front)
+    two = p[5] * two if rear == math.inf else _force(two, p[5], rear)
+    acceleration = (one + two) / p[0]
+    return acceleration / least - yaw_rate, (p[2] * one - p[3] * two) / p[1], acceleration
+
+
+@kernel
+def _aside(along: Floats, aside: Floats, at: float, piece: int) -> tuple[float, int]:
+    """Return how far the course is to the left, and the piece, found from the one before."""
+    last = len(along) - 2
+    while piece < last and along[piece + 1] < at:
+        piece += 1
+    while piece > 0 and along[piece] > at:
+        piece -= 1
+    share = (at - along[piece]) / (along[piece + 1] - along[piece])
+    share = min(max(share, 0.0), 1.0)
+    rise = share * share * (3.0 - 2.0 * share)
+    return float(aside[piece] + (aside[piece + 1] - aside[piece]) * rise), piece
+
+
+@kernel(interpretable=True)
+def _drive(
+    p: Row, along: Floats, aside: Floats, who: Row, speeds: Floats, limits: Floats,
+    shocks: Floats, h: float, steps: int, wanted: Floats, found: Floats,
+) -> None:  # fmt: skip
+    """Fill `wanted` with the driver's steering before delay and lag, and `found` with the drive.
+
+    Between the steps of the integration the steering angle is linear in time.
+    """
+    preview, correction, gain, late, lag = who[0], who[1], who[2], who[3] / h, who[4]
+    x, y, heading, sideslip, yaw_rate, steering, muscle = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    fade = 1.0 - math.exp(-h / lag)
+    piece, now = 0, 0
+    for k in range(len(speeds)):
+        if k > 0:
+            front, rear = float(limits[k - 1, 0]), float(limits[k - 1, 1])
+            begin = float(speeds[k - 1])
+            growth = (float(speeds[k]) - begin) / steps
+            for j in range(steps):
+                u0 = begin + growth * j
+                u1 = u0 + 0.5 * growth
+                u2 = u0 + growth
+                goal, piece = _aside(along, aside, x + preview * u0, piece)
+                drift = u0 * math.sin(heading + sideslip)
+                least = max(u0, SLOW)
+                factor = gain * ((p[2] + p[3]) / (least * least) + p[6])
+                wanted[now] = factor * 2.0 * (goal - y - preview * drift) / (preview * preview)
+                before = max(now - late, 0.0)
+                whole = int(before)
+                asked = float(wanted[whole])
+                if whole < now:
+                    asked += (before - whole) * (float(wanted[whole + 1]) - asked)
+                muscle += fade * (asked - muscle)
+                turned = muscle + correction * (asked - muscle) / lag
+                turned = min(max(turned, -STEERING_LIMIT), STEERING_LIMIT)
+                half = 0.5 * (steering + turned)
+                # Classic Runge-Kutta.
+                a1, b1, _ = _rates(p, u0, steering, sideslip, yaw_rate, front, rear)
+                s1, w1 = sideslip + 0.5 * h * a1, yaw_rate + 0.5 * h * b1
+                a2, b2, _ = _rates(p, u1, half, s1, w1, front, rear)
+                s2, w2 = sideslip + 0.5 * h * a2, yaw_rate + 0.5 * h * b2
+                a3, b3, _ = _rates(p, u1, half, s2, w2, front, rear)
+                s3, w3 = sideslip + h * a3, yaw_rate + h * b3
+                a4, b4, _ = _rates(p, u2, turned, s3, w3, front, rear)
+                c1 = heading + sideslip
+                c2, c3 = heading + 0.5 * h * yaw_rate + s1, heading + 0.5 * h * w1 + s2
+                c4 = heading + h * w2 + s3
+                middle = 2.0 * u1 * (math.cos(c2) + math.cos(c3))
+                x += h / 6.0 * (u0 * math.cos(c1) + middle + u2 * math.cos(c4))
+                middle = 2.0 * u1 * (math.sin(c2) + math.sin(c3))
+                y += h / 6.0 * (u0 * math.sin(c1) + middle + u2 * math.sin(c4))
+                heading += h / 6.0 * (yaw_rate + 2.0 * (w1 + w2) + w3)
+                sideslip += h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+                yaw_rate += h / 6.0 * (b1 + 2.0 * (b2 + b3) + b4)
+                steering = turned
+                now += 1
+            sideslip += float(shocks[k, 0])
+            yaw_rate += float(shocks[k, 1])
+        _, _, acceleration = _rates(
+            p, speeds[k], steering, sideslip, yaw_rate, limits[k, 0], limits[k, 1]
+        )
+        found[0, k], found[1, k], found[2, k] = x, y, heading
+        found[3, k], found[4, k], found[5, k] = sideslip, yaw_rate, steering
+        found[6, k] = acceleration

@@ -1,0 +1,24 @@
+"""Estimation of a vehicle's sideslip angle from its yaw rate and lateral acceleration."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .data import Recording as Recording, Tyre as Tyre, Vehicle as Vehicle
+    from .model import SideslipEstimation as SideslipEstimation
+    from .plan import SideslipEstimate as SideslipEstimate
+
+MODELS = {"sideslip": ".model:SideslipEstimation"}
+PICTURES = {"sideslip": ".plot:draw"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "data": ("Recording", "Tyre", "Vehicle"),
+        "model": ("SideslipEstimation",),
+        "plan": ("SideslipEstimate",),
+    },
+)

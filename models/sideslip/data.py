@@ -1,0 +1,171 @@
+"""The vehicle that an estimator believes in, and recordings of drives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..declaration import Declared
+from ..fields import Array, Optional, Real, declared, show
+from ..records import Member
+
+__all__ = ["GRAVITY", "LOW_SPEED", "MOST_GAP", "UNKNOWN", "Recording", "Tyre", "Vehicle"]
+
+Floats = NDArray[np.float64]
+
+#: Standard gravity, m/s².
+GRAVITY = 9.80665
+#: Speed (m/s) below which the sideslip angle has no meaning: the single-track model is singular at rest.
+LOW_SPEED = 1.0
+#: Deviation (rad) of an angle of which nothing is known: that of even odds between -90° and 90°.
+UNKNOWN = math.pi / math.sqrt(12.0)
+#: Seconds without a sample above which a recording is refused.
+MOST_GAP = 2.0
+#: Samples of a recording, at the least and at the most.
+LEAST, MOST = 10, 1_000_000
+
+
+class Tyre(StrEnum):
+    """How an axle's lateral force grows with its slip angle."""
+
+    #: In proportion.
+    LINEAR = "linear"
+    #: By Fiala's brush model, which slides at the friction times the static load.
+    SATURATING = "saturating"
+
+
+@dataclass(frozen=True, eq=False)
+class Vehicle(Declared):
+    """A single-track vehicle.
+
+    Parameters
+    ----------
+    mass : float
+        Mass, kg.
+    yaw_inertia : float
+        Moment of inertia about the vertical axis, kg m².
+    front, rear : float
+        Distances of the axles from the centre of mass, m.
+    cornering_front, cornering_rear : float
+        Cornering stiffness of each axle, both tyres together, N/rad, > 0.
+    friction : float
+        Coefficient of friction between tyre and road; of no account for linear tyres.
+    tyre : Tyre
+        The law of the tyres.
+    """
+
+    mass: float = declared(Real(lower=0, strict=True, unit="kg"))
+    yaw_inertia: float = declared(Real(lower=0, strict=True, unit="kg m²"))
+    front: float = declared(Real(lower=0, strict=True, unit="m"))
+    rear: float = declared(Real(lower=0, strict=True, unit="m"))
+    cornering_front: float = declared(Real(lower=0, strict=True, unit="N/rad"))
+    cornering_rear: float = declared(Real(lower=0, strict=True, unit="N/rad"))
+    friction: float = declared(Real(lower=0, strict=True), default=0.9)
+    tyre: Tyre = declared(Member(Tyre), default=Tyre.LINEAR)
+
+    @property
+    def wheelbase(self) -> float:
+        """Distance between the axles, m."""
+        return self.front + self.rear
+
+    @property
+    def loads(self) -> tuple[float, float]:
+        """Static loads of the front and the rear axle, N."""
+        weight = self.mass * GRAVITY
+        return weight * self.rear / self.wheelbase, weight * self.front / self.wheelbase
+
+
+class Times(Array):
+    """Instants in strictly rising order, none far from the one before."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
+        found = super().coerce(name, value, sizes)
+        if not LEAST <= len(found) <= MOST:
+            raise InvalidData(
+                f"{name} must hold {LEAST} … {MOST} samples, got {len(found)}", field=name
+            )
+        steps = np.diff(found)
+        bad = np.flatnonzero(~(steps > 0))
+        if bad.size:
+            k = int(bad[0]) + 1
+            what = "a sample twice" if found[k] == found[k - 1] else "a step back"
+            raise InvalidData(
+                f"{name} must rise strictly, got {what}: {name}[{k}] = {show(float(found[k]))} s after "
+                f"{show(float(found[k - 1]))} s",
+                field=name,
+            )
+        wide = np.flatnonzero(steps > MOST_GAP * (1 + 1e-9))
+        if wide.size:
+            k = int(wide[0])
+            raise InvalidData(
+                f"{name} must leave no gap above {MOST_GAP:g} s, got {steps[k]:g} s after "
+                f"{name}[{k}] = {show(float(found[k]))} s: split the recording there",
+                field=name,
+            )
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Recording(Declared):
+    """What was measured on a drive, one entry a sample.
+
+    The axes are those of ISO 8855: forward, left and up, so a turn to the left has a positive steering
+    angle, yaw rate and lateral acceleration. The sideslip angle is that of the velocity against the forward axis,
+    positive to the left.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Instants, s, rising strictly; samples may be missing for up to 2 s.
+    speed : ndarray, shape (n,)
+        Forward speed, m/s, >= 0, taken as exact.
+    steering : ndarray, shape (n,)
+        Steering angle of the front wheels, rad, taken as exact.
+    yaw_rate : ndarray, shape (n,)
+        Measured yaw rate, rad/s.
+    lateral_acceleration : ndarray, shape (n,)
+        Measured lateral acceleration at the centre of mass, m/s².
+    sideslip : ndarray, shape (n,), optional
+        Sideslip angle, rad, where it is known: for drives that estimators learn from.
+    """
+
+    times: Floats = declared(Times(("n",)))
+    speed: Floats = declared(Array(("n",), lower=0.0))
+    steering: Floats = declared(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2))
+    yaw_rate: Floats = declared(Array(("n",), lower=-100.0, upper=100.0))
+    lateral_acceleration: Floats = declared(Array(("n",), lower=-1000.0, upper=1000.0))
+    sideslip: Floats | None = declared(
+        Optional(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2)), default=None
+    )
+
+    def check(self) -> None:
+        """Refuse drives on which the angle has no meaning anywhere."""
+        fastest = float(self.speed.max())
+        if not fastest >= LOW_SPEED:
+            raise InvalidData(
+                f"speed must reach {LOW_SPEED:g} m/s somewhere, got at most {fastest:g}: the sideslip "
+                "angle of a vehicle at rest has no meaning",
+                field="speed",
+            )
+        if not fastest <= 1000.0:
+            raise InvalidData(f"speed must be <= 1000 m/s, got {fastest:g}", field="speed")
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @property
+    def period(self) -> float:
+        """The usual time between samples, s."""
+        return float(np.median(np.diff(self.times)))
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Whether the angle has a meaning, shape (n,)."""
+        found: NDArray[np.bool_] = self.speed >= LOW_SPEED
+        return found

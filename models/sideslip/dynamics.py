@@ -1,0 +1,307 @@
+"""The single-track model that estimators believe in, step by step, and its derivatives.
+
+One scheme for both tyre laws: a step of the exponential Rosenbrock-Euler method, which is exact for linear tyres
+at constant speed and steering, and stays right however stiff the model is at low speed
+(Hochbruck and Ostermann, Exponential integrators, Acta Numerica 2010).
+
+Angles are in rad, rates in rad/s, speeds in m/s, forces in N and times in s throughout.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from .data import LOW_SPEED, Tyre, Vehicle
+from .model import SideslipEstimation
+
+__all__ = [
+    "LONGEST_STEP",
+    "Linearised",
+    "advance",
+    "axle_force",
+    "flow",
+    "linearise",
+    "measured",
+    "parameters",
+    "rates",
+]
+
+Floats = NDArray[np.float64]
+Numbers4 = tuple[float, float, float, float]
+Numbers6 = tuple[float, float, float, float, float, float]
+Numbers8 = tuple[float, float, float, float, float, float, float, float]
+
+#: Seconds of a step at the most: longer times between samples are divided.
+LONGEST_STEP = 0.02
+#: Norm up to which the series is summed, and its terms, with which the rest is below rounding.
+_NORM, _TERMS = 0.5, 14
+
+
+class Linearised(NamedTuple):
+    """The model about a state at each sample.
+
+    Without noise ``x[k + 1] = step[k] @ x[k] + shift[k]`` and ``z[k] = slope[k] @ x[k] + level[k]``.
+
+    Parameters
+    ----------
+    step : ndarray, shape (n - 1, 2, 2)
+        How the state goes over.
+    shift : ndarray, shape (n - 1, 2)
+        What is added.
+    slope : ndarray, shape (n, 2, 2)
+        How yaw rate and lateral acceleration follow from the state.
+    level : ndarray, shape (n, 2)
+        What is added.
+    """
+
+    step: Floats
+    shift: Floats
+    slope: Floats
+    level: Floats
+
+    @classmethod
+    def empty(cls, count: int) -> Linearised:
+        """Return arrays for `count` samples, to be filled in."""
+        shapes = (count - 1, 2, 2), (count - 1, 2), (count, 2, 2), (count, 2)
+        return cls(*(np.empty(shape) for shape in shapes))
+
+
+def parameters(vehicle: Vehicle) -> Floats:
+    """Return a vehicle as kernels take it: m, I, a, b, C_f, C_r and the greatest forces of the axles.
+
+    The forces are infinite for linear tyres.
+    """
+    limits = [math.inf, math.inf]
+    if vehicle.tyre is Tyre.SATURATING:
+        limits = [vehicle.friction * load for load in vehicle.loads]
+    return np.array(
+        [
+            *(vehicle.mass, vehicle.yaw_inertia, vehicle.front, vehicle.rear),
+            *(vehicle.cornering_front, vehicle.cornering_rear),
+            *limits,
+        ]
+    )
+
+
+def linearise(problem: SideslipEstimation, states: Floats) -> Linearised:
+    """Return the model about given states.
+
+    Parameters
+    ----------
+    problem : SideslipEstimation
+        Of which the vehicle and the recording's times, speed and steering are used.
+    states : ndarray, shape (n, 2)
+        Angle and yaw rate at each sample. For linear tyres nothing depends on them but the rounding.
+
+    Returns
+    -------
+    Linearised
+    """
+    drive = problem.recording
+    found = Linearised.empty(len(drive))
+    linearise_path(
+        *(drive.times, drive.speed, drive.steering, parameters(problem.vehicle)),
+        *(np.ascontiguousarray(states, dtype=float), *found),
+    )
+    return found
+
+
+@kernel
+def axle_force(slip: float, stiffness: float, most: float) -> tuple[float, float]:
+    """Return an axle's lateral force and its derivative by the slip angle.
+
+    With an infinite greatest force the law is linear. Otherwise it is E. Fiala's brush model (VDI-Zeitschrift 96,
+    1954) in the tangent of the slip angle, as in R. Rajamani, Vehicle Dynamics and Control (2012),
+    section 13.7; from the slip angle on at which the whole contact slides the force is the greatest.
+    """
+    if math.isinf(most):
+        return stiffness * slip, stiffness
+    size = abs(slip)
+    if size < 0.5 * math.pi:
+        tangent = math.tan(size)
+        grip = 1.0 - stiffness * tangent / (3.0 * most)
+        if grip > 0.0:
+            # 1 - grip³ as a product keeps its digits where the slip angle is small.
+            force = stiffness * tangent / 3.0 * (1.0 + grip + grip * grip)
+            return math.copysign(force, slip), stiffness * grip * grip * (1.0 + tangent * tangent)
+    return math.copysign(most, slip), 0.0
+
+
+@kernel
+def axle_forces(beta: float, omega: float, u: float, delta: float, p: Floats) -> Numbers4:
+    """Return the forces of the front and the rear axle, and their derivatives by the slip angles."""
+    v = max(u, LOW_SPEED)
+    front, front_slope = axle_force(delta - beta - p[2] * omega / v, p[4], p[6])
+    rear, rear_slope = axle_force(p[3] * omega / v - beta, p[5], p[7])
+    return front, rear, front_slope, rear_slope
+
+
+@kernel
+def rates(beta: float, omega: float, u: float, delta: float, p: Floats) -> Numbers6:
+    """Return how fast the state changes, and the Jacobian of that by the state.
+
+    Below 1 m/s the speed counts as 1 m/s.
+
+    Parameters
+    ----------
+    beta, omega : float
+        The state.
+    u, delta : float
+        Speed and steering angle.
+    p : ndarray, shape (8,)
+        The vehicle, see :func:`parameters`.
+
+    Returns
+    -------
+    tuple of float
+        dβ/dt, dω/dt, and the Jacobian row by row.
+    """
+    v = max(u, LOW_SPEED)
+    front, rear, c, d = axle_forces(beta, omega, u, delta, p)
+    turn = p[3] * d - p[2] * c
+    return (
+        (front + rear) / (p[0] * v) - omega,
+        (p[2] * front - p[3] * rear) / p[1],
+        -(c + d) / (p[0] * v),
+        turn / (p[0] * v * v) - 1.0,
+        turn / p[1],
+        -(p[2] * p[2] * c + p[3] * p[3] * d) / (p[1] * v),
+    )
+
+
+@kernel
+def measured(
+    beta: float, omega: float, u: float, delta: float, p: Floats
+) -> tuple[float, float, float]:
+    """Return the lateral acceleration ``(F_f + F_r) / m``, m/s², and its derivatives by the state.
+
+    The other measurement is the yaw rate itself. The arguments are those of :func:`rates`.
+    """
+    front, rear, c, d = axle_forces(beta, omega, u, delta, p)
+    slope = (p[3] * d - p[2] * c) / max(u, LOW_SPEED)
+    return (front + rear) / p[0], -(c + d) / p[0], slope / p[0]
+
+
+@kernel
+def flow(a: float, b: float, c: float, d: float) -> Numbers8:
+    """Return exp(A) and φ₁(A) = ∫ exp(s A) ds over [0, 1] for A = [[a, b], [c, d]], row by row.
+
+    The series of φ₁ at a small part of A is doubled as often as needed, with φ₁(2A) = φ₁(A) (exp(A) + I) / 2:
+    no eigenvalues, so none that are nearly equal. NaN where A is not finite.
+    """
+    # At least the norm of A with its variables scaled so that b and c are alike in size.
+    norm = abs(a) + abs(d) + math.sqrt(abs(b)) * math.sqrt(abs(c))
+    if not norm < math.inf:
+        nan = math.nan
+        return nan, nan, nan, nan, nan, nan, nan, nan
+    doublings = 0
+    part = 1.0
+    while norm * part > _NORM:
+        part *= 0.5
+        doublings += 1
+    a, b, c, d = part * a, part * b, part * c, part * d
+    # Horner's rule: φ₁ = I + A/2 (I + A/3 (I + …)).
+    p, q, r, s = 1.0, 0.0, 0.0, 1.0
+    for k in range(_TERMS, 1, -1):
+        p, r = 1.0 + (a * p + b * r) / k, (c * p + d * r) / k
+        q, s = (a * q + b * s) / k, 1.0 + (c * q + d * s) / k
+    e, f, g, h = 1.0 + a * p + b * r, a * q + b * s, c * p + d * r, 1.0 + c * q + d * s
+    for _ in range(doublings):
+        p, q = 0.5 * (p + p * e + q * g), 0.5 * (q + p * f + q * h)
+        r, s = 0.5 * (r + r * e + s * g), 0.5 * (s + r * f + s * h)
+        e, f, g, h = e * e + f * g, f * (e + h), g * (e + h), h * h + f * g
+    return e, f, g, h, p, q, r, s
+
+
+@kernel
+def advance(
+    beta: float,
+    omega: float,
+    dt: float,
+    u: float,
+    du: float,
+    delta: float,
+    ddelta: float,
+    p: Floats,
+) -> Numbers6:
+    """Return the state at the next sample, and its Jacobian by the state now, without noise.
+
+    Speed and steering go over in straight lines; each step of at most :data:`LONGEST_STEP` takes their
+    values at its middle. The Jacobian is the product of the steps' ``exp(h J)``.
+
+    Parameters
+    ----------
+    beta, omega : float
+        The state.
+    dt : float
+        Time to the next sample.
+    u, du : float
+        Speed, and its change until then.
+    delta, ddelta : float
+        Steering angle, and its change until then.
+    p : ndarray, shape (8,)
+        The vehicle, see :func:`parameters`.
+
+    Returns
+    -------
+    tuple of float
+        The angle, the yaw rate, and the Jacobian row by row.
+    """
+    count = max(1, math.ceil(dt / LONGEST_STEP - 1e-9))
+    h = dt / count
+    a, b, c, d = 1.0, 0.0, 0.0, 1.0
+    for i in range(count):
+        at = (i + 0.5) / count
+        f, g, q, r, s, t = rates(beta, omega, u + at * du, delta + at * ddelta, p)
+        e = flow(h * q, h * r, h * s, h * t)
+        beta, omega = beta + h * (e[4] * f + e[5] * g), omega + h * (e[6] * f + e[7] * g)
+        a, c = e[0] * a + e[1] * c, e[2] * a + e[3] * c
+        b, d = e[0] * b + e[1] * d, e[2] * b + e[3] * d
+    return beta, omega, a, b, c, d
+
+
+@kernel(interpretable=True)
+def linearise_path(
+    times: Floats, speed: Floats, steering: Floats, p: Floats, states: Floats,
+    step: Floats, shift: Floats, slope: Floats, level: Floats,
+) -> None:  # fmt: skip
+    """Fill in a :class:`Linearised` about a state at each sample."""
+    n = len(times)
+    for k in range(n):
+        beta, omega = states[k, 0], states[k, 1]
+        linearise_measurement(k, beta, omega, speed, steering, p, slope, level)
+        if k + 1 < n:
+            linearise_step(k, beta, omega, times, speed, steering, p, step, shift)
+
+
+@kernel
+def linearise_measurement(
+    k: int, beta: float, omega: float, speed: Floats, steering: Floats, p: Floats,
+    slope: Floats, level: Floats,
+) -> None:  # fmt: skip
+    """Fill in what is measured at sample k, about one state."""
+    value, by_beta, by_omega = measured(beta, omega, speed[k], steering[k], p)
+    slope[k, 0, 0], slope[k, 0, 1], level[k, 0] = 0.0, 1.0, 0.0
+    slope[k, 1, 0], slope[k, 1, 1] = by_beta, by_omega
+    level[k, 1] = value - by_beta * beta - by_omega * omega
+
+
+@kernel
+def linearise_step(
+    k: int, beta: float, omega: float, times: Floats, speed: Floats, steering: Floats, p: Floats,
+    step: Floats, shift: Floats,
+) -> tuple[float, float]:  # fmt: skip
+    """Fill in the step from sample k on, about one state, and return where it leads."""
+    one, two, a, b, c, d = advance(
+        beta, omega, times[k + 1] - times[k], speed[k], speed[k + 1] - speed[k],
+        steering[k], steering[k + 1] - steering[k], p,
+    )  # fmt: skip
+    step[k, 0, 0], step[k, 0, 1], step[k, 1, 0], step[k, 1, 1] = a, b, c, d
+    shift[k, 0] = one - a * beta - b * omega
+    shift[k, 1] = two - c * beta - d * omega
+    return one, two

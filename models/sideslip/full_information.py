@@ -1,0 +1,266 @@
+"""The most likely path of the single-track model as a quadratic program: estimation with full information.
+
+For a linear model with normal noise it is what the Kalman filter gives at the last sample and the Rauch-Tung-Striebel
+smoother at all (Rao, Rawlings and Lee, Constrained linear state estimation, Automatica 2001).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...errors import UnsupportedFormulation
+from ..formulation import Formulation
+from ..programs.blocks import Block
+from ..programs.linear import QuadraticProgram
+from .data import UNKNOWN, Tyre
+from .dynamics import linearise
+from .model import SideslipEstimation
+from .plan import SideslipEstimate
+from .stretch import Stretch
+
+__all__ = ["Condensed", "FullInformation", "least_squares_program", "misfit"]
+
+Floats = NDArray[np.float64]
+
+
+#: Seconds over which errors are compared with what they should be.
+WINDOW = 1.0
+
+
+def least_squares_program(stretch: Stretch, name: str) -> QuadraticProgram:
+    """Return half the sum of squares of all that is unlikely, each relative to its deviation.
+
+    Columns are the states, relative to :attr:`Stretch.scale`, the relative errors of the expected first state, of the
+    steps between samples, and of what was measured; the rows say what these errors are.
+    """
+    count = stretch.count
+    linear, scale = stretch.linear, stretch.scale
+    used = np.flatnonzero(stretch.used)
+    inverse = np.linalg.inv(stretch.root)
+    weight = 1.0 / stretch.disturbance[:, :, None]
+    # How each relative error follows from the states: blocks of 2 x 2, and in which rows and columns they are.
+    after = np.arange(1, count)
+    parts = (
+        (-inverse[None] * scale, [0], [0]),
+        (-linear.step * scale * weight, after, after - 1),
+        (np.eye(2) * scale * weight, after, after),
+        (
+            -linear.slope[used] * scale / stretch.noise[:, None],
+            np.arange(count, count + len(used)),
+            used,
+        ),
+    )
+    values, row, column = (
+        np.concatenate([np.asarray(part[k]) for part in parts]) for k in range(3)
+    )
+    errors, states = 2 * (count + len(used)), 2 * count
+    row = np.broadcast_to(2 * row[:, None, None] + [[0], [1]], values.shape).ravel()
+    column = np.broadcast_to(2 * column[:, None, None] + [0, 1], values.shape).ravel()
+    own = np.arange(errors)
+    entries = (
+        np.concatenate([values.ravel(), np.full(errors, -1.0)]),
+        (np.concatenate([row, own]), np.concatenate([column, states + own])),
+    )
+    right = np.concatenate(
+        [
+            -inverse @ stretch.mean,
+            np.ravel(linear.shift / stretch.disturbance),
+            np.ravel((linear.level[used] - stretch.measured[used]) / stretch.noise),
+        ]
+    )
+    size = states + errors
+    free = np.full(size, np.inf)
+    late = np.arange(states, size)
+    return QuadraticProgram(
+        hessian=sp.csr_array((np.ones(errors), (late, late)), shape=(size, size)),
+        cost=np.zeros(size),
+        matrix=sp.csr_array(entries, shape=(errors, size)),
+        row_lower=right,
+        row_upper=right,
+        column_lower=-free,
+        column_upper=free,
+        name=name,
+    )
+
+
+def _named(program: QuadraticProgram, stretch: Stretch) -> QuadraticProgram:
+    """Return a program of :func:`least_squares_program` that knows what its rows and columns are."""
+    count = stretch.count
+    rows, columns = [], [_block("state", 0, np.arange(count))]
+    at = 0
+    for kind, places in (
+        ("first state", np.arange(1)),
+        ("step", np.arange(count - 1)),
+        ("measurement", np.flatnonzero(stretch.used)),
+    ):
+        rows.append(_block(kind, at, places))
+        columns.append(_block(f"error of {kind}", 2 * count + at, places))
+        at += 2 * len(places)
+    return replace(program, rows=tuple(rows), columns=tuple(columns))
+
+
+def _block(name: str, start: int, samples: NDArray[np.int64]) -> Block:
+    """Return a block with two entries a sample."""
+    index = np.stack([samples.repeat(2), np.tile([0, 1], len(samples))], axis=1)
+    return Block(name, "", start, len(index), "sample {0}, component {1}", index)
+
+
+@dataclass(frozen=True, eq=False)
+class FullInformation(Formulation[SideslipEstimation, SideslipEstimate]):
+    """The path that makes all that was measured most likely.
+
+    Its optimum says nothing about the distance from the truth, so no bound of it counts.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The tyres saturate: the program would not be quadratic. The backend ``moving-horizon`` takes them.
+    """
+
+    name = "full-information"
+    summary = "the most likely path, given all that was measured"
+    program_type = QuadraticProgram
+    relaxes = False
+
+    def __post_init__(self) -> None:
+        if self.model.vehicle.tyre is not Tyre.LINEAR:
+            raise UnsupportedFormulation(
+                "formulation 'full-information' covers linear tyres alone; the backend moving-horizon "
+                "takes tyres that saturate"
+            )
+
+    @cached_property
+    def stretch(self) -> Stretch:
+        """What is known of all samples."""
+        states = np.zeros((len(self.model.recording), 2))  # of no account for linear tyres
+        return Stretch.of(self.model, linearise(self.model, states))
+
+    @cached_property
+    def rows(self) -> QuadraticProgram:
+        """The program whose rows say what the errors are."""
+        name = f"{self.model.name or self.model.kind}, {self.name}"
+        return _named(least_squares_program(self.stretch, name), self.stretch)
+
+    def build(self) -> QuadraticProgram:
+        """Return the program."""
+        return self.rows
+
+    def encode(self, plan: SideslipEstimate) -> Floats:
+        """Return the column vector of an estimate, the yaw rate as it was measured."""
+        return self._with_errors(self.rows, self._states(plan))
+
+    def _states(self, plan: SideslipEstimate) -> Floats:
+        states = np.stack([plan.sideslip, self.model.recording.yaw_rate], axis=1)
+        return np.ravel(states / self.stretch.scale)
+
+    @staticmethod
+    def _with_errors(program: QuadraticProgram, states: Floats) -> Floats:
+        """Return columns of states with the errors that the rows give them."""
+        errors = program.matrix[:, : states.size] @ states - program.row_lower
+        return np.concatenate([states, errors])
+
+    def decode(self, point: Floats) -> SideslipEstimate:
+        """Return the estimate of a column vector, its deviations from the curvature and the misfit."""
+        return _read(self.stretch, point, self.model.recording.times)
+
+
+@dataclass(frozen=True, eq=False)
+class Condensed(FullInformation):
+    """The same without rows: the errors are written out, so the states alone are columns.
+
+    The Hessian is positive definite, which some solvers need, and its condition number the square of what it was.
+    """
+
+    name = "condensed"
+    summary = "the most likely path, with the states alone as columns"
+
+    def build(self) -> QuadraticProgram:
+        """Return the program."""
+        full, count = self.rows, 2 * self.stretch.count
+        errors, right = full.matrix[:, :count], full.row_lower
+        hessian = sp.csr_array(errors.T @ errors)
+        free = np.full(count, np.inf)
+        return QuadraticProgram(
+            hessian=(hessian + hessian.T) / 2,
+            cost=-(errors.T @ right),
+            matrix=sp.csr_array((0, count)),
+            row_lower=np.empty(0),
+            row_upper=np.empty(0),
+            column_lower=-free,
+            column_upper=free,
+            offset=float(right @ right) / 2,
+            columns=full.columns[:1],
+            name=full.name,
+        )
+
+    def encode(self, plan: SideslipEstimate) -> Floats:
+        """Return the column vector of an estimate, the yaw rate as it was measured."""
+        return self._states(plan)
+
+    def decode(self, point: Floats) -> SideslipEstimate:
+        """Return the estimate of a column vector."""
+        return super().decode(self._with_errors(self.rows, point))
+
+
+def _read(stretch: Stretch, point: Floats, times: Floats) -> SideslipEstimate:
+    """Return the estimate at all samples of a column vector.
+
+    The claimed deviation is that of the normal distribution whose logarithm the program minimises, times the misfit of
+    the errors nearby, see :func:`misfit`.
+
+    Parameters
+    ----------
+    stretch : Stretch
+        What the vector's program was made of.
+    point : ndarray
+        The vector.
+    times : ndarray, shape (n,)
+        Instants of the samples, s.
+    """
+    count = 2 * stretch.count
+    angle = point[:count].reshape(-1, 2)[:, 0] * stretch.scale[0]
+    first, after, seen = np.split(point[count:] ** 2, [2, count])
+    squares = np.zeros(stretch.count)
+    squares[0] += first.sum()
+    squares[1:] += after.reshape(-1, 2).sum(axis=1)
+    squares[stretch.used] += seen.reshape(-1, 2).sum(axis=1)
+    # As many errors are free as were measured: the states take up the others.
+    factor = misfit(times, squares, np.where(stretch.used, 2.0, 0.0))
+    deviation = np.where(stretch.used, stretch.deviations * factor, UNKNOWN)
+    angle = np.clip(angle, -np.pi / 2, np.pi / 2)
+    return SideslipEstimate(angle, np.minimum(deviation, UNKNOWN))
+
+
+def misfit(times: Floats, squares: Floats, degrees: Floats) -> Floats:
+    """Return by how much deviations have to grow for the errors of a model to be what they should be.
+
+    The square root of the mean squared relative error a degree of freedom within half a second on both sides, at
+    least 1: R. Birge's ratio (Physical Review 40, 1932). Where the model is right it is about 1.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Instants, s.
+    squares : ndarray, shape (n,)
+        Sum of squared errors at each sample, each relative to its deviation.
+    degrees : ndarray, shape (n,)
+        Degrees of freedom of each sum.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    first = np.searchsorted(times, times - WINDOW / 2)
+    last = np.searchsorted(times, times + WINDOW / 2, side="right")
+
+    def within(values: Floats) -> Floats:
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        return np.asarray(total[last] - total[first])
+
+    ratio = within(squares) / np.maximum(within(degrees), 1.0)
+    return np.sqrt(np.maximum(ratio, 1.0))

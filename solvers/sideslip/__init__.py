@@ -1,0 +1,12 @@
+"""Estimators of a vehicle's sideslip angle."""
+
+BACKENDS = {
+    "rts-smoother": ".kalman:RtsSmoother",
+    "kalman-filter": ".kalman:KalmanFilter",
+    "moving-horizon": ".moving_horizon:MovingHorizon",
+    "kalman-grnn": ".regression:KalmanGrnn",
+    "grnn": ".regression:Grnn",
+    "linear-regression": ".regression:LinearRegression",
+}
+DIAGNOSES = {"sideslip": ".diagnosis:diagnose_sideslip"}
+PAPER_TABLES = {"sideslip": ".paper_tables:TABLES"}

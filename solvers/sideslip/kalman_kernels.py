@@ -1,0 +1,165 @@
+"""Loops of the Kalman filter and of the smoother that runs back over what it found.
+
+Symmetric matrices [[a, b], [b, c]] are carried as a, b, c.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from ...models.sideslip.dynamics import linearise_measurement, linearise_step
+
+__all__ = ["filter_path", "smooth_path"]
+
+Floats = NDArray[np.float64]
+
+#: Samples between two looks at the stop flag.
+_SAMPLES = 1024
+
+
+@kernel
+def congruence(
+    w: float, m: float, u: float, v: float, a: float, b: float, c: float
+) -> tuple[float, float, float]:
+    """Return M P Mᵀ for M = [[w, m], [u, v]] and the symmetric P of a, b, c."""
+    p, q, r, s = w * a + m * b, w * b + m * c, u * a + v * b, u * b + v * c
+    return p * w + q * m, p * u + q * v, r * u + s * v
+
+
+@kernel
+def keep(
+    k: int, x: float, y: float, a: float, b: float, c: float, states: Floats, spread: Floats
+) -> None:
+    """Note down sample k's state and its covariance."""
+    states[k, 0], states[k, 1] = x, y
+    spread[k, 0, 0], spread[k, 0, 1], spread[k, 1, 0], spread[k, 1, 1] = a, b, b, c
+
+
+@kernel(interpretable=True)
+def filter_path(
+    times: Floats, speed: Floats, steering: Floats, data: Floats, usable: NDArray[np.bool_],
+    p: Floats, noise: Floats, initial: Floats, most: float,
+    predicted: Floats, spread: Floats, filtered: Floats, filtered_spread: Floats,
+    innovations: Floats, innovation_spread: Floats,
+    step: Floats, shift: Floats, slope: Floats, level: Floats, flag: NDArray[np.int8],
+) -> int:  # fmt: skip
+    """Filter a drive, linearised about what is predicted and then about what is filtered.
+
+    Parameters
+    ----------
+    times, speed, steering : ndarray, shape (n,)
+        The drive.
+    data : ndarray, shape (n, 2)
+        Measured yaw rate and lateral acceleration.
+    usable : ndarray of bool, shape (n,)
+        Whether a sample's measurements are used.
+    p : ndarray, shape (8,)
+        The vehicle as the dynamics take it.
+    noise : ndarray, shape (4,)
+        Variances: of the disturbances in a second, and of the measurements.
+    initial : ndarray, shape (4,)
+        The state before the first sample, and its variances.
+    most : float
+        Variance of the angle from which on nothing is known: the filter begins anew.
+    predicted, spread, filtered, filtered_spread, innovations, innovation_spread : ndarray
+        Filled in: states and innovations, shape (n, 2), and their covariances, shape (n, 2, 2).
+    step, shift, slope, level : ndarray
+        Filled in with the model as it was linearised. Where the filter began anew, the step forgets.
+    flag : ndarray of int8
+        Not 0 asks to stop.
+
+    Returns
+    -------
+    int
+        How often it began anew; -1 where it was stopped.
+    """
+    n = len(times)
+    x, y = initial[0], initial[1]
+    a, b, c = initial[2], 0.0, initial[3]
+    lost = 0
+    for k in range(n):
+        if k % _SAMPLES == 0 and flag[0] != 0:
+            return -1
+        keep(k, x, y, a, b, c, predicted, spread)
+        linearise_measurement(k, x, y, speed, steering, p, slope, level)
+        g, h = slope[k, 1, 0], slope[k, 1, 1]
+        v = data[k, 0] - y
+        w = data[k, 1] - (g * x + h * y + level[k, 1])
+        # What the second measurement shares with the state, and the covariance H P Hᵀ + R of both.
+        i, j = g * a + h * b, g * b + h * c
+        r, s, t = c + noise[2], j, g * i + h * j + noise[3]
+        keep(k, v, w, r, s, t, innovations, innovation_spread)
+        if usable[k]:
+            # The second's variance, where the first is known, is that of its noise at the least.
+            rest = max(t - s * s / r, noise[3])
+            d, e = (i - b * s / r) / rest, (j - c * s / r) / rest
+            f, o = (b - d * s) / r, (c - e * s) / r
+            x += f * v + d * w
+            y += o * v + e * w
+            # Joseph's form keeps the covariance positive: (I - K H) P (I - K H)ᵀ + K R Kᵀ.
+            a, b, c = congruence(1.0 - d * g, -f - d * h, -e * g, 1.0 - o - e * h, a, b, c)
+            i, j, r = congruence(f, d, o, e, noise[2], 0.0, noise[3])
+            a, b, c = a + i, b + j, c + r
+        keep(k, x, y, a, b, c, filtered, filtered_spread)
+        if k + 1 < n:
+            x, y = linearise_step(k, x, y, times, speed, steering, p, step, shift)
+            dt = times[k + 1] - times[k]
+            a, b, c = congruence(
+                step[k, 0, 0], step[k, 0, 1], step[k, 1, 0], step[k, 1, 1], a, b, c
+            )
+            a, c = a + noise[0] * dt, c + noise[1] * dt
+            if not (a < most and c < math.inf and abs(x) < math.inf and abs(y) < math.inf):
+                lost += 1
+                x, y = initial[0], initial[1]
+                a, b, c = initial[2], 0.0, initial[3]
+                shift[k, 0], shift[k, 1] = x, y
+                step[k, 0, 0], step[k, 0, 1], step[k, 1, 0], step[k, 1, 1] = 0.0, 0.0, 0.0, 0.0
+    return lost
+
+
+@kernel(interpretable=True)
+def smooth_path(
+    times: Floats, data: Floats, usable: NDArray[np.bool_], noise: Floats,
+    step: Floats, shift: Floats, slope: Floats, level: Floats,
+    filtered: Floats, filtered_spread: Floats, smoothed: Floats, smoothed_spread: Floats,
+) -> None:  # fmt: skip
+    """Run back over a drive that was filtered; `smoothed` and its covariances are filled in.
+
+    What later samples say of a state x is carried as -xᵀ J x / 2 + xᵀ y, and joined with the filtered state.
+    """
+    a, b, c, v, w = 0.0, 0.0, 0.0, 0.0, 0.0  # J = [[a, b], [b, c]] and y
+    last = len(filtered) - 1
+    for k in range(last, -1, -1):
+        if k < last:
+            if usable[k + 1]:
+                r, s = 1.0 / noise[2], 1.0 / noise[3]
+                g, h = slope[k + 1, 1, 0], slope[k + 1, 1, 1]
+                a, b, c = a + s * g * g, b + s * g * h, c + r + s * h * h
+                e = s * (data[k + 1, 1] - level[k + 1, 1])
+                v, w = v + e * g, w + e * h + r * data[k + 1, 0]
+            # Through the disturbance: (I + J Q)⁻¹ J and (I + J Q)⁻¹ (y - J shift).
+            dt = times[k + 1] - times[k]
+            q, r = noise[0] * dt, noise[1] * dt
+            det = max(a * c - b * b, 0.0)
+            rest = 1.0 + a * q + c * r + q * r * det
+            d, e = shift[k, 0], shift[k, 1]
+            v, w = v - a * d - b * e, w - b * d - c * e
+            v, w = ((1.0 + c * r) * v - b * r * w) / rest, ((1.0 + a * q) * w - b * q * v) / rest
+            a, b, c = (a + r * det) / rest, b / rest, (c + q * det) / rest
+            # And through the step: Aᵀ J A and Aᵀ y.
+            g, h, i, j = step[k, 0, 0], step[k, 0, 1], step[k, 1, 0], step[k, 1, 1]
+            a, b, c = congruence(g, i, h, j, a, b, c)
+            v, w = g * v + i * w, h * v + j * w
+        x, y = filtered[k, 0], filtered[k, 1]
+        d, e, f = filtered_spread[k, 0, 0], filtered_spread[k, 0, 1], filtered_spread[k, 1, 1]
+        # The covariance (P⁻¹ + J)⁻¹, in which nothing is divided by what may be 0.
+        r, s = max(a * c - b * b, 0.0), max(d * f - e * e, 0.0)
+        rest = 1.0 + max(d * a + 2.0 * e * b + f * c, 0.0) + r * s
+        d, e, f = (d + s * c) / rest, (e - s * b) / rest, (f + s * a) / rest
+        g, h = v - a * x - b * y, w - b * x - c * y
+        x, y = x + d * g + e * h, y + e * g + f * h
+        keep(k, x, y, d, e, f, smoothed, smoothed_spread)

@@ -1,0 +1,174 @@
+"""Moving-horizon estimation: at every sample the most likely path of the last ones, by a solver of quadratic programs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UnsupportedOption
+from ...models.programs.linear import QuadraticProgram
+from ...models.sideslip.data import Tyre
+from ...models.sideslip.dynamics import Linearised, linearise_path, parameters
+from ...models.sideslip.full_information import least_squares_program
+from ...models.sideslip.model import SideslipEstimation
+from ...models.sideslip.stretch import Stretch
+from ..backend import Backend, Request, Termination
+from ..option import Option
+from ..registry import find_backend
+from .kalman import claimed
+from .native import Estimate, SideslipBackend
+from .passes import FilterPass, filter_drive
+
+__all__ = ["MovingHorizon"]
+
+Floats = NDArray[np.float64]
+
+#: Change of the states, in usual disturbances, below which a linearisation is settled.
+SETTLED = 1e-6
+
+
+class MovingHorizon(SideslipBackend):
+    """Moving-horizon estimation.
+
+    What came before a horizon is summed up by the Kalman filter's expectation at its first sample, so that for linear
+    tyres every horizon gives the filter's estimate (Rao, Rawlings and Lee, Constrained linear state estimation,
+    Automatica 2001). Tyres that saturate are linearised about the path again until it no longer changes,
+    by the method of Gauss and Newton.
+    """
+
+    name = "moving-horizon"
+    summary = "moving-horizon estimation by quadratic programs"
+    options = {
+        "horizon": Option(
+            20, "samples of a horizon; 0 is all of them as one program, which smooths", int, lower=0
+        ),
+        "solver": Option("clarabel", "the backend that solves the quadratic programs", str),
+        "rounds": Option(
+            20, "linearisations of tyres that saturate, at the most", int, lower=1, upper=1000
+        ),
+    }
+
+    def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
+        """Return the last angle of every horizon, or the path of a single one.
+
+        Where a program has no solution, or the run is stopped, the Kalman filter's angle stays.
+        """
+        solver = _solver(request.options["solver"])
+        count = len(problem.recording)
+        horizon = request.options["horizon"]
+        passed = filter_drive(problem, request.control)
+        if passed is None:
+            return None
+        run = _Run(problem, request, solver, passed)
+        path = None if horizon else run.path(0, count - 1)
+        if path is not None:
+            point, stretch = path
+            angle = point[: 2 * count : 2] * stretch.scale[0]
+            found = claimed(problem, passed, angle, stretch.deviations**2, ahead=True)
+            return run.told(found)
+        angle = passed.filtered[:, 0].copy()
+        for last in range(count if horizon else 0):
+            if request.control.stopped:
+                break
+            path = run.path(max(last - horizon + 1, 0), last)
+            if path is not None:
+                point, stretch = path
+                angle[last] = point[2 * stretch.count - 2] * stretch.scale[0]
+        return run.told(claimed(problem, passed, angle, passed.filtered_covariance[:, 0, 0]))
+
+
+def _solver(name: str) -> Backend:
+    """Return the backend of quadratic programs called `name`."""
+    backend = find_backend(name)
+    kinds = backend.accepts if isinstance(backend.accepts, tuple) else (backend.accepts,)
+    if not any(issubclass(QuadraticProgram, kind) for kind in kinds):
+        raise UnsupportedOption(
+            f"backend 'moving-horizon': option 'solver' must name a backend of quadratic programs, got "
+            f"{name!r}, which takes {backend.accepted_kinds()}"
+        )
+    return backend
+
+
+def _root(covariance: Floats, least: Floats) -> Floats:
+    """Return the lower Cholesky factor of a covariance, its diagonal at least the last disturbance's deviations.
+
+    That much is in it whatever rounding has made of it.
+    """
+    first = max(math.sqrt(max(covariance[0, 0], 0.0)), least[0])
+    shared = covariance[1, 0] / first
+    second = max(math.sqrt(max(covariance[1, 1] - shared**2, 0.0)), least[1])
+    return np.array([[first, 0.0], [shared, second]])
+
+
+class _Run:
+    """One run: the filter before it, and counts of the programs."""
+
+    def __init__(
+        self, problem: SideslipEstimation, request: Request, solver: Backend, passed: FilterPass
+    ) -> None:
+        self.problem, self.request, self.solver, self.passed = problem, request, solver, passed
+        self.whole = Stretch.of(problem, passed.model)
+        self.programs = self.failed = self.unsettled = 0
+
+    def told(self, found: Estimate) -> Estimate:
+        """Return an estimate with what a person should know of the programs."""
+        parts = [found.message] if found.message else []
+        if self.failed:
+            parts.append(f"{self.failed} of {self.programs} programs had no solution")
+        if self.unsettled:
+            parts.append(f"{self.unsettled} horizons changed still after the last linearisation")
+        if self.request.control.stopped:
+            parts.append("stopped: the angles that are left are the Kalman filter's")
+        counts = {"programs": self.programs, "programs without a solution": self.failed}
+        counts["horizons not settled"] = self.unsettled
+        statistics = {**found.statistics, **counts}
+        return found._replace(statistics=statistics, message="; ".join(parts))
+
+    def path(self, first: int, last: int) -> tuple[Floats, Stretch] | None:
+        """Return the optimal column vector of the samples `first` … `last`, and what it is a vector of.
+
+        None where there is none.
+        """
+        mean, root = self.whole.mean, self.whole.root
+        if first:
+            mean = self.passed.predicted[first]
+            least = self.whole.disturbance[first - 1]
+            root = _root(self.passed.predicted_covariance[first], least)
+        stretch = self.whole.part(first, last, mean, root)
+        point = self._solved(stretch)
+        if self.problem.vehicle.tyre is Tyre.LINEAR:
+            return None if point is None else (point, stretch)
+        size = 2 * stretch.count
+        for _ in range(1, self.request.options["rounds"]):
+            if point is None or self.request.control.stopped:
+                return None
+            before = point[:size]
+            linear = self._linear(first, before.reshape(-1, 2) * stretch.scale)
+            stretch = self.whole.part(first, last, mean, root, linear)
+            point = self._solved(stretch)
+            if point is not None and np.abs(point[:size] - before).max() <= SETTLED:
+                return point, stretch
+        self.unsettled += 1
+        return None if point is None else (point, stretch)
+
+    def _linear(self, first: int, states: Floats) -> Linearised:
+        """Return the model about states at the samples from `first` on."""
+        drive, last = self.problem.recording, first + len(states)
+        found = Linearised.empty(len(states))
+        linearise_path(
+            drive.times[first:last], drive.speed[first:last], drive.steering[first:last],
+            parameters(self.problem.vehicle), states, *found,
+        )  # fmt: skip
+        return found
+
+    def _solved(self, stretch: Stretch) -> Floats | None:
+        """Return the solution of a program, None where there is none."""
+        program = least_squares_program(stretch, "horizon")
+        answer = self.request.within(self.solver, program)
+        self.programs += 1
+        if answer.point is None or answer.termination is not Termination.OPTIMAL:
+            self.failed += not self.request.control.stopped
+            return None
+        return np.asarray(answer.point)

@@ -1,0 +1,93 @@
+"""What all estimators of the sideslip angle share: how an answer is made of angles and deviations."""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UnsupportedFormulation
+from ...models.sideslip.data import UNKNOWN
+from ...models.sideslip.model import SideslipEstimation
+from ...models.sideslip.plan import SideslipEstimate
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+
+__all__ = ["UNKNOWN", "Estimate", "SideslipBackend"]
+
+Floats = NDArray[np.float64]
+
+
+class Estimate(NamedTuple):
+    """What an estimator found.
+
+    Parameters
+    ----------
+    sideslip, deviation : ndarray, shape (n,)
+        The angle and its standard deviation, rad.
+    statistics : mapping
+        Counts of its own.
+    message : str
+        What a person should know.
+    """
+
+    sideslip: Floats
+    deviation: Floats
+    statistics: Mapping[str, Any] = {}
+    message: str = ""
+
+
+class SideslipBackend(Backend):
+    """Base of the estimators; a subclass says the angle at every sample, and how sure it is."""
+
+    accepts = SideslipEstimation
+    guarantee = Guarantee.HEURISTIC
+    features = frozenset({Feature.INTERRUPT})
+    deterministic = True
+    single_threaded = True
+    #: Whether it learns from other drives.
+    learns = False
+
+    def refuses(self, problem: SideslipEstimation) -> str:
+        """Return why there is nothing to learn from."""
+        if self.learns and not problem.training:
+            return "it learns from drives whose angle is known, and the model has no training"
+        return ""
+
+    @abstractmethod
+    def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
+        """Return the estimate, or None where the run was stopped before there was one."""
+
+    def run(self, problem: SideslipEstimation, request: Request) -> Answer:
+        """Estimate, and say that nothing is known of the angle while the vehicle rests."""
+        refusal = self.refuses(problem)
+        if refusal:
+            raise UnsupportedFormulation(f"backend {self.name!r}: {refusal}")
+        begin = time.perf_counter()
+        with np.errstate(all="ignore"):  # what overflows is replaced below
+            found = self.estimate(problem, request)
+        seconds = {"solve": time.perf_counter() - begin}
+        if found is None:
+            reason = request.control.reason or Limit.TIME
+            return Answer(Termination.NO_SOLUTION, reason, seconds=seconds)
+        known = np.isfinite(found.sideslip) & np.isfinite(found.deviation)
+        lost = int((~known).sum())
+        angle = np.where(known, np.clip(found.sideslip, -math.pi / 2, math.pi / 2), 0.0)
+        deviation = np.where(known & problem.recording.moving, found.deviation, UNKNOWN)
+        # Whatever a model says: more than nothing cannot be unknown.
+        plan = SideslipEstimate(angle, np.clip(deviation, 0.0, UNKNOWN))
+        own = {**found.statistics, **({"samples without an estimate": lost} if lost else {})}
+        limit = request.control.reason if request.control.stopped else None
+        return Answer(
+            Termination.FEASIBLE,
+            limit,
+            plan,
+            None,
+            seconds=seconds,
+            statistics=own,
+            message=found.message,
+        )

@@ -1,0 +1,171 @@
+"""Estimators that learn from drives whose angle is known."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.sideslip.checks import kinematic_error
+from ...models.sideslip.data import LEAST
+from ...models.sideslip.model import SideslipEstimation
+from ..backend import Request
+from ..option import Option
+from .kalman import KalmanFilter
+from .learning import KernelRegression, StraightLine, Window, training_set
+from .native import Estimate, SideslipBackend
+
+__all__ = ["Grnn", "KalmanGrnn", "LinearRegression"]
+
+Floats = NDArray[np.float64]
+
+_WINDOW = {
+    "lags": Option(
+        5, "Measurements of each sensor that an angle is estimated from; 5 in the paper.", int,
+        lower=1, upper=1000,
+    ),
+    "ahead": Option(
+        1, "Periods from the newest of them to the angle; 1 in the paper.", int,
+        lower=0, upper=1000,
+    ),
+    "inputs": Option(False, "Whether speed and steering angle count among them.", bool),
+}  # fmt: skip
+_WIDTH = {
+    "width": Option(
+        None,
+        "Width of the kernel in deviations of the features; None takes the best on drives left out.",
+        lower=1e-6,
+        upper=1e6,
+    )
+}
+
+
+class _Learning(SideslipBackend):
+    """Base of the estimators that learn."""
+
+    learns = True
+    options = _WINDOW
+
+    def refuses(self, problem: SideslipEstimation) -> str:
+        """Return why there is too little to learn from."""
+        moving = sum(int(drive.moving.sum()) for drive in problem.training)
+        if problem.training and moving < LEAST:
+            return f"it learns from {LEAST} samples in motion or more, and training has {moving} samples in motion"
+        return super().refuses(problem)
+
+    def window(
+        self, problem: SideslipEstimation, request: Request
+    ) -> tuple[Window, dict[str, Any]]:
+        """Return what an angle is estimated from, at the drives' usual period, and other options."""
+        own = self.checked_options(request.options)
+        period = float(np.median([drive.period for drive in problem.training]))
+        return Window(period, **{name: own.pop(name) for name in _WINDOW}), own
+
+
+class Grnn(_Learning):
+    """The paper's: the mean of all training angles, weighted by how like the measurements were."""
+
+    name = "grnn"
+    options = {**_WINDOW, **_WIDTH}
+    summary = (
+        "Gaussian kernel regression on other drives (the paper's general regression neural network)"
+    )
+
+    def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
+        """Return the weighted mean of the angles."""
+        window, own = self.window(problem, request)
+        learned = KernelRegression(training_set(problem.training, window), own["width"])
+        found = learned(window.features(problem.recording), lambda: request.control.stopped)
+        return None if found is None else confronted(problem, *found[:2], said_of(learned))
+
+
+class KalmanGrnn(_Learning):
+    """A Kalman filter, and what a GRNN learned of its errors on the training drives.
+
+    The filter believes in the model's vehicle on these drives too, so what is wrong with it there and
+    here is alike, and its errors are smaller and smoother than the angle. Far from all training drives
+    the filter is left alone. The claimed deviation is that of the GRNN, in proportion to how much less
+    sure the filter is here than it was there.
+    """
+
+    name = "kalman-grnn"
+    options = {**_WINDOW, **_WIDTH}
+    summary = "Kalman filter, corrected by kernel regression on its errors on other drives"
+
+    def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
+        """Return the filter's angle less the error that it had where measurements were alike."""
+        believed = {
+            field.name: getattr(problem, field.name)
+            for field in fields(problem)
+            if field.name not in {"recording", "training", *problem.hidden_fields()}
+        }
+        filtered = []
+        for drive in (problem.recording, *problem.training):
+            if request.control.stopped:
+                return None
+            alone = SideslipEstimation(recording=replace(drive, sideslip=None), **believed)
+            one = KalmanFilter().estimate(alone, request)
+            if one is None:
+                return None
+            filtered.append(one)
+        here, *there = filtered
+        window, own = self.window(problem, request)
+        errors = []
+        for drive, one in zip(problem.training, there, strict=True):
+            assert drive.sideslip is not None  # the model refuses such drives
+            errors.append(drive.sideslip - one.sideslip)
+        learned = KernelRegression(training_set(problem.training, window, errors), own["width"])
+        found = learned(window.features(problem.recording), lambda: request.control.stopped)
+        if found is None:
+            return None
+        error, deviation, near = found
+        claims = zip(problem.training, there, strict=True)
+        usual = np.median(np.concatenate([one.deviation[drive.moving] for drive, one in claims]))
+        unsure = np.maximum(here.deviation / usual, 1.0)
+        return Estimate(here.sideslip + near * error, deviation * unsure, said_of(learned))
+
+
+class LinearRegression(_Learning):
+    """Least squares with a constant: the floor that whatever learns must beat."""
+
+    name = "linear-regression"
+    summary = "least squares on other drives: the floor that whatever learns must beat"
+
+    def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
+        """Return the linear combination of the measurements."""
+        window, _ = self.window(problem, request)
+        learned = StraightLine(training_set(problem.training, window))
+        return confronted(problem, *learned(window.features(problem.recording)), said_of(learned))
+
+
+def confronted(
+    problem: SideslipEstimation, angle: Floats, deviation: Floats, said: dict[str, float]
+) -> Estimate:
+    """Return an estimate whose claim is wider where kinematics contradicts its angles.
+
+    Whatever the tyres do, the angle changes as yaw rate and acceleration say. How far the estimate is from that,
+    beyond how far the true angle is on any training drive, is its error or that of the sensors. It is
+    the mean distance of a difference of two angles, and so ``2 / √π`` deviations of one.
+    """
+    here = kinematic_error(problem.recording, angle)
+    known = [(drive, drive.sideslip) for drive in problem.training]
+    there = max(kinematic_error(drive, true) for drive, true in known if true is not None)
+    beyond = np.radians(np.sqrt(np.pi * max(here**2 - there**2, 0.0)) / 2.0)
+    claimed = (deviation[problem.recording.moving] ** 2).mean()
+    missing = max(beyond**2 - claimed, 0.0)
+    message = (
+        f"on average the angle's changes over a second are {here:.2g}° from those that yaw rate and "
+        f"acceleration give, and at most {there:.2g}° on training drives: deviations are wider for that"
+    )
+    wider = np.sqrt(deviation**2 + missing)
+    return Estimate(angle, wider, said, message if missing else "")
+
+
+def said_of(learned: KernelRegression | StraightLine) -> dict[str, float]:
+    """Return what statistics tell of it."""
+    said = {"error of drives left out": float(np.degrees(learned.error))}
+    if isinstance(learned, KernelRegression):
+        said["width"] = learned.width
+    return said

@@ -1,0 +1,253 @@
+"""What a recording says of its own sensors: sampling, rest, signs, units and noise.
+
+Signs and units follow from kinematics, ``a ≈ u ω`` in slow manoeuvres, and from the steady turn of the single-track
+model, ``ω = u δ / (L + K u²)`` with ``K = m (b / C_f - a / C_r) / L`` (R. Rajamani, Vehicle Dynamics and
+Control, 2012, chapters 2 and 3).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.sideslip.data import GRAVITY, LOW_SPEED, Recording
+from ...models.sideslip.model import SideslipEstimation
+from ..diagnosis import Finding
+
+__all__ = ["Remark", "asks", "signal_remarks", "tells"]
+
+Floats = NDArray[np.float64]
+
+#: Correlation from which on a slope says something, and the factor by which it may be off without a word.
+_CLEAR, _SLACK = 0.8, 2.0
+#: By what ``a / (u ω)`` is too small where a unit is wrong.
+_UNITS = (
+    (180.0 / math.pi, "the yaw rate seems to be in degrees a second, and must be in rad/s"),
+    (GRAVITY, "the lateral acceleration seems to be in g, and must be in m/s²"),
+    (3.6, "the speed seems to be in km/h, and must be in m/s"),
+    (2.237, "the speed seems to be in miles an hour, and must be in m/s"),
+)
+#: Bias as a share of the yaw rate's deviation that is worth a word.
+_BIAS = 0.15
+#: Factor by which the deviation of noise may be off without a word.
+_NOISE = 2.0
+#: Change of the angle from the beginning of a drive to its end, rad, beyond what drives have.
+_DRIFT = 0.1
+#: Speed (m/s) below which a vehicle stands; samples that a mean of its sensors needs.
+_STANDS, _ENOUGH = 0.01, 10
+
+
+class Remark(NamedTuple):
+    """A finding, and whether it asks for a look."""
+
+    asks: bool
+    finding: Finding
+
+
+def asks(text: str, where: str, **data: Any) -> Remark:
+    """Return a finding that asks for a look."""
+    return Remark(True, Finding(text, where=where, data=data))
+
+
+def tells(text: str, where: str, **data: Any) -> Remark:
+    """Return a finding that is good to know."""
+    return Remark(False, Finding(text, where=where, data=data))
+
+
+def signal_remarks(model: SideslipEstimation) -> Iterator[Remark]:
+    """Yield what the recording alone says, and what it says beside the believed vehicle and noise."""
+    yield from _sampling(model.recording)
+    yield from _stale(model.recording)
+    yield from _rest(model)
+    yield from _signs(model.recording)
+    yield from _steering(model)
+    yield from _drift(model)
+    yield from _noise(model)
+
+
+def _sampling(drive: Recording) -> Iterator[Remark]:
+    """Yield length, period and its jitter, and what is missing."""
+    steps, period = np.diff(drive.times), drive.period
+    whole = float(drive.times[-1] - drive.times[0])
+    jitter = float(steps[steps < 1.5 * period].std() / period)
+    text = f"{len(drive)} samples in {whole:.6g} s, one about every {period:.4g} s"
+    text += f", give or take {100 * jitter:.3g} %" if jitter > 1e-3 else ""
+    remark = asks if jitter > 0.2 else tells
+    yield remark(text, "times", samples=len(drive), seconds=whole, period=period, jitter=jitter)
+    lost = int(np.rint(steps / period - 1.0).clip(0, 1e12).sum())
+    if lost:
+        k = int(steps.argmax())
+        share = lost / (lost + len(drive))
+        yield (asks if share > 0.01 else tells)(
+            f"about {100 * share:.3g} % of the samples are missing; the longest gap is {steps[k]:.3g} s "
+            f"after {drive.times[k]:.6g} s",
+            "times", missing=lost, gap=float(steps[k]),
+        )  # fmt: skip
+
+
+def _stale(drive: Recording) -> Iterator[Remark]:
+    """Yield sensors that never change, and samples that repeat those before them."""
+    dead = [
+        name for name in ("yaw_rate", "lateral_acceleration") if not np.ptp(getattr(drive, name))
+    ]
+    for name in dead:
+        value = float(getattr(drive, name)[0])
+        yield asks(f"{name} never changes: {value:g} at every sample", name, value=value)
+    if dead:
+        return
+    same = (np.diff(drive.yaw_rate) == 0) & (np.diff(drive.lateral_acceleration) == 0)
+    same = same[drive.moving[1:]]
+    share = float(same.mean()) if same.size else 0.0
+    if share > 0.01:
+        yield asks(
+            f"{100 * share:.3g} % of the samples repeat both measurements before them: the sensors seem to "
+            "be read more often than they measure, or to be rounded",
+            "yaw_rate", stale=share,
+        )  # fmt: skip
+
+
+def _sensors(model: SideslipEstimation) -> tuple[tuple[str, str, float], ...]:
+    """Return name, unit and declared noise of both."""
+    return (
+        ("yaw_rate", "rad/s", model.yaw_rate_noise),
+        ("lateral_acceleration", "m/s²", model.acceleration_noise),
+    )
+
+
+def _rest(model: SideslipEstimation) -> Iterator[Remark]:
+    """Yield how long the vehicle rests, and what the sensors show meanwhile."""
+    drive = model.recording
+    slow = float((~drive.moving).mean())
+    if slow:
+        yield tells(
+            f"{100 * slow:.3g} % of the samples are below {LOW_SPEED:g} m/s, where the angle has no meaning",
+            "speed", still=slow,
+        )  # fmt: skip
+    stands = drive.speed < _STANDS
+    count = int(stands.sum())
+    for name, unit, noise in _sensors(model) if count >= _ENOUGH else ():
+        shown = float(getattr(drive, name)[stands].mean())
+        if abs(shown) > 4.0 * noise / math.sqrt(count):
+            yield asks(
+                f"at rest {name} shows {shown:.3g} {unit} on average of {count} samples: a bias that no "
+                "estimator removes, to be subtracted from the recording",
+                name, bias=shown, samples=count,
+            )  # fmt: skip
+
+
+def _slope(x: Floats, y: Floats) -> tuple[float, float]:
+    """Return by what `x` is multiplied to be nearest to `y`, and their correlation about 0."""
+    across, own, other = float(x @ y), float(x @ x), float(y @ y)
+    if not (own > 1e-200 and other > 1e-200):
+        return 0.0, 0.0
+    return across / own, across / math.sqrt(own) / math.sqrt(other)
+
+
+def _signs(drive: Recording) -> Iterator[Remark]:
+    """Yield where lateral acceleration, yaw rate and speed contradict one another."""
+    on = drive.moving
+    slope, clear = _slope((drive.speed * drive.yaw_rate)[on], drive.lateral_acceleration[on])
+    if clear < -_CLEAR:
+        yield asks(
+            f"yaw rate and lateral acceleration have opposite signs (correlation {clear:.2f}): in a turn to "
+            "the left both must be positive",
+            "yaw_rate", correlation=clear,
+        )  # fmt: skip
+    size = abs(slope)
+    if abs(clear) > _CLEAR and not 1 / _SLACK < size < _SLACK:
+        factor, told = min(_UNITS, key=lambda one: abs(math.log(size * one[0])))
+        if not 1 / 1.25 < size * factor < 1.25:
+            told = "a unit or a scale is wrong"
+        yield asks(
+            f"the lateral acceleration is {size:.3g} times speed times yaw rate, where about 1 is right: {told}",
+            "lateral_acceleration", slope=slope, correlation=clear,
+        )  # fmt: skip
+
+
+def _steering(model: SideslipEstimation) -> Iterator[Remark]:
+    """Yield where the yaw rate contradicts the steering."""
+    drive, car = model.recording, model.vehicle
+    on = drive.moving
+    under = (
+        car.mass / car.wheelbase * (car.rear / car.cornering_front - car.front / car.cornering_rear)
+    )
+    turn = car.wheelbase + under * drive.speed**2
+    on &= turn > 0.2 * car.wheelbase  # near and above its critical speed there is no steady turn
+    asked, yaw = (drive.speed * drive.steering / turn)[on], drive.yaw_rate[on]
+    if asked.size < _ENOUGH:
+        return
+    gain, clear = _slope(asked, yaw)
+    size = abs(gain)
+    if clear < -0.5:
+        yield asks(
+            f"steering and yaw rate have opposite signs (correlation {clear:.2f}): in a turn to the left both "
+            "must be positive",
+            "steering", correlation=clear,
+        )  # fmt: skip
+    elif clear > _CLEAR and size < 1 / 8:
+        wheel = "the angle of the steering wheel instead of that of the front wheels"
+        told = wheel if size > 1 / 30 else "degrees instead of rad"
+        yield asks(
+            f"the vehicle turns {1 / size:.3g} times less than its steering asks for: {told}?",
+            "steering", gain=gain, correlation=clear,
+        )  # fmt: skip
+    elif clear > _CLEAR and not 0.8 < size < 1.25:
+        yield asks(
+            f"the vehicle turns {size:.3g} times as much as the believed one with the same steering: "
+            + ("mass, stiffness or friction may be wrong" if size < 8 else "a unit or a scale is wrong"),
+            "vehicle", gain=gain, correlation=clear,
+        )  # fmt: skip
+    # What is left where the steering says straight ahead, by a straight line through both.
+    gain, clear = _slope(asked - asked.mean(), yaw - yaw.mean())
+    bias = float(yaw.mean() - gain * asked.mean())
+    least = max(_BIAS * float(yaw.std()), 4.0 * model.yaw_rate_noise / math.sqrt(asked.size))
+    if clear > _CLEAR and abs(bias) > least:
+        yield asks(
+            f"yaw_rate is {bias:.3g} rad/s where the steering says straight ahead: one of both has a bias",
+            "yaw_rate", bias=bias,
+        )  # fmt: skip
+
+
+def _drift(model: SideslipEstimation) -> Iterator[Remark]:
+    """Yield where the angle would not come back to about where it was, by kinematics."""
+    drive = model.recording
+    speed = np.maximum(drive.speed, LOW_SPEED)
+    rate = np.where(drive.moving, drive.lateral_acceleration / speed - drive.yaw_rate, 0.0)
+    change = float(np.trapezoid(rate, drive.times))
+    spread = np.hypot(model.acceleration_noise / speed, model.yaw_rate_noise)
+    noise = math.sqrt(float(np.trapezoid(spread**2, drive.times)) * drive.period)
+    if abs(change) > _DRIFT + 4.0 * noise:
+        yield asks(
+            f"by kinematics the angle would change by {math.degrees(change):.3g}° over the drive: a sensor "
+            "has a bias, or a unit or sign is wrong",
+            "lateral_acceleration", change=change,
+        )  # fmt: skip
+
+
+def _noise(model: SideslipEstimation) -> Iterator[Remark]:
+    """Yield where the noise is loud, or other than was declared."""
+    drive = model.recording
+    regular = np.abs(np.diff(drive.times) / drive.period - 1) < 0.1
+    even = regular[:-2] & regular[1:-1] & regular[2:]
+    for name, unit, noise in _sensors(model):
+        values = getattr(drive, name)
+        signal = float(np.sqrt(np.mean(values[drive.moving] ** 2)))
+        if signal < 3 * noise:
+            yield asks(
+                f"{name} is {signal:.3g} {unit} in the mean square, with a declared noise of {noise:.3g}: the "
+                "drive hardly excites what is to be estimated",
+                name, signal=signal, declared=noise,
+            )  # fmt: skip
+        # A smooth signal leaves little in third differences, white noise √20 times its deviation.
+        third = np.abs(np.diff(values, 3)[even])
+        heard = float(np.median(third)) / 0.6745 / math.sqrt(20.0) if third.size >= 100 else 0.0
+        if heard and not 1 / _NOISE < heard / noise < _NOISE:
+            yield asks(
+                f"the noise of {name} looks like {heard:.2g} {unit}, where {noise:.2g} is declared: claimed "
+                "deviations follow what is declared",
+                name, heard=heard, declared=noise,
+            )  # fmt: skip

@@ -1,0 +1,298 @@
+"""Kalman filter and smoother: against least squares over the whole drive, and by what they claim."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from numpy.typing import NDArray
+from sideslip.filters import (
+    BOTH,
+    GRIPPING,
+    TRUE,
+    VEHICLE,
+    answer,
+    drawn,
+    filtered,
+    plan,
+    simulated,
+)
+
+import crosstrack as ct
+from crosstrack.instances.sideslip.generator import generate
+from crosstrack.models.sideslip import Recording, SideslipEstimate, SideslipEstimation, Vehicle
+from crosstrack.models.sideslip.dynamics import linearise
+from crosstrack.solvers.backend import Request, Termination
+from crosstrack.solvers.control import Control
+from crosstrack.solvers.sideslip import kalman_kernels, mismatch as mismatches, passes
+from crosstrack.solvers.sideslip.kalman import claimed
+from crosstrack.solvers.sideslip.mismatch import mismatch
+from crosstrack.solvers.sideslip.passes import smooth_drive
+
+Floats = NDArray[np.float64]
+
+both = pytest.mark.parametrize("backend", BOTH, ids=lambda one: one.name)
+
+
+def batch(problem: SideslipEstimation, model: Any, last: int) -> tuple[Floats, Floats]:
+    """Return the states up to `last` and their covariance by least squares over everything at once."""
+    n = last + 1
+    rows: list[Floats] = []
+    values: list[float] = []
+
+    def add(blocks: dict[int, Floats], value: Floats, deviation: Floats) -> None:
+        for i in range(2):
+            row = np.zeros(2 * n)
+            for k, block in blocks.items():
+                row[2 * k : 2 * k + 2] = block[i]
+            rows.append(row / deviation[i])
+            values.append(float(value[i] / deviation[i]))
+
+    add({0: np.eye(2)}, problem.initial, problem.initial_deviation)
+    drive = problem.recording
+    for k in range(n):
+        if drive.speed[k] >= 1.0:
+            data = np.array([drive.yaw_rate[k], drive.lateral_acceleration[k]])
+            noise = np.array([problem.yaw_rate_noise, problem.acceleration_noise])
+            add({k: model.slope[k]}, data - model.level[k], noise)
+        if k + 1 < n:
+            root = np.sqrt(drive.times[k + 1] - drive.times[k])
+            blocks = {k + 1: np.eye(2), k: -model.step[k]}
+            add(blocks, model.shift[k], problem.disturbance * root)
+    whole = np.array(rows)
+    # Columns of length 1, for rows of all sizes.
+    size = np.linalg.norm(whole, axis=0)
+    found, *_ = np.linalg.lstsq(whole / size, np.array(values), rcond=None)
+    inverse = np.linalg.pinv(whole / size)
+    return (found / size).reshape(n, 2), (inverse @ inverse.T) / size / size[:, None]
+
+
+# Against least squares
+
+
+@pytest.mark.parametrize("vehicle", [VEHICLE, GRIPPING], ids=["linear", "saturating"])
+@pytest.mark.parametrize("seed", range(6))
+def test_filter_and_smoother_are_least_squares(seed: int, vehicle: Vehicle) -> None:
+    """Of the linear tyres' model, and of the saturating ones' as the filter linearised it."""
+    problem = drawn(seed, vehicle, initial=(0.01, -0.1))
+    found = filtered(problem)
+    n = len(problem.recording)
+    for last in (0, 1, n // 2, n - 1):
+        states, covariance = batch(problem, found.model, last)
+        np.testing.assert_allclose(found.filtered[last], states[-1], atol=1e-9)
+        np.testing.assert_allclose(
+            found.filtered_covariance[last], covariance[-2:, -2:], rtol=1e-6, atol=1e-12
+        )
+    smoothed = smooth_drive(problem, found)
+    np.testing.assert_allclose(smoothed.states, states, atol=1e-9)
+    blocks = np.array([covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] for k in range(n)])
+    np.testing.assert_allclose(smoothed.covariance, blocks, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"initial_deviation": (1e3, 1e3)},
+        {"initial_deviation": (1e-6, 1e-6)},
+        {"disturbance": (2e-6, 2.0)},
+        {"disturbance": (0.5, 1e-6)},
+        {"yaw_rate_noise": 1e-6},
+        {"acceleration_noise": 1e-4},
+        {"yaw_rate_noise": 10.0, "acceleration_noise": 1e3},
+    ],
+    ids=str,
+)
+def test_noises_of_all_sizes(more: dict[str, Any]) -> None:
+    problem = drawn(7, **more)
+    found = filtered(problem)
+    states, covariance = batch(problem, found.model, 29)
+    smoothed = smooth_drive(problem, found)
+    deviation = np.sqrt(np.diag(covariance)).reshape(-1, 2)
+    assert (np.abs(smoothed.states - states) < 1e-5 * deviation + 1e-10).all()
+    own = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))
+    np.testing.assert_allclose(own, deviation, rtol=1e-4, atol=1e-12)
+
+
+@pytest.mark.parametrize("disturbance", [(1e-9, 1e-9), (1e-9, 0.01), (0.002, 1e-9)], ids=str)
+def test_hardly_a_disturbance(disturbance: tuple[float, float]) -> None:
+    """The predicted covariance is singular but for rounding; a little more gives nearly the same."""
+    problem = drawn(3, disturbance=disturbance)
+    nearly = drawn(3, disturbance=np.maximum(disturbance, 1e-7))
+    one, two = (smooth_drive(each, filtered(each)) for each in (problem, nearly))
+    np.testing.assert_allclose(one.states, two.states, atol=1e-5)
+    np.testing.assert_allclose(one.covariance, two.covariance, atol=1e-7)
+    assert (np.diagonal(one.covariance, axis1=1, axis2=2) >= 0).all()
+
+
+def test_linear_model_is_that_of_the_dynamics() -> None:
+    problem = drawn(0)
+    for mine, other in zip(
+        filtered(problem).model, linearise(problem, np.zeros((30, 2))), strict=True
+    ):
+        np.testing.assert_allclose(mine, other, rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("vehicle", [VEHICLE, GRIPPING], ids=["linear", "saturating"])
+def test_innovations_and_order(vehicle: Vehicle) -> None:
+    problem = drawn(1, vehicle)
+    found, drive = filtered(problem), problem.recording
+    data = np.column_stack([drive.yaw_rate, drive.lateral_acceleration])
+    shown = np.einsum("kij,kj->ki", found.model.slope, found.predicted) + found.model.level
+    np.testing.assert_allclose(found.innovations, data - shown, atol=1e-12)
+    slope, noise = found.model.slope, np.diag([0.002**2, 0.05**2])
+    spread = slope @ found.predicted_covariance @ slope.transpose(0, 2, 1) + noise
+    np.testing.assert_allclose(found.innovation_covariance, spread, rtol=1e-9)
+    still = ~drive.moving
+    assert still.any()
+    np.testing.assert_array_equal(found.filtered[still], found.predicted[still])
+    # More samples never tell less; the last has none after it.
+    smoothed = smooth_drive(problem, found)
+    for less, more in (
+        (found.predicted_covariance, found.filtered_covariance),
+        (found.filtered_covariance, smoothed.covariance),
+    ):
+        lost = np.linalg.eigvalsh(less - more)
+        assert (lost >= -1e-9 * np.abs(less).max(axis=(1, 2))[:, None]).all()
+    np.testing.assert_array_equal(smoothed.states[-1], found.filtered[-1])
+
+
+# What is claimed
+
+
+def test_claims_hold_where_the_model_does() -> None:
+    """On 200 drives of the model: the right share within 2 deviations, and innovations as they should be."""
+    within: dict[str, list[float]] = {"filter": [], "smoother": [], "covariance": []}
+    squares, surprises = [], []
+    for seed in range(200):
+        problem = simulated(seed)
+        found = filtered(problem)
+        smoothed = smooth_drive(problem, found)
+        angles, variances = found.filtered[:, 0], found.filtered_covariance[:, 0, 0]
+        claims = {
+            "covariance": SideslipEstimate(angles, np.sqrt(variances)),
+            "filter": claimed(problem, found, angles, variances),
+            "smoother": claimed(
+                problem, found, smoothed.states[:, 0], smoothed.covariance[:, 0, 0], ahead=True
+            ),
+        }
+        for name, claim in claims.items():
+            estimate = SideslipEstimate(claim.sideslip, claim.deviation)
+            within[name].append(problem.coverage(estimate))
+        x = TRUE[seed] - found.filtered
+        solved = np.linalg.solve(found.filtered_covariance, x[..., None])[..., 0]
+        squares.append(float((x * solved).sum(axis=1).mean()))
+        solved = np.linalg.solve(found.innovation_covariance, found.innovations[..., None])[..., 0]
+        surprises.append(float((found.innovations * solved).sum(axis=1).mean()))
+    # Errors stay for about 0.1 s, so 200 drives of 3 s are some 6000 of them.
+    assert np.mean(within["covariance"]) == pytest.approx(0.9545, abs=0.012)
+    assert np.mean(squares) == pytest.approx(2.0, abs=0.1)
+    assert np.mean(surprises) == pytest.approx(2.0, abs=0.04)
+    assert 0.945 < np.mean(within["filter"]) < 0.985
+    assert 0.945 < np.mean(within["smoother"]) < 0.985
+
+
+@both
+def test_an_unstable_vehicle_begins_anew(backend: type[Any]) -> None:
+    """Without grip at the rear nothing is known after 2 s at 100 m/s, and the next samples are as good as ever."""
+    n = 40
+    rng = np.random.default_rng(0)
+    vehicle = dataclasses.replace(VEHICLE, cornering_rear=1.0, cornering_front=1e8)
+    recording = Recording(
+        2.0 * np.arange(n),
+        np.full(n, 100.0),
+        0.01 * rng.normal(size=n),
+        0.1 * rng.normal(size=n),
+        rng.normal(size=n),
+    )
+    problem = SideslipEstimation(vehicle, recording)
+    found = filtered(problem)
+    assert found.lost > 0
+    assert np.isfinite(found.filtered).all() and np.isfinite(found.filtered_covariance).all()
+    assert answer(problem, backend).statistics["restarts"] == found.lost
+    plan(problem, backend)
+
+
+@both
+def test_any_time_of_day_and_few_samples(backend: type[Any]) -> None:
+    problem = drawn(5, n=10)
+    later = dataclasses.replace(
+        problem,
+        recording=dataclasses.replace(problem.recording, times=problem.recording.times + 1e5),
+    )
+    one, two = plan(problem, backend), plan(later, backend)
+    np.testing.assert_allclose(one.sideslip, two.sideslip, atol=1e-7)
+    np.testing.assert_allclose(one.deviation, two.deviation, rtol=1e-5)
+
+
+@both
+def test_a_run_that_is_stopped_has_no_answer(backend: type[Any]) -> None:
+    control = Control()
+    control.flag[0] = 1
+    found = backend().run(drawn(0), Request(control=control))
+    assert found.termination is Termination.NO_SOLUTION and found.point is None
+
+
+def test_through_the_front_door() -> None:
+    problem = generate(drivers=0)
+    one, two = (ct.solve(problem, backend.name) for backend in BOTH)
+    for result in (one, two):
+        assert result.primal_bound == pytest.approx(problem.verify(result.plan).objective)
+        assert result.primal_bound < 0.03  # degrees
+    assert two.primal_bound <= one.primal_bound
+
+
+# Properties
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.booleans())
+def test_left_and_right_are_alike(seed: int, slides: bool) -> None:
+    problem = drawn(seed, GRIPPING if slides else VEHICLE)
+    on = problem.recording
+    turned = Recording(on.times, on.speed, -on.steering, -on.yaw_rate, -on.lateral_acceleration)
+    other = dataclasses.replace(problem, recording=turned)
+    for backend in BOTH:
+        one, two = plan(problem, backend), plan(other, backend)
+        np.testing.assert_array_equal(one.sideslip, -two.sideslip)
+        np.testing.assert_array_equal(one.deviation, two.deviation)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.floats(1e-3, 1e3), st.booleans())
+def test_mass_cancels(seed: int, by: float, slides: bool) -> None:
+    one = GRIPPING if slides else VEHICLE
+    names = "mass", "yaw_inertia", "cornering_front", "cornering_rear"
+    two = dataclasses.replace(one, **{name: by * getattr(one, name) for name in names})
+    for backend in BOTH:
+        first, second = (plan(drawn(seed, vehicle), backend) for vehicle in (one, two))
+        np.testing.assert_allclose(first.sideslip, second.sideslip, rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(first.deviation, second.deviation, rtol=1e-5)
+
+
+# Kernels
+
+
+@pytest.mark.parametrize("vehicle", [VEHICLE, GRIPPING], ids=["linear", "saturating"])
+def test_kernels_mean_the_same_interpreted(
+    vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = drawn(2, vehicle)
+
+    def everything() -> list[Floats]:
+        found = filtered(problem)
+        smoothed = smooth_drive(problem, found)
+        both_ways = mismatch(problem, found), mismatch(problem, found, ahead=True)
+        parts = [*found[:6], *found.model, *smoothed]
+        return parts + [array for each in both_ways for array in each]
+
+    compiled = everything()
+    # The modules that call them: what a kernel calls is interpreted as it is.
+    monkeypatch.setattr(passes, "filter_path", kalman_kernels.filter_path.py_func)
+    monkeypatch.setattr(passes, "smooth_path", kalman_kernels.smooth_path.py_func)
+    monkeypatch.setattr(mismatches, "leave_marks", mismatches.leave_marks.py_func)
+    monkeypatch.setattr(mismatches, "fade", mismatches.fade.py_func)
+    for mine, other in zip(everything(), compiled, strict=True):
+        np.testing.assert_allclose(mine, other, rtol=1e-9, atol=1e-12)
