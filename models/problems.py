@@ -56,7 +56,7 @@ log = logging.getLogger("crosstrack")
 
 #: The problems of crosstrack: the names of their folders.
 PROBLEMS = (
-    *("black_box", "error_correction", "fleet", "fleet_mission", "grid_path"),
+    *("attractor", "black_box", "error_correction", "fleet", "fleet_mission", "grid_path"),
     *("guided_path", "messenger", "minimum_snap", "optimal_control", "satellite_slew", "sideslip"),
 )
 #: Entry-point group in which other distributions announce problems.

@@ -1,0 +1,29 @@
+"""Instances of attractors: known systems, noise, multirobot hunts, and series that are read from files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .exports import write_states_csv as write_states_csv
+    from .hunting import Hunt as Hunt, simulate_hunt as simulate_hunt
+    from .readers import read_series as read_series
+    from .systems import generate as generate
+
+CATALOGUE = {"attractor": ".listing:catalogue_entries"}
+TABLE_FILES = {"attractor": ".readers:table_file"}
+DEMOS = {"attractor": ".demo:DEMO"}
+EXPORTS = {"csv": ".exports:CSV"}
+PRINTED = {"attractor/systems": ".printed:systems"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "exports": ("write_states_csv",),
+        "hunting": ("Hunt", "simulate_hunt"),
+        "readers": ("read_series",),
+        "systems": ("generate",),
+    },
+)

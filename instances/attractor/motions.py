@@ -1,0 +1,255 @@
+"""Motions by their equations: orbits, and the largest Lyapunov exponent by the growth of a tangent vector.
+
+Only sums, products, quotients and square roots are taken, which every machine rounds alike: a chaotic orbit
+would show the last digit of anything else after a while.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ...jit import kernel
+from ...models.fields import Real, Whole
+from .pursuit import hunt_rates
+
+__all__ = [
+    "HENON",
+    "HUNT",
+    "LORENZ",
+    "ROSSLER",
+    "Growth",
+    "Motion",
+    "bounded_steps",
+    "largest_exponent",
+    "orbit",
+]
+
+Floats = NDArray[np.float64]
+
+#: Which equations; a map takes one step a unit of time.
+HENON, LORENZ, ROSSLER, HUNT = 0, 1, 2, 3
+#: Steps of an integration at the most.
+STEPS = 100_000_000
+#: Parts of a growth whose means give its deviation.
+_PARTS = 20
+
+
+class Motion(NamedTuple):
+    """Equations of motion with their constants, and a state to start from.
+
+    Parameters
+    ----------
+    kind : int
+        :data:`HENON`, :data:`LORENZ`, :data:`ROSSLER` or :data:`HUNT`.
+    constants : ndarray
+        As the equations of `kind` want them.
+    start : ndarray, shape (n,)
+        The state at time 0.
+    step : float
+        Longest step of the integration, s.
+    transient : float
+        Seconds until the motion is where it stays.
+    """
+
+    kind: int
+    constants: Floats
+    start: Floats
+    step: float
+    transient: float
+
+
+class Growth(NamedTuple):
+    """A largest Lyapunov exponent.
+
+    Parameters
+    ----------
+    exponent : float
+        Nats a second.
+    deviation : float
+        Standard error of it, by the means of successive parts of the orbit.
+    """
+
+    exponent: float
+    deviation: float
+
+
+def orbit(motion: Motion, count: int, period: float) -> Floats:
+    """Return the states at `count` times `period` seconds apart, once the transient is over, shape (count, n).
+
+    Integrated by the classical Runge-Kutta method of order 4 with steps of a fixed length.
+
+    Raises
+    ------
+    InvalidData
+        More steps than :data:`STEPS` would be needed, or a map is asked for a part of a step.
+    """
+    inner, step = _steps(motion, period)
+    skipped = math.ceil(motion.transient / (inner * step))
+    bounded_steps(skipped + count, inner)
+    found = np.empty((count, len(motion.start)))
+    _orbit(motion.kind, motion.constants, motion.start, step, inner, skipped, found)
+    return found
+
+
+def bounded_steps(count: int, inner: int) -> None:
+    """Raise where `count` periods of `inner` steps are more steps than are taken."""
+    if count * inner > STEPS:
+        raise InvalidData(
+            f"period must be shorter, or samples fewer: {count * inner:.3g} steps of the integration would be "
+            f"taken, where at most {STEPS:.0e} are",
+            field="period",
+        )
+
+
+def largest_exponent(motion: Motion, duration: float, interval: float = 1.0) -> Growth:
+    """Return the largest Lyapunov exponent of a motion, from its equations.
+
+    A tangent vector is carried along by the derivatives of the equations and made as long as 1 again after
+    each `interval`; the exponent is the mean logarithm of its growth (Benettin, Galgani, Giorgilli and
+    Strelcyn, Meccanica 15, 1980).
+
+    Parameters
+    ----------
+    motion : Motion
+        The equations.
+    duration : float
+        Seconds to follow the motion for, after its transient; at least 20 intervals.
+    interval : float
+        Seconds between renormalisations.
+
+    Raises
+    ------
+    InvalidData
+        A duration or an interval that is no positive number, or a motion that leaves all bounds.
+    """
+    interval = Real(0, strict=True, unit="s").coerce("interval", interval, {})
+    duration = Real(_PARTS * interval, unit="s").coerce("duration", duration, {})
+    inner, step = _steps(motion, interval)
+    count = math.ceil(min(duration / interval, STEPS + 1))
+    skipped = math.ceil(motion.transient / interval)
+    bounded_steps(skipped + count, inner)
+    logs = np.empty(count)
+    _growth(motion.kind, motion.constants, motion.start, step, inner, skipped, logs)
+    if not np.isfinite(logs).all():
+        raise InvalidData(
+            "motion must stay bounded, but its tangent vector did not", field="motion"
+        )
+    rates = logs / (inner * step)
+    parts = [part.mean() for part in np.array_split(rates, _PARTS)]
+    return Growth(float(rates.mean()), float(np.std(parts, ddof=1) / math.sqrt(_PARTS)))
+
+
+def _steps(motion: Motion, period: float) -> tuple[int, float]:
+    """Return how many steps a period has, and how long one is; those of a map have no length to choose."""
+    if motion.kind == HENON:
+        return Whole(1).coerce("period", period, {}), 1.0
+    inner = max(math.ceil(period / motion.step - 1e-9), 1)
+    return inner, period / inner
+
+
+# -- kernels -------------------------------------------------------------------------------------
+
+
+@kernel
+def _rates(
+    kind: int, constants: Floats, state: Floats, tangent: Floats, rates: Floats, growth: Floats
+) -> None:
+    """Fill in the derivatives of a state and of a tangent vector with respect to time."""
+    if kind == HUNT:
+        hunt_rates(constants, state, tangent, rates, growth)
+        return
+    x, y, z = state[0], state[1], state[2]
+    u, v, w = tangent[0], tangent[1], tangent[2]
+    a, b, c = constants[0], constants[1], constants[2]
+    if kind == LORENZ:
+        rates[0], growth[0] = a * (y - x), a * (v - u)
+        rates[1], growth[1] = x * (b - z) - y, u * (b - z) - x * w - v
+        rates[2], growth[2] = x * y - c * z, u * y + x * v - c * w
+    else:
+        rates[0], growth[0] = -y - z, -v - w
+        rates[1], growth[1] = x + a * y, u + a * v
+        rates[2], growth[2] = b + z * (x - c), w * (x - c) + z * u
+
+
+@kernel
+def _advance(
+    kind: int,
+    constants: Floats,
+    state: Floats,
+    tangent: Floats,
+    step: float,
+    inner: int,
+    work: Floats,
+) -> None:
+    """Move a state and a tangent vector by some steps; `work`, shape (6, n), is overwritten."""
+    count = len(state)
+    for _ in range(inner):
+        if kind == HENON:
+            a, b = constants[0], constants[1]
+            x, y, u, v = state[0], state[1], tangent[0], tangent[1]
+            state[0], state[1] = 1.0 - a * x * x + y, b * x
+            tangent[0], tangent[1] = -2.0 * a * x * u + v, b * u
+            continue
+        for k in range(count):
+            work[0, k] = state[k]
+            work[1, k] = tangent[k]
+            work[4, k] = 0.0
+            work[5, k] = 0.0
+        for stage in range(4):
+            _rates(kind, constants, work[0], work[1], work[2], work[3])
+            weight = 2.0 if stage == 1 or stage == 2 else 1.0
+            ahead = step if stage == 2 else 0.5 * step
+            for k in range(count):
+                work[4, k] += weight * work[2, k]
+                work[5, k] += weight * work[3, k]
+                work[0, k] = state[k] + ahead * work[2, k]
+                work[1, k] = tangent[k] + ahead * work[3, k]
+        for k in range(count):
+            state[k] += step / 6.0 * work[4, k]
+            tangent[k] += step / 6.0 * work[5, k]
+
+
+@kernel(interpretable=True)
+def _orbit(
+    kind: int,
+    constants: Floats,
+    start: Floats,
+    step: float,
+    inner: int,
+    skipped: int,
+    found: Floats,
+) -> None:
+    """Fill in the states after `skipped` periods, and one period each thereafter."""
+    count = len(start)
+    state = start.copy()
+    tangent, work = np.zeros(count), np.empty((6, count))
+    _advance(kind, constants, state, tangent, step, inner * skipped, work)
+    for row in range(len(found)):
+        for k in range(count):
+            found[row, k] = state[k]
+        _advance(kind, constants, state, tangent, step, inner, work)
+
+
+@kernel(interpretable=True)
+def _growth(
+    kind: int, constants: Floats, start: Floats, step: float, inner: int, skipped: int, logs: Floats
+) -> None:
+    """Fill in the logarithms of the growth of a tangent vector in each period after `skipped` ones."""
+    count = len(start)
+    state = start.copy()
+    tangent, work = np.ones(count), np.empty((6, count))
+    for row in range(-skipped, len(logs)):
+        _advance(kind, constants, state, tangent, step, inner, work)
+        length = 0.0
+        for k in range(count):
+            length += tangent[k] * tangent[k]
+        length = math.sqrt(length)
+        for k in range(count):
+            tangent[k] /= length
+        if row >= 0:
+            logs[row] = math.log(length)

@@ -1,0 +1,379 @@
+"""Series of known systems, of noise and of plain signals, and what may spoil them.
+
+Known figures are those of J. C. Sprott, Chaos and Time-Series Analysis, Oxford 2003, appendix A, and of
+P. Grassberger and I. Procaccia, Physical Review Letters 50, 1983, page 346.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from enum import StrEnum
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ...jit import kernel
+from ...models.attractor.model import LEAST, MOST, AttractorAnalysis
+from ...models.fields import Optional, Real, Whole
+from ...models.records import Member
+from .motions import HENON, LORENZ, ROSSLER, Motion, bounded_steps, orbit
+
+__all__ = ["SYSTEMS", "Known", "System", "generate", "motion_of"]
+
+Floats = NDArray[np.float64]
+
+
+class System(StrEnum):
+    """What a series is made by."""
+
+    #: x ← 4 x (1 − x).
+    LOGISTIC = "logistic"
+    #: x ← 1 − 1.4 x² + y, y ← 0.3 x.
+    HENON = "henon"
+    #: ẋ = 10 (y − x), ẏ = x (28 − z) − y, ż = x y − 8/3 z.
+    LORENZ = "lorenz"
+    #: ẋ = −y − z, ẏ = x + 0.2 y, ż = 0.2 + z (x − 5.7).
+    ROSSLER = "rossler"
+    #: ẋ = 0.2 x(t − 17) / (1 + x(t − 17)¹⁰) − 0.1 x.
+    MACKEY_GLASS = "mackey-glass"
+    #: One sine of 0.25 rad/s.
+    SINE = "sine"
+    #: Two sines of 0.25 and 0.25 √2 rad/s.
+    TWO_SINES = "two-sines"
+    #: Up from 0 to 1 and back at once, every 20 s.
+    SAWTOOTH = "sawtooth"
+    #: Independent normal values.
+    WHITE_NOISE = "white-noise"
+    #: x ← 0.9 x + noise.
+    AR1 = "ar1"
+    #: A resonance near the unit circle: poles of 0.98 at ±0.25 rad a sample, driven by noise.
+    AR2 = "ar2"
+    #: Sums of independent normal values.
+    RANDOM_WALK = "random-walk"
+
+
+class Known(NamedTuple):
+    """What is known of a system.
+
+    Parameters
+    ----------
+    title : str
+        What it is, in a few words.
+    period : float
+        Seconds between samples where none is asked for; a map or a noise has one value each.
+    exponent : float, optional
+        Largest Lyapunov exponent, nats a second.
+    dimension : float, optional
+        Correlation dimension.
+    chaotic : bool
+        Whether it is chaotic.
+    source : str
+        Where the figures are from.
+    """
+
+    title: str
+    period: float
+    exponent: float | None
+    dimension: float | None
+    chaotic: bool
+    source: str
+
+
+_SPROTT = "Sprott 2003"
+_PROCACCIA = "Grassberger and Procaccia 1983"
+
+#: The systems and what is known of them.
+SYSTEMS: Mapping[System, Known] = MappingProxyType(
+    {
+        System.LOGISTIC: Known(
+            "Logistic map, r = 4", 1.0, math.log(2.0), 1.0, True, "exact: ln 2, and a density"
+        ),
+        System.HENON: Known(
+            "Hénon map", 1.0, 0.41922, 1.21, True, f"exponent {_SPROTT}, dimension {_PROCACCIA}"
+        ),
+        System.LORENZ: Known(
+            "Lorenz' equations", 0.02, 0.9056, 2.05, True, f"exponent {_SPROTT}, dimension {_PROCACCIA}"
+        ),
+        System.ROSSLER: Known("Rössler's equations", 0.1, 0.0714, 1.991, True, _SPROTT),
+        System.MACKEY_GLASS: Known(
+            "Mackey and Glass' equation, delay 17 s", 1.0, None, 1.95, True, _PROCACCIA
+        ),
+        System.SINE: Known("One sine", 1.0, 0.0, 1.0, False, "exact"),
+        System.TWO_SINES: Known("Two sines", 1.0, 0.0, 2.0, False, "exact"),
+        System.SAWTOOTH: Known("Saw teeth of 20 s", 1.0, 0.0, None, False, "exact"),
+        System.WHITE_NOISE: Known("White noise", 1.0, None, None, False, "by its making"),
+        System.AR1: Known("Noise of order 1", 1.0, None, None, False, "by its making"),
+        System.AR2: Known("Noise of order 2, a resonance", 1.0, None, None, False, "by its making"),
+        System.RANDOM_WALK: Known("Random walk", 1.0, None, None, False, "by its making"),
+    }
+)  # fmt: skip
+
+#: Digits of what is computed by functions that machines round differently.
+_DIGITS = 12
+#: Poles of the noise of order 2: radius, and angle in rad a sample.
+_RADIUS, _ANGLE = 0.98, 0.25
+#: Values of a noise that are discarded, and of a map.
+_DISCARDED = 1000
+#: Delay of Mackey and Glass' equation, s, its step, s, and seconds until it is where it stays.
+_DELAY, _STEP, _TRANSIENT = 17.0, 0.1, 2000.0
+
+
+def generate(
+    system: str,
+    count: int = 2000,
+    *,
+    seed: int = 0,
+    period: float | None = None,
+    noise: float = 0.0,
+    trend: float = 0.0,
+    spikes: float = 0.0,
+    levels: int | None = None,
+    scale: float = 1.0,
+    name: str = "",
+) -> AttractorAnalysis:
+    """Return the series of a known system, with its known figures hidden, or one that is spoilt.
+
+    Parameters
+    ----------
+    system : str
+        A :class:`System`, such as ``"lorenz"``, whose first coordinate is taken once its transient is over.
+    count : int
+        Samples.
+    seed : int
+        Same seed, same series: where the motion starts, and what is drawn.
+    period : float, optional
+        Seconds between samples, 1e-4 … 1e6; by default that of :data:`SYSTEMS`. Maps and noises take whole
+        seconds: their values between samples are left out.
+    noise : float
+        Deviation of white noise that is added, in deviations of the series: √10 is a ratio of −10 dB.
+    trend : float
+        How far a straight line leads from the first sample to the last, in deviations of the series.
+    spikes : float
+        Share of the samples that are off by ten deviations up or down.
+    levels : int, optional
+        Number of values that the series is rounded to, evenly spaced from its least to its greatest.
+    scale : float
+        Factor of the series.
+    name : str
+        Of the model.
+
+    Returns
+    -------
+    AttractorAnalysis
+        With the exponent and the dimension of the system, unless something was added or rounded;
+        `chaotic` says of what it is in any case whether the motion itself is.
+
+    Raises
+    ------
+    InvalidData
+        Naming the parameter and what is allowed.
+    """
+    kind = System(Member(System).coerce("system", system, {}))
+    known = SYSTEMS[kind]
+    count = Whole(LEAST, MOST).coerce("count", count, {})
+    seed = Whole(0).coerce("seed", seed, {})
+    lag = Optional(Real(1e-4, 1e6, unit="s")).coerce("period", period, {}) or known.period
+    noise = Real(0).coerce("noise", noise, {})
+    trend = Real().coerce("trend", trend, {})
+    spikes = Real(0, 1).coerce("spikes", spikes, {})
+    steps = Optional(Whole(2)).coerce("levels", levels, {})
+    scale = Real(0, strict=True).coerce("scale", scale, {})
+    rng = np.random.default_rng(seed)
+    series = _MAKERS[kind](rng, count, lag) if kind in _MAKERS else _first(kind, rng, count, lag)
+    # Fewer digits, as sums of many values may differ in the last ones.
+    deviation = float(f"{series.std():.6g}")
+    if noise:
+        series = series + noise * deviation * _normal(rng, count)
+    if trend:
+        series = series + trend * deviation * (np.arange(count) / (count - 1))
+    if spikes:
+        draw = rng.random((2, count))
+        away = np.where(draw[1] < 0.5, -10.0, 10.0) * deviation
+        series = series + np.where(draw[0] < spikes, away, 0.0)
+    if steps is not None:
+        low, high = float(series.min()), float(series.max())
+        series = low + (high - low) * (
+            np.round((series - low) / (high - low) * (steps - 1)) / (steps - 1)
+        )
+    plain = not (noise or trend or spikes or steps)
+    return AttractorAnalysis(
+        scale * series,
+        lag,
+        true_exponent=known.exponent if plain else None,
+        true_dimension=known.dimension if plain else None,
+        chaotic=known.chaotic,
+        name=name,
+    )
+
+
+def motion_of(system: str, seed: int = 0) -> Motion:
+    """Return the equations of the Hénon map, of Lorenz or of Rössler, from a state that a seed draws.
+
+    Raises
+    ------
+    InvalidData
+        Another system, or a seed that is none.
+    """
+    kind = Member(System).coerce("system", system, {})
+    rng = np.random.default_rng(Whole(0).coerce("seed", seed, {}))
+    return _motion(System(kind), rng)
+
+
+def _motion(system: System, rng: np.random.Generator) -> Motion:
+    draw = rng.random(3) - 0.5
+    if system is System.HENON:
+        return Motion(HENON, np.array([1.4, 0.3]), 0.2 * draw[:2], 1.0, float(_DISCARDED))
+    if system is System.LORENZ:
+        # From near one of the two foci, off which every orbit winds.
+        at = np.array([8.0, 8.0, 27.0]) + 4.0 * draw
+        return Motion(LORENZ, np.array([10.0, 28.0, 8.0 / 3.0]), at, 0.005, 50.0)
+    if system is System.ROSSLER:
+        at = np.array([-4.0, 0.0, 0.0]) + draw
+        return Motion(ROSSLER, np.array([0.2, 0.2, 5.7]), at, 0.02, 200.0)
+    raise InvalidData(
+        f"system must be one with a tangent vector: henon, lorenz, rossler, got {system}",
+        field="system",
+    )
+
+
+def _first(system: System, rng: np.random.Generator, count: int, period: float) -> Floats:
+    """Return the first coordinate of an orbit."""
+    first: Floats = orbit(_motion(system, rng), count, period)[:, 0]
+    return first
+
+
+def _normal(rng: np.random.Generator, count: int) -> Floats:
+    """Return normal values by the method of Box and Muller, from uniform ones."""
+    first, second = rng.random((2, count))
+    values = np.sqrt(-2.0 * np.log(1.0 - first)) * np.cos(2.0 * np.pi * second)
+    found: Floats = np.round(values, _DIGITS)
+    return found
+
+
+def _whole(period: float, count: int) -> int:
+    """Return a period of a map or a noise, of which no more values are made than a series may hold."""
+    return Whole(1, max(MOST // count, 1)).coerce("period", period, {})
+
+
+def _logistic(rng: np.random.Generator, count: int, period: float) -> Floats:
+    every = _whole(period, count)
+    draws = rng.random(_DISCARDED + count * every)
+    found = np.empty(len(draws))
+    _iterate_logistic(draws, found)
+    return found[_DISCARDED::every].copy()
+
+
+def _mackey_glass(rng: np.random.Generator, count: int, period: float) -> Floats:
+    inner = max(math.ceil(period / _STEP - 1e-9), 1)
+    step = period / inner
+    bounded_steps(count, inner)
+    start = 0.5 + rng.random(max(round(_DELAY / step), 1) + 1)
+    found = np.empty(count)
+    _iterate_delayed(start, step, math.ceil(_TRANSIENT / step), inner, found)
+    return found
+
+
+def _sines(
+    rng: np.random.Generator, count: int, period: float, speeds: tuple[float, ...]
+) -> Floats:
+    phases = 2.0 * np.pi * rng.random(len(speeds))
+    times = period * np.arange(count)
+    waves = [np.sin(speed * times + phase) for speed, phase in zip(speeds, phases, strict=True)]
+    found: Floats = np.round(np.sum(waves, axis=0), _DIGITS)
+    return found
+
+
+def _sine(rng: np.random.Generator, count: int, period: float) -> Floats:
+    return _sines(rng, count, period, (0.25,))
+
+
+def _two_sines(rng: np.random.Generator, count: int, period: float) -> Floats:
+    return _sines(rng, count, period, (0.25, 0.25 * math.sqrt(2.0)))
+
+
+def _sawtooth(rng: np.random.Generator, count: int, period: float) -> Floats:
+    found: Floats = np.arange(count, dtype=np.float64) * period % 20.0 / 20.0
+    return found
+
+
+def _filtered(
+    rng: np.random.Generator, count: int, period: float, feedback: tuple[float, ...]
+) -> Floats:
+    """Return a noise that past values feed back into: ``x[t] = Σ feedback[k] x[t - 1 - k] + noise``."""
+    from scipy.signal import lfilter
+
+    every = _whole(period, count)
+    drive = _normal(rng, _DISCARDED + count * every)
+    values: Floats = lfilter([1.0], [1.0, *(-one for one in feedback)], drive)
+    return values[_DISCARDED::every].copy()
+
+
+def _white(rng: np.random.Generator, count: int, period: float) -> Floats:
+    return _normal(rng, count * _whole(period, count))[:: int(period)].copy()
+
+
+def _ar1(rng: np.random.Generator, count: int, period: float) -> Floats:
+    return _filtered(rng, count, period, (0.9,))
+
+
+def _ar2(rng: np.random.Generator, count: int, period: float) -> Floats:
+    cosine = round(math.cos(_ANGLE), _DIGITS)
+    return _filtered(rng, count, period, (2.0 * _RADIUS * cosine, -_RADIUS * _RADIUS))
+
+
+def _random_walk(rng: np.random.Generator, count: int, period: float) -> Floats:
+    return np.cumsum(_normal(rng, count * _whole(period, count)))[:: int(period)].copy()
+
+
+#: Functions ``(rng, count, period) -> series`` of the systems that are no :class:`Motion`.
+_MAKERS: Mapping[System, Callable[[np.random.Generator, int, float], Floats]] = {
+    System.LOGISTIC: _logistic,
+    System.MACKEY_GLASS: _mackey_glass,
+    System.SINE: _sine,
+    System.TWO_SINES: _two_sines,
+    System.SAWTOOTH: _sawtooth,
+    System.WHITE_NOISE: _white,
+    System.AR1: _ar1,
+    System.AR2: _ar2,
+    System.RANDOM_WALK: _random_walk,
+}
+
+
+@kernel(interpretable=True)
+def _iterate_logistic(draws: Floats, found: Floats) -> None:
+    """Fill in an orbit of the logistic map; the draws move it in the last digits, lest rounding ends it at 0."""
+    x = draws[0]
+    for k in range(len(found)):
+        x = 4.0 * x * (1.0 - x)
+        x += (draws[k] - x) * 1e-13
+        found[k] = x
+
+
+@kernel(interpretable=True)
+def _iterate_delayed(start: Floats, step: float, skipped: int, inner: int, found: Floats) -> None:
+    """Fill in an orbit of Mackey and Glass' equation by the trapezoidal rule, one value each `inner` steps.
+
+    The formula is that of Grassberger and Procaccia, Physica D 9, 1983; `start` holds the values of a delay.
+    """
+    past = start.copy()
+    last = len(past) - 1
+    keep, gain = (2.0 - 0.1 * step) / (2.0 + 0.1 * step), 0.2 * step / (2.0 + 0.1 * step)
+    x, oldest = past[last], 0
+    square = past[0] * past[0]
+    before = past[0] / (1.0 + square * square * square * square * square)
+    row = 0
+    for k in range(skipped + (len(found) - 1) * inner + 1):
+        if k >= skipped and (k - skipped) % inner == 0:
+            found[row] = x
+            row += 1
+        following = past[(oldest + 1) % (last + 1)]
+        square = following * following
+        after = following / (1.0 + square * square * square * square * square)
+        x = keep * x + gain * (before + after)
+        past[oldest] = x
+        before = after
+        oldest = (oldest + 1) % (last + 1)

@@ -1,0 +1,27 @@
+"""Analysis of a measured series as the motion on an attractor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .model import AttractorAnalysis as AttractorAnalysis
+    from .plan import (
+        AttractorEstimate as AttractorEstimate,
+        Judgement as Judgement,
+        Slope as Slope,
+        SurrogateTest as SurrogateTest,
+    )
+
+MODELS = {"attractor": ".model:AttractorAnalysis"}
+PICTURES = {"attractor": ".plot:draw"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "model": ("AttractorAnalysis",),
+        "plan": ("AttractorEstimate", "Judgement", "Slope", "SurrogateTest"),
+    },
+)

@@ -1,0 +1,211 @@
+"""Curves of an embedding computed pair by pair, which is slow and plain: no search of neighbours is shared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .plan import Method, Slope
+
+__all__ = ["RADII", "Sample", "prediction_error"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: States of which all are taken, and of more: how many at the most and at the least.
+ALL, SOME, FEW = 1500, 500, 50
+#: Differences of coordinates that a curve may take, which decides between the two; and those of one block.
+WORK, BLOCK = 100_000_000, 200_000
+#: Radii, evenly spaced by their logarithms, at which a correlation sum is read for its slope.
+RADII = 16
+#: Neighbours within a radius that are followed at the most, evenly chosen, where not all states are taken.
+NEAR = 2000
+#: Relative difference of squared distances that counts as none.
+TIE = 1e-9
+
+
+class Sample:
+    """States of an embedding, all or some, with their distances from all others.
+
+    Parameters
+    ----------
+    states : ndarray, shape (m, d)
+        All states.
+    theiler : int
+        States that are at most as many samples apart are no neighbours.
+    seed : int
+        Draws which are taken.
+    most : int
+        Number of states up to which all are taken.
+    """
+
+    def __init__(self, states: Floats, theiler: int, seed: int, most: int = ALL) -> None:
+        self.states, self.theiler, self.seed, self.most = states, theiler, seed, most
+
+    @property
+    def whole(self) -> bool:
+        """Whether all states are taken."""
+        return len(self.states) <= self.most
+
+    def taken(self, last: int) -> Ints:
+        """Return which of the first `last` states are taken."""
+        if self.whole:
+            return np.arange(last)
+        count = min(max(WORK // self.states.size, FEW), SOME, last)
+        return np.sort(np.random.default_rng(self.seed).choice(last, count, replace=False))
+
+    def blocks(self, last: int, *, largest: bool) -> Iterator[tuple[Ints, Floats]]:
+        """Yield states that are taken, and their distances from the first `last`, infinite where near in time.
+
+        Parameters
+        ----------
+        last : int
+            States from there on are left out.
+        largest : bool
+            Whether the largest difference of a coordinate is the distance, else the sum of squares.
+        """
+        taken, columns = self.taken(last), np.ascontiguousarray(self.states[:last].T)
+        count = max(BLOCK // last, 1)
+        apart = np.empty((min(count, len(taken)), last))
+        for start in range(0, len(taken), count):
+            some = taken[start : start + count]
+            found, apart = np.zeros((len(some), last)), apart[: len(some)]
+            for column in columns:
+                np.subtract(column[some, None], column, out=apart)
+                if largest:
+                    np.maximum(found, np.abs(apart, out=apart), out=found)
+                else:
+                    found += np.square(apart, out=apart)
+            for row, i in enumerate(some.tolist()):
+                found[row, max(i - self.theiler, 0) : i + self.theiler + 1] = np.inf
+            yield some, found
+
+    def slope(self, slope: Slope, period: float) -> tuple[float, float, float]:
+        """Return the slope of a curve within a region, what it may be off by, and the width of the region.
+
+        What it may be off by is the standard error where not all states are taken, or where neighbours are
+        equally near, of which any may be taken; else 0. The slope is not a number where the region holds nothing.
+        """
+        if slope.method is Method.CORRELATION:
+            radii = np.geomspace(slope.low, slope.high, RADII)
+            x, rows, tied = np.log(radii), self._counts(radii), False
+        else:
+            low, high = int(slope.low), int(slope.high)
+            ahead = np.arange(low, high + 1)
+            x = ahead * period
+            rows, tied = self._partings(slope, ahead)
+        read = np.log if slope.method is Method.CORRELATION else np.asarray
+        width = float(x[-1] - x[0])
+        rows = rows[np.isfinite(rows).any(axis=1)]
+        if not len(rows):
+            return np.nan, np.nan, width
+        weights = (x - x.mean()) / ((x - x.mean()) ** 2).sum()
+        with np.errstate(all="ignore"):
+            found = float(read(np.nanmean(rows, axis=0)) @ weights)
+            if self.whole and not tied:
+                return found, 0.0, width
+            # The jackknife: every state left out once.
+            count = np.isfinite(rows).sum(axis=0)
+            others = (np.nansum(rows, axis=0) - np.nan_to_num(rows)) / (count - np.isfinite(rows))
+            slopes = read(others) @ weights
+            error = float(np.sqrt((len(rows) - 1) * slopes.var()))
+        return found, error, width
+
+    def _counts(self, radii: Floats) -> Floats:
+        """Return how many states lie within each radius of every state taken."""
+        found = [
+            np.stack([(apart <= r).sum(axis=1) for r in radii], axis=1)
+            for _, apart in self.blocks(len(self.states), largest=True)
+        ]
+        return np.concatenate(found).astype(float)
+
+    def divergence(self, slope: Slope, ahead: Ints) -> Floats:
+        """Return the curve of an exponent: the mean logarithm of the distance from neighbours.
+
+        Parameters
+        ----------
+        slope : Slope
+            Which neighbours.
+        ahead : ndarray of int, shape (k,)
+            Steps, ascending.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+            In the logarithm of the series' unit; not a number where there are no neighbours.
+        """
+        rows, _ = self._partings(slope, ahead)
+        rows = rows[np.isfinite(rows).any(axis=1)]
+        count = np.isfinite(rows).sum(axis=0)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.nansum(rows, axis=0) / count)
+
+    def sums(self, radii: Floats) -> Floats:
+        """Return the correlation sums: the share of pairs of states within each radius, shape (k,)."""
+        last, taken = len(self.states), self.taken(len(self.states))
+        near = np.minimum(taken + self.theiler, last - 1) - np.maximum(taken - self.theiler, 0) + 1
+        pairs = float((last - near).sum())
+        found = self._counts(radii).sum(axis=0)
+        return found / pairs if pairs else np.full(len(radii), np.nan)
+
+    def reach(self) -> tuple[float, float]:
+        """Return about the least distance above 0 between states, and what no distance exceeds."""
+        _, apart = next(self.blocks(len(self.states), largest=True))
+        most = float(np.ptp(self.states, axis=0).max())
+        return float(apart[apart > 0].min(initial=most)), most
+
+    def _partings(self, slope: Slope, ahead: Ints) -> tuple[Floats, bool]:
+        """Return the logarithm of the distance from neighbours some steps `ahead`, a row a state taken.
+
+        And whether a nearest neighbour was as near as another.
+        """
+        last = len(self.states) - int(ahead[-1])
+        if last < 2:
+            return np.full((0, len(ahead)), np.nan), False
+        most = max(BLOCK // (len(ahead) * self.states.shape[1]), 1)
+        found, tied = [], False
+        for some, squares in self.blocks(last, largest=False):
+            squares[squares == 0] = np.inf  # the same state twice never parts
+            for i, row in zip(some.tolist(), squares, strict=True):
+                if slope.radius is None:
+                    nearest = int(row.argmin())
+                    if not np.isfinite(row[nearest]):
+                        continue
+                    tied |= int((row <= row[nearest] * (1 + TIE)).sum()) > 1
+                    near = np.array([nearest])
+                else:
+                    near = np.flatnonzero(row <= slope.radius**2)
+                    if not self.whole:
+                        near = near[:: -(-near.size // NEAR) or 1]
+                if not near.size:
+                    continue
+                total = np.zeros(len(ahead))
+                for start in range(0, near.size, most):
+                    there = near[start : start + most, None] + ahead
+                    moved = self.states[there] - self.states[i + ahead]
+                    total += np.sqrt((moved**2).sum(axis=2)).sum(axis=0)
+                with np.errstate(divide="ignore"):
+                    found.append(np.where(total > 0, np.log(total / near.size), np.nan))
+        return np.array(found).reshape(-1, len(ahead)), tied
+
+
+def prediction_error(sample: Sample, ahead: int) -> float:
+    """Return the error of predicting the last coordinate by the nearest state, relative to its deviation.
+
+    1 is what a state drawn at random would do. States at most the Theiler window apart are no neighbours.
+    """
+    last = len(sample.states) - ahead
+    if last < 2:
+        return 1.0
+    errors = []
+    for some, apart in sample.blocks(last, largest=True):
+        near = apart.argmin(axis=1)
+        good = np.isfinite(apart[np.arange(len(some)), near])
+        moved = sample.states[some + ahead, -1] - sample.states[near + ahead, -1]
+        errors.append(moved[good])
+    values = np.concatenate(errors)
+    # Two draws differ by the square root of two of their deviation.
+    spread = float(sample.states.std()) * np.sqrt(2.0)
+    return float(np.sqrt((values**2).mean()) / spread) if values.size else 1.0

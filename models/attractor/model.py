@@ -1,0 +1,239 @@
+"""A measured series, and how far it is the motion on an attractor.
+
+Source: "Method of Quantitative Analysis for Multirobot Cooperative Hunting Behaviors", Mathematical
+Problems in Engineering 2016, article 4370635, doi 10.1155/2016/4370635.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..fields import Array, Flag, Optional, Real, Text, declared, required
+from ..model import Model
+from ..verification import TOLERANCE, Check, Verification, check_tolerance
+from .checks import Sample, prediction_error
+from .plan import AttractorEstimate, Judgement, Slope
+
+__all__ = ["AttractorAnalysis"]
+
+Floats = NDArray[np.float64]
+
+#: Samples at the least and at the most.
+LEAST, MOST = 50, 10_000_000
+#: Nats a sample that an exponent near 0 is held against.
+SLOW = 0.01
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AttractorAnalysis(Model[AttractorEstimate]):
+    """Delay, dimension, largest Lyapunov exponent and correlation dimension of a series.
+
+    Parameters
+    ----------
+    series : ndarray, shape (n,)
+        The measured values, evenly spaced in time, 50 at the least.
+    period : float
+        Seconds between samples, > 0.
+    unit : str
+        Unit of the values, for pictures.
+    true_exponent : float, optional
+        The largest Lyapunov exponent, nats a second, where it is known from the equations. Hidden from backends.
+    true_dimension : float, optional
+        The correlation dimension, where it is known. Hidden.
+    chaotic : bool, optional
+        Whether the series is known to come from a chaotic motion. Hidden.
+
+    Notes
+    -----
+    The objective is the mean relative error of the figures that are known, at most 1 each: an estimate that
+    does not claim one has missed it. Where nothing is known it is the error of predicting one delay ahead by
+    the nearest state of the embedding, relative to the deviation of the series; it says how good the embedding is,
+    and nothing of what else is claimed.
+
+    Raises
+    ------
+    InvalidData
+        Naming field, place and value.
+
+    Examples
+    --------
+    >>> import crosstrack as ct
+    >>> model = ct.load("attractor/henon")
+    >>> print(model.describe())
+    2000 samples, one each 1 s
+    """
+
+    series: Floats = declared(Array(("n",)))
+    period: float = declared(Real(lower=0, strict=True, unit="s"), default=1.0)
+    unit: str = declared(Text(), default="")
+    true_exponent: float | None = declared(Optional(Real()), hidden=True, default=None)
+    true_dimension: float | None = declared(Optional(Real(lower=0)), hidden=True, default=None)
+    chaotic: bool | None = declared(Optional(Flag()), hidden=True, default=None)
+
+    kind: ClassVar[str] = "attractor"
+    plan_type: ClassVar[type] = AttractorEstimate
+    agreement: ClassVar[float | None] = 0.2
+
+    def check(self) -> None:
+        """Refuse series that are too short, constant, or beyond what can be squared."""
+        count = len(self.series)
+        if not LEAST <= count <= MOST:
+            raise InvalidData(
+                f"series must hold {LEAST} … {MOST} samples, got {count}", field="series"
+            )
+        low, high = float(self.series.min()), float(self.series.max())
+        if low == high:
+            raise InvalidData(
+                f"series must not be constant, got {low:g} at all {count} samples", field="series"
+            )
+        if not max(abs(low), abs(high)) < 1e150 or not high - low > 1e-150:
+            raise InvalidData(
+                f"series must have values below 1e150 that differ by more than 1e-150, got {low:g} … {high:g}",
+                field="series",
+            )
+        if self.deviation <= 1e-12 * max(abs(low), abs(high)):
+            raise InvalidData(
+                f"series must vary by more than rounding does: its deviation is {self.deviation:g} about "
+                f"{float(self.series.mean()):g}",
+                field="series",
+            )
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the series, in its unit."""
+        half = self.series / 2 - self.series.mean() / 2
+        return 2.0 * float(half.std())
+
+    def states(self, delay: int, dimension: int) -> Floats:
+        """Return the states of an embedding, shape (n - (dimension - 1) delay, dimension).
+
+        Raises
+        ------
+        InvalidData
+            The series is too short for it.
+        """
+        count = len(self.series) - (dimension - 1) * delay
+        if not count > 1:
+            raise InvalidData(
+                f"delay {delay} and dimension {dimension} need more than {(dimension - 1) * delay + 1} "
+                f"samples, got {len(self.series)}",
+                field="dimension",
+            )
+        columns = [self.series[k * delay : k * delay + count] for k in range(dimension)]
+        return np.ascontiguousarray(np.stack(columns, axis=1))
+
+    def verify(self, plan: AttractorEstimate, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return the objective, and whether every slope is that of its curve, computed again.
+
+        The curves are computed pair by pair: of up to 1500 states for all, of more for 500 of them, where a slope may then
+        differ by five standard errors of the sample.
+        """
+        check_tolerance(tolerance)
+        required("plan", plan, AttractorEstimate)
+        states = self.states(plan.delay, plan.dimension)
+        sample = Sample(states, plan.theiler, self.scene_seeds(1)[0])
+        checks = [
+            Check.scaled(
+                "embedding fits", "", max(plan.theiler + 1.0 - (len(states) - 1), 0.0), "samples",
+                f"{len(states)} states", tolerance, 1.0,
+            )
+        ]  # fmt: skip
+        for name, slope in (
+            ("exponent", plan.exponent),
+            ("correlation dimension", plan.correlation),
+        ):
+            if slope is not None:
+                checks.append(self._slope_check(name, sample, slope, tolerance))
+        if plan.surrogates is not None:
+            checks.append(_judgement_check(plan, tolerance))
+        known = self._errors(plan)
+        if known:
+            return Verification(sum(known) / len(known), tuple(checks))
+        return Verification(prediction_error(sample, plan.delay), tuple(checks))
+
+    def _slope_check(self, name: str, sample: Sample, slope: Slope, tolerance: float) -> Check:
+        found, error, width = sample.slope(slope, self.period)
+        # A slope is as small as the region is wide, whatever its value.
+        scale = max(abs(slope.value), 1.0 / width)
+        worst = max(abs(slope.value - found) - 5.0 * error, 0.0)
+        unit = "nats/s" if name == "exponent" else ""
+        return Check.scaled(
+            f"{name} is the slope of its curve", "13-14" if unit else "15-17", worst, unit,
+            f"{slope.low:g} … {slope.high:g}, computed again {found:.6g}", tolerance, scale,
+        )  # fmt: skip
+
+    def _errors(self, plan: AttractorEstimate) -> list[float]:
+        """Return the relative errors of the figures that are known."""
+        found = []
+        for known, slope, least in (
+            (self.true_exponent, plan.exponent, SLOW / self.period),
+            (self.true_dimension, plan.correlation, 1e-9),
+        ):
+            if known is not None:
+                apart = 1.0 if slope is None else abs(slope.value - known) / max(abs(known), least)
+                found.append(min(apart, 1.0))
+        if self.chaotic is not None:
+            claimed = plan.surrogates
+            right = claimed is not None and (claimed.judgement is Judgement.CHAOTIC) == self.chaotic
+            found.append(0.0 if right else 1.0)
+        return found
+
+    def distance(self, plan: AttractorEstimate, other: AttractorEstimate) -> float:
+        """Return the largest relative difference of the figures that both plans claim.
+
+        Exponents near 0 are held against 0.01 nats a sample, different judgements are 1 apart. Where both claim nothing
+        but an embedding, delays are compared.
+        """
+        apart = [
+            abs(one.value - two.value) / max(abs(one.value), abs(two.value), least)
+            for one, two, least in (
+                (plan.exponent, other.exponent, SLOW / self.period),
+                (plan.correlation, other.correlation, 1e-9),
+            )
+            if one is not None and two is not None
+        ]
+        if plan.surrogates is not None and other.surrogates is not None:
+            same = plan.surrogates.judgement is other.surrogates.judgement
+            apart.append(0.0 if same else 1.0)
+        if not apart:
+            longer = max(plan.delay, other.delay)
+            apart.append((longer - min(plan.delay, other.delay)) / longer)
+        return max(apart)
+
+    def plan_to_data(self, plan: AttractorEstimate) -> Any:
+        """Return the plan as JSON data."""
+        return plan.data()
+
+    def plan_from_data(self, data: Any) -> AttractorEstimate:
+        """Return the plan in `data`."""
+        return AttractorEstimate.from_data(data)
+
+    def describe(self) -> str:
+        """Return the size in a few words."""
+        return f"{len(self.series)} samples, one each {self.period:.6g} s"
+
+
+def _judgement_check(plan: AttractorEstimate, tolerance: float) -> Check:
+    """Return whether the ranks bear the judgement: 5 % to reject, and a positive exponent for chaos."""
+    found = plan.surrogates
+    assert found is not None
+    over = 0.0
+    if found.judgement is not Judgement.NOISE:
+        over = max(found.p_value - 0.05, 0.0)
+    sure = plan.exponent is not None and plan.exponent.value > 0
+    if found.judgement is Judgement.CHAOTIC and not sure:
+        over = 1.0
+    return Check.scaled(
+        "judgement follows from the ranks",
+        "",
+        over,
+        "",
+        f"p = {found.p_value:.3g}",
+        tolerance,
+        0.05,
+    )

@@ -1,0 +1,215 @@
+"""What was found of an attractor: the embedding, slopes with the region they were fitted in, a judgement."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from ...errors import InvalidData
+from ..declaration import Declared, Nested
+from ..fields import Optional, Real, Whole, declared, show
+from ..records import Member
+
+__all__ = ["AttractorEstimate", "Judgement", "Method", "Slope", "SurrogateTest"]
+
+
+class Method(StrEnum):
+    """Which curve a slope was fitted to."""
+
+    #: Mean logarithm of the distance from the nearest neighbour, over time (Rosenstein and others 1993).
+    ROSENSTEIN = "rosenstein"
+    #: Mean logarithm of the mean distance from all neighbours within a radius, over time (Kantz 1994).
+    KANTZ = "kantz"
+    #: Logarithm of the correlation sum over that of the radius (Grassberger and Procaccia 1983).
+    CORRELATION = "correlation"
+
+
+class Judgement(StrEnum):
+    """What a test against surrogates amounts to; a positive exponent alone never makes chaos."""
+
+    #: Surrogates are rejected, and nearby states part exponentially.
+    CHAOTIC = "chaotic"
+    #: Surrogates are rejected, but no exponential parting was found: a nonlinear or periodic motion.
+    NONLINEAR = "nonlinear"
+    #: Surrogates are not rejected: linear noise explains the series as well.
+    NOISE = "noise"
+
+
+@dataclass(frozen=True, eq=False)
+class Slope(Declared):
+    """The slope of a curve within its scaling region.
+
+    Parameters
+    ----------
+    method : Method
+        Which curve.
+    value : float
+        The slope: nats a second of an exponent, a dimension of a correlation sum.
+    deviation : float
+        Its standard deviation as claimed, >= 0.
+    low, high : float
+        The scaling region: steps ahead (whole numbers, samples) of an exponent, radii in the series' unit of
+        a correlation sum.
+    radius : float, optional
+        Of Kantz' method: within which states are neighbours, in the series' unit.
+    """
+
+    method: Method = declared(Member(Method))
+    value: float = declared(Real())
+    deviation: float = declared(Real(lower=0))
+    low: float = declared(Real(lower=0))
+    high: float = declared(Real(lower=0))
+    radius: float | None = declared(Optional(Real(lower=0, strict=True)), default=None)
+
+    def check(self) -> None:
+        """Refuse regions without a width, and steps that are none."""
+        if not self.high > self.low:
+            raise InvalidData(
+                f"high must be > low = {self.low:g}, got {self.high:g}: a slope needs a region",
+                field="high",
+            )
+        if (self.method is Method.KANTZ) != (self.radius is not None):
+            raise InvalidData(
+                f"radius belongs to the method kantz, got {show(self.radius)} with {self.method}",
+                field="radius",
+            )
+        if self.method is Method.CORRELATION:
+            if not self.low > 0:
+                raise InvalidData(f"low must be a radius > 0, got {self.low:g}", field="low")
+            return
+        for name, value in (("low", self.low), ("high", self.high)):
+            if not value.is_integer():
+                raise InvalidData(
+                    f"{name} must be a whole number of steps, got {value}", field=name
+                )
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} ± {self.deviation:.2g}"
+
+
+@dataclass(frozen=True, eq=False)
+class SurrogateTest(Declared):
+    """A series against surrogates of it that are linear noise.
+
+    Parameters
+    ----------
+    judgement : Judgement
+        What it amounts to.
+    count : int
+        How many surrogates there were.
+    exceeded : int
+        How many of them are at least as predictable as the series.
+    """
+
+    judgement: Judgement = declared(Member(Judgement))
+    count: int = declared(Whole(1))
+    exceeded: int = declared(Whole(0))
+
+    def check(self) -> None:
+        """Refuse more surrogates than there were."""
+        if self.exceeded > self.count:
+            raise InvalidData(
+                f"exceeded must be <= count = {self.count}, got {self.exceeded}", field="exceeded"
+            )
+
+    @property
+    def p_value(self) -> float:
+        """The share of orders in which the series would rank as far in front by chance."""
+        return (1 + self.exceeded) / (1 + self.count)
+
+    def __str__(self) -> str:
+        return f"{self.judgement} (p = {self.p_value:.3g})"
+
+
+@dataclass(frozen=True, eq=False)
+class AttractorEstimate(Declared):
+    """An embedding, and what was found in it.
+
+    Parameters
+    ----------
+    delay : int
+        Samples between the coordinates of a state, >= 1.
+    dimension : int
+        Number of coordinates, >= 1.
+    theiler : int
+        States that are at most as many samples apart are no neighbours, >= 0.
+    exponent : Slope, optional
+        The largest Lyapunov exponent, nats a second.
+    correlation : Slope, optional
+        The correlation dimension.
+    surrogates : SurrogateTest, optional
+        Whether linear noise explains the series.
+    """
+
+    delay: int = declared(Whole(1, 10**9))
+    dimension: int = declared(Whole(1, 1000))
+    theiler: int = declared(Whole(0, 10**9), default=0)
+    exponent: Slope | None = declared(Optional(Nested(Slope)), default=None)
+    correlation: Slope | None = declared(Optional(Nested(Slope)), default=None)
+    surrogates: SurrogateTest | None = declared(Optional(Nested(SurrogateTest)), default=None)
+
+    def check(self) -> None:
+        """Refuse slopes of the wrong curve."""
+        if self.exponent is not None and self.exponent.method is Method.CORRELATION:
+            raise InvalidData("exponent must not be a slope of a correlation sum", field="exponent")
+        if self.correlation is not None and self.correlation.method is not Method.CORRELATION:
+            raise InvalidData(
+                "correlation must be a slope of a correlation sum", field="correlation"
+            )
+
+    @classmethod
+    def from_data(cls, data: Any) -> AttractorEstimate:
+        """Return the plan that ``data()`` wrote; bad data raises ``InvalidData``."""
+        if not isinstance(data, Mapping):
+            raise InvalidData(f"a plan must be an object, got {show(data)}", field="plan")
+        return cls._from_data(data)
+
+    @property
+    def window(self) -> int:
+        """Samples that a state spans: ``(dimension - 1) * delay``."""
+        return (self.dimension - 1) * self.delay
+
+    @property
+    def exponent_bits(self) -> float | None:
+        """The exponent in bits a second, ``λ / ln 2``; None without one."""
+        return None if self.exponent is None else self.exponent.value / math.log(2.0)
+
+    @property
+    def horizon(self) -> float | None:
+        """Seconds in which a small error grows e-fold, ``1 / λ``; None without a positive exponent.
+
+        Equation 18 of the paper says ``1 / λ`` too, but its λ is in bits, so what it gives is the time
+        in which an error doubles, ``ln 2 / λ`` in nats (:attr:`doubling_time`).
+        """
+        if self.exponent is None or not self.exponent.value > 0:
+            return None
+        return 1.0 / self.exponent.value
+
+    @property
+    def doubling_time(self) -> float | None:
+        """Seconds in which a small error doubles, ``ln 2 / λ``; None without a positive exponent."""
+        return None if self.horizon is None else math.log(2.0) * self.horizon
+
+    @property
+    def variables(self) -> tuple[int, int] | None:
+        """The least number of variables that can span the attractor, and one that always suffices.
+
+        ``⌈D⌉`` and ``⌊2 D⌋ + 1`` (Sauer, Yorke and Casdagli 1991); None without a correlation dimension.
+        """
+        if self.correlation is None:
+            return None
+        dimension = max(self.correlation.value, 0.0)
+        return max(math.ceil(dimension), 1), math.floor(2.0 * dimension) + 1
+
+    def __str__(self) -> str:
+        parts = [f"delay {self.delay}, dimension {self.dimension}"]
+        if self.exponent is not None:
+            parts.append(f"exponent {self.exponent} nats/s")
+        if self.correlation is not None:
+            parts.append(f"correlation dimension {self.correlation}")
+        if self.surrogates is not None:
+            parts.append(str(self.surrogates))
+        return ", ".join(parts)

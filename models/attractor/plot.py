@@ -1,0 +1,278 @@
+"""Pictures of attractors: the series, its states, and the curves that slopes were fitted to.
+
+Source of the choice of panels: the figures that Rosenstein and others (1993) and Grassberger and Procaccia (1983)
+judge a scaling region by.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..fields import required
+from ..plots.options import check_option
+from ..plots.space import dress_space
+from ..plots.style import (
+    axis_style,
+    headline,
+    inches,
+    legend_below,
+    number,
+    sheet,
+    title_of,
+)
+from ..verification import TOLERANCE, Verification, check_tolerance
+from .model import AttractorAnalysis
+from .plan import AttractorEstimate, Judgement
+from .plot_curves import (
+    Curve,
+    curve_keys,
+    curves_of,
+    draw_curve,
+    draw_slopes,
+    label_axes,
+    told,
+    with_unit,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["draw"]
+
+Floats = NDArray[np.float64]
+
+#: Crossings of the mean that the stretch of a series shows, and samples of it at the least and at the most.
+_CROSSINGS, _LEAST, _MOST = 60, 300, 8000
+#: States that are drawn, joined or as dots.
+_JOINED, _DOTS = 12_000, 6000
+#: States up to which dots are larger.
+_FEW = 300
+#: Mean step between samples, in deviations, below which states are joined by a line.
+_SMOOTH = 0.5
+_WORDS = {
+    Judgement.CHAOTIC: "linear noise is rejected, and nearby states part exponentially: chaotic",
+    Judgement.NONLINEAR: "linear noise is rejected, but no exponential parting was found: nonlinear or periodic",
+    Judgement.NOISE: "linear noise is not rejected: it may explain the series as well",
+}
+#: What stands above and below all panels, left of them and between them (inch).
+_HEAD, _FOOT, _LEFT, _GAP, _ROW_GAP, _RIGHT = 0.55, 0.55, 0.75, 0.8, 0.72, 0.15
+#: Width below which the series stands beside the attractor, and not above all (inch); and that of a letter.
+_NARROW, _LETTER = 7.0, 0.062
+
+
+@np.errstate(all="ignore")  # what overflows is no number, and a gap
+def draw(
+    model: AttractorAnalysis,
+    plan: AttractorEstimate | None = None,
+    *,
+    view: str = "curves",
+    tolerance: float = TOLERANCE,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> Figure:
+    """Draw the series of `model`, and what `plan` says of it.
+
+    The series is drawn from its beginning, over as much time as can be told apart. The attractor has the first two or
+    three coordinates of the embedding as its axes; without a plan their delay is one sample. Curves are computed
+    anew on up to 500 states.
+
+    Parameters
+    ----------
+    model : AttractorAnalysis
+        The model.
+    plan : AttractorEstimate, optional
+        An estimate for it, valid or not.
+    view : {"curves", "slopes", "attractor"}
+        The curves with the lines that were fitted to them, or the slopes of these curves from place to place, which are
+        level where there is a scaling region; or nothing but the attractor.
+    tolerance : float
+        Largest violation accepted, relative, for what the title says.
+    title : str, optional
+        Instead of the name and the figures.
+    size : (float, float), optional
+        Width and height (inch).
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Up to four panels; below them what the test against surrogates says.
+
+    Raises
+    ------
+    InvalidData
+        The plan is none of this model, or the series is too short for its embedding.
+    UnsupportedOption
+        An option has a value that is not allowed.
+    """
+    check_tolerance(tolerance)
+    allowed = "be 'curves', 'slopes' or 'attractor'"
+    check_option("view", view, view in ("curves", "slopes", "attractor"), allowed)
+    found = None
+    curves: list[Curve] = []
+    delay, dimension = 1, 2
+    if plan is not None:
+        required("plan", plan, AttractorEstimate)
+        found = model.verify(plan, tolerance=tolerance)
+        delay, dimension = plan.delay, plan.dimension
+        if view != "attractor":
+            curves = curves_of(model, plan)
+    text = _title(model, plan, found) if title is None else title
+    words = _verdict(plan)
+    figure = sheet(size, (5.2, 5.2) if view == "attractor" else (9.6, 5.4 if curves else 3.9))
+    broad, tall = inches(figure)
+    lines = textwrap.wrap(words, max(int((broad - 0.2) / _LETTER), 20))
+    foot = 0.25 * bool(curves)
+    below = foot + 0.15 * len(lines)
+    places = _places(figure, view, len(curves), dimension, head=text.count("\n"), below=below)
+    _draw_states(model, places[0], delay)
+    if view != "attractor":
+        _draw_series(model, places[1])
+    for curve, axes in zip(curves, places[2:], strict=True):
+        (draw_slopes if view == "slopes" else draw_curve)(curve, axes)
+    if lines:
+        figure.text(
+            0.5, (0.08 + foot) / tall, "\n".join(lines), ha="center", va="bottom", fontsize=8
+        )
+    if curves:
+        legend_below(figure, curve_keys(view))
+    headline(figure, text, wrong=found is not None and not found.ok)
+    return figure
+
+
+def _title(
+    model: AttractorAnalysis, plan: AttractorEstimate | None, found: Verification | None
+) -> str:
+    if plan is None or found is None:
+        return title_of(model.name, [model.describe()], None)
+    parts = [f"delay {plan.delay}, dimension {plan.dimension}"]
+    if plan.exponent is not None:
+        parts.append(f"λ = {told(plan.exponent)} nats/s")
+    if plan.correlation is not None:
+        parts.append(f"D = {told(plan.correlation)}")
+    if found.objective is not None:
+        known = any(
+            one is not None for one in (model.true_exponent, model.true_dimension, model.chaotic)
+        )
+        parts.append(
+            f"{'relative error' if known else 'error of prediction'} {number(found.objective, 3)}"
+        )
+    return title_of(model.name, parts, found)
+
+
+def _verdict(plan: AttractorEstimate | None) -> str:
+    if plan is None or plan.surrogates is None:
+        return ""
+    test = plan.surrogates
+    few = "none" if not test.exceeded else str(test.exceeded)
+    return (
+        f"{_WORDS[test.judgement]} (p\u00a0=\u00a0{number(test.p_value, 3)}: {few} of {test.count} surrogates "
+        "at least as predictable)"
+    )
+
+
+def _places(
+    figure: Any, view: str, curves: int, dimension: int, *, head: int, below: float
+) -> list[Axes]:
+    """Return the axes: of the attractor, the series and the curves."""
+    broad, tall = inches(figure)
+    left, right = min(_LEFT / broad, 0.2), max(1 - _RIGHT / broad, 0.85)
+    bottom, top = min((_FOOT + below) / tall, 0.4), max(1 - (_HEAD + 0.17 * head) / tall, 0.6)
+    edges: dict[str, Any] = {"left": left, "right": right, "bottom": bottom, "top": top}
+    narrow = broad < _NARROW and curves > 0
+    space: dict[str, Any] = {}
+    if dimension > 2 and not narrow:
+        space = {"projection": "3d", "computed_zorder": False}
+    if view == "attractor":
+        return [figure.add_subplot(figure.add_gridspec(1, 1, **edges)[0], **space)]
+    columns = 2 if narrow or not curves else curves + 1
+    rows = 2 if curves else 1
+    # Gaps are told as shares of the mean width and height of the cells.
+    gaps = [_GAP * (columns - 1), _ROW_GAP * (rows - 1)]
+    wide, high = (right - left) * broad - gaps[0], (top - bottom) * tall - gaps[1]
+    edges["wspace"] = _GAP * columns / max(wide, 0.5)
+    edges["hspace"] = _ROW_GAP * rows / max(high, 0.5)
+    if not curves:
+        grid = figure.add_gridspec(1, 2, width_ratios=(1.8, 1.1), **edges)
+        first, series, others = grid[1], grid[0], []
+    elif narrow:
+        grid = figure.add_gridspec(2, 2, **edges)
+        first, series = grid[0, 1], grid[0, 0]
+        others = [grid[1, :]] if curves == 1 else [grid[1, 0], grid[1, 1]]
+    else:
+        grid = figure.add_gridspec(2, columns, height_ratios=(1, 1.8), **edges)
+        first, series = grid[1, 0], grid[0, :]
+        others = [grid[1, k + 1] for k in range(curves)]
+    found = [figure.add_subplot(first, **space)]
+    found += [figure.add_subplot(place) for place in (series, *others)]
+    if space:
+        # Its labels stand inside of its place, so it may take the room for those of the others.
+        box = found[0].get_position()
+        more = (0.5 if first.colspan.start else 0.65) / broad, 0.3 / tall
+        found[0].set_position(
+            (
+                box.x0 - more[0],
+                box.y0 - more[1],
+                box.width + more[0] - 0.1 / broad,
+                box.height + 1.6 * more[1],
+            )
+        )
+    return found
+
+
+# -- series and states ---------------------------------------------------------------------------
+
+
+def _draw_series(model: AttractorAnalysis, axes: Axes) -> None:
+    """Draw the beginning of the series, or all where it is short."""
+    count = len(model.series)
+    above = model.series > np.median(model.series)
+    crossings = max(int(np.count_nonzero(above[1:] != above[:-1])), 1)
+    shown = min(int(np.clip(_CROSSINGS * count / crossings, _LEAST, _MOST)), count)
+    times = np.arange(shown) * model.period
+    few = shown <= _LEAST
+    look: dict[str, Any] = {"marker": "o", "ms": 2.0, "mew": 0} if few else {}
+    axes.plot(times, model.series[:shown], lw=0.9, gid="series", **axis_style(0), **look)
+    edge = 0.01 * times[-1]
+    axes.set_xlim(-edge, times[-1] + edge)
+    label_axes(axes, "time (s)", with_unit("value", model.unit))
+    if shown < count:
+        axes.set_title(
+            f"the first {shown} of {count} samples",
+            fontsize=7.5,
+            color="#505050",
+            loc="left",
+            pad=3,
+        )
+
+
+def _draw_states(model: AttractorAnalysis, axes: Any, delay: int) -> None:
+    """Draw the first two or three coordinates, as many as `axes` have, joined where the series is smooth."""
+    shown = 3 if axes.name == "3d" else 2
+    series = model.series
+    if len(series) <= (shown - 1) * delay + 1:
+        delay = 1
+    states = model.states(delay, shown)
+    smooth = float(np.sqrt((np.diff(series / model.deviation) ** 2).mean())) < _SMOOTH
+    if smooth:
+        axes.plot(*states[:_JOINED].T, lw=0.5, alpha=0.8, gid="states", color="#0072B2")
+    else:
+        step = max(-(-len(states) // _DOTS), 1)
+        large = 2.4 if len(states) > _FEW else 4.5
+        axes.plot(
+            *states[::step].T, ls="", marker=".", ms=large, mew=0, alpha=0.7, gid="states",
+            color="#0072B2",
+        )  # fmt: skip
+    names = ["x(t)", *(f"x(t + {number(k * delay * model.period, 4)} s)" for k in range(1, shown))]
+    names = [with_unit(name, model.unit) for name in names]
+    if shown == 2:
+        label_axes(axes, names[0], names[1])
+        return
+    dress_space(axes)
+    for name, label in zip(names, (axes.set_xlabel, axes.set_ylabel, axes.set_zlabel), strict=True):
+        label(name, fontsize=7.5, labelpad=1)
+    axes.tick_params(labelsize=6.5)

@@ -1,0 +1,17 @@
+"""Estimators of delay, dimension, exponent and correlation dimension, and a test against surrogates."""
+
+BACKENDS = {
+    "full-analysis": ".full_analysis:FullAnalysis",
+    "c-c": ".delays:CorrelationIntegral",
+    "improved-c-c": ".delays:ImprovedCorrelationIntegral",
+    "mutual-information": ".delays:MutualInformation",
+    "autocorrelation": ".delays:Autocorrelation",
+    "false-neighbours": ".dimensions:FalseNeighbours",
+    "cao": ".dimensions:Cao",
+    "rosenstein": ".exponents:Rosenstein",
+    "kantz": ".exponents:Kantz",
+    "correlation-dimension": ".correlation:CorrelationDimension",
+    "surrogates": ".surrogates:Surrogates",
+}
+DIAGNOSES = {"attractor": ".diagnosis:diagnose_attractor"}
+PAPER_TABLES = {"attractor": ".paper_tables:TABLES"}

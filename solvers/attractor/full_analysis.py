@@ -1,0 +1,113 @@
+"""``full-analysis``: embedding, exponent, correlation dimension and judgement in one plan."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ...errors import InvalidData
+from ...models.attractor.model import AttractorAnalysis
+from ...models.attractor.plan import AttractorEstimate
+from ..backend import Answer, Backend, Feature, Request
+from ..option import Option
+from .correlation import CorrelationDimension
+from .delays import (
+    Autocorrelation,
+    CorrelationIntegral,
+    ImprovedCorrelationIntegral,
+    MutualInformation,
+)
+from .dimensions import Cao, FalseNeighbours
+from .exponents import Kantz, Rosenstein
+from .native import EMBEDDING, AttractorBackend, Finding, embed
+from .surrogates import RANKING, judged, ranks, statistics
+
+__all__ = ["FullAnalysis"]
+
+
+def _by_name(*backends: type[Backend]) -> dict[str, type[Backend]]:
+    return {one.name: one for one in backends}
+
+
+_DELAYS = _by_name(
+    MutualInformation, Autocorrelation, CorrelationIntegral, ImprovedCorrelationIntegral
+)
+_DIMENSIONS = _by_name(Cao, FalseNeighbours, CorrelationIntegral, ImprovedCorrelationIntegral)
+_EXPONENTS = _by_name(Rosenstein, Kantz)
+
+
+class FullAnalysis(AttractorBackend):
+    """All that can be had of a series, part by part; what cannot is None, and the message says why.
+
+    At a time limit the later parts are left out.
+    """
+
+    name = "full-analysis"
+    summary = "embedding, exponent, correlation dimension and a judgement against surrogates"
+    features = frozenset({Feature.INTERRUPT, Feature.SEED})
+    deterministic = False
+    options: ClassVar[dict[str, Option]] = {
+        **EMBEDDING,
+        "delay_method": Option(
+            MutualInformation.name, "what chooses the delay", str, tuple(_DELAYS)
+        ),
+        "dimension_method": Option(Cao.name, "what chooses the dimension", str, tuple(_DIMENSIONS)),
+        "exponent_method": Option(
+            Rosenstein.name, "what estimates the exponent", str, tuple(_EXPONENTS)
+        ),
+        **RANKING,
+    }
+
+    def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
+        """Run part after part."""
+        options, own, said = request.options, dict[str, Any](), list[str]()
+
+        def part(backend: Backend, what: str, given: dict[str, Any]) -> Any:
+            """Return the plan of a stage, or None and note why."""
+            try:
+                answer: Answer = request.within(backend, problem, options=given)
+            except InvalidData as error:
+                said.append(f"no {what}: {error}")
+                return None
+            own.update({f"{what}, {name}": value for name, value in answer.statistics.items()})
+            if answer.point is None:
+                said.append(f"no {what}: the run was stopped before")
+            elif answer.message:
+                said.append(answer.message)
+            return answer.point
+
+        chosen = {name: options[name] for name in EMBEDDING}
+        # Mutual information and Cao's method are what `embed` chooses by itself.
+        if chosen["delay"] is None and options["delay_method"] != MutualInformation.name:
+            plan = part(_DELAYS[options["delay_method"]](), "delay", {})
+            chosen["delay"] = None if plan is None else plan.delay
+        if chosen["dimension"] is None and options["dimension_method"] != Cao.name:
+            backend = _DIMENSIONS[options["dimension_method"]]()
+            given = {"delay": chosen["delay"]} if "delay" in backend.options else {}
+            plan = part(backend, "dimension", given)
+            chosen["dimension"] = None if plan is None else plan.dimension
+        embedding = embed(problem, chosen)
+        where = {
+            "delay": embedding.delay, "dimension": embedding.dimension, "theiler": embedding.theiler,
+        }  # fmt: skip
+        found = part(_EXPONENTS[options["exponent_method"]](), "exponent", where)
+        exponent = None if found is None else found.exponent
+        found = part(CorrelationDimension(), "correlation dimension", where)
+        correlation = None if found is None else found.correlation
+        seed = 0 if request.seed is None else request.seed
+        ranking = None
+        if not request.control.stopped:
+            ranking = ranks(
+                problem.series, embedding, options, seed, stopped=lambda: request.control.stopped
+            )
+        test = None
+        if ranking is None:
+            said.append("no judgement: the run was stopped before")
+        else:
+            test, why = judged(ranking, exponent)
+            own.update(statistics(ranking))
+            said.append(why)
+        plan = AttractorEstimate(
+            embedding.delay, embedding.dimension, embedding.theiler,
+            exponent=exponent, correlation=correlation, surrogates=test,
+        )  # fmt: skip
+        return Finding(plan, own, "; ".join(filter(None, said)))

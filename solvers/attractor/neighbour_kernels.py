@@ -1,0 +1,258 @@
+"""Loops over neighbouring states, in the order of their first coordinate.
+
+Two states are at least as far apart as their first coordinates are, in floating-point numbers too, so a
+search walks from a state to both sides until these are too far apart. It needs no tree, passes what is near in
+time as it goes, and finds to the bit what a search of all pairs finds.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+
+__all__ = ["count_pairs", "mean_partings", "nearest_partings", "nearest_states"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@kernel(interpretable=True)
+def nearest_states(
+    states: Floats, times: Ints, places: Ints, theiler: int, rank: int
+) -> tuple[Ints, Floats, int]:
+    """Return which state is nearest to some, but for those before it, and its squared distance.
+
+    Parameters
+    ----------
+    states : ndarray, shape (m, d)
+        Ordered by the first coordinate.
+    times : ndarray, shape (m,)
+        When each was, in samples.
+    places : ndarray, shape (r,)
+        Rows of those whose neighbour is wanted.
+    theiler : int
+        States at most as many samples apart are no neighbours, and neither are equal ones.
+    rank : int
+        1 for the nearest, 2 for the one after it and so on; of equally near ones the earlier comes first.
+
+    Returns
+    -------
+    which : ndarray, shape (r,)
+        Its time; -1 where there are too few.
+    squares : ndarray, shape (r,)
+        Infinite there.
+    visits : int
+        How many pairs were looked at.
+    """
+    m, d = states.shape
+    count = len(places)
+    which, squares, visits = np.full(count, -1, np.int64), np.full(count, np.inf), 0
+    near, who = np.empty(rank), np.empty(rank, np.int64)
+    for row in range(count):
+        place = places[row]
+        near[:] = np.inf
+        who[:] = -1
+        left, right = place - 1, place + 1
+        backward = True
+        while left >= 0 or right < m:
+            backward = not backward
+            if (backward and left < 0) or (not backward and right >= m):
+                continue
+            if backward:
+                other = left
+                left -= 1
+            else:
+                other = right
+                right += 1
+            visits += 1
+            apart = states[other, 0] - states[place, 0]
+            square = apart * apart
+            if square > near[rank - 1]:
+                if backward:
+                    left = -1
+                else:
+                    right = m
+                continue
+            if abs(times[other] - times[place]) <= theiler:
+                continue
+            for column in range(1, d):
+                apart = states[other, column] - states[place, column]
+                square += apart * apart
+                if square > near[rank - 1]:
+                    break
+            time = times[other]
+            if square == 0.0 or square > near[rank - 1]:
+                continue
+            if square == near[rank - 1] and who[rank - 1] >= 0 and time > who[rank - 1]:
+                continue
+            k = rank - 1
+            while k > 0 and (near[k - 1] > square or (near[k - 1] == square and who[k - 1] > time)):
+                near[k], who[k] = near[k - 1], who[k - 1]
+                k -= 1
+            near[k], who[k] = square, time
+        which[row], squares[row] = who[rank - 1], near[rank - 1]
+    return which, squares, visits
+
+
+@kernel(interpretable=True)
+def nearest_partings(
+    states: Floats, firsts: Ints, seconds: Ints, ahead: int
+) -> tuple[Floats, Ints]:
+    """Return the sum of the logarithms of the distances of pairs of states as time goes on.
+
+    Parameters
+    ----------
+    states : ndarray, shape (m, d)
+        In the order of time.
+    firsts, seconds : ndarray, shape (r,)
+        The pairs; those with a negative one are left out.
+    ahead : int
+        Steps.
+
+    Returns
+    -------
+    sums : ndarray, shape (ahead + 1,)
+        Distances of 0 are left out.
+    counts : ndarray, shape (ahead + 1,)
+        How many were summed.
+    """
+    sums, counts = np.zeros(ahead + 1), np.zeros(ahead + 1, np.int64)
+    for row in range(len(firsts)):
+        i, j = firsts[row], seconds[row]
+        if j < 0:
+            continue
+        for k in range(ahead + 1):
+            square = 0.0
+            for column in range(states.shape[1]):
+                apart = states[i + k, column] - states[j + k, column]
+                square += apart * apart
+            if square > 0.0:
+                sums[k] += 0.5 * math.log(square)
+                counts[k] += 1
+    return sums, counts
+
+
+@kernel(interpretable=True)
+def mean_partings(
+    states: Floats,
+    ordered: Floats,
+    times: Ints,
+    places: Ints,
+    theiler: int,
+    square_radius: float,
+    ahead: int,
+) -> tuple[Floats, Ints, int]:
+    """Return the sum of the logarithms of the mean distances from all neighbours as time goes on.
+
+    Parameters
+    ----------
+    states : ndarray, shape (m, d)
+        In the order of time.
+    ordered, times, places, theiler
+        As for :func:`nearest_states`.
+    square_radius : float
+        Squared distance up to which states are neighbours.
+    ahead : int
+        Steps.
+
+    Returns
+    -------
+    sums : ndarray, shape (ahead + 1,)
+        Mean distances of 0 are left out.
+    counts : ndarray, shape (ahead + 1,)
+        How many were summed.
+    neighbours : int
+        How many there were.
+    """
+    m, d = ordered.shape
+    sums, counts, neighbours = np.zeros(ahead + 1), np.zeros(ahead + 1, np.int64), 0
+    total = np.empty(ahead + 1)
+    for row in range(len(places)):
+        place = places[row]
+        i = times[place]
+        total[:] = 0.0
+        found = 0
+        for side in range(-1, 2, 2):
+            other = place + side
+            while 0 <= other < m:
+                apart = ordered[other, 0] - ordered[place, 0]
+                square = apart * apart
+                if square > square_radius:
+                    break
+                j = times[other]
+                other += side
+                if abs(j - i) <= theiler:
+                    continue
+                square = 0.0
+                for column in range(d):
+                    apart = states[j, column] - states[i, column]
+                    square += apart * apart
+                    if square > square_radius:
+                        break
+                if square == 0.0 or square > square_radius:
+                    continue
+                found += 1
+                for k in range(ahead + 1):
+                    square = 0.0
+                    for column in range(d):
+                        apart = states[i + k, column] - states[j + k, column]
+                        square += apart * apart
+                    total[k] += math.sqrt(square)
+        for k in range(ahead + 1):
+            if found > 0 and total[k] > 0.0:
+                sums[k] += math.log(total[k] / found)
+                counts[k] += 1
+        neighbours += found
+    return sums, counts, neighbours
+
+
+@kernel(interpretable=True)
+def count_pairs(
+    states: Floats, times: Ints, places: Ints, theiler: int, radii: Floats
+) -> tuple[Ints, int]:
+    """Return how many states lie in the shells between radii around some states, by the ∞-norm.
+
+    Parameters
+    ----------
+    states, times, places, theiler
+        As for :func:`nearest_states`, but that equal states are counted.
+    radii : ndarray, shape (k,)
+        Rising.
+
+    Returns
+    -------
+    found : ndarray, shape (k,)
+        Pairs at most as far apart as a radius, but farther than the one before it.
+    visits : int
+        How many pairs were looked at.
+    """
+    m, d = states.shape
+    last = len(radii) - 1
+    most = radii[last]
+    found, visits = np.zeros(last + 1, np.int64), 0
+    for row in range(len(places)):
+        place = places[row]
+        for side in range(-1, 2, 2):
+            other = place + side
+            while 0 <= other < m:
+                visits += 1
+                far = abs(states[other, 0] - states[place, 0])
+                if far > most:
+                    break
+                for column in range(1, d):
+                    apart = abs(states[other, column] - states[place, column])
+                    if apart > far:
+                        far = apart
+                        if far > most:
+                            break
+                if far <= most and abs(times[other] - times[place]) > theiler:
+                    k = last
+                    while k > 0 and far <= radii[k - 1]:
+                        k -= 1
+                    found[k] += 1
+                other += side
+    return found, visits
