@@ -16,6 +16,7 @@ from pathlib import Path
 
 #: One instance of each problem in the catalogue, solved by its default backend.
 INSTANCES = {
+    "attractor": "attractor/henon",
     "black-box": "black-box/booth",
     "error-correction": "error-correction/example-1",
     "fleet-mission": "fleet-mission/pocket",
@@ -27,10 +28,13 @@ INSTANCES = {
     "minimum-snap": "minimum-snap/paper",
     "optimal-control": "optimal-control/double-integrator-energy",
     "satellite-slew": "satellite-slew/paper",
+    "sideslip": "sideslip/lane-change",
     "time-allocation": "time-allocation.json",  # written here, for the catalogue's take a minute
 }
 #: Problems whose default proves no bound, so that a comparison of it alone decides nothing.
-LOCAL = {"black-box", "fleet-mission", "optimal-control", "time-allocation"}
+LOCAL = {
+    *("attractor", "black-box", "fleet-mission", "optimal-control", "sideslip", "time-allocation"),
+}
 #: Instances, and the formulation whose program is solved as a model of its own.
 PROGRAMS = {
     "mixed-integer-program": ("error-correction/example-1", "paper"),
@@ -100,8 +104,8 @@ def main() -> None:
         run("solve", instance, "--output", "plan.json")
         run("check", instance, "plan.json")
         if problem != "error-correction":  # whose plans no other software reads
-            tables = ("black-box", "fleet-routing", "grid-path", "guided-path-tour")
-            form = "csv" if problem in tables else "samples"
+            tables = ("attractor", "black-box", "fleet-routing", "grid-path", "guided-path-tour")
+            form = "csv" if problem in (*tables, "sideslip") else "samples"
             run("export", instance, "plan.json", "--output", "plan.csv", "--format", form)
         if problem != "satellite-slew":  # the longest, solved above
             run("compare", instance, "--backends", "auto", code=4 if problem in LOCAL else 0)

@@ -111,6 +111,18 @@ for fields in (
 ct.solve(ct.load("guided-path/hard-20x20"), "a-star", time_limit=5)
 ct.solve(ct.load("black-box/path-open"), "random-search", evaluations=10)
 """,
+    """
+import crosstrack as ct
+from crosstrack.jit import compile_always
+from crosstrack.solvers.attractor import BACKENDS as ANALYSES
+from crosstrack.solvers.sideslip import BACKENDS as ESTIMATORS
+compile_always()
+for name in ESTIMATORS:
+    for road in ("lane-change", "limit"):
+        ct.solve(ct.load(f"sideslip/{road}"), name, time_limit=60)
+for name in ANALYSES:
+    ct.solve(ct.load("attractor/henon"), name, time_limit=60)
+""",
 )
 
 

@@ -160,6 +160,7 @@ def _examples() -> list[tuple[Any, Any]]:
     from carts import braking, cruising, relay, relayed
 
     from crosstrack.models import (
+        AttractorAnalysis,
         BlackBoxMinimisation,
         ConeBlock,
         ConeKind,
@@ -179,9 +180,12 @@ def _examples() -> list[tuple[Any, Any]]:
         QuadraticProgram,
         Route,
         SatelliteSlew,
+        SideslipEstimation,
         TimeAllocation,
         Trajectory,
     )  # fmt: skip
+    from crosstrack.models.attractor import AttractorEstimate, Slope, SurrogateTest
+    from crosstrack.models.attractor.checks import Sample
     from crosstrack.models.black_box import BlackBoxPoint
     from crosstrack.models.fleet import FleetPlan
     from crosstrack.models.fleet_mission import MissionPlan
@@ -189,6 +193,7 @@ def _examples() -> list[tuple[Any, Any]]:
     from crosstrack.models.guided_path import GuidedPathPlan
     from crosstrack.models.messenger import Primitive, TourPlan
     from crosstrack.models.optimal_control.plan import Piecewise
+    from crosstrack.models.sideslip import Recording, SideslipEstimate
 
     points = [[0, 0, 0], [1.0, 0, 0], [1.5, 0, 0], [9, 9, 9], [3.5, 0, 0]]
     kinds = ["A", "horizontal", "vertical", "horizontal", "B"]
@@ -286,6 +291,29 @@ def _examples() -> list[tuple[Any, Any]]:
     box = BlackBoxMinimisation(
         {"name": "rastrigin", "shift": [1.0, -1.0], "deviation": 0.1}, [[-5, 5], [2, 2]], budget=50
     )
+    instants = 0.1 * np.arange(12.0)
+    signals = {
+        "steering": 0.02 * instants,
+        "yaw_rate": 0.1 * instants,
+        "lateral_acceleration": instants,
+    }
+    drive = Recording(instants, 10.0 + instants, **signals)
+    car = {
+        "mass": 1500.0, "yaw_inertia": 2500.0, "front": 1.2, "rear": 1.5, "cornering_front": 8e4,
+        "cornering_rear": 9e4, "friction": 0.8, "tyre": "saturating",
+    }  # fmt: skip
+    known = Recording(instants, 10.0 + instants, **signals, sideslip=-0.01 * instants)
+    sliding = SideslipEstimation(car, drive, [known], truth=-0.01 * instants)
+    angles = SideslipEstimate(-0.009 * instants, np.full(12, 0.01))
+    waves = np.sin(np.arange(60.0)) + np.sin(1.7 * np.arange(60.0))
+    motion = AttractorAnalysis(
+        waves, 0.5, "m", true_exponent=0.0, true_dimension=2.0, chaotic=False
+    )
+    region = {"method": "rosenstein", "deviation": 9.0, "low": 0, "high": 4}
+    fitted = Sample(motion.states(2, 3), 1, 0).slope(Slope(value=0.0, **region), 0.5)[0]
+    estimate = AttractorEstimate(
+        2, 3, 1, Slope(value=fitted, **region), surrogates=SurrogateTest("noise", 39, 20)
+    )
     vector = np.array([2.0, 0.0, 1.0])
     return [
         (routing, Route((0, 1, 2, 4))), (named, Route((0, 1, 2, 4))),
@@ -298,6 +326,7 @@ def _examples() -> list[tuple[Any, Any]]:
         (braking(bound=9.0, mixed_path={"upper": 9.0}).build(), cruising(costates=True)), (relay().build(), relayed()),
         (slew, resting), (tour, flown), (walk, walked), (fleet, FleetPlan(((1, 2), (3,)))),
         (mission, driven), (guided, GuidedPathPlan((4, 1, 2, 3))), (box, BlackBoxPoint((1.0, 2.0))),
+        (sliding, angles), (motion, estimate),
     ]  # fmt: skip
 
 

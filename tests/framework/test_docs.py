@@ -21,14 +21,23 @@ EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
 #: Examples and pages that run for five seconds and more; `make docs` runs all examples for the gallery.
 SLOW = {
     *(
+        "plot_attractor.py",
         "plot_bases_and_backends.py",
         "plot_black_box.py",
         "plot_guided_path.py",
         "plot_messenger.py",
     ),
     *("plot_fleet_mission.py", "plot_own_control_problem.py", "plot_satellite_slew.py"),
-    *("black-box.md", "campaign.md", "fleet.md", "fleet-mission.md", "guided-path.md"),
-    *("messenger.md", "optimal-control.md", "satellite-slew.md"),
+    "plot_sideslip.py",
+    *(
+        "attractor.md",
+        "black-box.md",
+        "campaign.md",
+        "fleet.md",
+        "fleet-mission.md",
+        "guided-path.md",
+    ),
+    *("messenger.md", "optimal-control.md", "satellite-slew.md", "sideslip.md"),
 }
 
 

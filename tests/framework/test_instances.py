@@ -148,7 +148,7 @@ def test_unknown_names():
     with pytest.raises(UnknownName, match="did you mean 'error-correction/7'"):
         instances.entry("error-corection/7")
     with pytest.raises(
-        UnknownName, match=r"no such file.*'nowhere\.json'.*black-box/ackley-5, .* in all"
+        UnknownName, match=r"no such file.*'nowhere\.json'.*attractor/ar1, .* in all"
     ):
         instances.load("nowhere.json")
     with pytest.raises(UnknownName, match="no such file"):

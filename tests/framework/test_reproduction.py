@@ -3,10 +3,11 @@
 import json
 import statistics
 
+import numpy as np
 import pytest
 
 from crosstrack.instances import entries
-from crosstrack.models import BlackBoxMinimisation
+from crosstrack.models import AttractorAnalysis, BlackBoxMinimisation
 from crosstrack.solvers.report import reproduction
 from crosstrack.solvers.report.layout import Column, PaperTable, PaperTables
 from crosstrack.solvers.report.tables import render
@@ -114,3 +115,28 @@ def test_every_row_of_a_paper_has_a_number_to_ask_for():
     assert {"fleet", "guided-path", "black-box"} <= set(rows)
     for numbers in rows.values():
         assert len(set(numbers)) == len(numbers)
+
+
+def test_figures_of_plans_beside_the_papers(tables):
+    columns = (
+        Column("autocorrelation", "delay", figure="delay"),
+        Column("autocorrelation", figure="exponent.value"),
+        Column("surrogates", figure="surrogates.judgement"),
+        Column("surrogates", figure="objective"),
+    )
+    tables(t1=PaperTable("A table", columns))
+    noise = np.random.default_rng(3).normal(size=300)
+    white = AttractorAnalysis(noise, 2.0, chaotic=False, name="somewhere/noise")
+    result = reproduction.reproduce("any", [(white, {"table": 1, "row": 1, "delay": 8})])
+    (row,) = result.rows
+    # A backend whose columns differ by their figures alone runs once.
+    assert [answers[0].backend for answers in row.answers] == [one.backend for one in columns]
+    assert len(row.verdict.solutions) == 2
+    delay = row.answers[0][0].plan.delay
+    text = render(*reproduction.reproduction_parts(result), width=200)
+    for word in ("delay", "exponent", "judgement"):
+        assert word in text
+    (line,) = (line.split() for line in text.splitlines() if line.startswith(" noise "))
+    # Autocorrelation gives no exponent.
+    assert line[2:5] == ["8.00000", f"{delay}.00000", "noise"]
+    assert [float(line[k]) for k in (1, 5)] == [0.0, 0.0]
