@@ -160,7 +160,8 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         found, error, width = sample.slope(slope, self.period)
         # A slope is as small as the region is wide, whatever its value.
         scale = max(abs(slope.value), 1.0 / width)
-        worst = max(abs(slope.value - found) - 5.0 * error, 0.0)
+        # However few states a sample has: what it forgives is less than the slope or a nat over the region.
+        worst = max(abs(slope.value - found) - min(5.0 * error, scale), 0.0)
         unit = "nats/s" if name == "exponent" else ""
         return Check.scaled(
             f"{name} is the slope of its curve", "13-14" if unit else "15-17", worst, unit,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .nearest import thinned
+from .nearest import thin_out
 
 __all__ = ["Curves", "close_pairs", "curves", "statistic", "whole_statistic"]
 
@@ -124,7 +124,7 @@ def whole_statistic(slot: NDArray[np.uint8], delay: int) -> Floats:
     sums = np.empty((LARGEST, len(RADII)))
     for m in range(1, LARGEST + 1):
         count = len(slot) - (m - 1) * delay
-        begins = thinned(count, _ASKED)
+        begins = thin_out(count, _ASKED)
         far = slot[begins, :count]
         for k in range(1, m):
             far = np.maximum(far, slot[begins + k * delay, k * delay : k * delay + count])

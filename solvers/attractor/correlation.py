@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...models.attractor.checks import RADII
+from ...models.attractor.checks import ALL, RADII
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate, Method, Slope
 from ..backend import Request
@@ -25,7 +25,7 @@ from .exponents import Fit
 from .native import EMBEDDING, AttractorBackend, Finding, embed
 from .neighbour_kernels import count_pairs
 from .partings import BLOCKS, FEW, MOST
-from .regions import line_slopes, steadiest
+from .regions import steadiest, whole_slope
 
 __all__ = ["CorrelationDimension", "Counts", "correlation_counts", "fit_dimension", "pair_counts"]
 
@@ -33,8 +33,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Stopped = Callable[[], bool]
 
-#: States up to which the neighbours of all are counted, as verification does; of more, how many at the least.
-ALL, SOME = 1500, 300
+#: States that are asked at the least, where not all are.
+SOME = 300
 #: Pairs that a count may look at, which decides between the two, and states that are asked how many it takes.
 WORK, PILOT = 15_000_000, 50
 #: Radii at which the curve is drawn in which the region is chosen.
@@ -105,22 +105,10 @@ class Counts:
         return found
 
     def slope(self) -> tuple[float, float]:
-        """Return the slope over all radii, and its standard deviation.
-
-        Pairs share states, so the deviation is that of the jackknife over blocks of time, to which half the difference
-        of the slopes within the halves of the region is added in squares.
-        """
-        x = np.log(self.radii)
-        ends = np.array([0]), np.array([len(x) - 1])
-        value = float(line_slopes(x, self.values, *ends)[0])
-        with np.errstate(all="ignore"):
-            others = np.log(self.counts.sum(axis=0) - self.counts)
-            slopes = np.array([line_slopes(x, one, *ends)[0] for one in others])
-        slopes = slopes[np.isfinite(slopes)]
-        between = (len(slopes) - 1) * float(slopes.var()) if len(slopes) > 1 else 0.0
-        middle = (len(x) - 1) // 2
-        halves = line_slopes(x, self.values, np.array([0, middle]), np.array([middle, len(x) - 1]))
-        return value, math.hypot(math.sqrt(between), float(halves[1] - halves[0]) / 2)
+        """Return the slope over all radii, and its standard deviation, see :func:`whole_slope`."""
+        with np.errstate(divide="ignore"):
+            left_out = np.log(self.counts.sum(axis=0) - self.counts)
+        return whole_slope(np.log(self.radii), self.values, left_out)
 
 
 def correlation_counts(

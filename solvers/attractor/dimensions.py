@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -33,11 +34,11 @@ class DimensionBackend(AttractorBackend):
         "theiler": EMBEDDING["theiler"],
     }
 
+    @abstractmethod
     def dimension(
         self, series: Floats, delay: int, most: int, options: Mapping[str, Any]
     ) -> tuple[int, dict[str, Any], str]:
         """Return the dimension, key figures, and what a person should know of it."""
-        raise NotImplementedError
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
         """Return the embedding with this dimension."""

@@ -19,7 +19,7 @@ from .delays import (
 from .dimensions import Cao, FalseNeighbours
 from .exponents import Kantz, Rosenstein
 from .native import EMBEDDING, AttractorBackend, Finding, embed
-from .surrogates import RANKING, judged, ranks, statistics
+from .surrogates import RANKING, judge, ranks, statistics
 
 __all__ = ["FullAnalysis"]
 
@@ -103,7 +103,7 @@ class FullAnalysis(AttractorBackend):
         if ranking is None:
             said.append("no judgement: the run was stopped before")
         else:
-            test, why = judged(ranking, exponent)
+            test, why = judge(ranking, exponent)
             own.update(statistics(ranking))
             said.append(why)
         plan = AttractorEstimate(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["matched", "normal_scores", "prediction_error", "surrogates_of"]
+__all__ = ["match_ends", "normal_scores", "prediction_error", "surrogates_of"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -25,7 +25,7 @@ _ALIKE, _CUTS = 3, (0.1, 0.25)
 _ITERATIONS = 500
 
 
-def matched(series: Floats) -> tuple[int, int, float]:
+def match_ends(series: Floats) -> tuple[int, int, float]:
     """Return the stretch whose continuation is most like its beginning.
 
     Surrogates have the spectrum of a periodic repetition, where a jump at the seam would be a frequency of

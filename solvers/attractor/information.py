@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .nearest import thinned
+from .nearest import thin_out
 
 __all__ = [
     "autocorrelation",
@@ -126,7 +126,7 @@ def mutual_information(series: Floats, lags: Ints) -> tuple[Floats, float, float
         What a value says of itself, nats.
     """
     count = len(series) - int(lags.max())
-    at = thinned(count, _PAIRS)
+    at = thin_out(count, _PAIRS)
     bins = min(max(math.isqrt(len(at) // 5), 3), _BINS)
     code = _ranked(series, bins)
     bins = int(code.max()) + 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["nearest", "states_of", "thinned"]
+__all__ = ["nearest", "states_of", "thin_out"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -18,7 +18,7 @@ _GOLDEN = 0.6180339887498949
 _SAME = 1e-10
 
 
-def thinned(count: int, most: int) -> Ints:
+def thin_out(count: int, most: int) -> Ints:
     """Return at most `most` of the numbers 0 … count - 1, ascending: one from each of equally long stretches.
 
     Where in its stretch it lies follows the multiples of the golden ratio, for an even step would see a

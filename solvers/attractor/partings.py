@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.attractor.checks import ALL
 from .neighbour_kernels import mean_partings, nearest_partings, nearest_states
-from .regions import line_slopes
+from .regions import whole_slope
 
 __all__ = ["FEW", "MOST", "Curve", "Neighbours", "kantz_curve", "kantz_radius", "rosenstein_curve"]
 
@@ -18,8 +19,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Stopped = Callable[[], bool]
 
-#: States up to which all are asked for their neighbours, as verification does; of more, how many at the least and most.
-ALL, SOME, MOST = 1500, 500, 10_000
+#: States that are asked for their neighbours at the least and at the most, where not all are.
+SOME, MOST = 500, 10_000
 #: Pairs that a search may look at, which decides between the two, and states that are asked how many it takes.
 WORK, PILOT = 50_000_000, 50
 #: Coordinates that the means of Kantz may take, and how many states are asked whatever it takes.
@@ -54,29 +55,14 @@ class Curve:
         return _mean(self.sums.sum(axis=0), self.counts.sum(axis=0))
 
     def slope(self, low: int, high: int, period: float) -> tuple[float, float]:
-        """Return the slope from `low` to `high` steps, and its standard deviation.
-
-        Neighbouring states part alike, so the deviation is that of the jackknife over blocks of time, to which
-        half the difference of the slopes within the halves of the region is added in squares.
-        """
+        """Return the slope from `low` to `high` steps, and its standard deviation, see :func:`whole_slope`."""
         x = np.arange(low, high + 1, dtype=np.float64) * period
         part = slice(low, high + 1)
         sums, counts = self.sums[:, part], self.counts[:, part]
         held = counts.any(axis=1)
         sums, counts = sums[held], counts[held]
         left_out = _mean(sums.sum(axis=0) - sums, counts.sum(axis=0) - counts)
-        ends = np.array([0]), np.array([len(x) - 1])
-        y = self.values[part]
-        value = float(line_slopes(x, y, *ends)[0])
-        slopes = np.array([line_slopes(x, one, *ends)[0] for one in left_out])
-        slopes = slopes[np.isfinite(slopes)]
-        between = (len(slopes) - 1) * float(slopes.var()) if len(slopes) > 1 else 0.0
-        middle = (len(x) - 1) // 2
-        bend = 0.0
-        if middle > 0:
-            halves = line_slopes(x, y, np.array([0, middle]), np.array([middle, len(x) - 1]))
-            bend = float(halves[1] - halves[0]) / 2
-        return value, math.hypot(math.sqrt(between), bend)
+        return whole_slope(x, self.values[part], left_out)
 
 
 def _mean(sums: Floats, counts: Ints) -> Floats:

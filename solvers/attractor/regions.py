@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["line_slopes", "steadiest"]
+__all__ = ["line_slopes", "steadiest", "whole_slope"]
 
 Floats = NDArray[np.float64]
 
@@ -30,6 +32,30 @@ def line_slopes(x: Floats, y: Floats, begin: NDArray[np.int64], end: NDArray[np.
         count = end + 1 - begin
         found: Floats = (sxy - sx * sy / count) / (sxx - sx * sx / count)
     return found
+
+
+def whole_slope(x: Floats, y: Floats, left_out: Floats) -> tuple[float, float]:
+    """Return the least-squares slope of a whole curve, and its standard deviation.
+
+    States that are near in time are alike, so the deviation is that of the jackknife over blocks of time, to which half
+    the difference of the slopes within the halves of the curve is added in squares.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (k,)
+        The curve.
+    left_out : ndarray, shape (blocks, k)
+        The same curve without the states of each block.
+    """
+    first, last = np.array([0]), np.array([len(x) - 1])
+    slopes = np.array([line_slopes(x, one, first, last)[0] for one in left_out])
+    slopes = slopes[np.isfinite(slopes)]
+    between = (len(slopes) - 1) * float(slopes.var()) if len(slopes) > 1 else 0.0
+    middle, bend = (len(x) - 1) // 2, 0.0
+    if middle > 0:
+        halves = line_slopes(x, y, np.array([0, middle]), np.array([middle, len(x) - 1]))
+        bend = float(halves[1] - halves[0]) / 2
+    return float(line_slopes(x, y, first, last)[0]), math.hypot(math.sqrt(between), bend)
 
 
 def steadiest(

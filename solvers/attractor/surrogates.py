@@ -21,10 +21,10 @@ from ...models.attractor.plan import AttractorEstimate, Judgement, Slope, Surrog
 from ..backend import Feature, Request
 from ..option import Option
 from .exponents import Rosenstein
-from .iaaft import matched, normal_scores, prediction_error, surrogates_of
+from .iaaft import match_ends, normal_scores, prediction_error, surrogates_of
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
 
-__all__ = ["RANKING", "Ranks", "Surrogates", "judged", "ranks"]
+__all__ = ["RANKING", "Ranks", "Surrogates", "judge", "ranks"]
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ class Ranks:
     sigmas : float
         By how many deviations of the surrogates' errors the series' is less than their mean, in logarithms.
     jump : float
-        See :func:`~.iaaft.matched`.
+        See :func:`~.iaaft.match_ends`.
     """
 
     count: int
@@ -102,7 +102,7 @@ def ranks(
     thin = thin / np.abs(thin).max() if thin.any() else thin
     if not np.ptp(thin) > 0:
         thin = series / np.abs(series).max()
-    first, end, jump = matched(thin)
+    first, end, jump = match_ends(thin)
     part = normal_scores(thin[first:end])
     spread = float(part.std())
     if not spread > 0:
@@ -129,7 +129,7 @@ def ranks(
     return Ranks(options["count"], exceeded, *figures, sigmas, jump)
 
 
-def judged(found: Ranks, exponent: Slope | None) -> tuple[SurrogateTest, str]:
+def judge(found: Ranks, exponent: Slope | None) -> tuple[SurrogateTest, str]:
     """Return what the ranks and the exponent amount to, and why."""
     if not found.rejected:
         judgement = Judgement.NOISE
@@ -172,7 +172,7 @@ class Surrogates(AttractorBackend):
                 return None
             exponent = answer.point.exponent
             messages.append(answer.message)
-        test, said = judged(found, exponent)
+        test, said = judge(found, exponent)
         messages.append(said)
         plan = AttractorEstimate(
             embedding.delay, embedding.dimension, embedding.theiler,

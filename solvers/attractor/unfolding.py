@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .nearest import nearest, states_of, thinned
+from .nearest import nearest, states_of, thin_out
 
 __all__ = [
     "LARGEST",
@@ -58,9 +58,9 @@ class Neighbours:
 
 def neighbours(series: Floats, delay: int, dimension: int, theiler: int, norm: float) -> Neighbours:
     """Return nearest neighbours, of 2000 states at most among 20 000 at most; states without one are left out."""
-    at = thinned(len(series) - dimension * delay, _AMONG)
+    at = thin_out(len(series) - dimension * delay, _AMONG)
     states = states_of(series, at, delay, dimension + 1)
-    asked = thinned(len(at), _ASKED)
+    asked = thin_out(len(at), _ASKED)
     found, apart = nearest(states[:, :dimension], at, asked, theiler, norm)
     good = found >= 0
     return Neighbours(apart[good], np.abs(states[asked[good], -1] - states[found[good], -1]))

@@ -15,7 +15,7 @@ from .mismatch import mismatch
 from .native import Estimate, SideslipBackend
 from .passes import FilterPass, filter_drive, smooth_drive
 
-__all__ = ["KalmanFilter", "RtsSmoother", "claimed"]
+__all__ = ["KalmanFilter", "RtsSmoother", "claim"]
 
 Floats = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 _WRONG = 2.0
 
 
-def claimed(
+def claim(
     problem: SideslipEstimation,
     found: FilterPass,
     sideslip: Floats,
@@ -69,7 +69,7 @@ class KalmanFilter(SideslipBackend):
         found = filter_drive(problem, request.control)
         if found is None:
             return None
-        return claimed(problem, found, found.filtered[:, 0], found.filtered_covariance[:, 0, 0])
+        return claim(problem, found, found.filtered[:, 0], found.filtered_covariance[:, 0, 0])
 
 
 class RtsSmoother(SideslipBackend):
@@ -85,4 +85,4 @@ class RtsSmoother(SideslipBackend):
             return None
         smoothed = smooth_drive(problem, found)
         angles, variances = smoothed.states[:, 0], smoothed.covariance[:, 0, 0]
-        return claimed(problem, found, angles, variances, ahead=True)
+        return claim(problem, found, angles, variances, ahead=True)

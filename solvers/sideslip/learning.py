@@ -179,10 +179,10 @@ class KernelRegression:
         scores[examples.drives[out][:, None] == examples.drives] = -np.inf
         found = best_width(scores, self._values, self._values[out]) if width is None else width
         self.width = found
-        mean, spread = weighted(scores, self._values, found)
+        mean, spread = weigh(scores, self._values, found)
         off = np.abs(mean - self._values[out])
         self.error = float(np.sqrt((off**2).mean()))
-        self._factor = calibrated(off, np.sqrt(spread + self.error**2))
+        self._factor = calibrate(off, np.sqrt(spread + self.error**2))
         self._reach = float(np.quantile(self._nearest(self._places[out], scores), WITHIN_TWO))
 
     def _scores(self, places: Floats) -> Floats:
@@ -212,7 +212,7 @@ class KernelRegression:
                 return None
             part = slice(begin, begin + rows)
             scores = self._scores(places[part])
-            mean, spread = weighted(scores, self._values, self.width)
+            mean, spread = weigh(scores, self._values, self.width)
             beyond = np.maximum(self._nearest(places[part], scores) - self._reach, 0.0)
             known = np.exp(-0.5 * (beyond / max(self.width, self._reach)) ** 2)
             own = self._factor**2 * (spread + self.error**2)
@@ -259,7 +259,7 @@ class StraightLine:
             leverage[out] = np.einsum("ij,jk,ik->i", rows[out], inverse, rows[out])
         self._each = len(rows) / len(np.unique(examples.drives))
         self.error = float(np.sqrt((off**2).mean()))
-        self._deviation = self.error * calibrated(off, self.error * self._growth(leverage))
+        self._deviation = self.error * calibrate(off, self.error * self._growth(leverage))
 
     def _with_constant(self, features: Floats) -> Floats:
         return np.column_stack([np.ones(len(features)), self._scale(features)])
@@ -274,7 +274,7 @@ class StraightLine:
         return rows @ self._weights, self._deviation * self._growth(leverage)
 
 
-def calibrated(errors: Floats, claimed: Floats) -> float:
+def calibrate(errors: Floats, claimed: Floats) -> float:
     """Return the factor by which claimed deviations make 95 % of the errors lie within 2 of them."""
     ratios = np.divide(errors, 2.0 * claimed, out=np.zeros_like(errors), where=claimed > 0.0)
     return float(np.quantile(ratios, WITHIN_TWO))
@@ -295,7 +295,7 @@ def best_width(scores: Floats, values: Floats, wanted: Floats) -> float:
     table, known = scores.astype(np.float32), values.astype(np.float32)
 
     def error(logarithm: float) -> float:
-        mean, _ = weighted(table, known, math.exp(logarithm))
+        mean, _ = weigh(table, known, math.exp(logarithm))
         return float(((mean - wanted) ** 2).mean())
 
     grid = np.linspace(math.log(NARROWEST), math.log(WIDEST), GRID)
@@ -309,7 +309,7 @@ def best_width(scores: Floats, values: Floats, wanted: Floats) -> float:
     return float(math.exp(found.x if found.fun < errors[best] else grid[best]))
 
 
-def weighted(scores: Any, values: Any, width: float) -> tuple[Floats, Floats]:
+def weigh(scores: Any, values: Any, width: float) -> tuple[Floats, Floats]:
     """Return the weighted mean of the values and their variance about it, shapes (n,)."""
     weights = scores - scores.max(axis=1, keepdims=True)
     weights /= width**2

@@ -17,7 +17,7 @@ from ...models.sideslip.stretch import Stretch
 from ..backend import Backend, Request, Termination
 from ..option import Option
 from ..registry import find_backend
-from .kalman import claimed
+from .kalman import claim
 from .native import Estimate, SideslipBackend
 from .passes import FilterPass, filter_drive
 
@@ -66,8 +66,8 @@ class MovingHorizon(SideslipBackend):
         if path is not None:
             point, stretch = path
             angle = point[: 2 * count : 2] * stretch.scale[0]
-            found = claimed(problem, passed, angle, stretch.deviations**2, ahead=True)
-            return run.told(found)
+            found = claim(problem, passed, angle, stretch.deviations**2, ahead=True)
+            return run.report(found)
         angle = passed.filtered[:, 0].copy()
         for last in range(count if horizon else 0):
             if request.control.stopped:
@@ -76,7 +76,7 @@ class MovingHorizon(SideslipBackend):
             if path is not None:
                 point, stretch = path
                 angle[last] = point[2 * stretch.count - 2] * stretch.scale[0]
-        return run.told(claimed(problem, passed, angle, passed.filtered_covariance[:, 0, 0]))
+        return run.report(claim(problem, passed, angle, passed.filtered_covariance[:, 0, 0]))
 
 
 def _solver(name: str) -> Backend:
@@ -112,7 +112,7 @@ class _Run:
         self.whole = Stretch.of(problem, passed.model)
         self.programs = self.failed = self.unsettled = 0
 
-    def told(self, found: Estimate) -> Estimate:
+    def report(self, found: Estimate) -> Estimate:
         """Return an estimate with what a person should know of the programs."""
         parts = [found.message] if found.message else []
         if self.failed:

@@ -78,7 +78,11 @@ class Grnn(_Learning):
         window, own = self.window(problem, request)
         learned = KernelRegression(training_set(problem.training, window), own["width"])
         found = learned(window.features(problem.recording), lambda: request.control.stopped)
-        return None if found is None else confronted(problem, *found[:2], said_of(learned))
+        return (
+            None
+            if found is None
+            else widen_by_kinematics(problem, *found[:2], describe_learning(learned))
+        )
 
 
 class KalmanGrnn(_Learning):
@@ -124,7 +128,9 @@ class KalmanGrnn(_Learning):
         claims = zip(problem.training, there, strict=True)
         usual = np.median(np.concatenate([one.deviation[drive.moving] for drive, one in claims]))
         unsure = np.maximum(here.deviation / usual, 1.0)
-        return Estimate(here.sideslip + near * error, deviation * unsure, said_of(learned))
+        return Estimate(
+            here.sideslip + near * error, deviation * unsure, describe_learning(learned)
+        )
 
 
 class LinearRegression(_Learning):
@@ -137,10 +143,12 @@ class LinearRegression(_Learning):
         """Return the linear combination of the measurements."""
         window, _ = self.window(problem, request)
         learned = StraightLine(training_set(problem.training, window))
-        return confronted(problem, *learned(window.features(problem.recording)), said_of(learned))
+        return widen_by_kinematics(
+            problem, *learned(window.features(problem.recording)), describe_learning(learned)
+        )
 
 
-def confronted(
+def widen_by_kinematics(
     problem: SideslipEstimation, angle: Floats, deviation: Floats, said: dict[str, float]
 ) -> Estimate:
     """Return an estimate whose claim is wider where kinematics contradicts its angles.
@@ -163,7 +171,7 @@ def confronted(
     return Estimate(angle, wider, said, message if missing else "")
 
 
-def said_of(learned: KernelRegression | StraightLine) -> dict[str, float]:
+def describe_learning(learned: KernelRegression | StraightLine) -> dict[str, float]:
     """Return what statistics tell of it."""
     said = {"error of drives left out": float(np.degrees(learned.error))}
     if isinstance(learned, KernelRegression):

@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 
 from crosstrack.errors import InvalidData
 from crosstrack.solvers.attractor.information import first_minimum
-from crosstrack.solvers.attractor.nearest import nearest, states_of, thinned
+from crosstrack.solvers.attractor.nearest import nearest, states_of, thin_out
 from crosstrack.solvers.attractor.unfolding import (
     cao_curves,
     cao_dimension,
@@ -37,11 +37,11 @@ def test_nearest_states_are_those_of_a_plain_search(m, dimension, theiler, norm,
 
 
 def test_thinned_numbers_are_one_of_each_stretch_and_at_many_phases():
-    at = thinned(10**6, 5000)
+    at = thin_out(10**6, 5000)
     assert (at // 200 == np.arange(5000)).all()
     # Each phase of a period as long as the stretches.
     assert np.bincount(at % 200).min() >= 20
-    assert thinned(7, 7).tolist() == thinned(7, 99).tolist() == list(range(7))
+    assert thin_out(7, 7).tolist() == thin_out(7, 99).tolist() == list(range(7))
 
 
 @pytest.mark.parametrize("delay", [1, 3])

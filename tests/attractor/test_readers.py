@@ -87,7 +87,7 @@ def test_a_file_is_an_instance(tmp_path):
 
 
 def test_excel_files_are_read(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
+    openpyxl = pytest.importorskip("openpyxl", reason="Excel files need the extra xlsx")
     book = openpyxl.Workbook()
     book.active.append(["time [s]", "x [m]"])
     for k, x in enumerate(VALUES.tolist()):

@@ -10,7 +10,7 @@ from crosstrack.models import AttractorAnalysis
 from crosstrack.models.attractor import Judgement
 from crosstrack.solvers import Control, Limit, Termination
 from crosstrack.solvers.attractor.iaaft import (
-    matched,
+    match_ends,
     normal_scores,
     prediction_error,
     surrogates_of,
@@ -75,7 +75,7 @@ def test_the_ends_that_match_best_are_taken(n, cut, monkeypatch):
         for a in range(most)
         for b in range(n - 3, n - 3 - most, -1)
     )
-    first, end, jump = matched(x)
+    first, end, jump = match_ends(x)
     assert (first, end) == wanted[1:]
     assert jump == pytest.approx(np.sqrt(wanted[0] / 3 / (np.diff(x) ** 2).mean()))
 

@@ -28,7 +28,7 @@ from crosstrack.models.sideslip.dynamics import linearise
 from crosstrack.solvers.backend import Request, Termination
 from crosstrack.solvers.control import Control
 from crosstrack.solvers.sideslip import kalman_kernels, mismatch as mismatches, passes
-from crosstrack.solvers.sideslip.kalman import claimed
+from crosstrack.solvers.sideslip.kalman import claim
 from crosstrack.solvers.sideslip.mismatch import mismatch
 from crosstrack.solvers.sideslip.passes import smooth_drive
 
@@ -173,13 +173,13 @@ def test_claims_hold_where_the_model_does() -> None:
         angles, variances = found.filtered[:, 0], found.filtered_covariance[:, 0, 0]
         claims = {
             "covariance": SideslipEstimate(angles, np.sqrt(variances)),
-            "filter": claimed(problem, found, angles, variances),
-            "smoother": claimed(
+            "filter": claim(problem, found, angles, variances),
+            "smoother": claim(
                 problem, found, smoothed.states[:, 0], smoothed.covariance[:, 0, 0], ahead=True
             ),
         }
-        for name, claim in claims.items():
-            estimate = SideslipEstimate(claim.sideslip, claim.deviation)
+        for name, one in claims.items():
+            estimate = SideslipEstimate(one.sideslip, one.deviation)
             within[name].append(problem.coverage(estimate))
         x = TRUE[seed] - found.filtered
         solved = np.linalg.solve(found.filtered_covariance, x[..., None])[..., 0]

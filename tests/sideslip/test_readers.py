@@ -205,7 +205,7 @@ def test_a_file_is_an_instance(tmp_path, caplog):
 
 
 def test_excel_files(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
+    openpyxl = pytest.importorskip("openpyxl", reason="Excel files need the extra xlsx")
     book = openpyxl.Workbook()
     for row in [HEADER.split(","), *rows()]:
         book.active.append(row)
