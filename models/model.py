@@ -118,7 +118,8 @@ class Model(Declared, ABC, Generic[PlanT]):
 
         It lives where the hidden data does, and is made anew for each run, so it may count. Questions and
         answers are tables of numbers, such as points and their values; backends ask by
-        :meth:`crosstrack.solvers.Control.ask`. What it raises ends the run.
+        :meth:`crosstrack.solvers.Control.ask`. What it raises ends the run. Where it has a method
+        ``contradiction``, that says of a plan what the run did otherwise, or nothing: such a plan is rejected.
         """
         return None
 

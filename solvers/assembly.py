@@ -75,14 +75,18 @@ class Claim:
     undecodable: bool = False
 
 
-def assemble(job: Job, claim: Claim) -> Solution[Any]:
-    """Return the solution of `job`: the claim with its plan verified, or why nothing is left of it."""
+def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
+    """Return the solution of `job`: the claim with its plan verified, or why nothing is left of it.
+
+    `witness` is what answered the run's questions about hidden data; it may contradict the plan.
+    """
     backend = find_backend(job.backend, job.model)
     model = job.model
     termination, plan, dual = claim.termination, claim.plan, claim.dual_bound
     messages = list(claim.messages)
     verification: Verification | None = None
     rejected: Any = None
+    denied = ""
     seconds = dict(claim.seconds)
     if termination in CLAIMS_NONE:
         plan = None
@@ -100,7 +104,12 @@ def assemble(job: Job, claim: Claim) -> Solution[Any]:
         begin = time.perf_counter()
         try:
             verification = model.verify(plan, tolerance=job.verification_tolerance)
-            if not verification.ok:
+            if hasattr(witness, "contradiction"):
+                denied = witness.contradiction(plan)
+            if denied:
+                messages.append(denied)
+                rejected = model.plan_to_data(plan)
+            elif not verification.ok:
                 messages.append(f"plan {verification.summary()}")
                 rejected = model.plan_to_data(plan)
             elif verification.near:
@@ -111,7 +120,8 @@ def assemble(job: Job, claim: Claim) -> Solution[Any]:
             # It is no plan of the model: nothing of it is returned.
             messages.append(f"the point is no plan: {error}")
         seconds["verify"] = seconds.get("verify", 0.0) + time.perf_counter() - begin
-    bad = claim.undecodable or (plan is not None and (verification is None or not verification.ok))
+    bad = claim.undecodable or bool(denied)
+    bad |= plan is not None and (verification is None or not verification.ok)
     if bad:
         plan = None
         if backend.guarantee is Guarantee.RELAXATION:

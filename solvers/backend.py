@@ -213,6 +213,9 @@ class Backend(ABC):
         crosstrack's own where there is none.
     extra : str
         The extra of ``pip install crosstrack[extra]`` that brings the packages.
+    sees_hidden : bool
+        Whether it is given what a model hides from backends: a reference that bounds the others, which
+        ``"auto"`` never means.
     conflict_group : str
         Backends of one group whose :attr:`natives` differ break one another in a process; empty
         where no clash is known.
@@ -238,6 +241,7 @@ class Backend(ABC):
     requires: ClassVar[tuple[str, ...]] = ()
     distribution: ClassVar[str] = ""
     extra: ClassVar[str] = ""
+    sees_hidden: ClassVar[bool] = False
     conflict_group: ClassVar[str] = ""
     natives: ClassVar[tuple[str, ...]] = ()
     options: ClassVar[Mapping[str, Option]] = {}
@@ -256,6 +260,10 @@ class Backend(ABC):
         """Return what it accepts in words: kinds of models, separated by commas."""
         types = self.accepts if isinstance(self.accepts, tuple) else (self.accepts,)
         return ", ".join(one.kind or one.__name__ for one in types)
+
+    def hides(self, model: Model[Any]) -> bool:
+        """Return whether `model` has data that this backend must not see."""
+        return bool(model.hidden_fields()) and not self.sees_hidden
 
     def prepare(self) -> None:
         """Do what only the first run needs, such as compiling; timed apart as ``seconds.compile``.

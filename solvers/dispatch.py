@@ -138,7 +138,8 @@ def run_job(
 ) -> Solution[Any]:
     """Run `job`, whose backend is resolved, in this process or in a worker."""
     model = job.model
-    hides = bool(model.hidden_fields())
+    assert isinstance(job.backend, Backend)
+    hides = job.backend.hides(model)
     if hides and isolate is False:
         raise UnsupportedOption(
             f"model {model.kind!r} hides data from backends, which run in a worker: isolate=False"
@@ -146,7 +147,6 @@ def run_job(
     if not (hides or (needs_worker(job) if isolate is None else isolate)):
         return execute(job, listener=listener)
     job.target()  # what cannot be had raises here, before a process starts
-    assert isinstance(job.backend, Backend)
     if job.starts > 1 and (hides or not is_ours(job.backend)):
         # Each start is judged here, not where it ran.
         return multistart(job, lambda one, **_: in_worker(one, listener=listener))

@@ -157,7 +157,10 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
                     formulation = formulation.fitted(warm)
                     run.target = replace(run.target, formulation=formulation)
                     warm = formulation.encode(warm)
-        problem: Any = run.target.model.blinded() if formulation is None else formulation.program
+        seen = run.target.model
+        if run.target.backend.hides(seen):
+            seen = seen.blinded()
+        problem: Any = seen if formulation is None else formulation.program
     features = run.target.backend.features
     return problem, Request(
         gap=GAP if job.gap is None else float(job.gap),

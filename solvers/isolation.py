@@ -267,7 +267,9 @@ class Worker:
     def _solve(self, job: Job, grace: float, listener: Listener | None) -> Solution[Any]:
         begin = time.monotonic()
         self._level = logging.INFO if job.verbose else logging.DEBUG
-        hides = bool(job.model.hidden_fields())
+        backend = job.resolved().backend
+        assert isinstance(backend, Backend)
+        hides = backend.hides(job.model)
         if hides and job.warm_start is not None:
             warm_objective(job)  # the worker, which lacks the hidden data, cannot verify it
         # What a backend must not see does not even reach its process: the plan is verified here.
@@ -317,7 +319,7 @@ class Worker:
                 if event["last"]:
                     self.close()
                 if kind == "claim":
-                    solution = assemble(job, claim_from_data(job, event["claim"]))
+                    solution = assemble(job, claim_from_data(job, event["claim"]), self._oracle)
                 else:
                     solution = Solution.from_dict(event["solution"], job.model)
                 total = {"total": time.monotonic() - begin}

@@ -383,6 +383,8 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
         step = accepted(model, backend, formulation)
         if step is None:
             continue
+        if backend.sees_hidden:
+            continue
         if formulation is None and isinstance(step, backend.accepts) and backend.refuses(step):
             continue
         program = formulation is None and not isinstance(step, backend.accepts)
