@@ -81,7 +81,7 @@ pins:  ## Renew constraints.txt from the newest versions that fit
 	build/pins/bin/pip install --quiet --upgrade pip setuptools
 	build/pins/bin/pip install --quiet '.[test,docs,benchmark]'
 	sed -n '/^#/p' constraints.txt > build/constraints.txt
-	# PyTorch, which is large, is pinned by hand: nothing but the extra `gpu` needs it.
+	# PyTorch, which is large, is pinned by hand: nothing but the extras `gpu` and `learn` needs it.
 	(grep '^torch==' constraints.txt; build/pins/bin/pip freeze --all --exclude crosstrack) | sort -f >> build/constraints.txt
 	mv build/constraints.txt constraints.txt
 

@@ -39,6 +39,7 @@ _HOMES = {
     "export": "plans",
     "diagnose": "plans",
     "reproduce": "runs",
+    "train": "training",
     "demo": "demo",
 }
 

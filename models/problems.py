@@ -11,12 +11,14 @@ folder                    table         keys and objects
 ``solvers/<problem>``     BACKENDS      name: native backend, in order of preference
 ``solvers/<problem>``     DIAGNOSES     model kind: function ``(model, time_limit) -> Diagnosis``
 ``solvers/<problem>``     PAPER_TABLES  catalogue prefix: a ``PaperTables``
+``solvers/<problem>``     TRAININGS     name of a backend that learns: a ``Training``
 ``instances/<problem>``   CATALOGUE     catalogue prefix: function that returns the entries
 ``instances/<problem>``   REFERENCES    model kind: function that reads the files it refers to
 ``instances/<problem>``   TABLE_FILES   model kind: function ``(file) -> data`` of a CSV or Excel file
 ``instances/<problem>``   HINTS         any: function ``(file, header) -> str`` about a CSV file
 ``instances/<problem>``   EXPORTS       format: an ``ExportFormat``
 ``instances/<problem>``   DEMOS         name: a ``Demo``
+``instances/<problem>``   EXAMPLES      any: function that draws what trainings learn from
 ``instances/<problem>``   PRINTED       ``<prefix>/<table>``: function that returns a paper's table
 ========================= ============= =====================================================
 
@@ -66,8 +68,8 @@ KITS = ("programs",)
 
 #: The tables that a problem may have; the docstring above says what each holds.
 TABLES = (
-    *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "PAPER_TABLES"),
-    *("CATALOGUE", "REFERENCES", "TABLE_FILES", "HINTS", "EXPORTS", "DEMOS", "PRINTED"),
+    *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "PAPER_TABLES", "TRAININGS"),
+    *("CATALOGUE", "REFERENCES", "TABLE_FILES", "HINTS", "EXPORTS", "DEMOS", "EXAMPLES", "PRINTED"),
 )
 
 #: Model types that a user registered in this session, by kind.
