@@ -60,6 +60,7 @@ log = logging.getLogger("crosstrack")
 PROBLEMS = (
     *("attractor", "black_box", "error_correction", "fleet", "fleet_mission", "grid_path"),
     *("guided_path", "messenger", "minimum_snap", "optimal_control", "satellite_slew", "sideslip"),
+    "unknown_grid",
 )
 #: Entry-point group in which other distributions announce problems.
 GROUP = "crosstrack.problems"

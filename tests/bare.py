@@ -29,11 +29,13 @@ INSTANCES = {
     "optimal-control": "optimal-control/double-integrator-energy",
     "satellite-slew": "satellite-slew/paper",
     "sideslip": "sideslip/lane-change",
+    "unknown-grid": "unknown-grid/u-trap",
     "time-allocation": "time-allocation.json",  # written here, for the catalogue's take a minute
 }
 #: Problems whose default proves no bound, so that a comparison of it alone decides nothing.
 LOCAL = {
     *("attractor", "black-box", "fleet-mission", "optimal-control", "sideslip", "time-allocation"),
+    "unknown-grid",
 }
 #: Instances, and the formulation whose program is solved as a model of its own.
 PROGRAMS = {
@@ -105,7 +107,7 @@ def main() -> None:
         run("check", instance, "plan.json")
         if problem != "error-correction":  # whose plans no other software reads
             tables = ("attractor", "black-box", "fleet-routing", "grid-path", "guided-path-tour")
-            form = "csv" if problem in (*tables, "sideslip") else "samples"
+            form = "csv" if problem in (*tables, "sideslip", "unknown-grid") else "samples"
             run("export", instance, "plan.json", "--output", "plan.csv", "--format", form)
         if problem != "satellite-slew":  # the longest, solved above
             run("compare", instance, "--backends", "auto", code=4 if problem in LOCAL else 0)

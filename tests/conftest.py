@@ -122,6 +122,8 @@ for name in ESTIMATORS:
         ct.solve(ct.load(f"sideslip/{road}"), name, time_limit=60)
 for name in ANALYSES:
     ct.solve(ct.load("attractor/henon"), name, time_limit=60)
+for name in ("d-star-lite", "a-star-replanning", "baseline-1", "oracle"):
+    ct.solve(ct.load("unknown-grid/u-trap"), name, time_limit=60)
 """,
 )
 

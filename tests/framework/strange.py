@@ -194,6 +194,7 @@ def _examples() -> list[tuple[Any, Any]]:
     from crosstrack.models.messenger import Primitive, TourPlan
     from crosstrack.models.optimal_control.plan import Piecewise
     from crosstrack.models.sideslip import Recording, SideslipEstimate
+    from crosstrack.models.unknown_grid import NavigationRuns, UnknownGridNavigation
 
     points = [[0, 0, 0], [1.0, 0, 0], [1.5, 0, 0], [9, 9, 9], [3.5, 0, 0]]
     kinds = ["A", "horizontal", "vertical", "horizontal", "B"]
@@ -314,6 +315,10 @@ def _examples() -> list[tuple[Any, Any]]:
     estimate = AttractorEstimate(
         2, 3, 1, Slope(value=fitted, **region), surrogates=SurrogateTest("noise", 39, 20)
     )
+    unknown = UnknownGridNavigation.drawn(
+        "S..@\n.@..\n...T", "S.@.\n..@.\n..@T", view=(3, 3), steps=9, camera={"rendering": "hard"}
+    )
+    steps = NavigationRuns(("DDRRR", "D"), ("reached", "no way"))
     vector = np.array([2.0, 0.0, 1.0])
     return [
         (routing, Route((0, 1, 2, 4))), (named, Route((0, 1, 2, 4))),
@@ -326,7 +331,7 @@ def _examples() -> list[tuple[Any, Any]]:
         (braking(bound=9.0, mixed_path={"upper": 9.0}).build(), cruising(costates=True)), (relay().build(), relayed()),
         (slew, resting), (tour, flown), (walk, walked), (fleet, FleetPlan(((1, 2), (3,)))),
         (mission, driven), (guided, GuidedPathPlan((4, 1, 2, 3))), (box, BlackBoxPoint((1.0, 2.0))),
-        (sliding, angles), (motion, estimate),
+        (sliding, angles), (motion, estimate), (unknown, steps),
     ]  # fmt: skip
 
 

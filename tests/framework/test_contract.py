@@ -29,6 +29,7 @@ from crosstrack.solvers import (
     Request,
     Termination,
 )
+from crosstrack.solvers.registry import recommended
 from crosstrack.solvers.stopping import Evaluations, Progress, Stalled, Target
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -122,6 +123,63 @@ def test_a_backend_cannot_reach_hidden_data():
     assert compared.solutions[0].message == "blind"
     with pytest.raises(UnsupportedOption, match="hides data from backends"):
         ct.solve(GUESS, Spy("spy"), isolate=False)
+
+
+class Reference(Mean):
+    """Is given the hidden number, and says so."""
+
+    sees_hidden = True
+    guarantee = Guarantee.EXACT
+
+    def run(self, problem, request):
+        return Answer(Termination.FEASIBLE, point=problem.truth)
+
+
+def test_a_reference_is_given_what_others_are_not():
+    for isolate in (None, False, True):
+        found = ct.solve(GUESS, Reference("reference"), isolate=isolate)
+        assert found.plan == 2.25
+    compared = ct.compare([GUESS], [Reference("reference"), Mean()], time_limit=20)
+    assert [one.plan for one in compared.solutions] == [2.25, 2.0]
+
+
+def test_auto_is_never_a_reference_that_sees_hidden_data():
+    for name in ("unknown-grid/u-trap", "sideslip/lane-change"):
+        assert not recommended(ct.load(name)).sees_hidden
+
+
+class Witnessed(Guess):
+    """Knows what was asked of it in a run."""
+
+    def oracle(self):
+        return Witness()
+
+
+class Witness:
+    def __init__(self):
+        self.asked = []
+
+    def __call__(self, questions):
+        self.asked += questions[:, 0].tolist()
+        return questions
+
+    def contradiction(self, plan):
+        return "" if plan in self.asked else f"{plan:g} was never asked for"
+
+
+class Asker(Mean):
+    def run(self, problem, request):
+        request.control.ask(np.array([[2.5]]))
+        return Answer(Termination.FEASIBLE, point=2.5 + self.offset)
+
+
+def test_a_plan_that_the_run_did_not_do_is_rejected():
+    model = Witnessed([1.0, 2.0], 2.25)
+    assert ct.solve(model, Asker("asker")).plan == 2.5
+    refused = ct.solve(model, Asker("asker", -0.25))
+    assert refused.termination == Termination.REJECTED and refused.plan is None
+    assert refused.rejected_plan == 2.25
+    assert "2.25 was never asked for" in refused.message
 
 
 def test_a_warm_start_of_a_model_with_hidden_data_is_verified_by_the_caller():

@@ -22,6 +22,8 @@ SLOW = {
     "satellite-slew",
     *("guided-path/hard-10x30", "guided-path/hard-20x20"),
     *(f"fleet/table-3-q{q}" for q in ("0", "0.2", "0.4", "0.6", "0.8")),
+    *(f"unknown-grid/task-{task}-{walls}" for task in (1, 2, 3) for walls in (3, 4, 5)),
+    *("unknown-grid/task-2-2", "unknown-grid/task-3-2"),
     # Of each size the first few are quick.
     *(
         f"messenger/B-{n:02}-{k:02}"

@@ -67,11 +67,11 @@ def test_a_problem_imports_no_other_problem_but_its_public_names(checkout):
         ("black_box", "grid_path"),
         # A fleet's distances are those of paths on a map, and a mission is both and a trajectory.
         ("fleet", "grid_path"),
-        # A path among obstacles as a black box is measured on such a map, and is a path on it.
-        ("black_box", "grid_path"),
         ("fleet_mission", "grid_path"),
         ("fleet_mission", "fleet"),
         ("fleet_mission", "minimum_snap"),
+        # Where a vehicle is to find its way, the true map is one that paths are found on.
+        ("unknown_grid", "grid_path"),
     }
     wrong = []
     for module, package, tree in modules(checkout):

@@ -160,6 +160,9 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
     for name in packages_of(checkout):
         folder = checkout.joinpath(*name.split(".")[1:])
         expected |= {f"{name.replace('.', '/')}/{file.name}" for file in folder.glob("*.py")}
+        # The weights of what learns.
+        held_in = folder.glob("weights/*.npz")
+        expected |= {f"{name.replace('.', '/')}/weights/{file.name}" for file in held_in}
     info = {name for name in held if ".dist-info/" in name}
     assert held - info == expected
     assert {"entry_points.txt", "LICENSE"} <= {name.rpartition("/")[2] for name in info}

@@ -1,0 +1,47 @@
+"""Unknown grids: scenes that are drawn from laws, and the paper's tasks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .exports import write_runs_csv as write_runs_csv
+    from .laws import (
+        SceneArrays as SceneArrays,
+        SceneLaw as SceneLaw,
+        draw_scene_arrays as draw_scene_arrays,
+        draw_scenes as draw_scenes,
+        training_generator as training_generator,
+    )
+    from .readers import read_map_scenes as read_map_scenes, read_scenes as read_scenes
+    from .wild import (
+        clutter as clutter,
+        enclosed as enclosed,
+        maze as maze,
+        spiral as spiral,
+    )
+
+CATALOGUE = {"unknown-grid": ".listing:catalogue_entries"}
+REFERENCES = {"unknown-grid": ".readers:resolve_references"}
+DEMOS = {"unknown-grid": ".demo:DEMO"}
+EXAMPLES = {"unknown-grid": ".laws:draw_scene_arrays"}
+EXPORTS = {"csv": ".exports:CSV"}
+PRINTED = {"unknown-grid/success": ".printed:successes"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "exports": ("write_runs_csv",),
+        "laws": (
+            "SceneLaw",
+            "SceneArrays",
+            "draw_scene_arrays",
+            "draw_scenes",
+            "training_generator",
+        ),
+        "readers": ("read_map_scenes", "read_scenes"),
+        "wild": ("clutter", "enclosed", "maze", "spiral"),
+    },
+)

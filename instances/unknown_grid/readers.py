@@ -1,0 +1,143 @@
+"""Scenes in files: drawings in text, and maps of MovingAI with ends that are given."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...errors import InvalidData
+from ...files import as_path, read_text
+from ...models.fields import Array, show
+from ...models.grid_path.gridmap import read_cells
+from ...models.unknown_grid.model import UnknownGridNavigation
+from ..grid_path.movingai import read_map
+from ..storage import Find
+from .laws import SceneArrays
+
+__all__ = ["read_map_scenes", "read_scenes", "resolve_references"]
+
+#: What ends of ways are drawn as.
+_ENDS = {"S": "start", "T": "target"}
+
+
+def read_scenes(path: str | os.PathLike[str], **fields: Any) -> UnknownGridNavigation:
+    """Return the scenes that are drawn in a text file, a character a cell.
+
+    Parameters
+    ----------
+    path : path-like
+        The file: ``.`` and ``G`` are free, ``@``, ``O``, ``W`` and ``#`` blocked, one ``S`` is the start and
+        one ``T`` the target. Empty lines stand between drawings, which have the same rows and columns.
+    **fields
+        The other fields of the model, such as `view`.
+
+    Raises
+    ------
+    InvalidData
+        Naming file, line and column: other characters, lines or drawings of different sizes, no start or
+        target or several.
+    """
+    return _read_drawings(as_path(path)).pose(**fields)
+
+
+def read_map_scenes(
+    path: str | os.PathLike[str], starts: ArrayLike, targets: ArrayLike, **fields: Any
+) -> UnknownGridNavigation:
+    """Return scenes on the map in a ``.map`` file of MovingAI.
+
+    Parameters
+    ----------
+    path : path-like
+        The file, see :func:`~crosstrack.instances.grid_path.read_map`.
+    starts, targets : array-like of int, shape (k, 2)
+        Row and column of each scene.
+    **fields
+        The other fields of the model.
+
+    Raises
+    ------
+    InvalidData
+        Naming file, line and column of what is no map; an end that is blocked or off the map.
+    """
+    blocked = read_map(path).blocked
+    sizes: dict[str, tuple[int, str]] = {}
+    first = Array(("k", 2), int).coerce("starts", starts, sizes)
+    last = Array(("k", 2), int).coerce("targets", targets, sizes)
+    maps = np.broadcast_to(blocked, (len(first), *blocked.shape))
+    return SceneArrays(maps, first, last).pose(**fields)
+
+
+def _read_drawings(file: Path) -> SceneArrays:
+    """Return the scenes in the text of a file."""
+    lines = [line.rstrip() for line in read_text(file).splitlines()]
+    blocked: list[Any] = []
+    ends: dict[str, list[tuple[int, int]]] = {letter: [] for letter in _ENDS}
+    for first, drawing in _split(lines):
+        where = f"{file}, line {first}"
+        for letter, word in _ENDS.items():
+            found = [
+                (r, c) for r, line in enumerate(drawing) for c, x in enumerate(line) if x == letter
+            ]
+            if not found:
+                raise InvalidData(
+                    f"{where}: the drawing that begins here must have one {letter} ({word}), got none",
+                    field=f"{word}s",
+                )
+            if len(found) > 1:
+                row, column = found[1]
+                raise InvalidData(
+                    f"{file}, line {first + row}, column {column + 1}: must not be a second {letter} "
+                    f"({word}) in the drawing that begins in line {first}",
+                    field=f"{word}s",
+                )
+            ends[letter].append(found[0])
+        plain = [line.replace("S", ".").replace("T", ".") for line in drawing]
+        cells = read_cells(plain, str(file), (first, 1))
+        if blocked and cells.shape != blocked[0].shape:
+            raise InvalidData(
+                f"{where}: the drawing that begins here must have {_size(blocked[0].shape)} cells as the "
+                f"first, got {_size(cells.shape)}",
+                field="blocked",
+            )
+        blocked.append(cells)
+    if not blocked:
+        raise InvalidData(f"{file}: must hold at least one drawing, got none", field="blocked")
+    return SceneArrays(np.array(blocked), np.array(ends["S"]), np.array(ends["T"]))
+
+
+def _split(lines: list[str]) -> list[tuple[int, list[str]]]:
+    """Return the drawings between empty lines, each with the number of its first line."""
+    found: list[tuple[int, list[str]]] = []
+    open_drawing = False
+    for number, line in enumerate(lines, start=1):
+        if line and not open_drawing:
+            found.append((number, []))
+        if line:
+            found[-1][1].append(line)
+        open_drawing = bool(line)
+    return found
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    return f"{shape[0]} × {shape[1]}"
+
+
+def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
+    """Return `data` of an instance with the drawings that it names read: ``"scenes": "traps.txt"``."""
+    found = dict(data)
+    if "scenes" not in found:
+        return found
+    name = found.pop("scenes")
+    if not isinstance(name, str):
+        raise InvalidData(f"scenes must name a file, got {show(name)}", field="scenes")
+    held = _read_drawings(find(name))
+    new = {**held._asdict(), "shape": held.blocked.shape[1:]}
+    for field in new:
+        if field in found:
+            raise InvalidData(f"{field} must not be given: the file holds it", field=field)
+    return {**found, **new}

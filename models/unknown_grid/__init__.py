@@ -1,0 +1,28 @@
+"""Navigation of a ground vehicle on a grid of which only a view around it is seen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .camera import Camera as Camera, Rendering as Rendering
+    from .model import UnknownGridNavigation as UnknownGridNavigation
+    from .plan import NavigationRuns as NavigationRuns, Outcome as Outcome
+    from .scenes import Hover as Hover
+    from .world import World as World
+
+MODELS = {"unknown-grid": ".model:UnknownGridNavigation"}
+PICTURES = {"unknown-grid": ".plot:draw"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {
+        "camera": ("Camera", "Rendering"),
+        "model": ("UnknownGridNavigation",),
+        "plan": ("NavigationRuns", "Outcome"),
+        "scenes": ("Hover",),
+        "world": ("World",),
+    },
+)

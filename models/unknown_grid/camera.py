@@ -1,0 +1,160 @@
+"""The camera of the UAV: what of a scene it shows, and where a pixel lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..declaration import Declared
+from ..fields import Array, Real, Whole, declared
+from ..records import Member
+
+__all__ = ["PIXELS", "Camera", "Pinhole", "Rendering", "overlaps"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Rows and columns of an image.
+PIXELS = 256
+#: Height of the lens in longer sides of the view: a field of view of 28°.
+RISE = 2.0
+
+
+class Rendering(StrEnum):
+    """How scenes look from above."""
+
+    PLAIN = "plain"  #: obstacles have a colour of their own
+    HARD = "hard"  #: colour alone does not tell obstacles: texture, height and shadow do
+
+
+@dataclass(frozen=True, eq=False)
+class Camera(Declared):
+    """The camera of the UAV, which looks straight down and shows exactly the view.
+
+    Parameters
+    ----------
+    rendering : {"plain", "hard"}
+        See :class:`Rendering`.
+    seed : int
+        Of textures and noise.
+    """
+
+    rendering: Rendering = declared(Member(Rendering), default=Rendering.PLAIN)
+    seed: int = declared(Whole(0, 2**32 - 1), default=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Pinhole(Declared):
+    """Where points of the world lie in an image, and back.
+
+    A pinhole camera above the middle of the view looks straight down, so high that the cells of the
+    view fill the image; pixels are not square where the view is not. Five frames, each with its
+    inverse:
+
+    - world, m: x along the columns of the map, y against its rows, z up from the ground; the origin is
+      the outer corner of the map's first cell,
+    - camera, m: x along the columns of the image, y along its rows, z down from the lens,
+    - pixels: row and column, real; the centre of pixel (i, j) is (i + 1/2, j + 1/2),
+    - view: row and column in cells of the view, real; the centre of cell (i, j) is (i + 1/2, j + 1/2),
+    - map: the same in cells of the map.
+
+    The paper's equations 5 to 9 do this between world, camera and grid; their text was not to be had,
+    so the equations here are those of a pinhole (R. Hartley, A. Zisserman, "Multiple View Geometry in
+    Computer Vision", 2004, chapter 6).
+
+    Parameters
+    ----------
+    view : ndarray of int, shape (2,)
+        Rows and columns of the view.
+    corner : ndarray of int, shape (2,)
+        Row and column of the view's first cell in the map, which may lie off it.
+    side : float
+        Side of a cell, m.
+
+    Notes
+    -----
+    The centre of a pixel is never on the border of two cells where the view has odd rows and columns:
+    it is an odd multiple of m/512 cells from the first border. So rounding moves none to another cell.
+    """
+
+    view: Ints = declared(Array((2,), int, lower=1))
+    corner: Ints = declared(Array((2,), int), default=(0, 0))
+    side: float = declared(Real(0.0, strict=True, unit="m"), default=1.0)
+
+    @property
+    def height(self) -> float:
+        """The height of the lens above the ground, m."""
+        return RISE * float(self.view.max()) * self.side
+
+    @property
+    def focal(self) -> Floats:
+        """The focal length in pixels of a row and in pixels of a column, shape (2,)."""
+        return np.asarray(PIXELS * self.height / (self.view * self.side), float)
+
+    @property
+    def lens(self) -> Floats:
+        """The place of the lens in the world, shape (3,), m."""
+        row, column = self.corner + self.view / 2.0
+        return np.array([column * self.side, -row * self.side, self.height])
+
+    def world_to_camera(self, points: ArrayLike) -> Floats:
+        """Return points of the world, shape (…, 3), in the frame of the camera, m."""
+        return (np.asarray(points, float) - self.lens) * (1.0, -1.0, -1.0)
+
+    def camera_to_world(self, points: ArrayLike) -> Floats:
+        """Return points in the frame of the camera, shape (…, 3), in the world, m."""
+        return np.asarray(points, float) * (1.0, -1.0, -1.0) + self.lens
+
+    def camera_to_pixels(self, points: ArrayLike) -> Floats:
+        """Return rows and columns, shape (…, 2), of points in the frame of the camera, shape (…, 3)."""
+        points = np.asarray(points, float)
+        return np.asarray(self.focal * points[..., 1::-1] / points[..., 2:] + PIXELS / 2.0)
+
+    def pixels_to_camera(self, pixels: ArrayLike, depth: float) -> Floats:
+        """Return points `depth` m below the lens, shape (…, 3), by rows and columns, shape (…, 2)."""
+        away = (np.asarray(pixels, float) - PIXELS / 2.0) * depth / self.focal
+        return np.concatenate([away[..., ::-1], np.full_like(away[..., :1], depth)], axis=-1)
+
+    def world_to_map(self, points: ArrayLike) -> Floats:
+        """Return rows and columns of the map, shape (…, 2), of points of the world, shape (…, 3)."""
+        return np.asarray(points, float)[..., 1::-1] * (-1.0, 1.0) / self.side
+
+    def map_to_world(self, points: ArrayLike, elevation: float = 0.0) -> Floats:
+        """Return points `elevation` m above the ground, shape (…, 3), by rows and columns of the map."""
+        flat = np.asarray(points, float)[..., ::-1] * (self.side, -self.side)
+        return np.concatenate([flat, np.full_like(flat[..., :1], elevation)], axis=-1)
+
+    def map_to_view(self, points: ArrayLike) -> Any:
+        """Return rows and columns of the view, shape (…, 2), by those of the map; cells stay whole."""
+        return np.asarray(points) - self.corner
+
+    def view_to_map(self, points: ArrayLike) -> Any:
+        """Return rows and columns of the map, shape (…, 2), by those of the view; cells stay whole."""
+        return np.asarray(points) + self.corner
+
+    def pixels_to_view(self, pixels: ArrayLike, elevation: float = 0.0) -> Floats:
+        """Return what of the view a pixel shows, shape (…, 2), `elevation` m above the ground."""
+        seen = self.camera_to_world(self.pixels_to_camera(pixels, self.height - elevation))
+        return np.asarray(self.map_to_view(self.world_to_map(seen)))
+
+    def view_to_pixels(self, points: ArrayLike, elevation: float = 0.0) -> Floats:
+        """Return rows and columns of pixels, shape (…, 2), of what lies `elevation` m above the ground."""
+        place = self.map_to_world(self.view_to_map(points), elevation)
+        return self.camera_to_pixels(self.world_to_camera(place))
+
+
+def overlaps(parts: int, pixels: int = PIXELS) -> Floats:
+    """Return which share of each of so many equal parts of an axis every pixel is, shape (parts, pixels).
+
+    Rows add up to 1, so that ``overlaps(m) @ image @ overlaps(n).T`` is the mean of an image over each
+    cell of a view, also where pixels lie in two cells or are larger than cells.
+    """
+    borders = np.arange(parts + 1)[:, None] * (pixels / parts)
+    edges = np.arange(pixels + 1)
+    low = np.maximum(borders[:-1], edges[:-1])
+    high = np.minimum(borders[1:], edges[1:])
+    return np.asarray(np.maximum(high - low, 0.0) * (parts / pixels))

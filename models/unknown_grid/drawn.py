@@ -1,0 +1,270 @@
+"""What pictures and animations of runs share: the cells as an image, walks, and who stands where."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..plots.options import check_option, is_whole
+from ..plots.space import dots
+from ..plots.style import BLACK, RED, axis_style, key
+from .checks import replay
+from .plan import ACTIONS, STEPS, NavigationRuns, Outcome
+from .sight import first_seen, uav_cells
+
+if TYPE_CHECKING:
+    from .model import UnknownGridNavigation
+
+__all__ = [
+    "Box", "Moment", "Walk", "box_around", "check_scene", "draw_cells", "draw_collisions", "draw_ends",
+    "keys_of", "paint", "walk_of",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Truths = NDArray[np.bool_]
+
+#: Free and blocked cells, as they are known and as nobody has seen them yet.
+SEEN, WALL, HIDDEN, HIDDEN_WALL = "#ffffff", "#4d4d4d", "#dbe0e8", "#a9b3c3"
+_SHADES = np.array(
+    [list(bytes.fromhex(one[1:] + "ff")) for one in (SEEN, WALL, HIDDEN, HIDDEN_WALL)], np.uint8
+)
+#: Colour of the UAV and of the edge of its view.
+UAV = axis_style(1)["color"]
+#: More cells than this along a side are not told apart by lines.
+_MOST_LINES = 60
+#: Cells along a side that a moment shows one by one at the most.
+_MOST_PIXELS = 400
+#: Cells along a side of the part of a larger map that a moment shows, at the least.
+_PART = 41
+
+
+class Walk(NamedTuple):
+    """The run of one scene on its true map.
+
+    Parameters
+    ----------
+    positions : ndarray of int, shape (n + 1, 2)
+        Row and column of the vehicle before and after each of n actions.
+    hits : ndarray, shape (h, 2)
+        Row and column of the edges that the vehicle ran into, in the order of the actions.
+    hit_after : ndarray of int, shape (h,)
+        The actions that did, from 1.
+    uav : ndarray of int, shape (n + 1, 2)
+        Row and column of the UAV.
+    seen : ndarray of int, shape (rows, columns)
+        After how many actions each cell was first seen; more than n where it was not.
+    outcome : Outcome
+        How the plan says that it ended.
+    """
+
+    positions: Ints
+    hits: Floats
+    hit_after: Ints
+    uav: Ints
+    seen: Ints
+    outcome: Outcome
+
+    @property
+    def steps(self) -> int:
+        """The number of actions."""
+        return len(self.positions) - 1
+
+    @property
+    def hovers_after(self) -> int:
+        """After how many actions the UAV stayed behind; more than there are where it never did."""
+        behind = (self.positions != self.uav).any(axis=1)
+        return int(behind.argmax()) if behind.any() else len(self.positions)
+
+    def describe(self) -> str:
+        """Return how it ended, as in ``"reached after 12 steps, 1 collision"``."""
+        count = len(self.hits)
+        hits = f", {count} collision{'s' if count > 1 else ''}" if count else ""
+        return f"{self.outcome} after {self.steps} step{'s' if self.steps != 1 else ''}{hits}"
+
+
+def walk_of(model: UnknownGridNavigation, plan: NavigationRuns, scene: int) -> Walk:
+    """Return what the run of `scene` did and what of the map it showed."""
+    actions = plan.actions[scene]
+    row, column = model.starts[scene].tolist()
+    positions, collided = replay(model.blocked[scene], (row, column), actions)
+    moves = np.array([STEPS[ACTIONS.index(one)] for one in actions]).reshape(-1, 2)
+    return Walk(
+        positions,
+        positions[:-1][collided] + 0.5 * moves[collided],
+        np.flatnonzero(collided) + 1,
+        uav_cells(model, scene, positions),
+        first_seen(model, scene, positions),
+        plan.outcomes[scene],
+    )
+
+
+def check_scene(model: UnknownGridNavigation, scene: Any) -> int:
+    """Return the number of the scene to draw, or raise where there is no such scene."""
+    last = model.scenes - 1
+    allowed = f"be the number of a scene, from 0 to {last}" if last else "be 0, the only scene"
+    check_option("scene", scene, is_whole(scene, 0, last), allowed)
+    return int(scene)
+
+
+def paint(blocked: Truths, seen: Truths) -> NDArray[np.uint8]:
+    """Return an image of cells, shape (rows, columns, 4)."""
+    return np.take(_SHADES, blocked | (~seen).view(np.uint8) << 1, axis=0)
+
+
+class Box(NamedTuple):
+    """A part of a map: its first row and column, and how many of them; ndarray of int, shape (2,) each."""
+
+    low: Ints
+    size: Ints
+
+    @property
+    def part(self) -> tuple[slice, slice]:
+        """The same as an index of arrays."""
+        (row, column), (rows, columns) = self.low.tolist(), self.size.tolist()
+        return slice(row, row + rows), slice(column, column + columns)
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Its sides for an image with row 0 on top: left, right, bottom, top."""
+        (top, left), (bottom, right) = self.low - 0.5, self.low + self.size - 0.5
+        return float(left), float(right), float(bottom), float(top)
+
+
+def box_around(model: UnknownGridNavigation, cell: Ints) -> Box:
+    """Return what is shown of a moment: the map, of a large one the part around the vehicle."""
+    least = np.maximum(_PART, 2 * model.view + 1)
+    size = np.where(model.shape <= _MOST_LINES, model.shape, np.minimum(model.shape, least))
+    return Box(np.clip(cell - size // 2, 0, model.shape - size), size)
+
+
+def draw_cells(axes: Any, image: NDArray[np.uint8], box: Box) -> Any:
+    """Draw an image of the cells in `box`, row 0 on top, and return it."""
+    drawn = axes.imshow(
+        image, extent=box.extent, zorder=0.5, gid="cells", aspect="auto",
+        interpolation="none" if max(image.shape) <= 500 else "auto",
+    )  # fmt: skip
+    draw_lines(axes, box)
+    axes.axis(box.extent)
+    for side in axes.spines.values():
+        side.set_color("#9a9a9a")
+    return drawn
+
+
+def draw_lines(axes: Any, box: Box) -> None:
+    """Draw lines between the cells in `box`, in place of those before, where they are told apart."""
+    for old in [one for one in axes.collections if one.get_gid() == "lines"]:
+        old.remove()
+    if box.size.max() <= _MOST_LINES:
+        left, right, bottom, top = box.extent
+        look: dict[str, Any] = {"color": "#9a9a9a", "lw": 0.3, "zorder": 0.6, "gid": "lines"}
+        axes.vlines(np.arange(left, right + 1), top, bottom, **look)
+        axes.hlines(np.arange(top, bottom + 1), left, right, **look)
+
+
+def draw_ends(
+    axes: Any, model: UnknownGridNavigation, scene: int, size: float, **look: Any
+) -> None:
+    """Draw start and target, markers of `size` points; `look` goes to both."""
+    target, start = model.targets[scene][None, ::-1], model.starts[scene][None, ::-1]
+    look = {"edge": BLACK, "width": 0.9, **look}
+    dots(axes, target, "*", "white", size=(1.5 * size) ** 2, zorder=8, gid="target", **look)
+    dots(axes, start, "s", "white", size=(0.8 * size) ** 2, zorder=7, gid="start", **look)
+
+
+def draw_collisions(axes: Any, hits: Floats, size: float, **look: Any) -> Any:
+    """Draw where the vehicle ran into something, and return the markers."""
+    look = {"mec": RED, "mew": 1.5, "ms": 0.8 * size, **look}
+    return axes.plot(*hits[:, ::-1].T, "x", zorder=9, gid="collision", **look)[0]
+
+
+class Moment:
+    """What a run has come to: what was seen so far, the way so far, the vehicle and the UAV.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where.
+    model : UnknownGridNavigation
+        With its true maps.
+    scene : int
+        Its number.
+    walk : Walk
+        The run.
+    size : float
+        Size of markers (point).
+    """
+
+    def __init__(
+        self, axes: Any, model: UnknownGridNavigation, scene: int, walk: Walk, size: float
+    ) -> None:
+        from matplotlib.patches import Rectangle
+
+        self.axes, self.model, self.walk = axes, model, walk
+        self._blocked = model.blocked[scene]
+        self._image: Any = None
+        # At the edge of the map markers are whole, beyond the part that is shown there are none.
+        part = box_around(model, walk.positions[0]).size
+        clip: dict[str, Any] = {"clip_on": bool((part < model.shape).any())}
+        draw_ends(axes, model, scene, size, **clip)
+        look: dict[str, Any] = {**axis_style(0), "solid_capstyle": "round"}
+        (self._way,) = axes.plot([], [], lw=max(1.0, 0.2 * size), zorder=5, gid="way", **look)
+        self._hits = draw_collisions(axes, np.empty((0, 2)), size, **clip)
+        self._vehicle = axes.plot(
+            [], [], "o", mfc=look["color"], mec="white", mew=0.6, ms=0.9 * size, zorder=10,
+            gid="vehicle", **clip,
+        )[0]  # fmt: skip
+        self._uav = axes.plot(
+            [], [], "D", mfc="none", mec=UAV, mew=1.4, ms=1.1 * size, zorder=11, gid="UAV", **clip
+        )[0]
+        self._view = axes.add_patch(
+            Rectangle((0, 0), 0, 0, fc="none", ec=UAV, lw=1.4, zorder=6, gid="view")
+        )
+
+    def show(self, step: int) -> None:
+        """Show the run after `step` actions."""
+        walk, box = self.walk, box_around(self.model, self.walk.positions[step])
+        # Of so many cells that none is told from its neighbours, some will do.
+        fine = (slice(None, None, 1 + int(box.size.max()) // _MOST_PIXELS),) * 2
+        shown = paint(self._blocked[box.part][fine], walk.seen[box.part][fine] <= step)
+        if self._image is None:
+            self._image = draw_cells(self.axes, shown, box)
+        else:
+            self._image.set(data=shown, extent=box.extent)
+            draw_lines(self.axes, box)
+            self.axes.axis(box.extent)
+        self._way.set_data(*walk.positions[: step + 1, ::-1].T)
+        self._hits.set_data(*walk.hits[walk.hit_after <= step, ::-1].T)
+        self._vehicle.set_data(*walk.positions[[step], ::-1].T)
+        self._uav.set_data(*walk.uav[[step], ::-1].T)
+        rows, columns = self.model.view.tolist()
+        row, column = walk.uav[step].tolist()
+        self._view.set_bounds(column - 0.5 * columns, row - 0.5 * rows, columns, rows)
+        self._view.set_linestyle("--" if step >= walk.hovers_after else "-")
+
+
+def keys_of(walk: Walk | None, *, moving: bool) -> list[Any]:
+    """Return the entries of a legend: what a walk showed, where there is one, and what of it moves."""
+    keys = [
+        key("start", marker="s", mfc="white", mec=BLACK, ms=5),
+        key("target", marker="*", mfc="white", mec=BLACK, ms=9),
+        key("obstacle", marker="s", mfc=WALL, mec=WALL, ms=7),
+    ]
+    if walk is None:
+        return keys
+    keys += [
+        key("not seen: free", marker="s", mfc=HIDDEN, mec="#9a9a9a", mew=0.4, ms=7),
+        key("not seen: obstacle", marker="s", mfc=HIDDEN_WALL, mec=HIDDEN_WALL, ms=7),
+    ]
+    if moving:
+        keys += [
+            key("vehicle", marker="o", mfc=axis_style(0)["color"], mec="white", ms=6),
+            key("UAV and its view", marker="D", mfc="none", mec=UAV, mew=1.4, ms=6),
+        ]
+    if moving and walk.hovers_after <= walk.steps:
+        keys.append(key("the UAV hovers", color=UAV, lw=1.4, ls="--"))
+    if len(walk.hits):
+        keys.append(key("collision", marker="x", mec=RED, mew=1.6, ms=5))
+    return keys

@@ -1,0 +1,221 @@
+"""Images of scenes from above: boxes on textured ground, seen by a pinhole camera.
+
+The paper's images were not to be had; this is a scene of its own. All that belongs to the world (colours,
+textures, light) hangs on the seed and the place in the world alone, so that a cell looks alike in every
+view; only the noise of the sensor changes from look to look.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import PIXELS, Pinhole, Rendering
+
+__all__ = ["render"]
+
+Floats = NDArray[np.float64]
+#: Of pixels: the noise of the sensor is larger than what their rounding changes.
+Singles = NDArray[np.float32]
+Ints = NDArray[np.int64]
+Truths = NDArray[np.bool_]
+
+#: Cells after which textures and colours of cells repeat, and texels of a cell.
+_PERIOD, _TEXELS = 32, 16
+#: Planes between ground and top, in each of which walls and shadows are looked for.
+_PLANES = 6
+#: Colours of the plain law: ground and obstacle.
+_GROUND, _OBSTACLE = (0.55, 0.65, 0.45), (0.45, 0.25, 0.2)
+
+
+class _Look(NamedTuple):
+    """What is drawn once a scene; lengths in cells.
+
+    Parameters
+    ----------
+    height : float
+        Of the boxes.
+    sun : ndarray, shape (2,)
+        From the end of a shadow to the top that casts it, rows and columns.
+    shade, wall : float
+        Brightness in the shadow and of walls.
+    ground, top : ndarray, shape (3,)
+        Mean colours, the same in the hard law.
+    spread, grain : float
+        Deviation of the colours of cells, and of the textures.
+    stripes : ndarray, shape (2,)
+        Cycles a cell along rows and columns of the texture of tops.
+    wave : ndarray, shape (2,)
+        The same of the light, which is not even.
+    phases : ndarray, shape (2,)
+        Of stripes and light, rad.
+    offset : ndarray of int, shape (2,)
+        Where in the repeated fields the map begins, cells.
+    unevenness, noise : float
+        Amplitude of the light and deviation of the sensor's noise.
+    """
+
+    height: float
+    sun: Floats
+    shade: float
+    wall: float
+    ground: Floats
+    top: Floats
+    spread: float
+    grain: float
+    stripes: Floats
+    wave: Floats
+    phases: Floats
+    offset: Ints
+    unevenness: float
+    noise: float
+
+
+def render(
+    blocked: Truths,
+    target: Ints,
+    corner: Ints,
+    view: Ints,
+    rendering: Rendering,
+    seed: tuple[int, int, int],
+) -> Singles:
+    """Return the image of a view.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows, columns)
+        The true map; what lies off it looks like obstacles.
+    target : ndarray of int, shape (2,)
+        Its cell; it is not to be seen.
+    corner, view : ndarray of int, shape (2,)
+        Row and column of the view's first cell, and rows and columns of the view.
+    rendering : Rendering
+        The law by which scenes look.
+    seed : tuple of int
+        Of the camera, the scene and the look; the first two draw the world, all of them the noise.
+
+    Returns
+    -------
+    ndarray, shape (256, 256, 3)
+        Red, green and blue from 0 to 1.
+    """
+    look = _draw_look(rendering, np.random.default_rng(seed[:2]))
+    pinhole = Pinhole(view, corner)
+    boxes = _crop(blocked, corner, view)
+    ground, top = _axes(pinhole, 0.0), _axes(pinhole, look.height)
+    on_top = _hit(boxes, top)
+    on_wall = np.zeros_like(on_top)
+    dark = np.zeros_like(on_top)
+    for part in np.arange(_PLANES) / _PLANES:
+        on_wall |= _hit(boxes, _axes(pinhole, part * look.height))
+        dark |= _hit(boxes, ground + (1.0 - part) * look.sun[:, None])
+
+    stripes = _wave(corner, top, look.stripes, look.phases[0]) * np.float32(np.sqrt(2.0))
+    image = _paint(look.ground, look, corner, ground, _field(_grains(), look, corner, ground))
+    np.copyto(image, _paint(look.top, look, corner, top, stripes), where=on_top[..., None])
+    light = 1.0 + look.unevenness * _wave(corner, ground, look.wave, look.phases[1])
+    light *= np.where(
+        on_top, 1.0, np.where(on_wall, look.wall, np.where(dark, look.shade, 1.0))
+    ).astype(np.float32)
+    image *= light[..., None]
+    image += look.noise * np.random.default_rng(seed).standard_normal(image.shape, np.float32)
+    return np.clip(image, 0.0, 1.0, out=image)
+
+
+def _draw_look(rendering: Rendering, rng: np.random.Generator) -> _Look:
+    """Return how a scene looks; the same numbers are drawn for each law."""
+    hard = rendering == Rendering.HARD
+    height, length, azimuth = rng.uniform([0.3, 0.35, 0.0], [0.6, 0.75, 2.0 * np.pi])
+    shade, wall = rng.uniform([0.4, 0.5], [0.6, 0.75])
+    colour = 0.5 + 0.13 * rng.uniform(-1.0, 1.0, 3)
+    spread, grain, unevenness, noise = rng.uniform([0.07, 0.06, 0.1, 0.02], [0.11, 0.1, 0.2, 0.04])
+    turn, slow = rng.uniform(0.0, np.pi, 2)
+    cycles, period = rng.uniform([2.0, 15.0], [4.0, 40.0])
+    return _Look(
+        height,
+        length * np.array([np.sin(azimuth), np.cos(azimuth)]) if hard else np.zeros(2),
+        shade,
+        wall,
+        colour if hard else np.array(_GROUND),
+        colour if hard else np.array(_OBSTACLE),
+        spread if hard else 0.0,
+        grain if hard else 0.02,
+        cycles * np.array([np.sin(turn), np.cos(turn)]),
+        np.array([np.sin(slow), np.cos(slow)]) / period,
+        rng.uniform(0.0, 2.0 * np.pi, 2),
+        rng.integers(0, _PERIOD, 2),
+        unevenness if hard else 0.0,
+        noise if hard else 0.01,
+    )
+
+
+def _crop(blocked: Truths, corner: Ints, view: Ints) -> Truths:
+    """Return the cells of a view and one around it, blocked off the map."""
+    found = np.ones(view + 2, bool)
+    low = np.maximum(corner - 1, 0)
+    high = np.minimum(corner + view + 1, blocked.shape)
+    if (low < high).all():
+        first, last = low - corner + 1, high - corner + 1
+        part = blocked[low[0] : high[0], low[1] : high[1]]
+        found[first[0] : last[0], first[1] : last[1]] = part
+    return found
+
+
+def _axes(pinhole: Pinhole, elevation: float) -> Floats:
+    """Return rows and columns of the view that the middles of pixels show, shape (2, 256)."""
+    middles = np.arange(PIXELS) + 0.5
+    return pinhole.pixels_to_view(np.column_stack([middles, middles]), elevation).T
+
+
+def _hit(boxes: Truths, axes: Floats) -> Truths:
+    """Return whether boxes stand where pixels look, shape (256, 256); a shadow is shorter than a cell."""
+    return _gather(boxes, np.floor(axes).astype(np.int64) + 1)
+
+
+def _paint(mean: Floats, look: _Look, corner: Ints, axes: Floats, texture: Singles) -> Singles:
+    """Return the colours of a surface, shape (256, 256, 3)."""
+    texture *= look.grain
+    colours = (mean + look.spread * _patches()).astype(np.float32)
+    return np.asarray(_field(colours, look, corner, axes) + texture[..., None])
+
+
+def _wave(corner: Ints, axes: Floats, cycles: Floats, phase: float) -> Singles:
+    """Return a plane wave over the world, shape (256, 256), from -1 to 1."""
+    down, across = 2.0 * np.pi * cycles[:, None] * (axes + corner[:, None])
+    down += phase
+    return np.asarray(
+        np.column_stack([np.cos(down), -np.sin(down)]) @ np.stack([np.cos(across), np.sin(across)]),
+        np.float32,
+    )
+
+
+def _field(values: Singles, look: _Look, corner: Ints, axes: Floats) -> Singles:
+    """Return the values of a repeated field where pixels look, shape (256, 256, …)."""
+    places = (axes + (corner + look.offset)[:, None]) * (len(values) // _PERIOD)
+    return _gather(values, np.floor(places).astype(np.int64) % len(values))
+
+
+def _gather(values: NDArray[Any], places: Ints) -> NDArray[Any]:
+    """Return values at all pairs of rows and columns, shape (256, 256, …)."""
+    return np.asarray(np.take(values[places[0]], places[1], axis=1))
+
+
+@cache
+def _grains() -> Singles:
+    """Return the texture of the ground, of deviation 1, without direction."""
+    from scipy.ndimage import gaussian_filter
+
+    drawn = np.random.default_rng(0).standard_normal((_PERIOD * _TEXELS, _PERIOD * _TEXELS))
+    smooth = gaussian_filter(drawn, 1.2, mode="wrap")
+    return np.asarray(smooth / smooth.std(), np.float32)
+
+
+@cache
+def _patches() -> Floats:
+    """Return how colours of cells deviate from the mean: mostly in brightness, also in hue."""
+    rng = np.random.default_rng(1)
+    grey = rng.standard_normal((_PERIOD, _PERIOD, 1))
+    return np.asarray(0.85 * grey + 0.5 * rng.standard_normal((_PERIOD, _PERIOD, 3)))

@@ -1,0 +1,25 @@
+"""Policies that lead a vehicle over a map of which they only see a view."""
+
+BACKENDS = {
+    "d-star-lite": ".replanning:DStarLite",
+    "a-star-replanning": ".replanning:AStarReplanning",
+    "current-view": ".replanning:CurrentView",
+    "baseline-1": ".baselines:BaselineOne",
+    "baseline-1-reachable": ".baselines:BaselineOneReachable",
+    "baseline-2": ".baselines:BaselineTwo",
+    "baseline-2-reachable": ".baselines:BaselineTwoReachable",
+    "small-vin": ".learned:SmallVin",
+    "vin": ".learned:Vin",
+    "macn": ".learned:Macn",
+    "mcgn": ".learned:Mcgn",
+    "oracle": ".oracle:Oracle",
+}
+DIAGNOSES = {"unknown-grid": ".diagnosis:diagnose_unknown_grid"}
+PAPER_TABLES = {"unknown-grid": ".paper_tables:TABLES"}
+TRAININGS = {
+    "small-vin": ".small_vin:TRAINING",
+    "vin": ".vin:TRAINING",
+    "macn": ".macn:TRAINING",
+    "mcgn": ".mcgn:TRAINING",
+    "gmgn": ".gmgn:TRAINING",
+}

@@ -1,0 +1,228 @@
+"""A differentiable neural computer: a recurrent network that writes to and reads from a memory of its own.
+
+Source: A. Graves, G. Wayne, M. Reynolds et al., "Hybrid computing using a neural network with dynamic external
+memory", Nature 538, 2016, doi 10.1038/nature20101; equations as in its section Methods. The controller
+is one LSTM cell. Usage is kept between 1e-6 and 1, where the paper has 0 and 1, so that the order of
+allocation has a gradient.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+
+__all__ = ["Interface", "Record", "allocate", "build_computer", "link", "match", "read", "write"]
+
+#: Least usage of a word.
+_LEAST = 1e-6
+#: What is added to squared lengths, so that words not yet written have small gradients.
+_SQUARE = 1e-4
+
+
+class Record(NamedTuple):
+    """What the computer hands on from step to step; the first axis of all is the batch.
+
+    Parameters
+    ----------
+    memory : Tensor, shape (n, words, width)
+        M.
+    usage, precedence, written : Tensor, shape (n, words)
+        u, p and the write weighting w^w.
+    links : Tensor, shape (n, words, words)
+        L; ``links[:, i, j]`` is near 1 where word i was written next after word j.
+    attended : Tensor, shape (n, heads, words)
+        The read weightings w^r.
+    reads : Tensor, shape (n, heads, width)
+        r.
+    hidden, cell : Tensor, shape (n, units)
+        Of the LSTM.
+    """
+
+    memory: Tensor
+    usage: Tensor
+    precedence: Tensor
+    written: Tensor
+    links: Tensor
+    attended: Tensor
+    reads: Tensor
+    hidden: Tensor
+    cell: Tensor
+
+
+class Interface(NamedTuple):
+    """What the controller asks of the memory, the interface vector after its activations.
+
+    Parameters
+    ----------
+    read_keys, read_strengths : Tensor, shapes (n, heads, width), (n, heads)
+    write_key, write_strength : Tensor, shapes (n, 1, width), (n, 1)
+    erase, content : Tensor, shape (n, width)
+        e and v.
+    free : Tensor, shape (n, heads)
+        f.
+    allocation, gate : Tensor, shape (n, 1)
+        g^a and g^w.
+    modes : Tensor, shape (n, heads, 3)
+        Shares of reading backward, by content and forward.
+    """
+
+    read_keys: Tensor
+    read_strengths: Tensor
+    write_key: Tensor
+    write_strength: Tensor
+    erase: Tensor
+    content: Tensor
+    free: Tensor
+    allocation: Tensor
+    gate: Tensor
+    modes: Tensor
+
+    @classmethod
+    def split(cls, raw: Tensor, heads: int, width: int) -> Interface:
+        """Return the parts of a raw interface vector, shape (n, heads·width + 3·width + 5·heads + 3)."""
+        import torch
+        from torch.nn import functional
+
+        sizes = [heads * width, heads, width, 1, width, width, heads, 1, 1, 3 * heads]
+        keys, strengths, key, strength, erase, content, free, allocation, gate, modes = torch.split(
+            raw, sizes, dim=1
+        )
+        return cls(
+            keys.reshape(-1, heads, width),
+            1.0 + functional.softplus(strengths),
+            key[:, None],
+            1.0 + functional.softplus(strength),
+            erase.sigmoid(),
+            content,
+            free.sigmoid(),
+            allocation.sigmoid(),
+            gate.sigmoid(),
+            modes.reshape(-1, heads, 3).softmax(dim=2),
+        )
+
+
+def match(memory: Tensor, keys: Tensor, strengths: Tensor) -> Tensor:
+    """Return the weighting of words by their likeness to keys, shape (n, heads, words); content-based addressing.
+
+    Parameters
+    ----------
+    memory : Tensor, shape (n, words, width)
+    keys : Tensor, shape (n, heads, width)
+    strengths : Tensor, shape (n, heads)
+    """
+    likeness = _unit(keys) @ _unit(memory).transpose(1, 2)
+    return (strengths[:, :, None] * likeness).softmax(dim=2)
+
+
+def _unit(vectors: Tensor) -> Tensor:
+    return vectors / (vectors.square().sum(dim=2, keepdim=True) + _SQUARE).sqrt()
+
+
+def allocate(usage: Tensor) -> Tensor:
+    """Return the allocation weighting a, shape (n, words): the least used word first.
+
+    Of words that are used equally the first goes first.
+    """
+    import torch
+    from torch.nn import functional
+
+    ordered, order = torch.sort(usage, dim=1, stable=True)
+    before = torch.cumprod(functional.pad(ordered, (1, 0), value=1.0), dim=1)[:, :-1]
+    return torch.zeros_like(usage).scatter(1, order, (1.0 - ordered) * before)
+
+
+def link(links: Tensor, precedence: Tensor, written: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the temporal links L and the precedence p after a write with the weighting `written`."""
+    import torch
+
+    into, other = written[:, :, None], written[:, None, :]
+    after = (1.0 - into - other) * links + into * precedence[:, None, :]
+    after = after * (1.0 - torch.eye(links.shape[1], dtype=links.dtype))
+    return after, (1.0 - written.sum(dim=1, keepdim=True)) * precedence + written
+
+
+def write(before: Record, asked: Interface) -> Record:
+    """Return the record after words that were read are freed and one is written."""
+    # Retention and usage: what was written is used, what was read and set free is not.
+    retained = (1.0 - asked.free[:, :, None] * before.attended).prod(dim=1)
+    usage = (before.usage + before.written - before.usage * before.written) * retained
+    usage = _LEAST + (1.0 - _LEAST) * usage
+    by_content = match(before.memory, asked.write_key, asked.write_strength)[:, 0]
+    share = asked.allocation
+    written = asked.gate * (share * allocate(usage) + (1.0 - share) * by_content)
+    kept = 1.0 - written[:, :, None] * asked.erase[:, None]
+    memory = before.memory * kept + written[:, :, None] * asked.content[:, None]
+    links, precedence = link(before.links, before.precedence, written)
+    return before._replace(
+        memory=memory, usage=usage, precedence=precedence, written=written, links=links
+    )
+
+
+def read(record: Record, asked: Interface) -> Record:
+    """Return the record after each head has read: backward, by content and forward along the links."""
+    import torch
+
+    backward = record.attended @ record.links
+    forward = record.attended @ record.links.transpose(1, 2)
+    content = match(record.memory, asked.read_keys, asked.read_strengths)
+    attended = (torch.stack([backward, content, forward], dim=3) * asked.modes[:, :, None]).sum(
+        dim=3
+    )
+    return record._replace(attended=attended, reads=attended @ record.memory)
+
+
+def build_computer(
+    inputs: int, outputs: int, *, units: int = 256, words: int = 32, width: int = 8, heads: int = 4
+) -> nn.Module:
+    """Return the computer, one step a call: ``computer(inputs, record) -> outputs, record``.
+
+    Inputs have shape (n, inputs) and outputs (n, outputs); ``computer.start(n)`` is the record of n computers
+    that have not seen anything.
+
+    Parameters
+    ----------
+    inputs, outputs : int
+        Sizes of what goes in and comes out.
+    units : int
+        Of the LSTM.
+    words, width : int
+        Of the memory.
+    heads : int
+        That read; one writes.
+    """
+    import torch
+    from torch import nn
+
+    class NeuralComputer(nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.controller = nn.LSTMCell(inputs + heads * width, units)
+            self.interface = nn.Linear(units, heads * width + 3 * width + 5 * heads + 3)
+            self.output = nn.Linear(units + heads * width, outputs)
+            with (
+                torch.no_grad()
+            ):  # remember at first: the gate between the cells of two steps is open
+                self.controller.bias_hh[units : 2 * units] = 1.0
+
+        def start(self, count: int) -> Record:
+            sizes = [
+                (words, width),
+                *[(words,)] * 3,
+                (words, words),
+                (heads, words),
+                (heads, width),
+            ]
+            sizes += [(units,)] * 2
+            return Record(*(torch.zeros(count, *size) for size in sizes))
+
+        def forward(self, inputs: Tensor, record: Record) -> tuple[Tensor, Record]:
+            seen = torch.cat([inputs, record.reads.flatten(1)], dim=1)
+            hidden, cell = self.controller(seen, (record.hidden, record.cell))
+            record = record._replace(hidden=hidden, cell=cell)
+            asked = Interface.split(self.interface(hidden), heads, width)
+            record = read(write(record, asked), asked)
+            return self.output(torch.cat([hidden, record.reads.flatten(1)], dim=1)), record
+
+    return NeuralComputer()

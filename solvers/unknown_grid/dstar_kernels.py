@@ -1,0 +1,298 @@
+"""Shortest ways back from the target over a flat map: A* from scratch, and D* Lite.
+
+The map has one blocked cell around it: the cell in row r and column c is number
+``(r + 1) * width + c + 1``, where width is the number of columns plus 2. All steps cost 1, and the
+lower bound of both searches is the Manhattan distance to the vehicle.
+
+Source: S. Koenig and M. Likhachev, "D* Lite", AAAI 2002, the optimised version.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+
+__all__ = ["FAR", "STUCK", "descend", "repair", "search"]
+
+Ints = NDArray[np.int64]
+Steps = NDArray[np.int32]
+Bytes = NDArray[np.uint8]
+Flag = NDArray[np.int8]
+
+#: The number of steps where no way is known.
+FAR = 2**30
+#: The answer where there is no way.
+STUCK = -1
+#: Cells that wait, the sum of the vehicle's moves so far (k_m), and where it was at the latest search.
+_COUNT, _MOVED, _LAST = 0, 1, 2
+#: A key is two whole numbers in one, the second below 2**_SHIFT.
+_SHIFT = 31
+
+
+@kernel
+def apart(width: int, one: int, other: int) -> int:
+    """Return the Manhattan distance of two cells."""
+    down = one // width - other // width
+    across = one % width - other % width
+    return abs(down) + abs(across)
+
+
+@kernel(interpretable=True)
+def descend(walls: Bytes, width: int, steps: Steps, cell: int) -> int:
+    """Return the first of up, down, left and right whose cell has the fewest steps left.
+
+    Parameters
+    ----------
+    walls : ndarray of uint8, shape (cells,)
+        1 where blocked.
+    width : int
+        Cells of a row, the frame included.
+    steps : ndarray of int32, shape (cells,)
+        Steps to the target; those of blocked cells do not count.
+    cell : int
+        Where the vehicle is.
+
+    Returns
+    -------
+    int
+        0 … 3, or :data:`STUCK`.
+    """
+    best, found = FAR, STUCK
+    for turn, move in enumerate((-width, width, -1, 1)):
+        if walls[cell + move] == 0 and steps[cell + move] < best:
+            best, found = steps[cell + move], turn
+    return found
+
+
+@kernel(interpretable=True)
+def search(walls: Bytes, width: int, start: int, target: int, every: bool, flag: Flag) -> Steps:
+    """Return the steps to the target from all cells on shortest ways from the start, by A*.
+
+    A step towards the start leaves the sum of steps and lower bound as it is, any other raises it by 2;
+    so two stacks are enough to order the cells, and the latest leaves first.
+
+    Parameters
+    ----------
+    walls, width
+        See :func:`descend`.
+    start, target : int
+        Free cells.
+    every : bool
+        Whether all shortest ways are wanted, else enough of them for :func:`descend` at the start.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the search.
+
+    Returns
+    -------
+    ndarray of int32, shape (cells,)
+        Right on shortest ways from the start, elsewhere not too small; :data:`FAR` where unknown.
+    """
+    steps = np.full(walls.size, FAR, np.int32)
+    now, later = np.empty(walls.size, np.int64), np.empty(walls.size, np.int64)
+    steps[target] = 0
+    now[0] = target
+    waiting, kept = 1, 0
+    order = apart(width, start, target)
+    first = -1  # the neighbour of the start that is the first choice if any way leads over it
+    while waiting > 0:
+        while waiting > 0 and flag[0] == 0:
+            waiting -= 1
+            cell = now[waiting]
+            left = order - steps[cell]
+            if apart(width, start, cell) != left:
+                continue  # it left before, on a shorter way
+            then = steps[cell] + 1
+            for move in (-width, width, -1, 1):
+                to = cell + move
+                if walls[to] != 0 or steps[to] <= then:
+                    continue
+                steps[to] = then
+                if apart(width, start, to) < left:
+                    now[waiting] = to
+                    waiting += 1
+                else:
+                    later[kept] = to
+                    kept += 1
+            if not every and steps[start] <= order:
+                if first < 0:
+                    for move in (1, -1, width, -width):
+                        to = start + move
+                        if walls[to] == 0 and apart(width, to, target) < order:
+                            first = to
+                if steps[first] < order:
+                    return steps
+        if steps[start] <= order or flag[0] != 0:
+            return steps
+        now, later = later, now
+        waiting, kept = kept, 0
+        order += 2
+    return steps
+
+
+@kernel
+def rise(heap: Ints, where: Steps, keys: Ints, at: int) -> None:
+    """Move the entry at `at` up to where it belongs."""
+    cell = heap[at]
+    while at > 0:
+        above = (at - 1) // 2
+        if keys[heap[above]] <= keys[cell]:
+            break
+        heap[at] = heap[above]
+        where[heap[at]] = at + 1
+        at = above
+    heap[at] = cell
+    where[cell] = at + 1
+
+
+@kernel
+def sink(heap: Ints, where: Steps, keys: Ints, count: int, at: int) -> None:
+    """Move the entry at `at` down to where it belongs."""
+    cell = heap[at]
+    while 2 * at + 1 < count:
+        below = 2 * at + 1
+        if below + 1 < count and keys[heap[below + 1]] < keys[heap[below]]:
+            below += 1
+        if keys[heap[below]] >= keys[cell]:
+            break
+        heap[at] = heap[below]
+        where[heap[at]] = at + 1
+        at = below
+    heap[at] = cell
+    where[cell] = at + 1
+
+
+@kernel
+def place(
+    cell: int, key: int, here: bool, heap: Ints, where: Steps, keys: Ints, tally: Ints
+) -> None:
+    """Let a cell wait with a key, or no longer."""
+    at = where[cell] - 1
+    if here and at < 0:
+        at = tally[_COUNT]
+        tally[_COUNT] += 1
+        heap[at] = cell
+        keys[cell] = key
+        rise(heap, where, keys, at)
+    elif here:
+        before, keys[cell] = keys[cell], key
+        if key < before:
+            rise(heap, where, keys, at)
+        elif key > before:
+            sink(heap, where, keys, tally[_COUNT], at)
+    elif at >= 0:
+        where[cell] = 0
+        tally[_COUNT] -= 1
+        other = heap[tally[_COUNT]]
+        if other != cell:
+            heap[at] = other
+            rise(heap, where, keys, at)
+            sink(heap, where, keys, tally[_COUNT], where[other] - 1)
+
+
+@kernel
+def key_of(cell: int, width: int, start: int, g: Steps, rhs: Steps, tally: Ints) -> int:
+    """Return the key of a cell: its steps and its lower bound, then its steps."""
+    steps = min(g[cell], rhs[cell])
+    return int(((steps + apart(width, start, cell) + tally[_MOVED]) << _SHIFT) | steps)
+
+
+@kernel
+def foresee(walls: Bytes, width: int, target: int, cell: int, g: Steps, rhs: Steps) -> None:
+    """Set the steps of a cell by those of its neighbours (rhs)."""
+    if cell == target:
+        rhs[cell] = 0
+        return
+    best = FAR
+    if walls[cell] == 0:
+        for move in (-width, width, -1, 1):
+            if walls[cell + move] == 0 and g[cell + move] + 1 < best:
+                best = g[cell + move] + 1
+    rhs[cell] = best
+
+
+@kernel
+def repair(
+    walls: Bytes,
+    width: int,
+    start: int,
+    target: int,
+    changed: Ints,
+    g: Steps,
+    rhs: Steps,
+    heap: Ints,
+    where: Steps,
+    keys: Ints,
+    tally: Ints,
+    flag: Flag,
+) -> bool:
+    """Make `g` right on all shortest ways from the start, by D* Lite.
+
+    Parameters
+    ----------
+    walls, width, flag
+        See :func:`search`; `walls` as it is now.
+    start, target : int
+        Free cells; the start is where the vehicle is now.
+    changed : ndarray of int64
+        Cells that were blocked or freed since the latest call; at the first call the target besides.
+    g, rhs : ndarray of int32, shape (cells,)
+        Steps to the target, and what the neighbours say of them; at first :data:`FAR`.
+    heap : ndarray of int64, shape (cells,)
+        The cells that wait, because g and rhs differ.
+    where : ndarray of int32, shape (cells,)
+        Their places in `heap` plus 1; at first 0.
+    keys : ndarray of int64, shape (cells,)
+        Their order.
+    tally : ndarray of int64, shape (3,)
+        Kept from call to call; at first ``(0, 0, start)``.
+
+    Returns
+    -------
+    bool
+        Whether `flag` did not stop it.
+    """
+    tally[_MOVED] += apart(width, tally[_LAST], start)
+    tally[_LAST] = start
+    for cell in changed:
+        for move in (0, -width, width, -1, 1):
+            near = cell + move
+            foresee(walls, width, target, near, g, rhs)
+            key = key_of(near, width, start, g, rhs, tally)
+            place(near, key, g[near] != rhs[near], heap, where, keys, tally)
+    while tally[_COUNT] > 0:
+        if flag[0] != 0:
+            return False
+        cell = heap[0]
+        least = keys[cell]
+        # With the least key as that of the start, nothing that waits lies on a shortest way.
+        if least >= key_of(start, width, start, g, rhs, tally) and rhs[start] <= g[start]:
+            break
+        key = key_of(cell, width, start, g, rhs, tally)
+        if least < key:  # the vehicle moved since
+            place(cell, key, True, heap, where, keys, tally)
+            continue
+        before = g[cell]
+        if before > rhs[cell]:
+            g[cell] = rhs[cell]
+            place(cell, key, False, heap, where, keys, tally)
+        else:
+            g[cell] = FAR
+            place(cell, key_of(cell, width, start, g, rhs, tally), g[cell] != rhs[cell],
+                  heap, where, keys, tally)  # fmt: skip
+        for move in (-width, width, -1, 1):
+            near = cell + move
+            if walls[near] != 0 or near == target:
+                continue
+            if g[cell] < FAR:
+                if rhs[near] <= g[cell] + 1:
+                    continue
+                rhs[near] = g[cell] + 1
+            elif rhs[near] == before + 1:
+                foresee(walls, width, target, near, g, rhs)
+            else:
+                continue
+            key = key_of(near, width, start, g, rhs, tally)
+            place(near, key, g[near] != rhs[near], heap, where, keys, tally)
+    return True

@@ -1,0 +1,293 @@
+"""GMGN: the network that reads the cells of a view from the camera's image.
+
+An encoder-decoder in the manner of ENet gives each pixel of a quarter of the image's resolution features, the
+first of which is a score of being an obstacle. A second network turns pixels into cells: the features are
+averaged over each cell by the exact transform between image and view, so that one set of weights serves
+views of any size, and a few convolutions over the cells follow, which set right what a cell alone leaves
+open, such as a shadow that a neighbour casts.
+
+Source: A. Paszke, A. Chaurasia, S. Kim, E. Culurciello, "ENet: A Deep Neural Network Architecture for
+Real-Time Semantic Segmentation", 2016, arXiv 1606.02147: initial block, bottlenecks, dilated and asymmetric
+convolutions, a decoder that is smaller than the encoder. The paper takes ENet as well; how it turns pixels into
+cells was not to be had, so the second network is ours. Unlike ENet, the decoder ends at a quarter of the
+resolution, and adds the encoder's features in place of unpooling by remembered places: a cell is
+larger than a few pixels in any case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.unknown_grid.camera import PIXELS, Rendering, overlaps
+from ...models.unknown_grid.rendering import render
+from ..gradient import GradientTrainer
+from ..option import Option
+from ..trainer import Course, Trainer, Training
+from .imitation import Scenes, draw_scenes
+
+if TYPE_CHECKING:
+    import torch
+
+__all__ = ["ARCHITECTURE", "TRAINING", "build_network", "draw_images", "to_tensor"]
+
+Floats = NDArray[np.float64]
+Truths = NDArray[np.bool_]
+
+#: Channels at a quarter and at an eighth of the resolution, and of the cells.
+ARCHITECTURE = {"channels": 32, "inner": 64, "cells": 24}
+#: Rows and columns of the features that cells are averaged from.
+_REDUCED = PIXELS // 4
+#: Views that images are drawn with, and how often; what counts most are those of the paper.
+VIEWS = {
+    (9, 9): 8, (11, 11): 8, (3, 3): 1, (5, 5): 1, (7, 7): 2, (13, 13): 2, (17, 17): 2, (7, 13): 1, (15, 5): 1,
+}  # fmt: skip
+#: Shares of the images that are drawn by the hard law, and of maps whose cells are drawn one by one. The laws mix
+#: within a batch: what a batch is normalised by would else be of one law, and what is learned of it, of neither.
+_HARD, _LOOSE = 0.75, 0.15
+#: Scenes of an epoch.
+_SCENES = 64
+#: How much the score of pixels counts beside that of cells.
+_PIXELS = 0.3
+#: Images of each of the paper's views and each law that a training is judged by.
+_JUDGED = 24
+
+
+def build_network(channels: int = 32, inner: int = 64, cells: int = 24) -> torch.nn.Module:
+    """Return the network with its first weights.
+
+    Its call takes images, a tensor of shape (n, 3, 256, 256) from 0 to 1, and the rows and columns of the
+    view, and returns logits of being an obstacle: of the cells, shape (n, m, n'), and of pixels, shape
+    (n, 64, 64).
+    """
+    import torch
+    from torch import nn
+    from torch.nn import functional
+
+    def block(inputs: int, outputs: int, size: int | tuple[int, int], **how: Any) -> nn.Sequential:
+        sides = (size, size) if isinstance(size, int) else size
+        if "stride" not in how:
+            how["padding"] = "same"
+        conv = nn.Conv2d(inputs, outputs, sides, bias=False, **how)
+        return nn.Sequential(conv, nn.BatchNorm2d(outputs), nn.PReLU(outputs))
+
+    class Initial(nn.Module):
+        """Half the resolution: a convolution beside the largest of each four pixels."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.reading = nn.Conv2d(3, 13, 3, stride=2, padding=1, bias=False)
+            self.after = nn.Sequential(nn.BatchNorm2d(16), nn.PReLU(16))
+
+        def forward(self, images: torch.Tensor) -> torch.Tensor:
+            both = [self.reading(images), functional.max_pool2d(images, 2)]
+            found: torch.Tensor = self.after(torch.cat(both, dim=1))
+            return found
+
+    class Bottleneck(nn.Module):
+        """A residual block of few channels inside; `halves` the resolution where asked."""
+
+        def __init__(
+            self,
+            inputs: int,
+            outputs: int,
+            *,
+            dilation: int = 1,
+            long: int = 0,
+            halves: bool = False,
+        ) -> None:
+            super().__init__()
+            few, size = outputs // 4, 2 if halves else 1
+            first = block(inputs, few, size, stride=size)
+            if long:
+                middle = nn.Sequential(
+                    nn.Conv2d(few, few, (long, 1), padding="same", bias=False),
+                    block(few, few, (1, long)),
+                )
+            else:
+                middle = block(few, few, 3, dilation=dilation)
+            last = nn.Sequential(nn.Conv2d(few, outputs, 1, bias=False), nn.BatchNorm2d(outputs))
+            self.inside = nn.Sequential(first, middle, last)
+            self.after = nn.PReLU(outputs)
+            self.halves, self.more = halves, outputs - inputs
+
+        def forward(self, held: torch.Tensor) -> torch.Tensor:
+            beside = functional.max_pool2d(held, 2) if self.halves else held
+            beside = functional.pad(beside, (0, 0, 0, 0, 0, self.more))
+            found: torch.Tensor = self.after(beside + self.inside(held))
+            return found
+
+    class Gmgn(nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.fine = nn.Sequential(
+                Initial(), Bottleneck(16, channels, halves=True), Bottleneck(channels, channels),
+                Bottleneck(channels, channels),
+            )  # fmt: skip
+            self.coarse = nn.Sequential(
+                Bottleneck(channels, inner, halves=True),
+                Bottleneck(inner, inner), Bottleneck(inner, inner, dilation=2),
+                Bottleneck(inner, inner, long=5), Bottleneck(inner, inner, dilation=4),
+                Bottleneck(inner, inner), Bottleneck(inner, inner, dilation=8),
+            )  # fmt: skip
+            self.narrow = nn.Conv2d(inner, channels, 1, bias=False)
+            self.decoder = Bottleneck(channels, channels)
+            self.features = nn.Conv2d(channels, 16, 1)
+            self.mixing = nn.Sequential(
+                nn.Conv2d(16, cells, 3, padding="same"), nn.PReLU(cells),
+                nn.Conv2d(cells, cells, 3, padding="same"), nn.PReLU(cells),
+                nn.Conv2d(cells, 1, 1),
+            )  # fmt: skip
+            self.scale = nn.Parameter(torch.tensor(4.0))
+
+        def forward(
+            self, images: torch.Tensor, view: tuple[int, int]
+        ) -> tuple[torch.Tensor, torch.Tensor]:
+            fine = self.fine(4.0 * (images - 0.5))
+            coarse = self.narrow(self.coarse(fine))
+            features = self.features(
+                self.decoder(fine + functional.interpolate(coarse, scale_factor=2.0))
+            )
+            down, across = (
+                torch.from_numpy(overlaps(side, _REDUCED).astype(np.float32)) for side in view
+            )
+            held = down @ features @ across.T
+            return self.scale * held[:, 0] + self.mixing(held)[:, 0], features[:, 0]
+
+    return Gmgn()
+
+
+def draw_images(
+    scenes: Scenes, view: tuple[int, int], hard: float, generator: np.random.Generator
+) -> tuple[Floats, Truths]:
+    """Return images of views around free cells, shape (n, 256, 256, 3), and which of their cells are blocked.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        One an image.
+    view : tuple of int
+        Rows and columns, odd.
+    hard : float
+        Share of the images that look as the hard law says, the others as the plain one; how each looks is drawn.
+    generator : numpy.random.Generator
+        Draws middles of views, laws and the seeds of images.
+    """
+    half = np.array(view) // 2
+    images = np.empty((len(scenes.blocked), PIXELS, PIXELS, 3))
+    cells = np.empty((len(images), *view), bool)
+    for k, blocked in enumerate(scenes.blocked):
+        corner = generator.permutation(np.argwhere(~blocked))[0] - half
+        seed = tuple(generator.integers(2**32, size=3).tolist())
+        rendering = Rendering.HARD if generator.random() < hard else Rendering.PLAIN
+        images[k] = render(blocked, scenes.targets[k], corner, np.array(view), rendering, seed)
+        widened = np.pad(blocked, list(zip(half, half, strict=True)), constant_values=True)
+        row, column = corner + half
+        cells[k] = widened[row : row + view[0], column : column + view[1]]
+    return images, cells
+
+
+def to_tensor(images: Floats) -> torch.Tensor:
+    """Return images, shape (n, 256, 256, 3), as the network takes them, shape (n, 3, 256, 256)."""
+    import torch
+
+    # The colours of a pixel stay side by side in memory, which convolutions are fastest on.
+    return torch.from_numpy(images.astype(np.float32)).permute(0, 3, 1, 2)
+
+
+def _tensors(images: Floats, cells: Truths) -> tuple[torch.Tensor, torch.Tensor]:
+    import torch
+
+    return to_tensor(images), torch.from_numpy(cells.astype(np.float32))
+
+
+class _GmgnTrainer(GradientTrainer):
+    """Learns from images that are drawn anew for each batch."""
+
+    _scenes: Scenes
+
+    def prepare(self, number: int, generator: np.random.Generator) -> None:
+        law = ("mixed", "walls")[number % 2]
+        side = int(generator.choice([15, 17]))
+        self._scenes = draw_scenes(
+            self.course.examples, law, (side, side), (2, 6), _SCENES, generator
+        )
+
+    def loss(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
+        """Return the cross-entropy of cells, and of pixels as far as it counts."""
+        import torch
+        from torch.nn import functional
+
+        share = np.array(list(VIEWS.values()), float)
+        view = list(VIEWS)[generator.choice(len(VIEWS), p=share / share.sum())]
+        chosen = generator.choice(len(self._scenes.blocked), self.course.options["images"])
+        scenes = Scenes(*(one[chosen] for one in self._scenes))
+        for blocked in scenes.blocked:
+            if generator.random() < _LOOSE:
+                blocked[:] = generator.random(blocked.shape) < 0.6 * generator.random()
+        images, cells = _tensors(*draw_images(scenes, view, _HARD, generator))
+        logits, pixels = self.network(images, view)
+        rows, columns = (
+            torch.from_numpy(((np.arange(_REDUCED) + 0.5) * side / _REDUCED).astype(np.int64))
+            for side in view
+        )
+        entropy = functional.binary_cross_entropy_with_logits
+        return entropy(logits, cells) + _PIXELS * entropy(pixels, cells[:, rows][:, :, columns])
+
+    def judge(self) -> Mapping[str, float]:
+        """Return the shares of cells that are right by each law in the paper's views, and of maps."""
+        right: dict[Rendering, list[Truths]] = {law: [] for law in Rendering}
+        for (view, law), (images, cells) in self._judged().items():
+            logits, _ = self.network(images, view)
+            right[law] += [
+                ((one > 0) == (true > 0.5)).numpy() for one, true in zip(logits, cells, strict=True)
+            ]
+        shares = {
+            str(law): float(np.concatenate([one.ravel() for one in every]).mean())
+            for law, every in right.items()
+        }
+        maps = [one.all() for one in right[Rendering.HARD]]
+        return {"score": min(shares.values()), **shares, "hard maps": float(np.mean(maps))}
+
+    @cache  # noqa: B019 - a trainer lives as long as its training
+    def _judged(self) -> dict[tuple[tuple[int, int], Rendering], tuple[torch.Tensor, torch.Tensor]]:
+        generator = np.random.default_rng([self.course.seed, 2**31])
+        found = {}
+        for view in ((9, 9), (11, 11)):
+            for law in Rendering:
+                scenes = draw_scenes(
+                    self.course.examples, "mixed", (17, 17), (2, 5), _JUDGED, generator
+                )
+                drawn = draw_images(scenes, view, float(law is Rendering.HARD), generator)
+                found[view, law] = _tensors(*drawn)
+        return found
+
+
+def _trainer(course: Course) -> Trainer:
+    import torch
+
+    torch.manual_seed(course.seed)
+    return _GmgnTrainer(
+        course, "gmgn", build_network(**ARCHITECTURE), ARCHITECTURE,
+        batches=course.options["batches"], rate=course.options["rate"],
+    )  # fmt: skip
+
+
+TRAINING = Training(
+    "gmgn",
+    "cells of a view from its image, by drawn images of scenes",
+    _trainer,
+    epochs=20,
+    minutes=8,
+    options={
+        "images": Option(8, "images of a batch", int, lower=1),
+        "batches": Option(40, "batches of an epoch", int, lower=1),
+        "rate": Option(3e-3, "first rate of Adam", lower=0.0),
+    },
+    dtype="float16",
+    use="--option perception=gmgn --option perception_weights={path}",
+)

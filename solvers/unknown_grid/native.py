@@ -1,0 +1,176 @@
+"""What all policies share: step by step they are shown the view and asked for an action."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.plan import ACTIONS, NavigationRuns, Outcome
+from ...models.unknown_grid.world import BLOCKED, FREE, GOING, LOOK, REACHED, TARGET, Looks
+from ..backend import Answer, Backend, Feature, Guarantee, Request, Termination
+from ..option import Option
+
+__all__ = ["GIVE_UP", "NO_WAY", "PERCEPTION", "NavigationBackend", "Policy"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: What a policy may answer beside the actions 0 … 3.
+NO_WAY, GIVE_UP = -1, -2
+_ENDS = {NO_WAY: Outcome.NO_WAY, GIVE_UP: Outcome.GAVE_UP}
+
+#: The option of all policies for models with a camera.
+PERCEPTION: Mapping[str, Option] = {
+    "perception": Option(
+        "k-means",
+        "how cells are read from the camera's images: k-means (of colours) or gmgn (learned)",
+        str,
+        ("k-means", "gmgn"),
+    ),
+    "perception_weights": Option(
+        None,
+        "a file of weights for gmgn from 'crosstrack train'; those that are shipped",
+        str,
+        file=True,
+    ),
+}
+
+
+class Policy(Protocol):
+    """What decides in some scenes at once; it remembers what it will of each."""
+
+    def decide(self, looks: Looks) -> Ints:
+        """Return an action 0 … 3, :data:`NO_WAY` or :data:`GIVE_UP` for each of the scenes that go on.
+
+        Parameters
+        ----------
+        looks : Looks
+            Scenes that go on, in rising order; ``looks.view`` holds cells, shape (n, m, n').
+        """
+
+
+class NavigationBackend(Backend):
+    """Base of the policies; a subclass only says what decides."""
+
+    accepts = UnknownGridNavigation
+    guarantee = Guarantee.HEURISTIC
+    features = frozenset({Feature.INTERRUPT})
+    deterministic = True
+    single_threaded = True
+    options = PERCEPTION
+    #: Scenes that are decided on at once.
+    together: ClassVar[int] = 1
+
+    @abstractmethod
+    def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
+        """Return what decides in `scenes`, whose true maps it does not see."""
+
+    def run(self, problem: UnknownGridNavigation, request: Request) -> Answer:
+        """Lead the vehicle through all scenes, and answer with what was done."""
+        begin = time.perf_counter()
+        run = _Run(problem, request)
+        for first in range(0, problem.scenes, self.together):
+            scenes = np.arange(first, min(first + self.together, problem.scenes))
+            run.lead(self.policy(problem, scenes, request), scenes)
+            if request.control.stopped:
+                break
+        plan = NavigationRuns(tuple(map("".join, run.actions)), tuple(run.outcomes))
+        seconds = {"solve": time.perf_counter() - begin}
+        lost = problem.scenes - run.outcomes.count(Outcome.REACHED)
+        message = f"target not reached in {lost} of {problem.scenes} scenes" if lost else ""
+        statistics = {
+            "success %": round(plan.success, 6),
+            "collisions": run.collisions,
+            "decisions": run.decisions,
+            "ms a decision": 1e3 * run.thinking / max(run.decisions, 1),
+        }
+        if problem.camera is not None:
+            statistics["ms an image"] = 1e3 * run.perceiving / max(run.images, 1)
+        return Answer(
+            Termination.FEASIBLE,
+            request.control.reason if request.control.stopped else None,
+            plan,
+            None,
+            seconds=seconds,
+            statistics=statistics,
+            message=message,
+        )
+
+
+class _Run:
+    """One pass through all scenes, as it grows."""
+
+    def __init__(self, problem: UnknownGridNavigation, request: Request) -> None:
+        self.problem, self.request = problem, request
+        self.actions: list[list[str]] = [[] for _ in range(problem.scenes)]
+        self.outcomes = [Outcome.GAVE_UP] * problem.scenes
+        self.collisions = self.decisions = self.images = 0
+        self.thinking = self.perceiving = 0.0
+
+    def lead(self, policy: Policy, scenes: Ints) -> None:
+        """Let `policy` decide until all of `scenes` have ended or the run is stopped."""
+        chosen = np.full(len(scenes), LOOK)
+        while len(scenes) and not self.request.control.stopped:
+            looks = self._look(scenes, chosen)
+            going = looks.states == GOING
+            for row in np.flatnonzero(~going).tolist():
+                ended = Outcome.REACHED if looks.states[row] == REACHED else Outcome.OUT_OF_STEPS
+                self._end(int(scenes[row]), ended, int(looks.collisions[row]))
+            scenes, looks = scenes[going], _part(looks, going)
+            if not len(scenes):
+                return
+            looks = self._perceived(looks)
+            begin = time.perf_counter()
+            chosen = np.asarray(policy.decide(looks), np.int64)
+            self.thinking += time.perf_counter() - begin
+            self.decisions += len(scenes)
+            acts = chosen >= 0
+            for row in np.flatnonzero(~acts).tolist():
+                self._end(int(scenes[row]), _ENDS[int(chosen[row])], int(looks.collisions[row]))
+            scenes, chosen = scenes[acts], chosen[acts]
+            for scene, action in zip(scenes.tolist(), chosen.tolist(), strict=True):
+                self.actions[scene].append(ACTIONS[action])
+        if self.request.control.stopped:  # the latest actions were not taken
+            for scene in scenes.tolist():
+                del self.actions[scene][-1:]
+
+    def _look(self, scenes: Ints, chosen: Ints) -> Looks:
+        questions = np.column_stack([scenes, chosen]).astype(float)
+        return Looks.read(self.problem, scenes, self.request.control.ask(questions))
+
+    def _end(self, scene: int, outcome: Outcome, collisions: int) -> None:
+        self.outcomes[scene] = outcome
+        self.collisions += collisions
+
+    def _perceived(self, looks: Looks) -> Looks:
+        """Return the looks with cells in place of images."""
+        if self.problem.camera is None:
+            return looks
+        from .perception import perceive
+
+        begin = time.perf_counter()
+        method, weights = (self.request.options[k] for k in PERCEPTION)
+        size = (int(self.problem.view[0]), int(self.problem.view[1]))
+        cells = np.where(perceive(looks.view, size, method, weights), BLOCKED, FREE).astype(float)
+        self.perceiving += time.perf_counter() - begin
+        self.images += len(cells)
+        # What is known besides: the vehicle stands on a free cell, and so does the target.
+        for row, scene in enumerate(looks.scenes.tolist()):
+            for cell, holds in (
+                (looks.positions[row], FREE),
+                (self.problem.targets[scene], TARGET),
+            ):
+                at = cell - looks.corners[row]
+                if (at >= 0).all() and (at < self.problem.view).all():
+                    cells[row, at[0], at[1]] = holds
+        return looks._replace(view=cells)
+
+
+def _part(looks: Looks, rows: NDArray[np.bool_]) -> Looks:
+    return Looks._make(one[rows] for one in looks)

@@ -1,0 +1,177 @@
+"""No policy gets at the true map: not from its model, not from its process, not from what it may ask."""
+
+import contextlib
+import dataclasses
+import gc
+import sys
+
+import cloudpickle
+import numpy as np
+import pytest
+from unknown_grid.scenes import run
+from unknown_grid.walks import Told
+
+import crosstrack as ct
+from crosstrack.errors import HiddenData, InvalidData, UnsupportedOption
+from crosstrack.models import UnknownGridNavigation
+from crosstrack.models.unknown_grid import NavigationRuns, World
+from crosstrack.solvers import Answer, Termination, find_backend
+from crosstrack.solvers.unknown_grid.native import NavigationBackend
+
+cloudpickle.register_pickle_by_value(sys.modules[__name__])
+
+ROWS, COLUMNS = 23, 29
+
+
+@pytest.fixture
+def model():
+    """Return a scene of which the first cell is all that is seen at the start."""
+    blocked = np.random.default_rng(23).random((1, ROWS, COLUMNS)) < 0.4
+    blocked[0, 0, 0] = blocked[0, -1, -1] = False
+    ends = [[0, 0]], [[ROWS - 1, COLUMNS - 1]]
+    return UnknownGridNavigation(blocked, *ends, [ROWS, COLUMNS], view=(1, 1), name="secret")
+
+
+class Spy(NavigationBackend):
+    """Looks for the map wherever its process can reach."""
+
+    name = "spy"
+
+    def policy(self, problem, scenes, request):
+        raise AssertionError("it leads nobody")
+
+    def run(self, problem, request):
+        request.control.ask(np.array([[0.0, 1.0]]))  # the world has moved the vehicle, elsewhere
+        found = []
+        for name in ("blocked", "fewest_steps", "oracle"):
+            with contextlib.suppress(HiddenData):
+                thing = getattr(problem, name)
+                if name != "blocked":
+                    thing = thing()
+                if name == "oracle":
+                    thing = thing(np.array([[0.0, -1.0]]))
+                found.append(f"read {name}")
+        for thing in gc.get_objects():
+            if type(thing) is World and not thing.problem.is_blinded:
+                found.append("met a world")
+            # Arrays themselves are not among what is collected, but what holds them is.
+            for held in gc.get_referents(thing):
+                if type(held) is np.ndarray and held.size == ROWS * COLUMNS:
+                    found.append(f"met {held.dtype}")
+        message = "; ".join(found) or "blind"
+        point = NavigationRuns(("D",), ("gave up",))
+        return Answer(Termination.FEASIBLE, point=point, message=message)
+
+
+def test_a_policy_meets_no_map(model):
+    found = ct.solve(model, Spy())
+    assert found.message == "blind"
+    assert found.primal_bound == model.steps + 1
+    here = run(Spy(), model)
+    # Where the map is, it can be met.
+    assert "met a world" in here.message and "met bool" in here.message
+    with pytest.raises(UnsupportedOption, match="hides data from backends"):
+        ct.solve(model, Spy(), isolate=False)
+
+
+def test_the_view_of_a_model_holds_no_map(model):
+    view = cloudpickle.loads(cloudpickle.dumps(model.blinded()))
+    plan = NavigationRuns(("",), ("gave up",))
+    asks = (
+        lambda: view.blocked, view.fewest_steps, lambda: view.verify(plan), lambda: view.score(plan),
+        lambda: view.replays(plan), view.to_json,
+    )  # fmt: skip
+    for ask in asks:
+        with pytest.raises(HiddenData, match="blocked of model 'unknown-grid' is hidden"):
+            ask()
+    assert view.describe() == model.describe() and view.digest == model.digest
+    secret = model.blocked.tobytes()
+    assert secret in cloudpickle.dumps(model)
+    assert secret not in cloudpickle.dumps(model.blinded())
+    for known in (view.starts, view.targets, view.shape, view.view, view.steps, view.uav):
+        assert known is not None
+
+
+def test_an_answer_says_nothing_of_cells_that_are_not_shown(model):
+    """Two maps that differ in one cell are told apart by no walk in which the UAV does not show it."""
+    other = model.blocked.copy()
+    other[0, 5, 5] = not other[0, 5, 5]
+    shown = UnknownGridNavigation(
+        other, model.starts, model.targets, model.shape, view=model.view, steps=model.steps
+    )
+    one, two = World(model), World(shown)
+    for action in (-1, 1, 3, 1, 3, 1, 0, 2, 2, 0, -1):
+        question = np.array([[0.0, action]])
+        np.testing.assert_array_equal(one(question), two(question))
+    assert np.abs(one.positions - 5).max() > 1, "it would have been seen from beside"
+
+
+class Greedy(Told):
+    """Asks for another scene, for an action that there is none of, or goes on after the end."""
+
+    name = "greedy"
+
+    def __init__(self, *questions):
+        super().__init__("")
+        self.questions = questions
+
+    def run(self, problem, request):
+        for question in self.questions:
+            request.control.ask(np.array([question], float))
+        raise AssertionError("it was answered")
+
+
+@pytest.mark.parametrize(
+    ("questions", "message"),
+    [
+        ([(1, -1)], "scene must be 0 … 0, got 1"),
+        ([(0, 0)] * 41, "the run of scene 0 has ended"),
+    ],
+)
+def test_a_strangers_policy_is_refused_what_there_is_not(model, questions, message):
+    with pytest.raises(InvalidData, match=message):
+        ct.solve(model, Greedy(*questions))
+
+
+class Liar(Told):
+    """Looks around, and answers with what it did not do."""
+
+    name = "liar"
+
+    def __init__(self, *said, outcome="reached"):
+        super().__init__("RR")
+        self.said, self.outcome = said, outcome
+
+    def run(self, problem, request):
+        answer = super().run(problem, request)
+        point = NavigationRuns(self.said, (self.outcome,) * len(self.said))
+        return dataclasses.replace(answer, point=point)
+
+
+@pytest.mark.parametrize(
+    ("said", "outcome", "termination"),
+    [
+        ("RR", "gave up", "feasible"),
+        ("DRRRU", "reached", "rejected"),  # a way, but not the one that was gone
+        ("R", "gave up", "rejected"),
+        ("", "no way", "rejected"),
+        ("RR", "reached", "rejected"),
+    ],
+)
+def test_a_policy_answers_for_what_it_did(said, outcome, termination):
+    model = UnknownGridNavigation.drawn(["S.@T", "...."], view=(3, 3))
+    found = ct.solve(model, Liar(said, outcome=outcome))
+    assert found.termination == termination, found.message
+    assert (found.plan is None) is (termination == "rejected")
+    if said != "RR":
+        assert "actions of scene 0 are not those that the run took" in found.message
+
+
+def test_the_reference_alone_sees_the_map(model):
+    names = [
+        one.name for one in ct.backends() if one.accepts == model.kind and one.state != "broken"
+    ]
+    assert [name for name in names if find_backend(name).sees_hidden] == ["oracle"]
+    rows = ct.compare([model], ["oracle", "d-star-lite"], workers=2).solutions
+    assert [one.termination for one in rows] == ["optimal", "feasible"]
+    assert rows[0].dual_bound == rows[0].primal_bound <= rows[1].primal_bound
