@@ -56,6 +56,11 @@ in_process = click.option(
     help="Run solvers in this process, where one that crashes ends the command.",
 )
 plot = click.option("--plot", metavar="FILE", help="Write a picture of the plan (png, pdf, svg).")
+details = click.option(
+    "--details",
+    is_flag=True,
+    help="Show the plan row by row, such as the errors at each stop, where the model knows how.",
+)
 tolerance = click.option(
     "--tolerance",
     type=float,

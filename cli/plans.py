@@ -15,6 +15,7 @@ from .options import (
     VERIFIED,
     VIOLATED,
     as_json,
+    details,
     draw,
     in_process,
     only,
@@ -34,6 +35,7 @@ __all__ = ["check", "diagnose", "export"]
 @reading
 @click.option("--formulation", help="Check every row of this formulation as well.")
 @tolerance
+@details
 @as_json
 @plot
 def check(
@@ -42,6 +44,7 @@ def check(
     reading: dict[str, Any],
     formulation: str | None,
     tolerance: float | None,
+    details: bool,
     as_json: bool,
     plot: str | None,
 ) -> int:
@@ -49,7 +52,7 @@ def check(
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
     from ..solvers.dispatch import verify
-    from ..solvers.report.tables import verification_table
+    from ..solvers.report.tables import details_table, verification_table
     from ..solvers.report.terminal import emit, show
 
     picture = picture_path(plot)
@@ -58,14 +61,17 @@ def check(
     verification = verify(model, found, formulation=formulation, **only(tolerance=tolerance))
     if picture is not None:
         draw(model, found, picture, tolerance)
+    rows = model.details(found) if details else []
     if as_json:
-        emit({"model": model.kind, "instance": model.name, "verification": verification.to_dict()})
+        more = {"details": rows} if details else {}
+        checked = verification.to_dict()
+        emit({"model": model.kind, "instance": model.name, "verification": checked, **more})
     else:
         objective = (
             "" if verification.objective is None else f", objective {verification.objective:.10g}"
         )
         show(f"{model.name}: {'verified' if verification.ok else 'NOT verified'}{objective}")
-        show(verification_table(verification))
+        show(verification_table(verification), *([details_table(rows)] if rows else []))
     return VERIFIED if verification.ok else VIOLATED
 
 

@@ -17,6 +17,7 @@ from .options import (
     as_json,
     common,
     compare_code,
+    details,
     draw,
     in_process,
     numbers,
@@ -60,6 +61,7 @@ __all__ = ["compare", "front", "reproduce", "solve"]
 )
 @in_process
 @click.option("--verbose", is_flag=True, help="Show the solver's own log on standard error.")
+@details
 @plot
 @click.option(
     "--output",
@@ -68,7 +70,7 @@ __all__ = ["compare", "front", "reproduce", "solve"]
 )
 def solve(
     instance: str, reading: dict[str, Any], backend: str, options: Sequence[str], formulation_options: Sequence[str], as_json: bool,
-    plot: str | None, output: str | None, warm_start: str | None, starts: int, in_process: bool, verbose: bool, **asked: Any,
+    plot: str | None, output: str | None, warm_start: str | None, starts: int, in_process: bool, verbose: bool, details: bool, **asked: Any,
 ) -> int:  # fmt: skip
     """Solve INSTANCE and verify the answer."""
     from ..files import writable
@@ -76,6 +78,7 @@ def solve(
     from ..instances.storage import read_plan
     from ..solvers import dispatch
     from ..solvers.registry import find_backend, is_plain, recommended
+    from ..solvers.report.tables import details_table
     from ..solvers.report.terminal import emit, progress, say, show
 
     as_json = as_json or output == "-"
@@ -106,10 +109,11 @@ def solve(
             say("no plan, no picture")
         else:
             draw(model, solution, picture)
+    rows = [] if solution.plan is None or not details else model.details(solution.plan)
     if as_json:
-        emit(solution.to_dict())
+        emit(solution.to_dict() | ({"details": rows} if details else {}))
     else:
-        show(*solution.parts())
+        show(*solution.parts(), *([details_table(rows)] if rows else []))
         if solution.termination in ("infeasible", "locally_infeasible"):
             show(f"crosstrack diagnose {instance} says why")
     return _solve_code(solution)
@@ -206,10 +210,14 @@ def compare(
 )
 @click.option("--limits", metavar="A,B,…", help="Limits on SECOND (default: found on the way).")
 @click.option(
-    "--points", type=int, help="Runs at the most, where no limits are given (default: 10)."
+    "--points",
+    type=int,
+    help="Runs at the most, where no limits are given (default: 10; all where SECOND is whole).",
 )
 @click.option(
-    "--step", type=float, help="Share by which a limit is less than the last plan (default: 0.05)."
+    "--step",
+    type=float,
+    help="Share by which a limit is less than the last plan (default: 0.05; one where SECOND is whole).",
 )
 @click.option(
     "--sweep",

@@ -96,18 +96,19 @@ class Spec(ABC):
         return value
 
 
-def declared(spec: Spec, *, hidden: bool = False, **options: Any) -> Any:
+def declared(spec: Spec, *, hidden: bool = False, added: bool = False, **options: Any) -> Any:
     """Return a dataclass field that carries `spec`; `options` go to ``dataclasses.field``.
 
     A `hidden` field is read by the verification and by nobody else: backends receive the model
     without it, see :meth:`crosstrack.models.Model.blinded`. What is computed from it when the model
-    is made has to be hidden too.
+    is made has to be hidden too. A field that was `added` to a model that is in use counts in the digest
+    only where it differs from its default, so that stored digests hold.
     """
     if hidden and "default" in options:
         # A default would be the class's attribute, which is read where the field is not there.
         value = options.pop("default")
         options["default_factory"] = lambda: value
-    return dataclasses.field(metadata={"spec": spec, "hidden": hidden}, **options)
+    return dataclasses.field(metadata={"spec": spec, "hidden": hidden, "added": added}, **options)
 
 
 #: What counts as a number; a truth value, which Python takes for one, is refused beside it.
@@ -263,11 +264,13 @@ class Array(Spec):
         array = self._numbers(name, value)
         array = self._shaped(name, array, sizes)
         if self.dtype is float:
-            bad = ~np.isfinite(array)
-            if self.infinity:
-                bad &= array != self.infinity * math.inf
-            self._refuse(name, array, bad, "must be finite")
-            array += 0.0  # -0.0 becomes 0.0
+            with np.errstate(over="ignore", invalid="ignore"):
+                plain = math.isfinite(array.sum())  # one look at all, and often enough
+            if not plain:
+                bad = ~np.isfinite(array)
+                if self.infinity:
+                    bad &= array != self.infinity * math.inf
+                self._refuse(name, array, bad, "must be finite")
         if self.lower is not None:
             self._refuse(name, array, array < self.lower, f"must be >= {self.lower:g}")
         if self.upper is not None:
@@ -298,8 +301,9 @@ class Array(Spec):
             whole &= (numbers >= -(2.0**63)) & (numbers < 2.0**63)
             self._refuse(name, numbers, ~whole, "must be whole numbers of 64 bits")
             return numbers.astype(int)
+        found = np.empty(numbers.shape)
         with np.errstate(over="ignore"):  # only numbers longer than floats can overflow
-            found = np.array(numbers, dtype=float)
+            np.add(numbers, 0.0, out=found, casting="same_kind")  # -0.0 becomes 0.0
         if numbers.dtype.itemsize > found.itemsize:
             beyond = np.isinf(found) & np.isfinite(numbers)
             self._refuse(name, numbers, beyond, "must be within the range of floats")

@@ -85,6 +85,11 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
     def decode(self, point: NDArray[np.float64]) -> PlanT:
         """Return the plan that a column vector stands for; ``InvalidData`` where it has none."""
 
+    @property
+    def floor(self) -> float:
+        """A lower bound on the objective of every plan that no solver need find; -inf without one."""
+        return -np.inf
+
     def bounded(self, objective: float) -> Self:
         """Return a formulation that may leave out plans worse than a verified `objective`.
 

@@ -61,6 +61,9 @@ class Model(Declared, ABC, Generic[PlanT]):
     second_objectives : dict of str to str
         What :func:`crosstrack.front` trades the objective against: names, and the field that limits
         each.
+    second_steps : dict of str to float
+        The least difference between two values of a second objective, for those of which all values
+        are multiples of it, such as 1 for a number of stops.
     """
 
     # Written out, for type checkers see only through dataclasses.field that it is no position.
@@ -73,6 +76,7 @@ class Model(Declared, ABC, Generic[PlanT]):
     agreement: ClassVar[float | None] = None
     plan_type: ClassVar[type] = object
     second_objectives: ClassVar[dict[str, str]] = {}
+    second_steps: ClassVar[dict[str, float]] = {}
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -201,10 +205,15 @@ class Model(Declared, ABC, Generic[PlanT]):
     def digest(self) -> str:
         """SHA-256 of the content, in hexadecimal; the name is no part of it."""
         hasher = hashlib.sha256(self.kind.encode())
+        fields = dataclasses.fields(self)
+        added = {one.name: one.default for one in fields if one.metadata.get("added")}
         for name, spec in sorted(self._specs()):
-            if spec.content:
+            value = getattr(self, name)
+            default = added.get(name)
+            known = name in added and (value is None if default is None else value == default)
+            if spec.content and not known:
                 hasher.update(f"\0{name}\0".encode())
-                for chunk in spec.feed(getattr(self, name)):
+                for chunk in spec.feed(value):
                     hasher.update(chunk)
         return hasher.hexdigest()
 
@@ -257,6 +266,18 @@ class Model(Declared, ABC, Generic[PlanT]):
     @abstractmethod
     def plan_from_data(self, data: Any) -> PlanT:
         """Return the plan that :meth:`plan_to_data` wrote; bad data raises ``InvalidData``."""
+
+    def details(self, plan: PlanT) -> list[dict[str, Any]]:
+        """Return `plan` row by row, such as stop by stop: the same names in each row, JSON data.
+
+        Empty where the model has nothing to show beside the plan itself.
+        """
+        return []
+
+    @classmethod
+    def remark(cls, plan: PlanT) -> str:
+        """Return what solutions print of `plan` beside its objective: a few words, or nothing."""
+        return ""
 
     def second_objective(self, name: str, plan: PlanT) -> float:
         """Return the second objective called `name` of a plan, from the raw data."""

@@ -20,14 +20,11 @@ from .enums import Guarantee, Limit, Termination
 from .job import GAP, Job
 from .refinement import CLAIMS_NONE, CLAIMS_PLAN
 from .registry import find_backend
-from .solution import Incumbent, Solution, relative_gap
+from .solution import NOTHING, Incumbent, Solution, relative_gap, without_rounding
 
 __all__ = ["Claim", "assemble", "claim_from_data", "claim_to_data"]
 
 log = logging.getLogger("crosstrack")
-
-#: Difference between objective and bound, in the objective's unit, that rounding explains.
-NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -99,6 +96,10 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
     elif plan is None and termination in CLAIMS_PLAN:
         messages.append(f"claims {termination} without a point")
         termination = Termination.FAILED
+    limit, started = claim.limit, plan is None and _keeps_start(job, claim, witness)
+    if started:
+        plan = job.warm_start
+        messages.append("the plan is the warm start")
     plan = _kept(plan)
     if plan is not None:
         begin = time.perf_counter()
@@ -146,6 +147,15 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
     elif termination is Termination.OPTIMAL:
         messages.append("claims optimal, which nothing proves")
         termination = Termination.FEASIBLE
+    if primal is not None and dual is not None:
+        assert verification is not None
+        dual = without_rounding(dual, verification, job.verification_tolerance)
+        gap, asked = relative_gap(primal, dual), GAP if job.gap is None else job.gap
+        late = claim.limit is Limit.TIME and backend.guarantee is Guarantee.EXACT
+        over = (started or late) and claim.termination is not Termination.FAILED
+        if over and termination is Termination.FEASIBLE and gap is not None and gap <= asked:
+            # What is known besides, a floor or a search below the cutoff, leaves nothing better.
+            termination, limit = Termination.OPTIMAL, None
     return Solution(
         model=model.kind,
         instance=model.name,
@@ -155,7 +165,7 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         problem=backend.problem,
         guarantee=backend.guarantee,
         termination=termination,
-        limit=claim.limit,
+        limit=limit,
         primal_bound=primal,
         dual_bound=dual,
         plan=plan,
@@ -172,6 +182,18 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         message="; ".join(text for text in messages if text),
         rejected_plan=rejected,
         duals=None if plan is None else _kept(claim.duals),
+    )
+
+
+def _keeps_start(job: Job, claim: Claim, witness: Any) -> bool:
+    """Return whether the warm start, verified before the run, is the plan of a run that left none."""
+    backend = find_backend(job.backend, job.model)
+    return (
+        job.warm_start is not None
+        and witness is None  # which has not seen the start
+        and not claim.undecodable
+        and claim.termination in (Termination.NO_SOLUTION, Termination.FAILED)
+        and backend.guarantee is not Guarantee.RELAXATION
     )
 
 

@@ -22,7 +22,7 @@ from ..errors import BackendMissing, UnsupportedOption, suggestion
 from ..models.model import Model
 from ..models.records import Table
 from ..version import __version__
-from .control import Control
+from .control import GRACE, Control
 from .enums import PROVING, Feature, Guarantee, Limit, Termination
 from .option import Option
 
@@ -281,12 +281,30 @@ class Backend(ABC):
         """
         return ""
 
+    #: Whether no other exact backend can do what this one cannot, so that ``"auto"`` does not go on.
+    conclusive: ClassVar[bool] = False
+
+    def is_brief(self, problem: Any) -> bool:
+        """Return whether a run on `problem` ends within about a tenth of a second, whatever it holds.
+
+        It is run in the caller's thread then, without a deadline: another thread and a timer take
+        longer to start than such a run.
+        """
+        return False
+
     def interrupts(self, kind: type[Model[Any]]) -> bool:
         """Return whether a run on a problem of this `kind` can be stopped from within its process.
 
         Where it cannot, the run moves to a process of its own, which can.
         """
         return Feature.INTERRUPT in self.features
+
+    def patience(self, kind: type[Model[Any]]) -> float:
+        """Return the seconds that a run on a problem of this `kind` may take to stop.
+
+        Then it is given up, and what it has reported by then is its answer.
+        """
+        return GRACE
 
     def comparison_options(self, kind: type[Model[Any]]) -> Mapping[str, Any]:
         """Return what :func:`crosstrack.compare` sets of its own options where the user gives none.

@@ -17,7 +17,10 @@ from ..errors import HiddenData
 from .enums import Limit
 from .stopping import Criterion, Progress
 
-__all__ = ["Control"]
+__all__ = ["GRACE", "Control"]
+
+#: Seconds that a run may take beyond its time limit before it is given up.
+GRACE = 10.0
 
 
 class Control:
@@ -38,6 +41,8 @@ class Control:
         does not stop.
     oracle : callable, optional
         What the model's hidden data answers, see :meth:`ask`.
+    proven : callable, optional
+        ``(bound)``: told of every better lower bound, in the thread that reports it.
 
     Attributes
     ----------
@@ -53,6 +58,7 @@ class Control:
         forward: Callable[[float, Any], None] | None = None,
         patience: float | None = None,
         oracle: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
+        proven: Callable[[float], None] | None = None,
     ) -> None:
         self.flag: NDArray[np.int8] = np.zeros(1, np.int8)
         self.reason: Limit | None = None
@@ -66,6 +72,7 @@ class Control:
         self.bound: float | None = None
         self.abandoned = False
         self._forward = forward
+        self._proven = proven
         self._whole: Control | None = None
         self._best, self._improved = math.inf, self.started
         self._timer: threading.Timer | None = None
@@ -83,6 +90,16 @@ class Control:
         """How far the run is."""
         now = time.perf_counter()
         return Progress(now - self.started, self.evaluations, self._best, now - self._improved)
+
+    def prove(self, bound: float | None) -> None:
+        """Report a lower bound; of all reported, :attr:`bound` keeps the best."""
+        if bound is None or not math.isfinite(bound):
+            return
+        if self.bound is not None and bound <= self.bound:
+            return
+        self.bound = bound
+        if self._proven is not None:
+            self._proven(bound)
 
     def stop(self, reason: Limit) -> None:
         """Ask the run and its stages to stop; the first reason given is kept."""
@@ -196,10 +213,16 @@ class Control:
 
     @contextmanager
     def stage(
-        self, seconds: float | None, forward: Callable[[float, Any], None] | None = None
+        self,
+        seconds: float | None,
+        forward: Callable[[float, Any], None] | None = None,
+        proven: Callable[[float], None] | None = None,
     ) -> Iterator[Control]:
-        """Yield the control of a part of the run, which stops with it or after `seconds`."""
-        part = Control(forward=forward, patience=self.patience)
+        """Yield the control of a part of the run, which stops with it or after `seconds`.
+
+        `forward` is told of its incumbents, `proven` of its better bounds.
+        """
+        part = Control(forward=forward, patience=self.patience, proven=proven)
         part._whole = self
         self._stages.append(part)
         self.stages += 1

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any, TypeVar
 
 from ..errors import UnsupportedOption
@@ -15,6 +14,7 @@ from ..models.records import given
 from ..models.verification import TOLERANCE, Verification, check_tolerance
 from .backend import Backend
 from .execution import execute, multistart
+from .fallback import go_on
 from .isolation import in_worker
 from .job import Job
 from .output import shown
@@ -61,6 +61,8 @@ def solve(
     backend : str or Backend
         A name from :func:`crosstrack.backends`, or ``"auto"``: the first exact one installed,
         native algorithms before programs; where there is none, one that also proves a bound.
+        Where that one fails, the next exact ones go on for the rest of the time; the statistics
+        say which were tried.
     formulation : str, optional
         Name of the formulation, for a backend that takes programs; the model's default one.
     formulation_options, backend_options : mapping, optional
@@ -130,7 +132,9 @@ def solve(
     ).resolved()
     with shown(verbose):
         solution = run_job(job, isolate, on_incumbent)
-    return replace(solution, seconds={**solution.seconds, "total": time.perf_counter() - begin})
+        if isinstance(backend, str) and backend == "auto":
+            solution = go_on(job, solution, lambda one: run_job(one, isolate, on_incumbent))
+    return solution.lasting(time.perf_counter() - begin)
 
 
 def run_job(
@@ -157,10 +161,7 @@ def needs_worker(job: Job) -> bool:
     """Whether `job` must leave this process: it cannot be interrupted, or would meet a rival library."""
     backend = job.backend
     assert isinstance(backend, Backend)
-    target = job.target()
-    formulation = target.formulation
-    kind = type(target.model) if formulation is None else formulation.program_type
-    if backend.requires and not backend.interrupts(kind):
+    if backend.requires and not backend.interrupts(job.target().kind):
         return True
     return any(module in sys.modules for module in rivals(backend))
 

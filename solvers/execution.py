@@ -64,7 +64,7 @@ def execute(
         job, found = _as_asked(job, asked, found)
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # what was found is verified
         solution = assemble(job, found)
-    return replace(solution, seconds={**solution.seconds, "total": time.perf_counter() - begin})
+    return solution.lasting(time.perf_counter() - begin)
 
 
 def claim(
@@ -104,14 +104,15 @@ def claim(
             answer, problem = refine(run, problem, request)
         # What a kernel too long to be interpreted took to compile is no part of the solving.
         meanwhile = run.seconds["compile"] - prepared
-        if "solve" in answer.seconds:
-            solve = max(answer.seconds["solve"] - meanwhile, 0.0)
-            answer = replace(answer, seconds={**answer.seconds, "solve": solve})
-        run.seconds["run"] = max(run.seconds.get("run", 0.0) - meanwhile, 0.0)
+        if meanwhile:
+            if "solve" in answer.seconds:
+                solve = max(answer.seconds["solve"] - meanwhile, 0.0)
+                answer = replace(answer, seconds={**answer.seconds, "solve": solve})
+            run.seconds["run"] = max(run.seconds.get("run", 0.0) - meanwhile, 0.0)
         if control.reason is Limit.INTERRUPTED and answer.limit is None:
             # Asked for when all was done but this.
             answer = replace(answer, limit=Limit.INTERRUPTED)
-        return _claim(run, answer, problem)
+        return _claim(run, answer, problem, control.bound)
 
 
 def _as_asked(job: Job, digest: str, found: Claim) -> tuple[Job, Claim]:
@@ -160,6 +161,8 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
         seen = run.target.model
         if run.target.backend.hides(seen):
             seen = seen.blinded()
+        if formulation is not None:
+            control.prove(formulation.floor)
         problem: Any = seen if formulation is None else formulation.program
     features = run.target.backend.features
     return problem, Request(
@@ -207,8 +210,8 @@ def warm_objective(job: Job) -> float | None:
     return None if checked.within_tolerance else checked.objective
 
 
-def _claim(run: Run, answer: Answer, problem: Any) -> Claim:
-    """Return what the backend claims, with its point decoded."""
+def _claim(run: Run, answer: Answer, problem: Any, reported: float | None) -> Claim:
+    """Return what the backend claims, with its point decoded; `reported` is its bound on the way."""
     target = run.target
     formulation = target.formulation
     point = run.last_point if answer.point is None else answer.point
@@ -227,17 +230,19 @@ def _claim(run: Run, answer: Answer, problem: Any) -> Claim:
             undecodable = True
     if plan is not None and formulation is not None:
         counts.update(formulation.statistics(plan))
-    known = proves(run)
-    bound = proven_bound(problem, answer) if known else None
-    spent, reported = dict(run.seconds), dict(answer.seconds)
+    known, bound = proves(target), None
+    if known and answer.termination not in CLAIMS_NONE:
+        bounds = (proven_bound(problem, answer), reported)
+        bound = max((one for one in bounds if one is not None), default=None)
+    spent, laps = dict(run.seconds), dict(answer.seconds)
     seconds = {
-        "build": spent.get("build", 0.0) + reported.pop("build", 0.0),
-        "compile": spent.get("compile", 0.0) + reported.pop("compile", 0.0),
-        "solve": reported.pop("solve", spent.get("run", 0.0)),
+        "build": spent.get("build", 0.0) + laps.pop("build", 0.0),
+        "compile": spent.get("compile", 0.0) + laps.pop("compile", 0.0),
+        "solve": laps.pop("solve", spent.get("run", 0.0)),
         "decode": spent.get("decode", 0.0),
         "verify": 0.0,
         **({"refine": spent["refine"]} if "refine" in spent else {}),
-        **reported,
+        **laps,
     }
     return Claim(
         termination=answer.termination,

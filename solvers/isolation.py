@@ -32,6 +32,7 @@ from .interrupts import on_interrupt
 from .job import Job
 from .oracles import raised, serve
 from .output import Lines
+from .refinement import proves
 from .registry import rivals
 from .running import PATIENCE
 from .solution import Incumbent, Solution
@@ -277,8 +278,7 @@ class Worker:
         self._oracle = job.model.oracle() if hides else None
         number = self._send("solve", sent)
         deadline = begin + job.time_limit + grace if job.time_limit is not None else float("inf")
-        incumbents: list[Incumbent[Any]] = []
-        best: Any = None
+        left = Claim(Termination.NO_SOLUTION)
         paused = 0.0
         asked = False
         while True:
@@ -291,14 +291,15 @@ class Worker:
                 self.close()
                 limit = Limit.INTERRUPTED if asked else Limit.TIME
                 why = "killed: did not stop when interrupted" if asked else (
-                    f"killed {grace:g} s after its time limit of {job.time_limit:g} s"
+                    f"killed {time.monotonic() - begin - job.time_limit:.2g} s after its time limit "
+                    f"of {job.time_limit:g} s"
                     if job.time_limit is not None else "killed"
                 )  # fmt: skip
-                return _salvage(job, Termination.NO_SOLUTION, limit, why, incumbents, best, begin)
+                return _salvage(job, replace(left, limit=limit), why, begin)
             kind = event["event"]
             if kind == "died":
                 why = self._buried()
-                return _salvage(job, Termination.FAILED, None, why, incumbents, best, begin)
+                return _salvage(job, replace(left, termination=Termination.FAILED), why, begin)
             if event.get("number") != number:
                 continue
             if kind == "preparing" and not asked:
@@ -308,10 +309,20 @@ class Worker:
             elif kind == "incumbent":
                 data = event["plan"]
                 plan = None if data is None else job.model.plan_from_data(data)
-                best = plan if plan is not None else best
-                incumbents.append(Incumbent(event["seconds"], event["objective"], plan))
+                found = Incumbent(event["seconds"], event["objective"], plan)
+                left = replace(
+                    left,
+                    plan=left.plan if plan is None else plan,
+                    incumbents=(*left.incumbents, found),
+                )
                 if listener is not None:
-                    listener(incumbents[-1])
+                    listener(found)
+            elif kind == "started" and job.time_limit is not None and not asked:
+                # It gives up by itself, unless native code lets no other thread run.
+                waits = min(grace, backend.patience(job.target().kind) + PATIENCE)
+                deadline = min(deadline, time.monotonic() + job.time_limit + waits)
+            elif kind == "bound":
+                left = replace(left, dual_bound=event["bound"])
             elif kind in ("claim", "solution"):
                 with self._closing:
                     if self._printed is not None:
@@ -331,7 +342,7 @@ class Worker:
                 if known is not None:
                     raise known
                 why = f"{event['type']}: {event['message']}"
-                return _salvage(job, Termination.FAILED, None, why, incumbents, best, begin)
+                return _salvage(job, replace(left, termination=Termination.FAILED), why, begin)
 
 
 def _pump(stream: IO[bytes], lines: queue.SimpleQueue[dict[str, Any] | None]) -> None:
@@ -345,26 +356,19 @@ def _pump(stream: IO[bytes], lines: queue.SimpleQueue[dict[str, Any] | None]) ->
     lines.put(None)
 
 
-def _salvage(
-    job: Job,
-    termination: Termination,
-    limit: Limit | None,
-    message: str,
-    incumbents: list[Incumbent[Any]],
-    best: Any,
-    begin: float,
-) -> Solution[Any]:
-    """Return what is left of a run whose worker is gone: its last incumbent, verified here."""
-    left = Claim(
-        termination,
-        limit,
-        best,
-        formulation=job.formulation,
-        seconds={"total": time.monotonic() - begin},
-        incumbents=tuple(incumbents),
-        messages=(message,),
+def _salvage(job: Job, left: Claim, message: str, begin: float) -> Solution[Any]:
+    """Return what is `left` of a run whose worker is gone: its last incumbent, verified here."""
+    target = job.target()
+    return assemble(
+        job,
+        replace(
+            left,
+            proves=proves(target),
+            formulation=None if target.formulation is None else target.formulation.name,
+            seconds={"total": time.monotonic() - begin},
+            messages=(message,),
+        ),
     )
-    return assemble(job, left)
 
 
 _idle: list[Worker] = []

@@ -33,6 +33,11 @@ class Target:
     model: Model[Any]
     formulation: Formulation[Any, Any] | None
 
+    @property
+    def kind(self) -> type[Model[Any]]:
+        """The type of the problem that the backend is given."""
+        return type(self.model) if self.formulation is None else self.formulation.program_type
+
 
 @dataclass(frozen=True)
 class Job:
@@ -80,6 +85,8 @@ class Job:
 
     def resolved(self) -> Job:
         """Return the job with its backend looked up and ``"auto"`` decided."""
+        if isinstance(self.backend, Backend):
+            return self
         if isinstance(self.backend, str) and self.backend == "auto":
             if self.formulation is not None:
                 self._known_formulation(self.formulation)

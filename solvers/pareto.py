@@ -26,7 +26,8 @@ from .solution import Solution
 
 __all__ = ["front", "sweep"]
 
-#: Points of a front where no limits are given, and the most that are allowed.
+#: Points of a front where no limits are given and the second objective is not whole, and the most
+#: that are allowed.
 POINTS, MOST = 10, 10_000
 #: By how much a limit is less than what the last plan has, relative to the first plan's: at first, and
 #: at the least. Halved where no plan is found.
@@ -41,8 +42,8 @@ def front(
     *,
     backend: str | Backend = "auto",
     limits: Iterable[float] | None = None,
-    points: int = POINTS,
-    step: float = STEP,
+    points: int | None = None,
+    step: float | None = None,
     formulation: str | None = None,
     formulation_options: Mapping[str, Any] | None = None,
     time_limit: float | None = 60.0,
@@ -74,11 +75,13 @@ def front(
         Limits on the second objective. Without them the model is solved without any first, and each
         limit is then a `step` less than what the last plan has, and half of that whenever no plan is
         found.
-    points : int
-        Runs at the most, where no limits are given.
-    step : float
+    points : int, optional
+        Runs at the most, where no limits are given. By default 10, and all that are needed where the
+        model declares that the second objective is whole.
+    step : float, optional
         Relative to what the first plan has of the second objective. What lies within a step may be
         missed; a step of 1e-6 finds all there is, where the backend is exact and `points` are enough.
+        By default 0.05; a second objective that is whole descends one by one.
     time_limit : float, optional
         Seconds for each run.
     record : path-like, optional
@@ -116,9 +119,12 @@ def front(
     """
     model = as_model(model)
     field_name = _declared(model, second)
-    chosen = None if limits is None else _limits(limits)
-    most = Whole(1, MOST).coerce("points", points, {})
-    width = Real(lower=0, strict=True, upper=1).coerce("step", step, {})
+    least = model.second_steps.get(second, 0.0)
+    chosen = None if limits is None else _limits(limits, least)
+    count = Optional(Whole(1, MOST)).coerce("points", points, {})
+    most = (MOST if least else POINTS) if count is None else count
+    share = Optional(Real(lower=0, strict=True, upper=1)).coerce("step", step, {})
+    width = (0.0 if least else STEP) if share is None else share
     ask = partial(
         Job,
         backend=backend, formulation=formulation,
@@ -152,7 +158,7 @@ def front(
                 tried.append((limit, solve(limit)))
         else:
             tried.append((None, solve(None)))
-            _descend(tried, solve, value, most, width, runs)
+            _descend(tried, solve, value, most, width, least, runs)
     found = [
         FrontPoint(float(s.primal_bound), value(s), limit, s, _proves(s, gap))
         for limit, s in tried
@@ -167,33 +173,38 @@ def _descend(
     value: Callable[[Solution[Any]], float],
     most: int,
     width: float,
+    least: float,
     runs: _Runs,
 ) -> None:
-    """Add runs under ever smaller limits to `tried`, which holds the one without."""
+    """Add runs under ever smaller limits to `tried`, which holds the one without.
+
+    What is a multiple of `least`, unless that is 0, has limits that are, and none below 0.
+    """
     first = tried[0][1]
     if first.plan is None:
         return
     now = whole = value(first)
-    step, closed = width, -math.inf
+    step, closed = width, -least or -math.inf
     finest = min(FINEST, width)
     while len(tried) < most and not runs.interrupted and 0 < whole < math.inf:
-        limit = now - step * whole
-        if limit <= closed or limit < 0:
-            # Below the least limit under which there was no plan there is none.
-            step *= 0.5
-            if step < finest:
-                return
-            continue
-        solution = solve(limit)
-        tried.append((limit, solution))
-        if solution.plan is None:
+        limit = _rounded(now - max(step * whole, least), least)
+        if closed < limit and limit >= 0:
+            solution = solve(limit)
+            tried.append((limit, solution))
+            if solution.plan is not None:
+                # A plan that uses its tolerance up may have more than the limit.
+                now = min(limit, value(solution))
+                continue
             closed = limit
-            step *= 0.5
-            if step < finest:
-                return
-        else:
-            # A plan that uses its tolerance up may have more than the limit.
-            now = min(limit, value(solution))
+        # Below the least limit under which there was no plan there is none.
+        step *= 0.5
+        if step < finest or now - least <= closed:
+            return
+
+
+def _rounded(limit: float, least: float) -> float:
+    """Return the largest multiple of `least` up to `limit`, rounding aside; `limit` where it is 0."""
+    return least * math.floor(limit / least * (1 + EQUAL)) if least else limit
 
 
 def sweep(
@@ -354,13 +365,11 @@ def _listed(name: str, values: Any) -> list[Any]:
     return found
 
 
-def _limits(values: Any) -> list[float]:
-    """Return the limits from large to small, each once."""
+def _limits(values: Any, least: float) -> list[float]:
+    """Return the limits from large to small, each once, as multiples of `least`."""
     listed = _listed("limits", values)
-    return sorted(
-        {Real(lower=0).coerce(f"limits[{k}]", one, {}) for k, one in enumerate(listed)},
-        reverse=True,
-    )
+    limits = {Real(lower=0).coerce(f"limits[{k}]", one, {}) for k, one in enumerate(listed)}
+    return sorted({_rounded(limit, least) for limit in limits}, reverse=True)
 
 
 def _proves(solution: Solution[Any], gap: float | None) -> bool:

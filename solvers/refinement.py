@@ -17,6 +17,7 @@ import numpy as np
 
 from .backend import Answer, Request
 from .enums import PROVING, Feature, Limit, Termination
+from .job import Target
 from .running import Run
 
 __all__ = ["CLAIMS_NONE", "CLAIMS_PLAN", "proven_bound", "proves", "refine"]
@@ -25,11 +26,10 @@ CLAIMS_PLAN = (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL, Termination.FEA
 CLAIMS_NONE = (Termination.INFEASIBLE, Termination.UNBOUNDED)
 
 
-def proves(run: Run) -> bool:
+def proves(target: Target) -> bool:
     """Return whether bounds and infeasibility of the program hold for the model, if they are right."""
-    formulation = run.target.formulation
-    relaxes = formulation is None or formulation.relaxes
-    return run.target.backend.guarantee in PROVING and relaxes
+    relaxes = target.formulation is None or target.formulation.relaxes
+    return target.backend.guarantee in PROVING and relaxes
 
 
 def proven_bound(problem: Any, answer: Answer) -> float | None:
@@ -65,7 +65,9 @@ class _Totals:
 
     def on(self, answer: Answer) -> Answer:
         """Return `answer` with the seconds and counts of all rounds."""
-        counts = {**self.counts, **({"refinements": self.rounds} if self.rounds else {})}
+        if not self.rounds:
+            return answer
+        counts = {**self.counts, "refinements": self.rounds}
         return replace(answer, seconds=self.seconds, statistics=counts)
 
 
@@ -130,7 +132,7 @@ def _tighten(
         finer = _refined(run, answer)
         if finer is None:
             return answer, problem
-        if proves(run):
+        if proves(run.target):
             found = proven_bound(problem, answer)
             bound = max(bound, -np.inf if found is None else found)
         solved = answer.termination is Termination.OPTIMAL

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -23,6 +23,7 @@ __all__ = [
     "backend_names",
     "backend_states",
     "default_formulation",
+    "exact",
     "find_backend",
     "fitting",
     "is_ours",
@@ -125,11 +126,13 @@ def _installed() -> tuple[_Declared, ...]:
     return (*native, *ours, *(one for name, one in theirs.items() if name not in taken))
 
 
-def _declared(name: str | None = None) -> list[_Declared]:
+def _declared(name: str | None = None) -> Sequence[_Declared]:
     """Return all backends, or those called `name`; what the session registered replaces others."""
-    session = [_Declared(one.name, one.problem, one) for one in _session.values()]
-    known = [one for one in _installed() if one.name not in _session]
-    return [one for one in (*known, *session) if name is None or one.name == name]
+    known = _installed()
+    if _session:
+        session = (_Declared(one.name, one.problem, one) for one in _session.values())
+        known = (*(one for one in known if one.name not in _session), *session)
+    return known if name is None else [one for one in known if one.name == name]
 
 
 def backend_names() -> tuple[str, ...]:
@@ -317,21 +320,29 @@ def default_formulation(model: Model[Any], backend: Backend) -> str:
 
 
 def _problems(model: Model[Any]) -> set[str]:
-    """Return the problems whose native algorithms may know `model` or what it lowers to."""
-    kinds: set[str] = set()
-    step: Model[Any] | None = model
+    """Return the problems whose native algorithms may know `model` itself."""
+    return {problem_of(getattr(base, "kind", "")) for base in type(model).__mro__} - {""}
+
+
+def _candidates(model: Model[Any]) -> Iterator[_Declared]:
+    """Yield the backends that may know `model` or what it lowers to, those of its own problem first.
+
+    It is lowered when these are not enough: a general model may take longer to make than to solve.
+    """
+    own = _problems(model)
+    yield from (one for one in _declared() if one.problem in own)
+    general, step = set(own), model.lower()
     while step is not None:
-        kinds.update(getattr(base, "kind", "") for base in type(step).__mro__)
+        general |= _problems(step)
         step = step.lower()
-    return {problem_of(kind) for kind in kinds}
+    # Others' are not even loaded: they may bring libraries that this model does without.
+    others = set(PROBLEMS) - general | own
+    yield from (one for one in _declared() if one.problem not in others)
 
 
 def _loadable(model: Model[Any]) -> Iterator[Backend]:
     """Yield the backends that are installed, can be loaded and may know `model`."""
-    others = set(PROBLEMS) - _problems(model)
-    for declared in _declared():
-        if declared.problem in others:
-            continue  # not even loaded: it may bring libraries that this model does without
+    for declared in _candidates(model):
         try:
             backend = declared.load()
         except BackendBroken:
@@ -362,15 +373,29 @@ def fitting(model: Model[Any]) -> tuple[str, ...]:
     return tuple(names)
 
 
+def _takers(model: Model[Any], formulation: str | None) -> Iterator[tuple[Backend, Model[Any]]]:
+    """Yield the backends that ``"auto"`` may mean, in order, each with the model that it takes."""
+    for backend in _loadable(model):
+        step = accepted(model, backend, formulation)
+        if step is None or backend.sees_hidden:
+            continue
+        if formulation is None and isinstance(step, backend.accepts) and backend.refuses(step):
+            continue
+        yield backend, step
+
+
+def exact(model: Model[Any], formulation: str | None = None) -> Iterator[Backend]:
+    """Yield the exact backends that are installed and take `model`, the recommended one first."""
+    for backend, _ in _takers(model, formulation):
+        if backend.guarantee is Guarantee.EXACT:
+            yield backend
+
+
 def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
     """Return the backend that ``"auto"`` means for `model`: the first exact one that is installed.
 
     Where there is none, one that finds plans and proves bounds; else the one with the best guarantee.
-
-    Raises
-    ------
-    UnsupportedFormulation
-        No installed backend accepts the model.
+    Raises :class:`UnsupportedFormulation` where no installed backend accepts the model.
     """
     best: Backend | None = None
     order = [Guarantee.LOCAL, Guarantee.HEURISTIC, Guarantee.RELAXATION]
@@ -379,14 +404,7 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
         finds = Feature.INCUMBENTS in one.features
         return -1 if finds and one.guarantee in PROVING else order.index(one.guarantee)
 
-    for backend in _loadable(model):
-        step = accepted(model, backend, formulation)
-        if step is None:
-            continue
-        if backend.sees_hidden:
-            continue
-        if formulation is None and isinstance(step, backend.accepts) and backend.refuses(step):
-            continue
+    for backend, step in _takers(model, formulation):
         program = formulation is None and not isinstance(step, backend.accepts)
         if program and best is not None and step.prefers_native:
             continue

@@ -13,6 +13,7 @@ from typing import Any
 
 from ..errors import CrosstrackError, InvalidData
 from .backend import Answer, Control, Request
+from .control import GRACE
 from .enums import Limit, Termination
 from .job import Job, Target
 from .output import captured, log as output
@@ -23,12 +24,10 @@ __all__ = ["GRACE", "PATIENCE", "Listener", "Run"]
 
 log = logging.getLogger("crosstrack")
 
-#: Seconds that a run may take beyond its time limit before it is given up.
-GRACE = 10.0
 #: Seconds that a run in a worker may take to stop once it has a plan, or Ctrl-C was pressed.
 PATIENCE = 2.0
 #: Seconds between two looks at the criteria that stop a run.
-POLL = 0.25
+POLL = 0.1
 
 Listener = Callable[[Incumbent[Any]], None]
 
@@ -88,12 +87,17 @@ class Run:
 
     def _patience(self, control: Control) -> float:
         """Return the seconds that a run may take to stop."""
+        most = self.target.backend.patience(self.target.kind)
         waits = control.reason is not Limit.INTERRUPTED and self.last_point is None
-        return GRACE if control.patience is None or waits else control.patience
+        return most if control.patience is None or waits else min(control.patience, most)
 
     def attend(self, problem: Any, request: Request) -> Answer:
-        """Run the backend in a thread, so that this one can hear incumbents, the clock and Ctrl-C."""
+        """Run the backend in a thread, so that this one can hear incumbents, the clock and Ctrl-C.
+
+        One that is brief runs in this thread, and is heard when it has ended.
+        """
         control, backend = request.control, self.target.backend
+        brief = backend.is_brief(problem)
         box: list[Answer | BaseException] = []
 
         def work() -> None:
@@ -111,9 +115,12 @@ class Run:
             self.clock("run"),
             captured(request.verbose, quiet=is_plain(backend)) as printed,
         ):
-            control.arm(request.time_limit)
+            control.arm(None if brief else request.time_limit)
             thread = threading.Thread(target=work, name=f"crosstrack-{backend.name}", daemon=True)
-            thread.start()
+            if brief:
+                work()
+            else:
+                thread.start()
             given_up = False
             stop_seen: float | None = None
             try:
@@ -125,7 +132,8 @@ class Run:
                         control.check()
                         if control.stopped:
                             stop_seen = stop_seen or time.perf_counter()
-                            given_up = time.perf_counter() - stop_seen > self._patience(control)
+                            late = time.perf_counter() - stop_seen
+                            given_up = late > self._patience(control)
                         if given_up:
                             break
                         continue
@@ -147,7 +155,8 @@ class Run:
                 dual_bound=control.bound,
                 message="did not stop when asked; given up",
             )
-        thread.join()
+        if not brief:
+            thread.join()
         outcome = box[0]
         if isinstance(outcome, Answer):
             return outcome

@@ -106,7 +106,10 @@ class Scaling:
         def report(objective: float, point: Any) -> None:
             request.control.incumbent(*self.lifted(objective, point))
 
-        with request.control.stage(request.time_limit, report) as control:
+        def proven(bound: float) -> None:
+            request.control.prove(bound * self.unit)
+
+        with request.control.stage(request.time_limit, report, proven) as control:
             return self.answer(run(self.program, self.request(request, control)))
 
     def lifted(self, objective: float, point: Any) -> tuple[float, Any]:

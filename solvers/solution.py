@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import os
@@ -18,6 +19,7 @@ from ..errors import InvalidData
 from ..files import read_text, write_text
 from ..models.fields import Array, Optional, Real, Spec, Text, Whole
 from ..models.model import Model, as_model, parse_json
+from ..models.problems import model_type
 from ..models.records import Anything, Member, Sequence, Table, recorded
 from ..models.verification import ROUNDING, TOLERANCE, Verification
 from .enums import Guarantee, Limit, Termination
@@ -26,9 +28,12 @@ from .report.tables import frame, markup, render, solutions_table, verification_
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = ["Incumbent", "Solution", "relative_gap"]
+__all__ = ["NOTHING", "Incumbent", "Solution", "relative_gap", "without_rounding"]
 
 PlanT = TypeVar("PlanT")
+
+#: Difference between objective and bound, in the objective's unit, that rounding explains.
+NOTHING = 1e-9
 
 
 def relative_gap(primal: float | None, dual: float | None) -> float | None:
@@ -44,6 +49,21 @@ def relative_gap(primal: float | None, dual: float | None) -> float | None:
         return None
     gap = max(0.0, primal - dual) / max(abs(primal), abs(dual), 1e-10)
     return gap if gap > 1e-12 else 0.0
+
+
+def without_rounding(dual: float, verification: Verification, tolerance: float) -> float:
+    """Return `dual`, or the verified objective where the bound stands above it by rounding alone.
+
+    Rounding is a solver's too, which keeps rows and multipliers to `tolerance`: a share of the
+    objective as large, and never more than 1e-6. What is more stays: the two contradict one another,
+    which must be seen.
+    """
+    primal = verification.objective
+    if primal is None:
+        return dual
+    share = min(tolerance, TOLERANCE)
+    explained = max(share * abs(primal), ROUNDING * verification.scale, NOTHING)
+    return primal if primal < dual <= primal + explained else dual
 
 
 _WORD, _NUMBER, _TABLE = Text(), Optional(Real()), Table()
@@ -191,6 +211,12 @@ class Solution(Generic[PlanT]):
         """Whether there is a plan (which is always a verified one)."""
         return self.plan is not None
 
+    def lasting(self, seconds: float) -> Solution[PlanT]:
+        """Return the solution of a call that took so many seconds in all."""
+        found = copy.copy(self)
+        object.__setattr__(found, "seconds", {**self.seconds, "total": seconds})
+        return found
+
     def to_dict(self) -> dict[str, Any]:
         """Return the solution as JSON data, keyed by the fields' names."""
         return {
@@ -314,7 +340,7 @@ class Solution(Generic[PlanT]):
         """Return what to print: a table of the answer, the plan, its checks, and the message."""
         return [
             solutions_table([self], self.instance),
-            *([f"plan: {self.plan}"] if self.plan is not None else []),
+            *([f"plan: {self.plan}{self._remark(' ({})')}"] if self.plan is not None else []),
             *([verification_table(self.verification)] if self.verification is not None else []),
             *([f"message: {self.message}"] if self.message else []),
         ]
@@ -330,6 +356,11 @@ class Solution(Generic[PlanT]):
     def _repr_html_(self) -> str:
         return markup(*self.parts())
 
+    def _remark(self, form: str) -> str:
+        """Return what the model's type says of the plan in short, put into `form`."""
+        remark = "" if self.plan is None else model_type(self.model).remark(self.plan)
+        return form.format(remark) if remark else ""
+
     def __str__(self) -> str:
         head = f"{self.instance or self.model}: {self.backend}"
         head += f" on {self.formulation}" if self.formulation else ""
@@ -339,7 +370,7 @@ class Solution(Generic[PlanT]):
                 f" ({self.limit} limit)" if self.limit != Limit.INTERRUPTED else " (interrupted)"
             )
         if self.primal_bound is not None:
-            parts.append(f"objective {self.primal_bound:.10g}")
+            parts.append(f"objective {self.primal_bound:.10g}{self._remark(' ({})')}")
         if self.dual_bound is not None:
             parts.append(f"bound {self.dual_bound:.10g}")
         if self.gap is not None:

@@ -2,8 +2,8 @@
 
 Each message in is eight bytes of length and a pickle of ``(path, number, (verb, payload))``, the
 inner pair pickled by itself; without a pair it asks job `number` to stop. Each line out is an object
-with ``event``: ``ready``, ``preparing``, ``prepared``, ``incumbent``, ``log``, ``solution``,
-``claim``, ``result`` or ``error``. Whatever native code prints goes to standard error, so that it
+with ``event``: ``ready``, ``started``, ``preparing``, ``prepared``, ``incumbent``, ``bound``, ``log``,
+``solution``, ``claim``, ``result`` or ``error``. Whatever native code prints goes to standard error, so that it
 cannot garble the lines. What a run asks of data that is hidden from it goes through a socket, whose
 number is the argument (:mod:`crosstrack.solvers.oracles`). The worker ends when its input does, even in the middle of a run.
 
@@ -219,8 +219,13 @@ def _solve(number: int, job: Any, send: Any, stops: _Stops, channel: socket.sock
 
     model = job.model
     asking = Asking(channel) if model.is_blinded else None
-    control = Control(patience=PATIENCE, oracle=asking)
+
+    def proven(bound: float) -> None:
+        send({"event": "bound", "number": number, "bound": bound})
+
+    control = Control(patience=PATIENCE, oracle=asking, proven=proven)
     stops.begin(number, control)
+    send({"event": "started", "number": number})
 
     def heard(incumbent: Any) -> None:
         plan = None if incumbent.plan is None else model.plan_to_data(incumbent.plan)

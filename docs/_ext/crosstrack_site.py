@@ -91,10 +91,12 @@ class Options(Made):
     """The options that are a backend's own."""
 
     def make(self) -> str:
-        from crosstrack.solvers import backend_names, find_backend
+        import crosstrack
+        from crosstrack.solvers import find_backend
 
         parts = []
-        for backend in map(find_backend, backend_names()):
+        for state in crosstrack.backends():
+            backend = find_backend(state.name, problem=state.problem)
             rows = [
                 (f"`{name}`", f"`{option.default!r}`", option.help)
                 for name, option in backend.options.items()

@@ -13,6 +13,8 @@ from ...models.programs.base import BlockProgram, RowProgram
 from ...models.programs.conic import ConicProgram
 from ...models.programs.nonlinear import NonlinearProgram
 from ..backend import Answer, Feature, Limit, Request, Termination
+from ..refinement import proven_bound
+from ..solution import without_rounding
 
 __all__ = [
     "Case",
@@ -234,6 +236,14 @@ def _bounds(case: Case, run: Run) -> str | None:
             return f"ended {answer.termination}, yet claims a dual bound"
         if known is not None and bound > known + _slack(known):
             return f"claims the dual bound {bound!r}, yet a plan has {known!r}"
+    proven = proven_bound(case.program, answer)
+    if proven is not None and answer.point is not None:
+        found = case.program.verify(
+            np.asarray(answer.point, float), tolerance=run.request.tolerance
+        )
+        left = without_rounding(proven, found, run.request.tolerance)
+        if found.objective is not None and left > found.objective:
+            return f"proves the bound {proven!r}, above its own point's {found.objective!r}"
     if answer.termination is Termination.OPTIMAL and Feature.DUAL_BOUND in run.features:
         if bound is None or answer.primal_bound is None:
             return "ended optimal without a dual bound"

@@ -32,6 +32,10 @@ __all__ = [
 
 Vector = NDArray[np.float64]
 
+#: Seconds that a solver may take to stop which reports its points on the way, and one which does
+#: not: presolve, building and linear programs at the root look at no clock, and were seen to go on
+#: for 10.
+REPORTED, SILENT = 0.8, 3.0
 #: What the solvers understand that take starts and call back while they search.
 CALLED_BACK = frozenset(
     {
@@ -48,11 +52,12 @@ CALLED_BACK = frozenset(
 
 
 class Incumbents:
-    """Passes a solver's better points on; those that better nothing are dropped."""
+    """Passes a solver's better points and bounds on; those that better nothing are dropped."""
 
-    def __init__(self, program: MixedIntegerProgram, control: Control) -> None:
+    def __init__(self, program: MixedIntegerProgram, request: Request) -> None:
         self._program = program
-        self._control = control
+        self._request = request
+        self._control = request.control
         self._best = np.inf
 
     def report(self, point: Vector) -> None:
@@ -61,6 +66,10 @@ class Incumbents:
         if objective < self._best:
             self._best = objective
             self._control.incumbent(objective, point)
+
+    def prove(self, bound: float) -> None:
+        """Report the solver's lower bound."""
+        self._control.prove(proven_bound(self._program, self._request, bound))
 
 
 def with_cutoff_row(program: MixedIntegerProgram, cutoff: float | None) -> MixedIntegerProgram:
@@ -112,6 +121,12 @@ class ProgramBackend(Backend):
 
         Laps of `clock` are called ``"build"`` (until the solver starts) and ``"solve"``.
         """
+
+    def patience(self, kind: type[Model[Any]]) -> float:
+        """Return fewer seconds where points are reported as they are found: nothing is to come."""
+        if not issubclass(kind, MixedIntegerProgram):
+            return super().patience(kind)
+        return REPORTED if Feature.INCUMBENTS in self.features else SILENT
 
     def run(self, problem: MixedIntegerProgram, request: Request) -> Answer:
         """Solve `problem` as `request` asks."""

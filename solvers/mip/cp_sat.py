@@ -68,12 +68,16 @@ class CpSat(ProgramBackend):
         model, columns = _model(cp_model, whole, request)
         solver = cp_model.CpSolver()
         _configure(solver, request)
-        incumbents = Incumbents(program, request.control)
+        incumbents = Incumbents(program, request)
 
         class Listener(cp_model.CpSolverSolutionCallback):
             def on_solution_callback(self) -> None:
                 incumbents.report(np.array([self.value(column) for column in columns], float))
 
+        def prove(bound: float) -> None:
+            incumbents.prove(bound / whole.scale)
+
+        solver.best_bound_callback = prove
         clock.lap("build")
         left = clock.left()
         if left is not None:

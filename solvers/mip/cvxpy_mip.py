@@ -7,19 +7,21 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy.sparse as sp
 
 from ...errors import UnsupportedOption
 from ...models.model import Model
 from ...models.programs.base import RowProgram
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
-from ..attempts import Clock, Ended, Ending, solver_tolerance
+from ..attempts import Clock, Ended, Ending, solver_tolerance, stopped
 from ..backend import Answer, Feature, Option, Request
 from ..conic.base import ConicRun
 from ..cvxpy_library import Solved, chosen, found, solve_by_cvxpy
 from ..qp.base import POLISH, UNPOLISHED, answered
 from ..qp.cvxpy_qp import attempt as attempt_quadratic
 from .base import ProgramBackend, with_cutoff_row, with_offset_column
+from .highs import ending, search
 
 __all__ = ["CvxpyMip"]
 
@@ -39,6 +41,7 @@ class CvxpyMip(ProgramBackend):
             Feature.SEED,
             Feature.THREADS,
             Feature.CUTOFF,
+            Feature.INCUMBENTS,
             Feature.DUAL_BOUND,
             Feature.DUALS,
             Feature.LOG,
@@ -84,6 +87,12 @@ class CvxpyMip(ProgramBackend):
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve through CVXPY."""
         solver = str(request.options["solver"])
+        if solver == "HIGHS" and not program.continuous:
+            return _called_back(program, request, clock)
+        if request.target is not None:
+            raise UnsupportedOption(
+                f"backend 'cvxpy': solver={solver!r} reports no incumbents, and so stops at no target"
+            )
         posed = with_offset_column(with_cutoff_row(program, request.cutoff))
         # CVXPY's interface to SCIP fails on rows without entries, which are known to hold by now.
         rows = np.flatnonzero(np.diff(posed.matrix.indptr))
@@ -99,13 +108,49 @@ class CvxpyMip(ProgramBackend):
         finally:
             if solver == "HIGHS" and request.threads is not None:
                 _fresh_scheduler()
-        ending = _ending(solver, solved, program)
+        found = _ending(solver, solved, program)
         # CVXPY's own tests doubt the duals it reads from SCIP, which lacks those of one-column rows.
-        if ending.ended is Ended.PROVEN and program.continuous and solver != "SCIP":
+        if found.ended is Ended.PROVEN and program.continuous and solver != "SCIP":
             duals = np.zeros(program.row_count)
             duals[rows] = solved.row_duals()
-            ending = replace(ending, duals=duals)
-        return ending
+            found = replace(found, duals=duals)
+        return found
+
+
+def _called_back(program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
+    """Solve what CVXPY makes of `program` with HiGHS, which is called here.
+
+    Where CVXPY calls it, it takes no stop, and what it has found is lost with its process.
+    """
+    problem, columns = with_offset_column(program).to_cvxpy()
+    late = stopped(request, clock)
+    if late is not None:
+        return late
+    data = problem.get_problem_data("HIGHS")[0]
+    sides, size = data["b"], data["c"].size
+    posed = MixedIntegerProgram(
+        cost=data["c"],
+        matrix=sp.csr_array(data["A"]),
+        row_lower=np.where(np.arange(sides.size) < data["dims"].zero, sides, -np.inf),
+        row_upper=sides,
+        column_lower=np.full(size, -np.inf),
+        column_upper=np.full(size, np.inf),
+        integral=np.isin(np.arange(size), data["int_vars_idx"]),
+    )
+    first = data["param_prob"].var_id_to_col[columns.id]
+    own = slice(first, first + program.size)
+
+    def report(objective: float, point: Any) -> None:
+        request.control.incumbent(objective, point[own])
+
+    with request.control.stage(None, report, request.control.prove) as control:
+        asked = replace(request, control=control)
+        found = ending(search(posed, asked, clock), posed, asked)
+    return replace(
+        found,
+        point=None if found.point is None else found.point[own],
+        statistics={"solver": "HIGHS", **found.statistics},
+    )
 
 
 def _fresh_scheduler() -> None:
@@ -145,15 +190,9 @@ def _told(
 _NAMES: dict[str, dict[str, tuple[str, ...]]] = {
     "HIGHS": {
         "time": ("time_limit",),
-        "gap": ("mip_rel_gap",),
-        "absolute gap": ("mip_abs_gap",),
         "seed": ("random_seed",),
         "threads": ("threads",),
-        "tolerance": (
-            "primal_feasibility_tolerance",
-            "dual_feasibility_tolerance",
-            "mip_feasibility_tolerance",
-        ),
+        "tolerance": ("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
     },
     "SCIP": {
         "time": ("limits/time",),
@@ -170,8 +209,6 @@ def _ending(solver: str, solved: Solved, program: MixedIntegerProgram) -> Ending
     extra, failed = solved.extra, ended is Ended.FAILED
     counts: dict[str, float | int | str] = {"solver": solver}
     bound = None
-    if solver == "HIGHS" and extra is not None:
-        bound, counts["nodes"] = float(extra.mip_dual_bound), max(int(extra.mip_node_count), 0)
     if solver == "SCIP" and extra is not None:
         bound, counts["nodes"] = (
             float(extra["model"].getDualbound()),

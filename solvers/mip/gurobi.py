@@ -90,11 +90,13 @@ def _solve(
     rows = _add_rows(model, program, columns)
     if request.warm_start is not None and not program.continuous:
         columns.Start = np.asarray(request.warm_start, float)
-    incumbents = Incumbents(program, request.control)
+    incumbents = Incumbents(program, request)
 
     def heard(model: Any, where: int) -> None:
         if where == grb.Callback.MIPSOL:
             incumbents.report(np.array(model.cbGetSolution(columns), float))
+        elif where == grb.Callback.MIP:
+            incumbents.prove(float(model.cbGet(grb.Callback.MIP_OBJBND)))
 
     clock.lap("build")
     left = clock.left()

@@ -17,9 +17,9 @@ from ..backend import Answer, Feature, Option, Request
 from ..highs_library import meanings, run_highs
 from ..qp.base import POLISH, UNPOLISHED, answered
 from ..qp.highs import attempt as attempt_quadratic
-from .base import CALLED_BACK, Incumbents, ProgramBackend, proven_bound
+from .base import CALLED_BACK, Incumbents, ProgramBackend
 
-__all__ = ["Highs"]
+__all__ = ["Highs", "ending", "search"]
 
 
 class Highs(ProgramBackend):
@@ -63,26 +63,30 @@ class Highs(ProgramBackend):
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve with HiGHS."""
-        tolerance = solver_tolerance(request.tolerance, 1e-10)
-        options: dict[str, Any] = {
-            "mip_rel_gap": request.gap,
-            "mip_abs_gap": 0.0,
-            "primal_feasibility_tolerance": tolerance,
-            "dual_feasibility_tolerance": tolerance,
-            "mip_feasibility_tolerance": tolerance,
-            **own_options(request),
-        }
-        if request.cutoff is not None and not program.continuous:
-            options["objective_bound"] = allowed(request.cutoff)
+        return ending(search(program, request, clock), program, request)
 
-        def prepare(highs: Any) -> None:
-            if request.warm_start is not None:
-                columns = np.arange(program.size, dtype=np.int32)
-                highs.setSolution(program.size, columns, np.asarray(request.warm_start, float))
-            _listen(highs, program, request)
 
-        highs = run_highs(program, program.integral, options, request, clock, prepare)
-        return _ending(highs, program, request)
+def search(program: MixedIntegerProgram, request: Request, clock: Clock) -> Any:
+    """Return the ``highspy.Highs`` that has solved `program` as `request` asks."""
+    tolerance = solver_tolerance(request.tolerance, 1e-10)
+    options: dict[str, Any] = {
+        "mip_rel_gap": request.gap,
+        "mip_abs_gap": 0.0,
+        "primal_feasibility_tolerance": tolerance,
+        "dual_feasibility_tolerance": tolerance,
+        "mip_feasibility_tolerance": tolerance,
+        **own_options(request, "solver"),
+    }
+    if request.cutoff is not None and not program.continuous:
+        options["objective_bound"] = allowed(request.cutoff)
+
+    def prepare(highs: Any) -> None:
+        if request.warm_start is not None:
+            columns = np.arange(program.size, dtype=np.int32)
+            highs.setSolution(program.size, columns, np.asarray(request.warm_start, float))
+        _listen(highs, program, request)
+
+    return run_highs(program, program.integral, options, request, clock, prepare)
 
 
 def _listen(highs: Any, program: MixedIntegerProgram, request: Request) -> None:
@@ -92,14 +96,15 @@ def _listen(highs: Any, program: MixedIntegerProgram, request: Request) -> None:
         if control.stopped:
             event.interrupt()
 
-    def search(event: Any) -> None:
-        control.bound = proven_bound(program, request, float(event.data_out.mip_dual_bound))
-        stop(event)
+    incumbents = Incumbents(program, request)
 
-    incumbents = Incumbents(program, control)
+    def search(event: Any) -> None:
+        incumbents.prove(float(event.data_out.mip_dual_bound))
+        stop(event)
 
     def incumbent(event: Any) -> None:
         incumbents.report(np.array(event.data_out.mip_solution, float))
+        incumbents.prove(float(event.data_out.mip_dual_bound))
 
     highs.cbSimplexInterrupt.subscribe(stop)
     highs.cbIpmInterrupt.subscribe(stop)
@@ -107,7 +112,8 @@ def _listen(highs: Any, program: MixedIntegerProgram, request: Request) -> None:
     highs.cbMipImprovingSolution.subscribe(incumbent)
 
 
-def _ending(highs: Any, program: MixedIntegerProgram, request: Request) -> Ending:
+def ending(highs: Any, program: MixedIntegerProgram, request: Request) -> Ending:
+    """Return how the search for `program` ended."""
     import highspy
 
     status, info, solution = highs.getModelStatus(), highs.getInfo(), highs.getSolution()

@@ -121,17 +121,26 @@ def _parameters(mathopt: Any, kind: Any, request: Request) -> Any:
 
 
 def _listening(mathopt: Any, program: MixedIntegerProgram, request: Request) -> dict[str, Any]:
-    incumbents = Incumbents(program, request.control)
+    incumbents = Incumbents(program, request)
+
+    event = mathopt.Event
 
     def heard(data: Any) -> Any:
+        if data.mip_stats.dual_bound is not None:
+            incumbents.prove(data.mip_stats.dual_bound)
+        if data.event is not event.MIP_SOLUTION:
+            return mathopt.CallbackResult()
         point = np.zeros(program.size)
         for column, value in (data.solution or {}).items():
             point[column.id] = value
         incumbents.report(point)
         return mathopt.CallbackResult()
 
-    events = {mathopt.Event.MIP_SOLUTION}
-    return {"cb": heard, "callback_reg": mathopt.CallbackRegistration(events=events)}
+    heeded = mathopt.CallbackRegistration(
+        events={event.MIP_SOLUTION, event.MIP_NODE},
+        mip_node_filter=mathopt.VariableFilter(filtered_items=()),  # a node's point is not wanted
+    )
+    return {"cb": heard, "callback_reg": heeded}
 
 
 def _refused(error: Exception) -> Ending:

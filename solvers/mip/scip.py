@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending, Meaning, allowed, limited, solver_tolerance, watched
+from ..attempts import (
+    Clock,
+    Ended,
+    Ending,
+    Meaning,
+    allowed,
+    limited,
+    over,
+    solver_tolerance,
+    stopped,
+    watched,
+)
 from ..backend import Feature, Limit, Option, Request
 from .base import CALLED_BACK, Incumbents, ProgramBackend
 
 __all__ = ["Scip"]
+
+#: Rows or columns between two looks at the clock while the program is built, 1e5 rows a second.
+LOOK = 1000
 
 
 class Scip(ProgramBackend):
@@ -41,7 +55,11 @@ class Scip(ProgramBackend):
 
         model = pyscipopt.Model()
         _configure(pyscipopt, model, program, request)
-        columns, rows = _build(model, program)
+        columns, rows = _build(model, program, request, clock)
+        late = stopped(request, clock)
+        if late is not None:
+            clock.lap("build")
+            return late
         if request.warm_start is not None:
             start = model.createSol()
             values = np.asarray(request.warm_start, float).tolist()
@@ -93,13 +111,21 @@ def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request
         model.disablePropagation()
 
 
-def _build(model: Any, program: MixedIntegerProgram) -> tuple[list[Any], list[Any]]:
-    """Add columns and rows.
+def _build(
+    model: Any, program: MixedIntegerProgram, request: Request, clock: Clock
+) -> tuple[list[Any], list[Any]]:
+    """Add columns and rows, until the run is to stop.
 
     Expressions are made from dictionaries at once: summing them term by term is quadratic, and
     reading the program's MPS text takes a third longer and loses empty rows.
     """
     from pyscipopt.scip import Expr, ExprCons, Term
+
+    def until_stopped(items: Iterable[Any]) -> Iterator[Any]:
+        for count, item in enumerate(items):
+            if count % LOOK == 0 and over(request, clock) is not None:
+                return
+            yield item
 
     columns = [
         model.addVar(
@@ -109,21 +135,22 @@ def _build(model: Any, program: MixedIntegerProgram) -> tuple[list[Any], list[An
             ub=None if high == np.inf else high,
             obj=cost,
         )
-        for whole, low, high, cost in zip(
-            program.integral.tolist(),
-            program.column_lower.tolist(),
-            program.column_upper.tolist(),
-            program.cost.tolist(),
-            strict=True,
+        for whole, low, high, cost in until_stopped(
+            zip(
+                program.integral.tolist(),
+                program.column_lower.tolist(),
+                program.column_upper.tolist(),
+                program.cost.tolist(),
+                strict=True,
+            )
         )
     ]
     terms = [Term(column) for column in columns]
     matrix = program.matrix
     start, index, value = matrix.indptr.tolist(), matrix.indices.tolist(), matrix.data.tolist()
     rows: list[Any] = []
-    for row, (low, high) in enumerate(
-        zip(program.row_lower.tolist(), program.row_upper.tolist(), strict=True)
-    ):
+    sides = zip(program.row_lower.tolist(), program.row_upper.tolist(), strict=True)
+    for row, (low, high) in enumerate(until_stopped(sides)):
         span = range(start[row], start[row + 1])
         if not span or (low == -np.inf and high == np.inf):
             rows.append(None)
@@ -142,18 +169,23 @@ def _build(model: Any, program: MixedIntegerProgram) -> tuple[list[Any], list[An
 def _listen(
     pyscipopt: Any, model: Any, program: MixedIntegerProgram, request: Request, columns: list[Any]
 ) -> None:
-    incumbents = Incumbents(program, request.control)
-    best = pyscipopt.SCIP_EVENTTYPE.BESTSOLFOUND
+    incumbents = Incumbents(program, request)
+    kinds = pyscipopt.SCIP_EVENTTYPE
+    best, bound = kinds.BESTSOLFOUND, kinds.DUALBOUNDIMPROVED
 
     class Listener(pyscipopt.Eventhdlr):  # type: ignore[misc]
         def eventinit(self) -> None:
             self.model.catchEvent(best, self)
+            self.model.catchEvent(bound, self)
 
         def eventexit(self) -> None:
             self.model.dropEvent(best, self)
+            self.model.dropEvent(bound, self)
 
         def eventexec(self, event: Any) -> None:
-            incumbents.report(_values(self.model, self.model.getBestSol(), columns))
+            if event.getType() == best:
+                incumbents.report(_values(self.model, self.model.getBestSol(), columns))
+            incumbents.prove(float(self.model.getDualbound()))
 
     model.includeEventhdlr(Listener(), "crosstrack incumbents", "reports better solutions")
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 __all__ = [
+    "details_table",
     "frame",
     "markup",
     "number",
@@ -112,6 +113,18 @@ def table(
         frozenset({0, *(place[name] for name in (*right, *whole))}),
         tuple(place[name] for name in drop if name in place),
     )
+
+
+def details_table(rows: Sequence[Mapping[str, Any]]) -> FittedTable:
+    """Return the table of what ``Model.details`` returns."""
+
+    def cell(value: Any) -> str:
+        return "" if value is None else f"{value:.7g}" if isinstance(value, float) else str(value)
+
+    names = list(rows[0]) if rows else []
+    numbers = [name for name in names if any(isinstance(row[name], float) for row in rows)]
+    cells = [[cell(row[name]) for name in names] for row in rows]
+    return table("details", names, cells, right=numbers)
 
 
 def render(*parts: Any, width: int = 120) -> str:

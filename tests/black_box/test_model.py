@@ -192,9 +192,10 @@ class Spy(Backend):
             found.append(f"read {problem.function}")
         for thing in gc.get_objects():
             # 0.8125² is no number that anybody else would have.
-            shifted = isinstance(thing, np.ndarray) and 0.66015625 in thing.ravel()[:9].tolist()
-            if isinstance(thing, BlackBoxFunction) or shifted:
-                found.append(f"met {type(thing).__name__}")
+            kind = type(thing)  # some libraries warn of deprecation where __class__ is asked
+            shifted = issubclass(kind, np.ndarray) and 0.66015625 in thing.ravel()[:9].tolist()
+            if issubclass(kind, BlackBoxFunction) or shifted:
+                found.append(f"met {kind.__name__}")
         return Answer(
             Termination.FEASIBLE,
             point=BlackBoxPoint((0.5, 0.5)),

@@ -77,8 +77,9 @@ def test_conformance(name: str) -> None:
 def test_cvxpy_reaches_scip() -> None:
     installed("cvxpy")
     matrix = Matrix.of(results("cvxpy", "scip"))
-    # CVXPY itself doubts the duals it reads from SCIP, so none are passed on.
-    failures = [r for r in matrix.failures if r.reason != "declares duals, returned none"]
+    # CVXPY itself doubts the duals it reads from SCIP, so none are passed on; it calls nobody back.
+    known = ("declares duals, returned none", "reported no incumbents")
+    failures = [r for r in matrix.failures if r.reason not in known]
     assert not failures, f"\n{matrix}"
 
 

@@ -1,0 +1,85 @@
+"""What ``"auto"`` does where the recommended backend fails: it goes on with the next exact one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import islice
+from typing import Any
+
+from ..errors import BackendMissing, UnsupportedFormulation, UnsupportedOption
+from .backend import Backend, Guarantee
+from .enums import Limit, Termination
+from .job import Job
+from .registry import exact
+from .solution import Solution
+
+__all__ = ["go_on"]
+
+#: Backends that are tried after the recommended one.
+MORE = 3
+#: Seconds that they get in all where no limit is given, at least and as a multiple of the first's.
+AT_LEAST, TIMES = 60.0, 10.0
+
+_PROVEN = (Termination.OPTIMAL, Termination.INFEASIBLE, Termination.UNBOUNDED)
+
+
+def go_on(job: Job, first: Solution[Any], run: Callable[[Job], Solution[Any]]) -> Solution[Any]:
+    """Return `first`, or a better answer of another exact backend where `first` is a failure.
+
+    A failure is an end without proof that no limit but the iterations explains, of a backend that is
+    not conclusive. Others run one
+    after the other on the rest of the clock until one proves its answer; where none does, the
+    plan with the least gap is kept. Options that another backend does not support rule it out.
+
+    Parameters
+    ----------
+    job : Job
+        What was asked, with the recommended backend.
+    first : Solution
+        How that one ended.
+    run : callable
+        Runs a job.
+    """
+    assert isinstance(job.backend, Backend)
+    if (
+        first.termination in _PROVEN
+        or first.limit not in (None, Limit.ITERATIONS)
+        or job.backend.guarantee is not Guarantee.EXACT
+        or job.backend.conclusive
+        or job.backend_options
+    ):
+        return first
+    begin, spent = time.perf_counter(), first.seconds.get("total", 0.0)
+    whole = max(AT_LEAST, TIMES * spent) if job.time_limit is None else job.time_limit - spent
+    best, tried = first, [f"{first.backend}: {first.termination}"]
+    others = (one for one in exact(job.model, job.formulation) if one.name != job.backend.name)
+    for backend in islice(others, MORE):
+        left = whole - (time.perf_counter() - begin)
+        if left <= 0:
+            break
+        other = replace(job, backend=backend, time_limit=left)
+        try:
+            found = run(other)
+        except (BackendMissing, UnsupportedOption, UnsupportedFormulation):
+            continue  # it cannot do what was asked of the first
+        tried.append(f"{found.backend}: {found.termination}")
+        # A verified plan refutes every claim that there is none.
+        proven = found.termination in _PROVEN and (found.plan is not None or best.plan is None)
+        if proven or _rank(found) < _rank(best):
+            best = found
+        if proven or found.limit is Limit.INTERRUPTED:
+            break
+    if len(tried) == 1:
+        return first
+    return replace(
+        best,
+        options=job.options(),
+        statistics={**best.statistics, "backends tried": ", ".join(tried)},
+    )
+
+
+def _rank(solution: Solution[Any]) -> tuple[bool, float]:
+    gap = solution.gap
+    return solution.plan is None, float("inf") if gap is None else gap
