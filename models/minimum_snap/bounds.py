@@ -226,8 +226,12 @@ class PathData(Model[Trajectory]):
     def _mean_rate(self, order: int) -> Floats:
         """Return the mean step of the path over the mean duration to a power, shape (dimensions,)."""
         with np.errstate(all="ignore"):  # durations beyond reason leave a rate of 0 or infinity
-            rate: Floats = self.position_scale / self.segments / self.durations.mean() ** order
+            rate: Floats = self.position_scale / self.segments / self._mean_duration**order
         return rate
+
+    @cached_property
+    def _mean_duration(self) -> np.float64:
+        return np.float64(self.durations.mean())
 
     @cached_property
     def objective_scale(self) -> float:

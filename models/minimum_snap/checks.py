@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .bounds import Bound, PathData, derivative_name, derivative_unit
-from .polynomials import bernstein_matrix, derived, factorials
+from .knots import SEGMENTS, ULPS, check_knots
+from .polynomials import bernstein_matrix, by_power
 from .trajectory import Trajectory
 
 __all__ = ["check_conditions", "verify_trajectory"]
 
 Floats = NDArray[np.float64]
 
-#: Units in the last place of the terms of a derivative at a knot that its rounding may reach.
-_ULPS = 16 * float(np.finfo(float).eps)
+#: Parts of a segment whose control polygons are looked at: of one they stick out far.
+_PIECES = 4
 
 
 # -- of the data -------------------------------------------------------------------------------------
@@ -157,10 +158,8 @@ def verify_trajectory(
         )
     checks = [_times(model, plan, tolerance)]
     checks += _degree(model, plan, tolerance)
-    for order in range(max(model.conditions.shape[1], model.continuity + 1)):
-        checks += _knots(model, plan, order, tolerance)
-    for bound in model.bounds:
-        checks.append(_bounded(model, plan, bound, tolerance))
+    checks += check_knots(model, plan, tolerance)
+    checks += (_bounded(model, plan, bound, tolerance) for bound in model.bounds)
     checks += _halfspaces(model, plan, tolerance)
     return Verification(model.objective(plan), tuple(checks), scale=model.objective_scale)
 
@@ -185,92 +184,41 @@ def _degree(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Che
     )  # fmt: skip
 
 
-def _knots(model: PathData, plan: Trajectory, order: int, tolerance: float) -> Iterator[Check]:
-    """Yield the fixed values and the continuity of one derivative."""
-    word, unit = derivative_name(order), derivative_unit(order)
-    begin, end = plan.at_ends(order)
-    # What the coefficients can hold: a short segment multiplies their last digit.
-    noise = np.zeros_like(begin)
-    if order <= plan.degree:
-        factors = factorials(plan.degree, order)
-        noise = np.einsum("p,kpd->kd", factors, np.abs(plan.coefficients[:, order:]))
-        noise *= _ULPS * (plan.durations**-order)[:, None]
-    least = model.derivative_scale(order)
-    size = np.broadcast_to(least, begin.shape)
-    if order > 0:
-        size = np.maximum(size, np.maximum(np.abs(begin), np.abs(end)))
+def _control(coefficients: Floats, order: int) -> Floats:
+    """Return the Bézier control points of a derivative in s, shape (points, dimensions, segments).
 
-    def check(
-        name: str, equation: str, off: Floats, own: Floats, scale: Floats, knots: NDArray[np.int64]
-    ) -> Check:
-        allowed = scale * tolerance + own
-        share = off / allowed
-        row, axis = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
-        knot = int(knots[row])
-        return Check.scaled(
-            name, equation, off[row, axis], unit,
-            f"knot {knot}, axis {axis} (t = {model.times[knot]:g} s)", tolerance,
-            scale[row, axis], noise=own[row, axis],
-        )  # fmt: skip
-
-    if order < model.conditions.shape[1]:
-        fixed = model.conditions[:, order]
-        known = np.isfinite(fixed)
-        wanted = np.where(known, fixed, 0.0)
-        first = np.where(known[:-1], np.abs(begin - wanted[:-1]), 0.0)
-        last = np.where(known[1:], np.abs(end - wanted[1:]), 0.0)
-        knots = np.arange(model.segments)
-        both = np.concatenate([first, last])
-        numbers = np.concatenate([knots, knots + 1])
-        twice = np.concatenate([noise, noise])
-        scales = np.concatenate([size, size])
-        if order == 0:
-            yield check("waypoints", "24", both, twice, scales, numbers)
-        elif known.any():
-            ends = np.isin(numbers, (0, model.segments))
-            if known[[0, -1]].any():
-                off = np.where(ends[:, None], both, 0.0)
-                yield check(f"{word} at the ends", "23", off, twice, scales, numbers)
-            if known[1:-1].any():
-                off = np.where(ends[:, None], 0.0, both)
-                yield check(f"{word} at inner knots", "", off, twice, scales, numbers)
-    if order <= model.continuity and model.segments > 1:
-        jump = np.abs(end[:-1] - begin[1:])
-        if order > 0:
-            # The knot's own values, and little of the segments beside it: a wild segment must not
-            # excuse a jump where the path is calm.
-            size = 1e-3 * np.maximum(size[:-1], size[1:])
-            scale = np.maximum(size, np.maximum(np.abs(end[:-1]), np.abs(begin[1:])))
-            scale = np.maximum(scale, least)
-        else:
-            scale = size[1:]
-        yield check(
-            f"continuity of {word}", "25", jump, noise[:-1] + noise[1:], scale,
-            np.arange(1, model.segments),
-        )  # fmt: skip
+    The curve lies within them: only where they stick out of a bound are its extremes looked for.
+    """
+    count, powers, dimensions = coefficients.shape
+    if order >= powers:
+        return np.zeros((1, dimensions, count))
+    inner = by_power(coefficients, order)
+    matrix = bernstein_matrix(len(inner) - 1, _PIECES)
+    return (matrix @ inner.reshape(len(inner), -1)).reshape(-1, dimensions, count)
 
 
 def _bounded(model: PathData, plan: Trajectory, bound: Bound, tolerance: float) -> Check:
     """Measure a bound where it is nearest to being broken."""
     order = bound.derivative
-    scale = (plan.durations**-order)[:, None]
-    inner = derived(plan.coefficients, order)
-    # The control polygon encloses the curve: only segments where it sticks out need their roots.
-    control = np.einsum("bp,kpd->kbd", bernstein_matrix(inner.shape[1] - 1), inner)
-    low, high = control.min(axis=1) * scale, control.max(axis=1) * scale
-    rows = np.flatnonzero(((low < bound.lower) | (high > bound.upper)).any(axis=1))
+    out = np.empty(bound.lower.shape, bool)
+    for first in range(0, model.segments, SEGMENTS):
+        part = slice(first, first + SEGMENTS)
+        control = _control(plan.coefficients[part], order) * plan.durations[part] ** -order
+        low, high = control.min(axis=0), control.max(axis=0)
+        out[part] = ~((bound.lower[part] <= low.T) & (bound.upper[part] >= high.T))
+    rows, axes = np.nonzero(out)
     where, worst, noise, limit = "everywhere inside", 0.0, 0.0, None
     size = float(model.derivative_scale(order).max())
     if rows.size:
-        found = plan.extremes(order, segments=rows)
-        edges = np.stack([bound.lower, bound.upper])[:, rows]
-        off = np.stack([edges[0] - found.least, found.largest - edges[1]])
-        sizes = np.stack(model.bound_scale(bound))[:, rows]
-        at = side, row, axis = np.unravel_index(int((off / sizes).argmax()), off.shape)
-        worst, size, noise = float(off[at]), float(sizes[at]), _ULPS * abs(float(edges[at]))
-        limit = float(bound.upper[rows[row], axis] - bound.lower[rows[row], axis])
-        time = (found.least_time, found.largest_time)[int(side)][row, axis]
-        where = f"segment {int(rows[row])}, axis {axis} (t = {time:.6g} s)"
+        found = plan.extremes(order, direction=np.eye(plan.dimensions)[axes], segments=rows)
+        edges = np.stack([bound.lower[out], bound.upper[out]])
+        off = np.stack([edges[0] - found.least[:, 0], found.largest[:, 0] - edges[1]])
+        sizes = np.stack([size[out] for size in model.bound_scale(bound)])
+        at = side, row = np.unravel_index(int((off / sizes).argmax()), off.shape)
+        worst, size, noise = float(off[at]), float(sizes[at]), ULPS * abs(float(edges[at]))
+        limit = float(edges[1, row] - edges[0, row])
+        time = (found.least_time, found.largest_time)[int(side)][row, 0]
+        where = f"segment {rows[row]}, axis {axes[row]} (t = {time:.6g} s)"
     return Check.scaled(
         bound.name, "", max(worst, 0.0), derivative_unit(order), where, tolerance, size,
         noise=noise, limit=limit,
@@ -281,14 +229,20 @@ def _halfspaces(model: PathData, plan: Trajectory, tolerance: float) -> Iterator
     spaces = model.halfspaces
     if spaces is None:
         return
-    found = plan.extremes(0, direction=spaces.normals, segments=spaces.segments)
+    out = np.empty(spaces.segments.size, bool)
+    for first in range(0, out.size, SEGMENTS):
+        part = slice(first, first + SEGMENTS)
+        control = _control(plan.coefficients[spaces.segments[part]], 0)
+        reach = (control * spaces.normals[part].T).sum(axis=1).max(axis=0)
+        out[part] = ~(reach <= spaces.offsets[part])
+    rows = np.flatnonzero(out)
+    where, worst, noise = "everywhere inside", 0.0, 0.0
+    if rows.size:
+        own = spaces.segments[rows]
+        found = plan.extremes(0, direction=spaces.normals[rows], segments=own)
+        off = found.largest[:, 0] - spaces.offsets[rows]
+        at = int(off.argmax())
+        worst, noise = float(off[at]), ULPS * abs(float(spaces.offsets[rows[at]]))
+        where = f"segment {own[at]}, half-space {rows[at]} (t = {found.largest_time[at, 0]:.6g} s)"
     size = float(model.position_scale.max())
-    off = found.largest[:, 0] - spaces.offsets
-    at = int(off.argmax())
-    noise = _ULPS * abs(float(spaces.offsets[at]))
-    yield Check.scaled(
-        "polytope", "", max(float(off[at]), 0.0), "m",
-        f"segment {int(spaces.segments[at])}, half-space {at} "
-        f"(t = {found.largest_time[at, 0]:.6g} s)",
-        tolerance, size, noise=noise,
-    )  # fmt: skip
+    yield Check.scaled("polytope", "", max(worst, 0.0), "m", where, tolerance, size, noise=noise)

@@ -126,6 +126,14 @@ class MinimumDerivative(PathData):
             )
         check_conditions(self)
 
+    @property
+    def preferred_formulation(self) -> str:
+        """The program of the free derivatives where they say everything, else the Legendre basis."""
+        free = self.continuity < self.order and not (
+            self.highest_fixed >= self.order and np.isfinite(self.conditions[:, self.order :]).any()
+        )
+        return "hermite" if free else self.default_formulation
+
     # -- plans -----------------------------------------------------------------------------------
 
     @np.errstate(all="ignore")  # what overflows is no number, and so is violated

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 __all__ = [
     "bernstein_matrix",
+    "by_power",
     "critical_points",
+    "derivative_matrix",
     "derived",
     "factorials",
     "gauss_legendre",
@@ -34,6 +36,15 @@ def factorials(degree: int, derivative: int) -> Floats:
     return np.array([math.perm(j, derivative) for j in powers], float)
 
 
+@cache
+def derivative_matrix(degree: int, orders: int) -> Floats:
+    """Return ``j! / (j - i)!``, shape (orders, degree + 1): powers of s to derivatives at s = 1."""
+    matrix = np.zeros((orders, degree + 1))
+    for order in range(min(orders, degree + 1)):
+        matrix[order, order:] = factorials(degree, order)
+    return matrix
+
+
 def derived(coefficients: Floats, derivative: int) -> Floats:
     """Return the coefficients of the derivative in s; the powers lie along the second axis.
 
@@ -51,6 +62,28 @@ def derived(coefficients: Floats, derivative: int) -> Floats:
         return np.zeros_like(coefficients[:, :1])
     factors = factorials(degree, derivative)
     return coefficients[:, derivative:] * factors.reshape(-1, *[1] * (coefficients.ndim - 2))
+
+
+def by_power(coefficients: Floats, derivative: int = 0) -> Floats:
+    """Return the coefficients of a derivative in s, a copy with the polynomials along the last axis.
+
+    Loops over many polynomials are several times as fast there.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (N, degree + 1, D)
+        Ascending powers.
+    derivative : int
+        How often to differentiate, at most as often as the degree says.
+
+    Returns
+    -------
+    ndarray, shape (degree + 1 - derivative, D, N)
+    """
+    inner = np.array(coefficients.transpose(1, 2, 0)[derivative:], order="C")
+    if derivative:
+        inner *= factorials(coefficients.shape[1] - 1, derivative)[:, None, None]
+    return inner
 
 
 def horner(coefficients: Floats, s: Floats) -> Floats:
@@ -73,13 +106,25 @@ def horner(coefficients: Floats, s: Floats) -> Floats:
 
 
 @cache
-def bernstein_matrix(degree: int) -> Floats:
-    """Return B with ``control = B @ coefficients``: powers of s to Bernstein coefficients."""
+def bernstein_matrix(degree: int, pieces: int = 1) -> Floats:
+    """Return B with ``control = B @ coefficients``: powers of s to Bernstein coefficients.
+
+    Those of the `pieces` equal parts of [0, 1] stand one below the other.
+    """
     matrix = np.zeros((degree + 1, degree + 1))
     for row in range(degree + 1):
         for power in range(row + 1):
             matrix[row, power] = math.comb(row, power) / math.comb(degree, power)
-    return matrix
+    parts = []
+    for piece in range(pieces):
+        # s = (piece + u) / pieces
+        shift = np.zeros((degree + 1, degree + 1))
+        for power in range(degree + 1):
+            for own in range(power + 1):
+                share = math.comb(power, own) * piece ** (power - own)
+                shift[own, power] = share / pieces**power
+        parts.append(matrix @ shift)
+    return np.concatenate(parts)
 
 
 @cache

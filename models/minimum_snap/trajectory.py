@@ -15,8 +15,10 @@ from ..fields import Array, Whole, frozen, show
 from ..sampling import sample_count
 from .polynomials import (
     bernstein_matrix,
+    by_power,
     critical_points,
     derived,
+    factorials,
     gauss_legendre,
     horner,
     power_matrix,
@@ -31,6 +33,8 @@ Floats = NDArray[np.float64]
 
 #: Segments treated at a time where intermediate arrays would outgrow the result.
 _CHUNK = 65536
+#: Times at which values are taken together: their coefficients fit into a processor's cache.
+_SAMPLES = 2048
 #: The highest derivative that may be asked for: that of any polynomial in sight is 0 by then.
 MOST_DERIVATIVES = 999
 
@@ -155,25 +159,56 @@ class Trajectory:
             A time beyond the knots, or a derivative that is no whole number from 0.
         """
         order = _order(derivative)
+        first, last = self._span
+        if isinstance(t, float | int) and not isinstance(t, bool) and first <= t <= last:
+            return self._value(float(t), order)
         at = _real("t", t)
         flat = at.ravel()
-        slack = 1e-12 * max(1.0, abs(float(self.times[0])), abs(float(self.times[-1])))
-        inside = (flat >= self.times[0] - slack) & (flat <= self.times[-1] + slack)
+        inside = (flat >= first) & (flat <= last)
         if not inside.all():
-            first = float(flat[~inside][0])
+            outside = float(flat[~inside][0])
             raise InvalidData(
-                f"t must lie in [{self.times[0]:g}, {self.times[-1]:g}], got {first:g}", field="t"
+                f"t must lie in [{self.times[0]:g}, {self.times[-1]:g}], got {outside:g}", field="t"
             )
         index = np.clip(np.searchsorted(self.times, flat, "right") - 1, 0, self.segments - 1)
-        value = np.empty((flat.size, self.dimensions))
-        for begin in range(0, flat.size, _CHUNK):
-            part = slice(begin, begin + _CHUNK)
+        value = np.zeros((flat.size, self.dimensions))
+        for begin in range(0, flat.size if order <= self.degree else 0, _SAMPLES):
+            part = slice(begin, begin + _SAMPLES)
             own = index[part]
             long = self.durations[own]
             s = np.clip((flat[part] - self.times[own]) / long, 0.0, 1.0)
-            found = horner(derived(self.coefficients[own], order), s)
-            value[part] = found / (long**order)[:, None]
+            inner = by_power(self.coefficients.take(own, axis=0), order)
+            found = inner[-1]
+            for row in inner[-2::-1]:
+                found *= s
+                found += row
+            value[part] = (found / long**order if order else found).T
         return value.reshape(*at.shape, self.dimensions)
+
+    @cached_property
+    def _span(self) -> tuple[float, float]:
+        """The first and the last time that may be asked for: the ends, and what rounding adds."""
+        first, last = float(self.times[0]), float(self.times[-1])
+        slack = 1e-12 * max(1.0, abs(first), abs(last))
+        return first - slack, last + slack
+
+    def _value(self, t: float, order: int) -> Floats:
+        """Return a derivative at one time: of so few numbers, Python's own are the quickest."""
+        if order > self.degree:
+            return np.zeros(self.dimensions)
+        own = min(max(int(self.times.searchsorted(t, "right")) - 1, 0), self.segments - 1)
+        long = self.durations[own]
+        s = min(max((t - float(self.times[own])) / float(long), 0.0), 1.0)
+        inner = self.coefficients[own, order:]
+        if order:
+            inner = inner * factorials(self.degree, order)[:, None]
+        found = []
+        for axis in inner[::-1].T.tolist():
+            value = 0.0
+            for coefficient in axis:
+                value = value * s + coefficient
+            found.append(value)
+        return np.array(found) / long**order if order else np.array(found)
 
     def at_ends(self, derivative: int = 0) -> tuple[Floats, Floats]:
         """Return a derivative at the start and at the end of every segment.
@@ -199,12 +234,12 @@ class Trajectory:
             return total
         nodes, weights = gauss_legendre(self.degree - order + 1)
         powers = np.vander(nodes, self.degree - order + 1, increasing=True)
-        for begin in range(0, self.segments, _CHUNK):
-            part = slice(begin, begin + _CHUNK)
-            inner = derived(self.coefficients[part], order)
-            values = np.einsum("np,kpd->knd", powers, inner)
-            share = np.einsum("n,knd->kd", weights, values**2)
-            total += (share * (self.durations[part] ** (1 - 2 * order))[:, None]).sum(axis=0)
+        for begin in range(0, self.segments, _SAMPLES):
+            part = slice(begin, begin + _SAMPLES)
+            inner = by_power(self.coefficients[part], order)
+            values = powers @ inner.reshape(len(inner), -1)
+            share = (weights @ (values * values)).reshape(inner.shape[1:])
+            total += (share * self.durations[part] ** (1 - 2 * order)).sum(axis=1)
         return total
 
     def extremes(
@@ -367,6 +402,8 @@ class Trajectory:
 
 
 def _order(derivative: Any) -> int:
+    if type(derivative) is int and 0 <= derivative <= MOST_DERIVATIVES:
+        return derivative
     if isinstance(derivative, bool) or not isinstance(derivative, int | np.integer):
         raise InvalidData(
             f"derivative must be a whole number >= 0, got {show(derivative)}", field="derivative"

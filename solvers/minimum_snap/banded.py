@@ -5,39 +5,52 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .banded_kernels import accelerate, is_usual, jerk, snap
+from .banded_kernels import accelerate, is_calm, is_usual, jerk, snap
+from .boundary import solve_boundary
 from .chain_kernels import factorise, solve_factors
 from .hermite import (
-    ACCEPTED,
-    MOST_REFINEMENTS,
-    REFINED,
-    WORST,
+    CERTIFIED,
+    FLOOR,
     Outcome,
     Solved,
     has_one_optimum,
     patterns,
+    scaled_jets,
     table_of,
 )
 from .moment_kernels import differentiate
+from .refined_kernels import FUSED
 
-__all__ = ["solve_hermite"]
+__all__ = ["certify", "solve_hermite"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: Kernels for waypoints alone. At 1,000 segments they take a sixth of the general solve's time: see
-#: ``tests/benchmarks/minimum_snap/test_minimum_snap_speed.py``.
-_FUSED = {2: accelerate, 3: jerk, 4: snap}
+#: Kernels for waypoints alone, and up to which ratio of neighbouring durations they are right to
+#: about 1e-11 of a segment's size without refinement. They take 0.6 of the time of a first solve by
+#: the kernels that refine: see ``tests/benchmarks/minimum_snap/test_minimum_snap_speed.py``.
+_CALM = {2: (accelerate, np.inf), 3: (jerk, 30.0), 4: (snap, 5.0)}
+#: Share of J that rounding of moments in ordinary digits may take.
+_BLUR = 1e-9
 #: Pivots below this share of their column are rounding, where only pivots can tell.
 _SINGULAR = 1e-12
-#: Newton steps that may stand still where the solution is far from the start.
+#: Corrections below this share of a segment are rounding: nothing is left to refine.
+_DONE = 1e-15
+#: Newton steps at most, and how many may stand still where the solution is far away. One is enough
+#: where durations differ little; where they differ by 1e6, each divides the gap by 1e3 or so.
+_STEPS = 12
 _PATIENCE = 4
-#: Jumps below this share of what cancels in them are no information: twice a float's digits less 4.
-_FLOOR = 1e-28
+_ULP = float(np.finfo(float).eps)
 
 
 def solve_hermite(
-    durations: Floats, values: Floats, fixed: Bools, weights: Floats, continuity: int
+    durations: Floats,
+    values: Floats,
+    fixed: Bools,
+    weights: Floats,
+    continuity: int,
+    *,
+    certify: bool = False,
 ) -> Solved:
     """Minimise ∫ Σ_j w_j (x^(j))² dt over piecewise polynomials of degree 2r-1.
 
@@ -54,6 +67,9 @@ def solve_hermite(
     continuity : int
         The highest derivative that neighbours share, 0 … r-1. One of a higher order that is free
         at a knot is free on each side of it; one that is fixed is fixed on both.
+    certify : bool
+        Whether to refine until the last correction proves the shape, not only until the one after
+        it would. Calm durations are not refined at all: :func:`certify` does that.
 
     Returns
     -------
@@ -65,35 +81,84 @@ def solve_hermite(
     fixed = np.ascontiguousarray(fixed, np.bool_)
     weights = np.asarray(weights, np.float64)
     axes, knots, order = values.shape
-    jets = np.empty((axes, knots - 1, 2, order))
-    objective = np.empty(axes)
     if is_usual(fixed, continuity) and not weights[:-1].any():
-        upper = np.empty((knots - 1, (order - 1) ** 2))
-        work = np.empty((axes, knots - 1 if order == 4 else 0, 3))
-        residual, failed, steps = _FUSED[order](durations, values, jets, objective, upper, work)
-        if failed < 0 and residual <= ACCEPTED:
-            objective *= weights[-1]
-            return Solved(jets, None, objective, Outcome.SOLVED, residual, steps, 1, "fused")
+        solve, ratio = _CALM.get(order, (None, 0.0))
+        if solve is not None and is_calm(durations, ratio):
+            jets, objective = np.empty((axes, knots - 1, 2, order)), np.empty(axes)
+            upper = np.empty((knots - 1, (order - 1) ** 2))
+            if solve(durations, values, jets, objective, upper) < 0:
+                objective *= weights[-1]
+                return Solved(
+                    jets, None, objective, Outcome.SOLVED, np.nan, 0, np.inf, 0, 1, "calm"
+                )
+        if order in FUSED:
+            fused = _refined(durations, values, weights, certify, None)
+            if fused.outcome is Outcome.SOLVED and fused.gap <= _BLUR * fused.objective.sum():
+                return fused
+    jets, objective = np.empty((axes, knots - 1, 2, order)), np.empty(axes)
     moments = np.empty((axes, knots - 1, order))
     groups = list(patterns(fixed))
-    worst, most = 0.0, 0
+    correction, segment, gap, most = 0.0, 0, 0.0, 0
+    methods: set[str] = set()
     for members in groups:
         pattern = fixed[members[0]]
         unique = has_one_optimum(durations, pattern, weights, continuity)
-        outcome, residual, steps = Outcome.NOT_UNIQUE, np.inf, 0
+        found: Solved | None = None
         if unique is not False:
             system = _System(durations, pattern, weights, continuity)
             if system.factorise(_SINGULAR if unique is None else 0.0):
-                descent = system.descend(values[members])
-                jets[members], moments[members], objective[members], residual, steps = descent
-                outcome = Outcome.SOLVED if residual <= WORST else Outcome.ILL_CONDITIONED
-            elif unique:
-                outcome = Outcome.ILL_CONDITIONED
-        worst, most = max(worst, residual), max(most, steps - 1)
-        if outcome is not Outcome.SOLVED:
+                found = system.descend(values[members])
+            if (found is None and unique) or (found is not None and found.correction > CERTIFIED):
+                # Where positions are free it was seen to converge to what is not the optimum.
+                if not weights[:-1].any() and pattern[:, 0].all():
+                    found = solve_boundary(
+                        durations, values[members], pattern, weights[-1], continuity,
+                        system.floor(values[members]),
+                    )  # fmt: skip
+        if found is None or found.outcome is not Outcome.SOLVED:
             jets[:], objective[:] = np.nan, np.nan
-            break
-    return Solved(jets, moments, objective, outcome, worst, most, len(groups), "general")
+            outcome = Outcome.ILL_CONDITIONED if unique or found else Outcome.NOT_UNIQUE
+            return Solved(
+                jets, None, objective, outcome, np.nan, 0, np.inf, 0, len(groups), "general"
+            )
+        jets[members], moments[members] = found.jets, found.moments
+        objective[members] = found.objective
+        segment = found.segment if found.correction > correction else segment
+        correction, gap = max(correction, found.correction), gap + found.gap
+        most = max(most, found.refinements)
+        methods.add(found.method)
+    return Solved(
+        jets, moments, objective, Outcome.SOLVED, correction, segment, gap, most, len(groups),
+        min(methods),
+    )  # fmt: skip
+
+
+def certify(durations: Floats, values: Floats, weights: Floats, found: Solved) -> Solved:
+    """Return what `solve_hermite` found without a correction, refined with one.
+
+    Parameters are those of :func:`solve_hermite`; `found` is returned where it has a correction.
+    """
+    if found.correction >= 0.0 or found.outcome is not Outcome.SOLVED:
+        return found
+    return _refined(durations, np.ascontiguousarray(values), weights, True, found.jets.copy())
+
+
+def _refined(
+    durations: Floats, values: Floats, weights: Floats, certify: bool, given: Floats | None
+) -> Solved:
+    """Solve for waypoints alone and refine; `given` is a solution, which is changed."""
+    axes, knots, order = values.shape
+    table = table_of(weights)
+    jets = np.empty((axes, knots - 1, 2, order)) if given is None else given
+    objective = np.empty(axes)
+    failed, steps, correction, segment, gap, rounding = FUSED[order](
+        durations, values, table.rows, table.factors, certify, given is not None, jets, objective,
+        np.empty((knots - 1, 2, order - 1, order - 1)), np.empty((axes, knots - 1, order - 1)),
+    )  # fmt: skip
+    outcome = Outcome.SOLVED if failed < 0 else Outcome.ILL_CONDITIONED
+    return Solved(
+        jets, None, objective, outcome, correction, segment, gap + rounding, steps, 1, "refined"
+    )
 
 
 class _System:
@@ -102,7 +167,8 @@ class _System:
     J is a sum of squares of Legendre moments, and their rows are what is factorised: where durations
     differ by a factor of 400, the Hessian's condition number is beyond double precision, and that of
     its root is not. Newton's method on a quadratic is exact from any start, so that refinement is
-    the same step again, with the gradient in twice the digits.
+    the same step again, with the gradient in twice the digits. The step says how far the jets are
+    off, segment by segment, and the gradient times the step how far J is above its optimum.
     """
 
     def __init__(self, durations: Floats, pattern: Bools, weights: Floats, continuity: int) -> None:
@@ -143,48 +209,70 @@ class _System:
             and (~self.own | (pivots[:, : len(own)] > least * np.sqrt(squares[:, 2 * s :]))).all()
         )
 
-    def descend(self, values: Floats) -> tuple[Floats, Floats, Floats, float, int]:
-        """Take Newton steps from the fixed `values` of some axes until the jumps are rounding.
+    def floor(self, values: Floats) -> Floats:
+        """Return what corrections of segments in which little happens are held against, one an axis."""
+        floor: Floats = FLOOR * _sizes(self.durations, _begin(values, self.pattern)).max(axis=1)
+        return floor
 
-        Returns jets, moments, objective and residual as in :class:`~.hermite.Solved`, and the steps.
-        """
+    def descend(self, values: Floats) -> Solved:
+        """Take Newton steps from the fixed `values` of some axes until they are rounding."""
         r, s, table = self.order, self.shared, self.table
         jets = _begin(values, self.pattern)
-        lows, forces = np.zeros_like(jets), np.empty_like(jets)
+        lows, forces, rests = np.zeros_like(jets), np.empty_like(jets), np.empty_like(jets)
         axes, count = jets.shape[:2]
         moments = np.empty((axes, count, len(table.rows)))
-        sizes, bounds, objective = np.empty((axes, r)), np.empty((axes, r)), np.empty(axes)
-        steps, before = 0, np.inf
+        objective = np.empty(axes)
+        units = self.durations[:, None, None] ** np.arange(r)
+        floor = self.floor(values)[:, None]
+        # The first step is the solution, and corrects nothing.
+        steps, correction, segment, before = 0, np.inf, 0, (np.inf, np.inf)
         while True:
             differentiate(
                 self.durations, table.rows, table.factors, table.orders, jets, lows, forces,
-                moments, sizes, bounds, objective,
+                rests, moments, objective,
             )  # fmt: skip
-            knots = np.zeros((axes, count + 1, s))
-            knots[:, :-1] -= forces[:, :, 0, :s]
-            knots[:, 1:] -= forces[:, :, 1, :s]
+            knots = np.empty((axes, count + 1, s))
+            knots[:, 0], knots[:, -1] = -forces[:, 0, 0, :s], -forces[:, -1, 1, :s]
+            left, right = forces[:, :-1, 1, :s], forces[:, 1:, 0, :s]
+            rest = rests[:, :-1, 1, :s] + rests[:, 1:, 0, :s]
+            knots[:, 1:-1] = -_added(left, rest, right)[0]
             knots[:, self.held] = 0.0
             inner = -forces[..., s:].reshape(axes, count, 2 * (r - s)) * self.own
-            jumps = np.zeros((axes, r))
-            jumps[:, :s] = np.abs(knots).max(axis=1)
-            jumps[:, s:] = np.abs(inner).reshape(axes, 2 * count, r - s).max(axis=1)
-            counts = jumps > _FLOOR * bounds
-            residual = float((jumps[counts] / sizes[counts]).max(initial=0.0))
-            # Where a derivative vanishes, jumps and sizes shrink alike.
-            progress = float((jumps[counts] / bounds[counts]).max(initial=0.0))
-            # Written so that what is not a number stops, and is no solution.
-            stuck = steps > _PATIENCE and not progress < 0.5 * before
-            if not residual > REFINED or steps > MOST_REFINEMENTS or stuck:
-                worst = residual if np.isfinite(jets).all() else np.inf
-                return jets, moments[..., -r:], objective, worst, steps
-            before = progress
-            steps += 1
+            pull = [knots.copy(), inner.copy()]
             for a in range(axes):
                 solve_factors(self.factors, self.last, self.held, knots[a], inner[a])
+            with np.errstate(all="ignore"):  # what overflows proves nothing, and so ends refused
+                gap = abs(float((pull[0] * knots).sum() + (pull[1] * inner).sum()))
             step = np.empty_like(jets)
             step[:, :, 0, :s], step[:, :, 1, :s] = knots[:, :-1], knots[:, 1:]
             step[..., s:] = inner.reshape(axes, count, 2, r - s)
+            if steps:
+                off = np.abs(step * units).reshape(axes, count, -1).max(axis=2)
+                share = np.zeros_like(off)
+                np.divide(off, _sizes(self.durations, jets) + floor, out=share, where=off != 0)
+                segment = int(share.max(axis=0).argmax())
+                correction = float(share.max())
+            # Written so that what is not a number stops, and is no solution.
+            now = correction, gap
+            stuck = steps > _PATIENCE and not (now[0] < 0.5 * before[0] or now[1] < 0.5 * before[1])
+            if not correction > _DONE or steps > _STEPS or stuck:
+                if not (np.isfinite(jets).all() and np.isfinite(correction)):
+                    correction = np.inf
+                outcome = Outcome.SOLVED if correction < 1.0 else Outcome.ILL_CONDITIONED
+                gap += 32.0 * _ULP * float(objective.sum())
+                return Solved(
+                    jets, moments[..., -r:], objective, outcome, correction, segment, gap,
+                    steps - 1, 1, "general",
+                )  # fmt: skip
+            before = now
+            steps += 1
             jets, lows = _added(jets, lows, step)
+
+
+def _sizes(durations: Floats, jets: Floats) -> Floats:
+    """Return the largest scaled derivative of each segment, shape (axes, segments)."""
+    largest: Floats = np.abs(scaled_jets(durations, jets)).max(axis=2)
+    return largest
 
 
 def _begin(values: Floats, pattern: Bools) -> Floats:

@@ -63,7 +63,7 @@ def prove_bound(state: State) -> tuple[float, float, float]:
     slack += _rounding(state, z_below, z_above)
     half = 0.5 * float(np.sum(value**2))
     away = 0.5 * float(np.sum((value - dual) ** 2))
-    unit = 2.0 / state.scale**2
+    unit = np.float64(2.0) / state.scale**2
     residual = max(float(np.abs(knots).max()), float(np.abs(inner).max(initial=0.0)))
     return half * unit, (half - away - slack - gain) * unit, residual
 

@@ -17,8 +17,10 @@ __all__ = ["Banded"]
 
 Floats = NDArray[np.float64]
 
-#: Segments whose gradients are formed at a time.
-_CHUNK = 65536
+#: Segments up to which a run is brief.
+_BRIEF = 2000
+#: Coefficients above this multiple of the waypoints' extent are worth a word.
+_SWING = 1e6
 
 
 class Banded(Backend):
@@ -34,6 +36,8 @@ class Banded(Backend):
     features = frozenset({Feature.GAP, Feature.DUAL_BOUND})
     deterministic = True
     single_threaded = True
+    #: It certifies the shape as well, which the objective of others cannot see.
+    conclusive = True
     summary = "direct O(segments) solver for waypoints without corridor and limits; ours"
 
     def refuses(self, problem: MinimumDerivative) -> str:
@@ -57,10 +61,14 @@ class Banded(Backend):
                 return f"continuity {problem.continuity}"
         return ""
 
+    def is_brief(self, problem: MinimumDerivative) -> bool:
+        """Return whether there are so few segments that even the general kernels take no 0.1 s."""
+        return problem.segments <= _BRIEF
+
     def run(self, problem: MinimumDerivative, request: Request) -> Answer:
-        """Solve, and bound the objective from below by the gradient that rounding left."""
-        from .banded import solve_hermite
-        from .hermite import Outcome, jets_to_coefficients
+        """Solve, and prove objective and shape by one more Newton step."""
+        from .banded import certify, solve_hermite
+        from .hermite import CERTIFIED, Outcome, jets_to_coefficients
 
         refusal = self.refuses(problem)
         if refusal:
@@ -75,17 +83,19 @@ class Banded(Backend):
         values = np.moveaxis(np.where(fixed, table, 0.0), 2, 0)
         # A copy: kernels are compiled for arrays that may be written, and the model's may not.
         durations = np.array(problem.durations)
+        values = np.ascontiguousarray(values)
+        weights = problem.order_weights
         found = solve_hermite(
             durations,
-            np.ascontiguousarray(values),
+            values,
             np.ascontiguousarray(np.moveaxis(fixed, 2, 0)),
-            problem.order_weights,
+            weights,
             min(problem.continuity, order - 1),
+            certify=True,
         )
         statistics: dict[str, float | int | str] = {
             "refinements": found.refinements,
             "factorisations": found.factorisations,
-            "stationarity residual": float(found.residual),
             "method": found.method,
         }
         if found.outcome is not Outcome.SOLVED:
@@ -100,54 +110,34 @@ class Banded(Backend):
             return Answer(
                 Termination.NO_SOLUTION, seconds=seconds, statistics=statistics, message=message
             )
-        coefficients = jets_to_coefficients(durations, found.jets, found.moments)
-        plan = Trajectory(problem.times, coefficients)
+        plan = Trajectory(problem.times, jets_to_coefficients(durations, found.jets, found.moments))
         objective = float(found.objective.sum())
         solved = time.perf_counter()
-        gain = _gain(problem, found.jets, fixed)
+        proof = certify(durations, values, weights, found)
+        statistics["correction"] = proof.correction
+        proven = proof.correction <= CERTIFIED
         return Answer(
-            Termination.OPTIMAL,
+            Termination.OPTIMAL if proven else Termination.FEASIBLE,
             point=plan,
             primal_bound=objective,
-            dual_bound=objective - gain,
+            # J is a sum of squares.
+            dual_bound=max(0.0, float(proof.objective.sum()) - proof.gap) if proven else 0.0,
             seconds={"solve": solved - begin, "certify": time.perf_counter() - solved},
             statistics=statistics,
-        )
+            message=_doubt(problem, plan) if proven else (
+                f"the shape of segment {proof.segment} is certain to {proof.correction:.1g} of its size "
+                f"only (asked: {CERTIFIED:g}), since the durations differ too much"
+            ),
+        )  # fmt: skip
 
 
-def _gain(problem: MinimumDerivative, jets: Floats, fixed: NDArray[np.bool_]) -> float:
-    """Return what no trajectory can gain within ``max(1, |d|)`` of the derivatives d at the knots.
-
-    The objective is convex, so it lies above its tangent: the gradient with respect to what is
-    free, which exact arithmetic would make zero, times how far each derivative may move.
-    """
-    from .hermite import scaled_jets, table_of
-
-    order, count = problem.order, problem.segments
-    table = table_of(problem.order_weights)
-    shared = min(problem.continuity, order - 1) + 1
-    knots = np.zeros((problem.dimensions, problem.times.size, order))
-    total = 0.0
-    for begin in range(0, count, _CHUNK):
-        part = slice(begin, min(begin + _CHUNK, count))
-        long = problem.durations[part]
-        y = scaled_jets(long, jets[:, part]).reshape(problem.dimensions, long.size, 2 * order)
-        moments = y @ table.rows.T
-        size = table.factors * long[:, None] ** (1.0 - 2.0 * table.orders)
-        slope = 2.0 * ((moments * size) @ table.rows)
-        slope *= np.tile(long[:, None] ** np.arange(order), 2)
-        first, last = slope[..., :order], slope[..., order:]
-        knots[:, begin : begin + long.size] += np.where(np.arange(order) < shared, first, 0.0)
-        knots[:, begin + 1 : begin + 1 + long.size] += np.where(
-            np.arange(order) < shared, last, 0.0
-        )
-        if shared < order:
-            for side, own in ((0, first), (1, last)):
-                known = np.moveaxis(fixed, 2, 0)[:, begin + side : begin + side + long.size]
-                own = np.where(known, 0.0, own)[..., shared:]
-                total += float(
-                    np.sum(np.abs(own) * np.maximum(1.0, np.abs(jets[:, part, side, shared:])))
-                )
-    reach = np.maximum(1.0, np.abs(np.concatenate([jets[:, :, 0], jets[:, -1:, 1]], axis=1)))
-    total += float(np.sum(np.where(np.moveaxis(fixed, 2, 0), 0.0, np.abs(knots) * reach)))
-    return total
+def _doubt(problem: MinimumDerivative, plan: Trajectory) -> str:
+    """Return what to say of a path that swings out so far that its knots lose digits."""
+    reach = np.abs(plan.coefficients[:, 1:]).sum(axis=1).max(axis=1)
+    at = int(reach.argmax())
+    if reach[at] <= _SWING * problem.position_scale.max():
+        return ""
+    return (
+        f"the durations differ too much: segment {at} swings out with coefficients of "
+        f"{reach[at]:.1g} m, which double precision keeps to {np.finfo(float).eps * reach[at]:.1g} m"
+    )

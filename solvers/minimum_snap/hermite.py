@@ -28,10 +28,8 @@ from .moment_kernels import blend
 from .tables import Table, moment_tables, table_of
 
 __all__ = [
-    "ACCEPTED",
-    "MOST_REFINEMENTS",
-    "REFINED",
-    "WORST",
+    "CERTIFIED",
+    "FLOOR",
     "Outcome",
     "Solved",
     "Table",
@@ -48,15 +46,10 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-#: Jumps of a derivative, relative to its largest value, below which nothing is refined: a fifth of
-#: the 1e-11 that the tests allow.
-REFINED = 2e-12
-#: Jumps above which the general kernels take over from the fused ones: half of that.
-ACCEPTED = 5e-12
-#: Jumps above which there is no solution to speak of.
-WORST = 1e-6
-#: Newton steps after the first one.
-MOST_REFINEMENTS = 6
+#: Correction of a segment, relative to its size, up to which its shape is certified.
+CERTIFIED = 1e-9
+#: Share of what is given that a segment in which little happens is held against.
+FLOOR = 1e-6
 
 
 class Outcome(IntEnum):
@@ -83,22 +76,31 @@ class Solved(NamedTuple):
         J of each axis; NaN unless ``SOLVED``.
     outcome : Outcome
         How it ended.
-    residual : float
-        Worst jump of a derivative of order r … 2r-1 across a knot where its counterpart is free
-        (stationarity), relative to the largest value of that derivative on its axis.
+    correction : float
+        How far the scaled derivatives at the ends of a segment are off, by the last Newton step,
+        relative to the largest of them: the worst segment's. NaN where durations are so calm that
+        it is known to be about 1e-11, and nothing was measured.
+    segment : int
+        Where that is.
+    gap : float
+        By how much J may be above its optimum: half the gradient times the last Newton step, and
+        what rounding does to the moments.
     refinements : int
         Newton steps after the first one, the most of all groups of axes.
     factorisations : int
         Groups of axes with a pattern of their own.
     method : str
-        ``"fused"``, the kernels for waypoints alone, or ``"general"``.
+        ``"calm"`` or ``"refined"``, the kernels for waypoints alone; ``"general"``, those for any
+        pattern; or ``"boundary"``, the slow way of :mod:`~.boundary`.
     """
 
     jets: Floats
     moments: Floats | None
     objective: Floats
     outcome: Outcome
-    residual: float
+    correction: float
+    segment: int
+    gap: float
     refinements: int
     factorisations: int
     method: str
@@ -220,4 +222,4 @@ def has_one_optimum(
         for power in range(order, least):
             own[:, power] = math.perm(power, order) * at ** (power - order)
         rows.append(own)
-    return bool(np.linalg.matrix_rank(np.concatenate(rows), tol=1e-10) == least)
+    return bool(np.linalg.matrix_rank(np.concatenate(rows), tol=1e-13) == least)

@@ -60,6 +60,7 @@ class InteriorPoint(Backend):
             return f"a derivative above {problem.order - 1} is fixed"
         return ""
 
+    @np.errstate(all="ignore")  # what overflows is no number, and so no plan
     def run(self, problem: MinimumDerivative, request: Request) -> Answer:
         """Solve every chain, and say what their residuals prove."""
         from .chain import chains
@@ -134,6 +135,12 @@ def _conclude(
     if any(r.status == "stopped" for r in results) or len(results) < groups:
         limit = request.control.reason or Limit.INTERRUPTED
         return Answer(Termination.NO_SOLUTION, limit, statistics=statistics)
+    if not all(np.isfinite(r.powers).all() for r in results):
+        return Answer(
+            Termination.NO_SOLUTION, Limit.ITERATIONS, statistics=statistics,
+            message="the iterations end in what is no number: the optimum is not unique, or the "
+            "durations differ too much",
+        )  # fmt: skip
     objective = sum(r.objective for r in results)
     # Each axis is a sum of squares, whatever rounding says of its bound.
     bound = sum(max(r.bound, 0.0) for r in results)

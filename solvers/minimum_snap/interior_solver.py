@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 
 #: Relative complementarities at which the instants are reviewed, before the last.
 LEVELS = (1e2, 1e1, 1e0, 1e-1, 1e-2, 1e-3)
+#: By how much wider the barrier is at the start of each new beginning after a stall.
+BOOSTS = (1e4, 1e6, 1e8)
 
 
 @dataclass(frozen=True)
@@ -57,13 +59,14 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
 
     An iterate close to the end is a bad start for more rows: its slacks are too small to give way.
     So the iterates of all levels are kept, rows that come late begin at one whose barrier is as
-    wide as their violation, and where that stalls, at a wider one.
+    wide as their violation, and where that stalls, at a wider one, at last from the beginning.
     """
     state = State(chain, settings, flag)
     gaps = [*LEVELS, settings.gap]
     kept: list[Iterate] = [state.copy()]  # kept[i] is where the descent to gaps[i] begins
     level, iterations, rounds = 0, 0, 0
-    status, primal, retreat = "stalled", 0.0, 0
+    status, primal, retreat, restarts = "stalled", 0.0, 0, 0
+    enlarged = False
     while rounds < settings.rounds:
         code, count, _, _, primal, _ = state.descend(gaps[level])
         iterations += count
@@ -72,9 +75,14 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
             status = "stopped"
             break
         if code != CONVERGED and not (last and state.is_settled(primal)):
-            # Only rows that came late make a start too narrow: without them it is the problem.
-            if rounds == 0 or retreat == 0 or find_contradiction(state) is not None:
+            # Only rows that came late make a start too narrow: without them it is the beginning.
+            spent = rounds == 0 or retreat == 0
+            if find_contradiction(state) is not None or (spent and restarts == len(BOOSTS)):
                 break
+            if spent:
+                state.begin(BOOSTS[restarts])
+                restarts, level, kept, enlarged = restarts + 1, 0, [state.copy()], True
+                continue
             retreat = level = max(min(retreat, level) - 2, 0)
             del kept[level + 1 :]
             state.restore(kept[level])
@@ -85,6 +93,8 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
             if last:
                 status = "solved"
                 break
+            if not enlarged and state.enlarge():
+                enlarged, kept = True, [state.copy()] * len(kept)
             level += 1
             kept.append(state.copy())
             continue

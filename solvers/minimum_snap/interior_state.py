@@ -28,6 +28,9 @@ Floats = NDArray[np.float64]
 
 #: Share of the first guess's objective that counts as 0.
 NOTHING = 1e-9
+#: Mean square of a segment's costs, of the order of 1 in the first guess, below which their unit
+#: is made smaller, and by how much at most.
+SMALL, MOST = 1e-6, 30.0
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ class State:
         self.held = chain.first_instants(settings.samples)
         self._pose()
         self.scale = 1.0
-        self._begin()
+        self.begin()
 
     def _pose(self) -> None:
         count = self.chain.model.segments
@@ -117,8 +120,15 @@ class State:
             self.knots += knots
             self.inner += inner
 
-    def _begin(self) -> None:
-        """Start smooth and near the middle of the bounds, with slacks and multipliers alike."""
+    def begin(self, boost: float = 1.0) -> None:
+        """Start smooth and near the middle of the bounds, with slacks and multipliers alike.
+
+        Parameters
+        ----------
+        boost : float
+            Multiplies the barrier's parameter. Bounds that leave hardly any room have multipliers
+            far beyond those of the first guess, and a barrier below them stalls at the boundary.
+        """
         low, high = np.isfinite(self.lower), np.isfinite(self.upper)
         target = np.where(
             low & high,
@@ -130,17 +140,28 @@ class State:
         self.newton(weight, target, self.cost / max(float(typical), 1e-300))
         value = multiply(self.cost, self.knots, self.inner)
         # Costs of the order of 1 keep multipliers, slacks and tolerances comparable.
-        self.scale = 1.0 / max(float(np.sqrt(np.sum(value**2) / max(value.shape[0], 1))), 1e-12)
-        self.cost = self.cost * self.scale
+        share = 1.0 / max(float(np.sqrt(np.sum(value**2) / max(value.shape[0], 1))), 1e-12)
+        self.scale, self.cost = self.scale * share, self.cost * share
         at = row_values(self.rows, self.start, self.knots, self.inner)
         wide = np.where(low & high, (self.upper - self.lower) / 2, 1.0)
         least = np.maximum(0.1 * np.where(np.isfinite(wide), wide, 1.0), 1e-8)
         self.below = np.where(low, np.maximum(at - self.lower, least), 1.0)
         self.above = np.where(high, np.maximum(self.upper - at, least), 1.0)
         pairs = max(int(low.sum() + high.sum()), 1)
-        mu = max(0.5 * float(np.sum((value * self.scale) ** 2)) / pairs, 1e-6)
+        mu = boost * max(0.5 * float(np.sum((value * share) ** 2)) / pairs, 1e-6)
         self.z_below = np.where(low, mu / self.below, 0.0)
         self.z_above = np.where(high, mu / self.above, 0.0)
+
+    def enlarge(self) -> bool:
+        """Make the objective of the order of 1 where the first guess's was far above; else False."""
+        mean = float(np.sum(multiply(self.cost, self.knots, self.inner) ** 2)) / len(self.cost)
+        if mean >= SMALL:
+            return False
+        share = min(mean**-0.5, MOST) if mean > 0 else MOST
+        self.scale, self.cost = self.scale * share, self.cost * share
+        self.z_below *= share**2
+        self.z_above *= share**2
+        return True
 
     def copy(self) -> Iterate:
         """Return a copy of the present iterate."""

@@ -3,7 +3,7 @@
 A short segment between long ones is nearly free to move, and its highest derivatives are what is
 left when the jets at its ends cancel. Hence jets, and the sums that make moments of them, are
 unevaluated sums of two floats (Dekker, "A floating-point technique for extending the available
-precision", Numerische Mathematik 18, 1971). Forces are ordinary floats.
+precision", Numerische Mathematik 18, 1971). So are forces, of which knots see the difference.
 """
 
 from __future__ import annotations
@@ -59,9 +59,8 @@ def differentiate(
     jets: Floats,
     lows: Floats,
     forces: Floats,
+    rests: Floats,
     moments: Floats,
-    sizes: Floats,
-    bounds: Floats,
     objective: Floats,
 ) -> None:
     """Fill in what the jets cost, and half the gradient of that.
@@ -74,40 +73,29 @@ def differentiate(
         See ``tables.Table``.
     jets, lows : ndarray, shape (A, M, 2, r)
         Derivatives at both ends of each segment, and what rounding left of them.
-    forces : ndarray, shape (A, M, 2, r)
-        Filled with half the derivative of J by each of them.
+    forces, rests : ndarray, shape (A, M, 2, r)
+        Filled with half the derivative of J by each of them, and what rounding left of that.
     moments : ndarray, shape (A, M, N)
         Filled with the moments, for the rows of the table.
-    sizes : ndarray, shape (A, r)
-        Filled with the largest term of a force by its order: what a jump is held against. A force
-        may vanish at all knots; its terms say how large it is between.
-    bounds : ndarray, shape (A, r)
-        Filled with what the forces would be if nothing cancelled.
     objective : ndarray, shape (A,)
         Filled with J.
     """
     axes, count, _, order = jets.shape
     size, terms = 2 * order, rows.shape[0]
     power, low, scales = np.empty(order), np.empty(order), np.empty(terms)
-    strength, rests = np.empty(order), np.empty(terms)
+    low_moments, pull, low_pull = np.empty(terms), np.empty(terms), np.empty(terms)
     sums = np.zeros((axes, 2))
-    sizes[:], bounds[:], forces[:] = 0.0, 0.0, 0.0
     for k in range(count):
         power[0], low[0] = 1.0, 0.0
         for i in range(1, order):
             power[i], low[i] = times(power[i - 1], low[i - 1], durations[k])
-        strength[:] = 0.0
         for n in range(terms):
             scales[n] = factors[n] * durations[k]
             for _ in range(orders[n]):
                 scales[n] /= durations[k] * durations[k]
-            largest = np.abs(rows[n]).max()
-            for p in range(size):
-                strength[p % order] += scales[n] * power[p % order] * abs(rows[n, p]) * largest
         for a in range(axes):
             own, rest = jets[a, k], lows[a, k]
-            moments[a, k], rests[:] = 0.0, 0.0
-            amount = 0.0
+            moments[a, k], low_moments[:] = 0.0, 0.0
             # Positions count from the start of the segment, so the first entry is 0.
             for p in range(1, size):
                 i = p % order
@@ -116,20 +104,25 @@ def differentiate(
                     d, e = plus(d, e, -own[0, 0], -rest[0, 0])
                 yh, yl = times(d, e, power[i])
                 yh, yl = plus(yh, yl, d * low[i], 0.0)
-                amount += abs(yh)
                 for n in range(terms):
                     if rows[n, p] != 0.0:
                         th, tl = times(yh, yl, rows[n, p])
-                        moments[a, k, n], rests[n] = plus(moments[a, k, n], rests[n], th, tl)
+                        moments[a, k, n], low_moments[n] = plus(
+                            moments[a, k, n], low_moments[n], th, tl
+                        )
             for n in range(terms):
-                force = scales[n] * moments[a, k, n]
-                sums[a, 0], sums[a, 1] = plus(sums[a, 0], sums[a, 1], force * moments[a, k, n], 0.0)
-                for p in range(size):
-                    part = force * rows[n, p] * power[p % order]
-                    forces[a, k, p // order, p % order] += part
-                    sizes[a, p % order] = max(sizes[a, p % order], abs(part))
-            for i in range(order):
-                bounds[a, i] = max(bounds[a, i], strength[i] * amount)
+                high = moments[a, k, n]
+                pull[n], low_pull[n] = times(high, low_moments[n], scales[n])
+                sums[a, 0], sums[a, 1] = plus(sums[a, 0], sums[a, 1], pull[n] * high, 0.0)
+            for p in range(size):
+                fh, fl = 0.0, 0.0
+                for n in range(terms):
+                    if rows[n, p] != 0.0:
+                        th, tl = times(pull[n], low_pull[n], rows[n, p])
+                        fh, fl = plus(fh, fl, th, tl)
+                i, end = p % order, p // order
+                th, tl = times(fh, fl, power[i])
+                forces[a, k, end, i], rests[a, k, end, i] = plus(th, tl, fh * low[i], 0.0)
     objective[:] = sums[:, 0] + sums[:, 1]
 
 

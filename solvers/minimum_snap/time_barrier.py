@@ -104,8 +104,9 @@ class Barrier:
                 return known
         self.solves += 1
         durations = np.ascontiguousarray(durations)
-        slope = np.zeros(durations.size)
-        total = objective = 0.0
+        # Durations are > 0: their own share of the barrier keeps free knots apart.
+        slope = -self.mu / durations
+        total, objective = -self.mu * float(np.log(durations).sum()), 0.0
         found = []
         for group, begin in zip(self.groups, self._begin(durations), strict=True):
             trial, own = begin, np.zeros(durations.size)
@@ -148,7 +149,7 @@ class Barrier:
         if not np.isfinite(self.value(durations).value):
             return None
         durations, forms = np.ascontiguousarray(durations), self.forms
-        hessian = np.zeros((durations.size, durations.size))
+        hessian = np.diag(self.mu / durations**2)
         self._responses = []
         for group in self.groups:
             rows, now = group.rows, group.iterate
@@ -285,6 +286,7 @@ class Barrier:
         What is held meanwhile is forgotten: when a plan is asked for must not change the search.
         """
         kept, mu = [replace(group) for group in self.groups], self.mu
+        latest, course = self._latest, self._course
         try:
             powers = None
             found = self.settle(durations, BETWEEN)
@@ -299,7 +301,7 @@ class Barrier:
                 found = self.settle(durations, BETWEEN)
         finally:
             self.groups, self.mu = kept, mu
-            self._latest = self._course = None
+            self._latest, self._course = latest, course
         return None if powers is None else Trajectory(self.model.times(durations), powers)
 
     def _joined(self, durations: Floats) -> Floats:

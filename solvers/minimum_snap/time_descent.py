@@ -27,7 +27,11 @@ NEWTON = 400
 #: Share of the way back to the last durations that had a path, tried where new ones have none.
 BACK = (0.05, 0.2, 0.5, 0.8, 1.0)
 #: Stretches, as logarithms, tried before that where a slower motion keeps all limits.
-SLOWER = (0.002, 0.01, 0.03, 0.1)
+SLOWER = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+#: Descents on the last barrier, each with bounds held at more instants.
+ROUNDS = 20
+#: What bounds held anew may cost at the end, relative to the objective and to the gradient's tolerance.
+CLOSE = 0.1
 
 
 @dataclass(frozen=True)
@@ -118,6 +122,8 @@ class Allocated:
     ----------
     durations : ndarray, shape (M,)
         The best durations.
+    value : float
+        The objective there.
     gradient : float
         Largest entry of the gradient by x there, relative to the objective.
     settled : bool
@@ -127,6 +133,7 @@ class Allocated:
     """
 
     durations: Floats
+    value: float = np.inf
     gradient: float = np.inf
     settled: bool = False
     iterations: int = 0
@@ -210,13 +217,20 @@ def allocate(
         return result
     price = model.time_weight
     size = inner.value(durations).objective + price * float(durations.sum())
-    safe, last, lost = x, False, False
+    safe, last, lost, settled = x, False, False, False
+    best: tuple[float, Floats] = (np.inf, x)
     for gap in (g for g in GAPS if g <= first):
         inner.mu = gap * size / inner.pairs
         last = gap == GAPS[-1]
         goal = tolerance if last else max(LOOSE * gap, tolerance)
         threshold = between if last else max(between, 1e-2 * gap)
-        for _ in range(20):
+        if not np.isfinite(inner.value(variables.durations(x), afresh=True).value):
+            inside = _inside(inner, variables, x, safe, threshold, 1)
+            if inside is None:
+                settled = False
+                break
+            x = inside
+        for _ in range(ROUNDS):
             reached = descent.descend(
                 function, x, goal, most - result.iterations,
                 stopped=stopped, curvature=bent if newton else None, aim=aim,
@@ -224,42 +238,52 @@ def allocate(
             result.iterations += reached.iterations
             result.evaluations += reached.evaluations
             if stopped():
-                result.durations = variables.durations(safe)
+                result.durations = variables.durations(best[1] if best[0] < np.inf else safe)
                 return result
-            x = reached.point
-            if not np.isfinite(reached.value) or not _exchanged(inner, variables, x, threshold):
+            x, settled = reached.point, reached.settled
+            now = variables.durations(x)
+            before = inner.value(now).objective + price * float(now.sum())
+            if not np.isfinite(reached.value) or not inner.exchange(now, threshold):
                 break
             inside = _inside(inner, variables, x, safe, threshold, 25 if last else 1)
+            lost = inside is None
             if inside is None:
-                lost = True
                 break
             x = inside
             if not last:
                 break
-        if lost or not np.isfinite(reached.value):
-            x = safe
-            break
+            now = variables.durations(x)
+            after = inner.value(now).objective + price * float(now.sum())
+            best = min(best, (after, x), key=_first)
+            # A minimum of fewer bounds that keeps all of them is one of all.
+            if settled and after - before <= CLOSE * tolerance * abs(after):
+                break
+            settled = False
         now = variables.durations(x)
         found = inner.value(now)
-        if not np.isfinite(found.value):
-            x = safe
+        if lost or not np.isfinite(found.value):
+            settled = False
             break
         safe = x
         size = found.objective + price * float(now.sum())
         heard(now, size)
         slope = variables.slope(now, found.slope)
         result.gradient = float(np.abs(slope).max()) / max(size, 1e-300)
+        if last:
+            best = min(best, (size, x), key=_first)
+            result.value = size
         if result.iterations >= most:
             break
+    if best[0] < size:
+        result.value = best[0]
+        safe, settled = best[1], settled and size - best[0] <= CLOSE * tolerance * abs(size)
+    result.settled = last and settled
     result.durations = variables.durations(safe)
-    result.settled = last and result.gradient <= 2.0 * tolerance
     return result
 
 
-def _exchanged(inner: Barrier, variables: Variables | Factor, x: Floats, threshold: float) -> bool:
-    now = variables.durations(x)
-    inner.value(now)
-    return inner.exchange(now, threshold) > 0
+def _first(pair: tuple[float, Floats]) -> float:
+    return pair[0]
 
 
 def _inside(
@@ -295,4 +319,4 @@ def _ways(
         yield x + share * (safe - x)
     if slower:
         for share in SLOWER:
-            yield safe + 4.0 * share
+            yield safe + share

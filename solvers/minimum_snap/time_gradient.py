@@ -17,7 +17,7 @@ from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Reques
 if TYPE_CHECKING:
     from .time_barrier import Inner
 
-__all__ = ["NativeTimes", "TimeGradient"]
+__all__ = ["TimeGradient"]
 
 Floats = NDArray[np.float64]
 
@@ -27,33 +27,13 @@ PAUSE = 0.1
 ROUNDING = 1e-9
 #: Standard deviation of the logarithms of the durations of a further start.
 SPREAD = 0.4
+#: Most steps of one descent where free knots are added one by one.
+EACH = 400
 #: Relative complementarity of the first barrier after a warm start, lest it lose its neighbourhood.
 WARM = 1e-3
 
 
-class NativeTimes(Backend):
-    """Base of what solves the problem at given times with our own solvers."""
-
-    accepts = TimeAllocation
-    single_threaded = True
-
-    def refuses(self, problem: TimeAllocation) -> str:
-        """Return what of `problem` our solvers at given times do not cover."""
-        from .direct import Banded
-        from .interior_point import InteriorPoint
-
-        if not problem.bounded:
-            return Banded().refuses(problem.unit)
-        return InteriorPoint().refuses(problem.unit)
-
-    def covered(self, problem: TimeAllocation) -> None:
-        """Raise :class:`UnsupportedFormulation` for what is refused."""
-        refusal = self.refuses(problem)
-        if refusal:
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
-
-
-def concluded(
+def _concluded(
     problem: TimeAllocation,
     inner: Inner,
     durations: Floats,
@@ -92,17 +72,21 @@ def concluded(
     )  # fmt: skip
 
 
-class TimeGradient(NativeTimes):
+class TimeGradient(Backend):
     """Newton and quasi-Newton descent on log T, with the slope of J by the envelope theorem.
 
     The first start is the better of the trapezoid's and the distance's durations, scaled for
     J + ρ ΣT and stretched until there is a path within the bounds; a seed above 0 perturbs it.
     Corridor and limits enter by a barrier that falls; durations without a path are infinitely bad.
+    Where knots are free, fewer of them come first: what these find, with a segment halved, is a
+    start for one more, so that more free knots never cost time.
     What it finds is a local optimum: the gradient by log T, relative to the objective, is among
     the statistics.
     """
 
     name = "time-gradient"
+    accepts = TimeAllocation
+    single_threaded = True
     guarantee = Guarantee.LOCAL
     features = frozenset({Feature.SEED, Feature.WARM_START, Feature.INCUMBENTS, Feature.INTERRUPT})
     options: ClassVar[Mapping[str, Option]] = {
@@ -112,25 +96,90 @@ class TimeGradient(NativeTimes):
             "default with corridor or limits, 1e-8 without.",
             float, lower=1e-12, upper=1e-1,
         ),
+        "rule": Option(
+            "choose",
+            "Durations to start from: of a trapezoidal velocity profile on each segment, "
+            "proportional to the distances, or the better of the two.",
+            str, ("choose", "trapezoid", "distance"),
+        ),
         "iterations": Option(2000, "Most quasi-Newton steps.", int, lower=1),
     }  # fmt: skip
     summary = "L-BFGS on log T with exact gradients, limits by a barrier; ours"
 
+    def refuses(self, problem: TimeAllocation) -> str:
+        """Return what of `problem` our solvers at given times do not cover."""
+        from .direct import Banded
+        from .interior_point import InteriorPoint
+
+        if not problem.bounded:
+            return Banded().refuses(problem.unit)
+        return InteriorPoint().refuses(problem.unit)
+
     def run(self, problem: TimeAllocation, request: Request) -> Answer:
         """Descend from a start, and return the warm start where nothing better was found."""
-        self.covered(problem)
+        refusal = self.refuses(problem)
+        if refusal:
+            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         return _no_worse(problem, request, self._descend(problem, request))
 
     def _descend(self, problem: TimeAllocation, request: Request) -> Answer:
         """Return where the descent ends, and how flat that is."""
-        from .time_barrier import inner_problem
-        from .time_descent import allocate
+        from .time_barrier import Barrier, inner_problem
+        from .time_descent import Allocated, allocate
+        from .time_inner import Spline
+        from .time_merging import coarser, runs_of, subdivided
+        from .time_rules import resumed, typical
 
         begin = time.perf_counter()
         control = request.control
+        told = [time.perf_counter()]
         inner = inner_problem(problem, control.flag)
-        start = _start(problem, inner, request)
-        if start is None:
+        tolerance = request.options.get("gradient")
+        most = request.options.get("iterations", 2000)
+        nested = problem.bounded and request.warm_start is None
+        runs = runs_of(problem)
+        found: Allocated | None = None
+        counts = runs
+        iterations = evaluations = solves = steps = 0
+
+        def heard(durations: Floats, value: float) -> None:
+            if time.perf_counter() - told[0] > PAUSE:
+                plan = inner.plan(durations)
+                if plan is not None:
+                    control.incumbent(problem.objective(plan), plan)
+                told[0] = time.perf_counter()
+
+        for now, model in coarser(problem) if nested else [(runs, problem)]:
+            if control.stopped:
+                break
+            last = model is problem
+            # From the rules' durations and, where these end higher, from what fewer knots found.
+            for carried in (False, True):
+                own = inner if last else inner_problem(model, control.flag)
+                if carried:
+                    if found is None or counts is now or not isinstance(own, Barrier):
+                        continue
+                    start = resumed(model, own, subdivided(found.durations, counts, now))
+                else:
+                    start = _start(model, own, request)
+                if start is None:
+                    continue
+                more = allocate(
+                    model, own, start,
+                    tolerance=tolerance or (1e-6 if problem.bounded else 1e-8),
+                    most=min(most, EACH) if runs.size < problem.segments and nested else most,
+                    between=max(1e-3 * request.tolerance, 1e-9),
+                    stopped=lambda: control.stopped,
+                    heard=heard if last else lambda durations, value: None,
+                    first=WARM if carried or request.warm_start is not None else 1.0,
+                )  # fmt: skip
+                iterations += more.iterations
+                evaluations += more.evaluations
+                if not last:
+                    solves, steps = solves + own.solves, steps + own.steps
+                if found is None or more.value < found.value:
+                    found, counts = more, now
+        if found is None:
             stopped = control.stopped
             return Answer(
                 Termination.NO_SOLUTION,
@@ -142,31 +191,17 @@ class TimeGradient(NativeTimes):
                 else "no durations were found that leave a path within the "
                 "bounds; this is no proof that there are none",
             )
-        told = [time.perf_counter()]
-
-        def heard(durations: Floats, value: float) -> None:
-            if time.perf_counter() - told[0] > PAUSE:
-                plan = inner.plan(durations)
-                if plan is not None:
-                    control.incumbent(problem.objective(plan), plan)
-                told[0] = time.perf_counter()
-
-        tolerance = request.options.get("gradient")
-        found = allocate(
-            problem, inner, start,
-            tolerance=tolerance or (1e-6 if problem.bounded else 1e-8),
-            most=request.options.get("iterations", 2000),
-            between=max(1e-3 * request.tolerance, 1e-9),
-            stopped=lambda: control.stopped,
-            heard=heard,
-            first=1.0 if request.warm_start is None else WARM,
-        )  # fmt: skip
+        durations = subdivided(found.durations, counts, runs)
+        if isinstance(inner, Barrier) and counts is not runs:
+            typical(problem, inner, Spline(problem), durations)
+        inner.solves += solves
+        inner.steps += steps
         statistics: dict[str, Any] = {
-            "iterations": found.iterations,
-            "evaluations": found.evaluations,
+            "iterations": iterations,
+            "evaluations": evaluations,
             "gradient": found.gradient,
         }
-        shortest = float(found.durations.min() / found.durations.max())
+        shortest = float(durations.min() / durations.max())
         statistics["shortest to longest"] = shortest
         done = Termination.LOCALLY_OPTIMAL if found.settled else Termination.FEASIBLE
         message = (
@@ -174,7 +209,7 @@ class TimeGradient(NativeTimes):
         )
         if shortest < 1e-8:
             message = "a duration falls to 0: its segment may be better left out"
-        return concluded(problem, inner, found.durations, request, begin, done, statistics, message)
+        return _concluded(problem, inner, durations, request, begin, done, statistics, message)
 
 
 def _no_worse(problem: TimeAllocation, request: Request, answer: Answer) -> Answer:
@@ -196,7 +231,7 @@ def _no_worse(problem: TimeAllocation, request: Request, answer: Answer) -> Answ
 def _start(problem: TimeAllocation, inner: Inner, request: Request) -> Floats | None:
     """Return durations that have a path: the warm start's, or the better rule's."""
     from .time_inner import Spline
-    from .time_rules import distance, fitted, hurried, scaled, started, trapezoid
+    from .time_rules import distance, hurried, resumed, scaled, started, trapezoid
 
     generator = np.random.default_rng(request.seed) if request.seed else None
 
@@ -209,10 +244,12 @@ def _start(problem: TimeAllocation, inner: Inner, request: Request) -> Floats | 
         given = varied(np.asarray(request.warm_start.durations, float))
         if problem.total_time is not None:
             given = given * (problem.total_time / given.sum())
-        return fitted(problem, inner, given) if not isinstance(inner, Spline) else given
+        return resumed(problem, inner, given) if not isinstance(inner, Spline) else given
     spline = Spline(problem)
     ranked = []
-    for rule in (trapezoid, distance):
+    rules = {"trapezoid": trapezoid, "distance": distance}
+    asked = request.options.get("rule", "choose")
+    for rule in rules.values() if asked == "choose" else (rules[asked],):
         durations = scaled(problem, spline, varied(rule(problem)))
         cost = spline.value(durations).objective
         price = problem.time_weight * float(durations.sum())

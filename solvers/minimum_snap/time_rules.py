@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from ...models.minimum_snap.time_allocation import TimeAllocation
 from .time_barrier import Barrier, Inner
-from .time_descent import allocate
+from .time_descent import SLOWER, allocate
 from .time_inner import Spline
 
-__all__ = ["distance", "fitted", "hurried", "scaled", "started", "trapezoid"]
+__all__ = ["distance", "fitted", "hurried", "resumed", "scaled", "started", "trapezoid", "typical"]
 
 Floats = NDArray[np.float64]
 
@@ -147,6 +147,20 @@ def fitted(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats |
         if inner.flag[0]:
             break
     return None
+
+
+def resumed(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats | None:
+    """Return `durations` that are known to have a path, or a little slower ones, as :func:`fitted`."""
+    slower = SLOWER if model.from_rest_to_rest and model.total_time is None else ()
+    spline = Spline(model)
+    for share in (0.0, *slower):
+        now: Floats = durations * np.exp(share)
+        typical(model, inner, spline, now)
+        if np.isfinite(inner.settle(now, BETWEEN).value):
+            return now
+        if inner.flag[0]:
+            return None
+    return fitted(model, inner, durations)
 
 
 def typical(model: TimeAllocation, inner: Barrier, spline: Spline, durations: Floats) -> None:

@@ -1,6 +1,5 @@
 """Time allocation: backends against one another, laws, and the common request."""
 
-import threading
 import time
 from dataclasses import replace
 
@@ -8,29 +7,25 @@ import numpy as np
 import pytest
 from allocations import LIMITS, POINTS, walk
 from hypothesis import given, settings, strategies as st
+from simplex import best_times, programmed, spline
 
 import crosstrack as ct
-from crosstrack.errors import UnsupportedFormulation, UnsupportedOption
+from crosstrack.errors import CrosstrackError, UnsupportedFormulation, UnsupportedOption
 from crosstrack.models import TimeAllocation
-from crosstrack.solvers.backend import Request
 from crosstrack.solvers.minimum_snap.time_gradient import TimeGradient
 from crosstrack.solvers.minimum_snap.time_rules import distance, trapezoid
-from crosstrack.solvers.registry import find_backend
-from crosstrack.solvers.verdict import judge
 
 # -- backends against one another ----------------------------------------------------------------
 
 
 @pytest.mark.parametrize("more", [{"time_weight": 100}, {"total_time": 6.0, "order": 3}])
-def test_no_backend_contradicts_another(more):
+def test_a_simplex_over_a_spline_finds_the_same_times(more):
     model = TimeAllocation(POINTS, **more)
-    names = ["time-gradient", "time-simplex", "time-trapezoid", "time-distance"]
-    solutions = [ct.solve(model, name) for name in names]
-    assert judge("points", solutions, model).outcome != "CONTRADICTION"
-    best = {s.backend: s.primal_bound for s in solutions}
-    assert best["time-gradient"] <= min(best.values()) * (1 + 1e-9)
-    assert best["time-simplex"] == pytest.approx(best["time-gradient"], rel=1e-7)
-    assert best["time-gradient"] < 0.98 * min(best["time-trapezoid"], best["time-distance"])
+    own = ct.solve(model, "time-gradient")
+    least, durations = best_times(model, spline)
+    assert own.primal_bound <= least * (1 + 1e-9)
+    assert least == pytest.approx(own.primal_bound, rel=1e-7)
+    assert durations == pytest.approx(own.plan.durations, rel=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -41,32 +36,32 @@ def test_a_simplex_over_another_solver_finds_the_same_times(more):
     pytest.importorskip("daqp")
     model = TimeAllocation(POINTS[:3], 60.0, order=3, **more)
     own = ct.solve(model, "time-gradient")
-    options = {"inner": "daqp", "accuracy": 1e-6, "restarts": 0}
-    other = ct.solve(model, "time-simplex", backend_options=options)
+    least, durations = best_times(model, programmed, accuracy=1e-6, restarts=0)
     assert own.termination == "locally_optimal"
-    assert other.termination == "feasible"
-    assert other.primal_bound == pytest.approx(own.primal_bound, rel=1e-6)
-    assert own.primal_bound <= other.primal_bound * (1 + 1e-7)
-    assert other.plan.durations == pytest.approx(own.plan.durations, rel=2e-3)
+    assert least == pytest.approx(own.primal_bound, rel=1e-6)
+    assert own.primal_bound <= least * (1 + 1e-7)
+    assert durations == pytest.approx(own.plan.durations, rel=2e-3)
 
 
-@pytest.mark.parametrize("name", ["time-trapezoid", "time-distance"])
 @pytest.mark.parametrize("more", [{}, {"weights": [0.5, 0, 0, 1]}, LIMITS])
-def test_rules_keep_their_proportions_at_the_best_total(name, more):
+def test_every_rule_leads_to_times_better_than_its_own(more):
     model = TimeAllocation(POINTS, 100, **more)
-    rule = {"time-trapezoid": trapezoid, "time-distance": distance}[name](model)
-    found = ct.solve(model, name)
-    assert found.termination == "feasible"
-    assert found.verification.ok
-    assert not found.verification.within_tolerance
-    ratio = found.plan.durations / rule
-    assert ratio == pytest.approx(np.full(3, ratio[0]), rel=1e-9)
-    for factor in (0.99, 1.01):
-        at = model.at(model.times(factor * found.plan.durations))
-        other = ct.solve(at, "interior-point" if at.bounded else "banded")
-        if other.plan is not None:
-            cost = other.primal_bound + 100 * other.plan.duration
-            assert cost > found.primal_bound
+    for name, rule in (("trapezoid", trapezoid), ("distance", distance)):
+        found = ct.solve(model, backend_options={"rule": name})
+        assert found.termination == "locally_optimal"
+        assert found.verification.ok
+        start = model.at(model.times(rule(model)))
+        kept = ct.solve(start)
+        if kept.plan is not None:
+            assert found.primal_bound < model.objective(kept.plan)
+    with pytest.raises(UnsupportedOption, match="rule"):
+        ct.solve(model, backend_options={"rule": "simplex"})
+
+
+@pytest.mark.parametrize("name", ["time-trapezoid", "time-distance", "time-simplex"])
+def test_a_backend_that_is_gone_is_an_unknown_name(name):
+    with pytest.raises(CrosstrackError, match=name):
+        ct.solve(TimeAllocation(POINTS, 100), name)
 
 
 def test_the_trapezoid_knows_the_limits():
@@ -132,8 +127,6 @@ def test_starts_seeds_and_warm_starts():
     assert once.plan.times.tolist() == several.starts[2].plan.times.tolist()
     warm = ct.solve(model, "time-gradient", warm_start=several)
     assert warm.primal_bound == pytest.approx(several.primal_bound, rel=1e-6)
-    with pytest.raises(UnsupportedOption, match="seed"):
-        ct.solve(model, "time-trapezoid", seed=1)
 
 
 def test_a_run_that_ends_early_is_no_worse_than_its_warm_start():
@@ -164,23 +157,8 @@ def test_a_limit_keeps_the_incumbent():
         assert found.verification.ok
 
 
-def test_a_stop_from_another_thread_ends_the_simplex_with_its_best():
-    model, simplex = TimeAllocation(walk(12), 1000.0), find_backend("time-simplex")
-    options = {"accuracy": 1e-14, "restarts": 1000, "evaluations": 10**6}
-    request = Request(options=simplex.checked_options(options))
-    timer = threading.Timer(0.3, request.control.stop, ("interrupted",))
-    timer.start()
-    answer = simplex.run(model, request)
-    timer.join()
-    assert answer.limit == "interrupted"
-    assert model.verify(answer.point).ok
-
-
 def test_what_is_not_covered_is_said():
     model = TimeAllocation(POINTS, 1, end=np.zeros((4, 2)), degree=9)
     with pytest.raises(UnsupportedFormulation, match="snap"):
         ct.solve(model, "time-gradient")
     assert TimeGradient().refuses(TimeAllocation(POINTS, 1, continuity=2, **LIMITS))
-    options = {"inner": "spline"}
-    with pytest.raises(UnsupportedFormulation, match="corridor or limits"):
-        ct.solve(TimeAllocation(POINTS, 1, **LIMITS), "time-simplex", backend_options=options)

@@ -20,7 +20,7 @@ from scipy.interpolate import PPoly
 
 from crosstrack.errors import InvalidData
 from crosstrack.models.minimum_snap import MinimumDerivative
-from crosstrack.models.minimum_snap.polynomials import critical_points, horner
+from crosstrack.models.minimum_snap.polynomials import bernstein_matrix, critical_points, horner
 from crosstrack.models.minimum_snap.trajectory import Trajectory
 
 
@@ -56,6 +56,19 @@ def test_values_against_fifty_digits(plan, share, derivative):
     bound = 1e-11 * size * plan.durations[k] ** -float(derivative)
     assert found.shape == (plan.dimensions,)
     assert np.abs(found - exact(plan, t, derivative)).max() <= bound
+
+
+@pytest.mark.parametrize("derivative", [0, 1, 2, 5, 7, 8])
+def test_one_time_has_the_value_of_many(derivative):
+    rng = np.random.default_rng(3)
+    knots = np.cumsum(rng.uniform(0.1, 10, 41))
+    plan = Trajectory(knots, rng.normal(size=(40, 8, 3)))
+    times = np.concatenate([plan.times, rng.uniform(plan.times[0], plan.times[-1], 10_000)])
+    many = plan(times, derivative)
+    for t, value in zip(times[:300], many, strict=False):
+        for one in (float(t), t, np.array(t)):
+            assert plan(one, derivative).shape == (3,)
+            np.testing.assert_allclose(plan(one, derivative), value, rtol=1e-14, atol=0)
 
 
 def test_calls_at_knots_outside_and_with_arrays():
@@ -197,6 +210,22 @@ def test_critical_points_hit_prescribed_roots(roots, sign):
     assert ((s >= 0) & (s <= 1)).all()
     assert abs(found.max() - values.max()) <= 1e-12 * size
     assert abs(found.min() - values.min()) <= 1e-12 * size
+
+
+@pytest.mark.parametrize("degree", [0, 1, 5, 7, 15])
+def test_control_points_of_parts_enclose_the_curve(degree):
+    rng = np.random.default_rng(degree)
+    pieces = 4
+    matrix = bernstein_matrix(degree, pieces).reshape(pieces, degree + 1, degree + 1)
+    for row in rng.normal(size=(20, degree + 1)):
+        for piece, part in enumerate(matrix):
+            control = part @ row
+            s = (piece + np.linspace(0, 1, 50)) / pieces
+            values = polynomial.polyval(s, row)
+            assert control[[0, -1]] == pytest.approx(values[[0, -1]], rel=1e-12, abs=1e-12)
+            assert values.min() >= control.min() - 1e-12
+            assert values.max() <= control.max() + 1e-12
+    np.testing.assert_array_equal(bernstein_matrix(degree), bernstein_matrix(degree, 1))
 
 
 def test_extremes_along_a_direction():

@@ -11,8 +11,9 @@ from scipy.interpolate import make_interp_spline
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData
-from crosstrack.models import MinimumSnap
-from crosstrack.models.minimum_snap import FREE
+from crosstrack.models import MinimumDerivative, MinimumSnap
+from crosstrack.models.minimum_snap import FREE, knots
+from crosstrack.models.minimum_snap.bounds import derivative_name
 from crosstrack.models.minimum_snap.trajectory import Trajectory
 
 
@@ -107,11 +108,14 @@ def test_wrong_inner_derivative(optimum):
 
 
 def test_a_narrow_bump_between_all_samples_is_found(optimum):
-    """s^a (1-s)^b of degree 31: half a hundredth wide at what a sampler would step over."""
-    model = make(degree=31)
+    """s^a (1-s)^b: a bump that a sampler would step over.
+
+    Of a higher degree, its coefficients could not hold the waypoint at its end.
+    """
+    model = make(degree=17)
     base = brute_force(make())
-    bump = polynomial.polyfromroots([0.0] * 5 + [1.0] * 26)
-    s = 5 / 31
+    bump = polynomial.polyfromroots([0.0] * 5 + [1.0] * 12)
+    s = 5 / 17
     bump = bump / polynomial.polyval(s, bump)
     top = base.extremes().largest[1].max()
     edge = top + 0.5
@@ -121,7 +125,7 @@ def test_a_narrow_bump_between_all_samples_is_found(optimum):
     found = corridor.verify(poked)
     assert [c.name for c in found.violated] == ["corridor"]
     assert found.violated[0].worst == pytest.approx(1e-5, rel=1e-3)
-    assert found.violated[0].where.startswith("segment 1, axis 0 (t = 1.3")
+    assert found.violated[0].where.startswith("segment 1, axis 0 (t = 1.6")
     assert replace(model, corridor_upper=[[9.0, 9], [exact_top + 1e-9, 9]]).verify(poked).ok
 
 
@@ -265,6 +269,25 @@ def test_a_wild_segment_excuses_no_jump_elsewhere():
     assert "continuity of acceleration" in violated(model, bumped(plan, late, 0, bump.coef))
 
 
+def test_large_coefficients_do_not_excuse_themselves(optimum):
+    """What digits cannot hold is forgiven up to a tolerance in the model's units, and no further."""
+    bump = 1e13 * polynomial.polyfromroots([0.0] * 3 + [1.0] * 4)
+    bump[-1] += 0.1
+    found = make().verify(bumped(optimum, 1, 0, bump))
+    check = rows_of(found)["waypoints"]
+    assert not check.ok
+    assert check.tolerance <= 2e-6 * make().position_scale.max()
+    assert "the durations differ too much" in check.where
+
+
+def test_a_swing_in_one_segment_excuses_no_end_velocity(optimum):
+    swing = bumped(optimum, 1, 0, 1e9 * polynomial.polyfromroots([0.0] * 4 + [1.0] * 2))
+    found = rows_of(make().verify(swing))
+    assert np.abs(swing.at_ends(2)[1]).max() > 1e8
+    assert found["acceleration at the ends"].tolerance < 1.0
+    assert not found["acceleration at the ends"].ok
+
+
 def test_polytopes_and_limits_beside_very_unequal_segments():
     """The clock that the extremes are found with must not swallow a short segment."""
     times = [-1e6, 0.0, 1e-11, 1.0]
@@ -285,3 +308,49 @@ def test_position_only_is_scipys_spline():
     plan = brute_force(model)
     t = np.linspace(0, 5, 101)
     assert np.allclose(plan(t), spline(t), atol=1e-8)
+
+
+def plain_checks(model, plan):
+    """Return the worst violation of each derivative at knots, one knot after the other."""
+    found = {}
+    for order in range(max(model.conditions.shape[1], model.continuity + 1)):
+        begin, end = plan.at_ends(order)
+        for knot in range(model.segments + 1):
+            sides = ([end[knot - 1]] if knot else []) + ([begin[knot]] if knot < len(begin) else [])
+            if order < model.conditions.shape[1]:
+                ends = "at the ends" if knot in (0, model.segments) else "at inner knots"
+                for side in sides:
+                    off = np.abs(side - model.conditions[knot, order])
+                    known = np.isfinite(model.conditions[knot, order])
+                    key = order, ends if order else "waypoints"
+                    if known.any():
+                        found[key] = max(found.get(key, 0.0), off[known].max())
+            if order <= model.continuity and len(sides) == 2:
+                key = order, "continuity"
+                found[key] = max(found.get(key, 0.0), np.abs(sides[0] - sides[1]).max())
+    return found
+
+
+@pytest.mark.parametrize("together", [1, 2, 5, 1024])
+def test_segments_are_checked_in_parts_like_one_by_one(together, monkeypatch):
+    monkeypatch.setattr(knots, "SEGMENTS", together)
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        count, order = int(rng.integers(1, 12)), int(rng.integers(1, 5))
+        rows = rng.normal(size=(count + 1, order, 1))
+        rows[rng.random(rows.shape) < 0.7] = FREE
+        model = MinimumDerivative(
+            rng.normal(size=(count + 1, 1)), np.cumsum(rng.uniform(0.5, 2, count + 1)),
+            order=order, derivatives=rows, start=rows[0], end=rows[-1],
+        )  # fmt: skip
+        plan = Trajectory(model.times, rng.normal(size=(count, rng.integers(1, 2 * order + 1), 1)))
+        wanted = plain_checks(model, plan)
+        checks = {one.name: one for one in model.verify(plan).checks}
+        for (derivative, kind), worst in wanted.items():
+            word = derivative_name(derivative)
+            names = {"waypoints": kind, "continuity": f"continuity of {word}"}
+            name = names.get(kind, f"{word} {kind}")
+            # The worst is the worst share of what is allowed, which grows with the value.
+            assert checks[name].worst <= worst * (1 + 1e-12)
+            if kind == "waypoints":
+                assert checks[name].worst == pytest.approx(worst, rel=1e-12)

@@ -22,6 +22,9 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Share of the sum of the terms' sizes below which a value of a basis function is 0.
+NOUGHT = 16 * float(np.finfo(float).eps)
+
 
 @cache
 def legendre_basis(order: int, degree: int) -> Floats:
@@ -68,7 +71,10 @@ class UnitBasisFormulation(PiecewiseFormulation):
 
     def basis_rows(self, segments: Ints, s: Floats, derivative: int) -> Floats:
         """Return the derivatives in time, one row an instant."""
-        unit = power_rows(s, derivative, self.model.degree) @ self.powers
+        powers = power_rows(s, derivative, self.model.degree)
+        unit = powers @ self.powers
+        # What rounding left of a 0 would be an entry on which no proof by multipliers cancels.
+        unit[np.abs(unit) <= NOUGHT * (np.abs(powers) @ np.abs(self.powers))] = 0.0
         long = self.model.durations[segments] ** -float(derivative)
         rows: Floats = unit * self.scales[segments] * long[:, None]
         return rows

@@ -22,6 +22,10 @@ __all__ = ["HermiteFormulation", "hermite_basis", "knot_times"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Curvature's root in every column of an unbounded program, beside the median in metres: below it
+#: the absolute tolerances of OSQP and SCS end before the slow modes are found (measured at 1 to 1000).
+UNIT = 1e3
+
 
 @cache
 def hermite_basis(order: int, degree: int) -> Floats:
@@ -65,8 +69,8 @@ class HermiteFormulation(UnitBasisFormulation):
 
     The columns are the free derivatives at the knots (times the local time to their order, so that
     they are positions in size), and what the constants cost stays in the objective. Without
-    corridor and limits it has no rows at all. With them its Hessian is so nearly singular, for the
-    slow modes of a long path, that interior-point solvers are known to report wrong optima.
+    corridor and limits it has no rows at all, and its columns are scaled to curvatures alike, by
+    powers of two. With them its Hessian is nearly singular for the slow modes of a long path.
     """
 
     name = "hermite"
@@ -162,11 +166,25 @@ class HermiteFormulation(UnitBasisFormulation):
         matrix, local = self.reduction.matrix, self._hessian()
         return matrix.T @ local @ matrix, matrix.T @ (local @ self.reduction.constant)
 
+    @cached_property
+    def unit(self) -> Floats:
+        """What a column of the program counts in, m; of the order of 1 where bounds say its size."""
+        hessian = self.parabola[0]
+        bend = np.sqrt(hessian.diagonal())
+        if self.model.bounded or not (bend > 0).any():
+            return np.ones(bend.size)
+        # Without rows nothing but the curvature says what size a column has.
+        usual = UNIT * float(np.median(bend[bend > 0]))
+        ratio = usual / np.where(bend > 0, bend, usual)
+        return np.asarray(np.exp2(np.round(np.log2(ratio))), float)
+
     def build(self) -> QuadraticProgram:
         """Return the reduced program, the constant of its objective included."""
         reduction = self.reduction
         matrix, constant = reduction.matrix, reduction.constant
         hessian, cost = self.parabola
+        columns = sp.diags_array(self.unit)
+        hessian, cost = columns @ hessian @ columns, columns @ cost
         blocks, parts, at = [], [], 0
         for name, equation, template, unit, rows in self._all_rows():
             if name in self._bound_names:
@@ -210,10 +228,11 @@ class HermiteFormulation(UnitBasisFormulation):
         local = super().encode(plan)
         reduction = self.reduction
         scale = np.asarray(reduction.matrix[reduction.source].sum(axis=1)).ravel()
-        free: NDArray[np.float64] = local[reduction.source] / scale
+        free: NDArray[np.float64] = local[reduction.source] / scale / self.unit
         return free
 
     def decode(self, point: NDArray[np.float64]) -> Trajectory:
         """Return the trajectory with these derivatives."""
         reduction = self.reduction
-        return super().decode(reduction.matrix @ np.asarray(point, float) + reduction.constant)
+        free = np.asarray(point, float) * self.unit
+        return super().decode(reduction.matrix @ free + reduction.constant)

@@ -196,7 +196,9 @@ class Scene:
     def _at_knot(
         self, check: Check, order: int, off: Floats, values: Floats, first: int
     ) -> Violation:
-        row, axis = (int(k) for k in np.unravel_index(int(off.argmax()), off.shape))
+        # The check names the place that uses most of its tolerance, which may differ from place to place.
+        near = int(np.abs(off - check.worst).argmin())
+        row, axis = (int(k) for k in np.unravel_index(near, off.shape))
         time = float(self.flown[row + first])
         value, plan = float(values[row, axis]), self._planned()
         return Violation(check, order, axis, time, value, plan(time))

@@ -31,7 +31,7 @@ from crosstrack.solvers.minimum_snap.hermite import jets_to_coefficients
 
 AXES = 3
 SIZES = {10: 500, 100: 500, 1_000: 200, 10_000: 40, 100_000: 10, 1_000_000: 5}
-NAMES = {2: "acceleration", 3: "jerk", 4: "snap"}
+NAMES = {2: "acceleration", 3: "jerk", 4: "snap", 5: "crackle"}
 #: Least seconds of the native solver by order and size: what else runs shall not count as growth.
 FOUND: dict[tuple[int, int], float] = {}
 
@@ -48,9 +48,12 @@ class Path3:
     def durations(self) -> Any:
         return np.diff(self.times)
 
-    def native(self, *, fused: bool = True) -> Callable[[], Any]:
+    def native(self, *, fused: bool = True, uneven: bool = False) -> Callable[[], Any]:
         """Return the call from durations and conditions to coefficients."""
         durations, values, weights = self.durations, self.values.copy(), np.eye(self.order)[-1]
+        if uneven:
+            steps = np.linalg.norm(np.diff(values[:, :, 0], axis=1), axis=0)
+            durations = durations.mean() * steps / steps.mean()
 
         def call() -> Any:
             fixed = np.isfinite(values)
@@ -84,8 +87,8 @@ def path(order: int, count: int) -> Path3:
 def compiled() -> None:
     """Compile beforehand, as the first call of a process does; see the cold starts."""
     for order in NAMES:
-        for fused in (True, False):
-            path(order, 10).native(fused=fused)()
+        path(order, 10).native(fused=False)()
+        path(order, 100).native(uneven=True)()
 
 
 @pytest.mark.parametrize("count", SIZES)
@@ -94,6 +97,7 @@ def test_side_by_side(order: int, count: int, benchmark: Any, ledger: Ledger) ->
     own = path(order, count)
     calls = {
         "banded": own.native(),
+        "durations by distance": own.native(uneven=True),
         "general kernels": own.native(fused=False),
         "make_interp_spline": own.spline(),
     }
@@ -130,7 +134,7 @@ def test_side_by_side(order: int, count: int, benchmark: Any, ledger: Ledger) ->
         outcome = ""
         if name != "make_interp_spline":
             own_answer = answers[name][0]
-            outcome = f"{own_answer.method}, residual {own_answer.residual:.0e}"
+            outcome = f"{own_answer.method}, correction {own_answer.correction:.0e}"
         ledger.rows.append(Row(title, name, took, took, ratio, outcome))
     benchmark.extra_info["ratio to make_interp_spline"] = base / median(
         seconds["make_interp_spline"]
