@@ -59,8 +59,8 @@ log = logging.getLogger("crosstrack")
 #: The problems of crosstrack: the names of their folders.
 PROBLEMS = (
     *("attractor", "black_box", "error_correction", "fleet", "fleet_mission", "grid_path"),
-    *("guided_path", "messenger", "minimum_snap", "optimal_control", "satellite_slew", "sideslip"),
-    "unknown_grid",
+    *("guided_path", "messenger", "minimum_snap", "optimal_control", "resource_routing"),
+    *("satellite_slew", "sideslip", "unknown_grid"),
 )
 #: Entry-point group in which other distributions announce problems.
 GROUP = "crosstrack.problems"
@@ -167,10 +167,16 @@ def table(room: str, name: str) -> dict[str, Any]:
 
 def problem_of(kind: str) -> str:
     """Return the problem that declares the model `kind`, empty where a user registered it."""
-    for problem, key, _ in declared_in(__package__, "MODELS"):
-        if key == kind:
-            return problem
-    return ""
+    return _owners().get(kind, "")
+
+
+@cache
+def _owners() -> dict[str, str]:
+    """Return the problem of every model kind, the first that declares it."""
+    owners: dict[str, str] = {}
+    for problem, kind, _ in declared_in(__package__, "MODELS"):
+        owners.setdefault(kind, problem)
+    return owners
 
 
 def model_types() -> tuple[str, ...]:

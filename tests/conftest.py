@@ -124,6 +124,8 @@ for name in ANALYSES:
     ct.solve(ct.load("attractor/henon"), name, time_limit=60)
 for name in ("d-star-lite", "a-star-replanning", "baseline-1", "oracle"):
     ct.solve(ct.load("unknown-grid/u-trap"), name, time_limit=60)
+for name in ("errand", "network-5"):
+    ct.solve(ct.load(f"resource-routing/{name}"), "resource-labelling", time_limit=60)
 """,
 )
 

@@ -111,6 +111,18 @@ print(ct.diagnose(tight))
 print(ct.diagnose(tight, "highs", formulation="paper"))
 
 # %%
+# Corrections that may fail
+# -------------------------
+# Hollow points are suspect: there a correction may fail and leave an error of 5. The route keeps all
+# thresholds even if all of them fail. The front tells what fewer corrections cost.
+
+doubtful = ct.load("error-correction/suspect-38")
+safe = ct.solve(doubtful)
+print(safe)
+ct.plot(doubtful, safe.plan)
+print(ct.front(doubtful, "corrections"))
+
+# %%
 # Keep it
 # -------
 # Models and solutions go to JSON and come back the same. The digest identifies the content.

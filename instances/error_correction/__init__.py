@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         generate_with_route as generate_with_route,
         random_small as random_small,
         uniform_slab as uniform_slab,
+        with_suspects as with_suspects,
     )
     from .listing import setting_model as setting_model
     from .settings import (
@@ -52,6 +53,7 @@ __getattr__, __dir__, __all__ = attach(
             "generate_with_route",
             "random_small",
             "uniform_slab",
+            "with_suspects",
         ),
         "listing": ("setting_model",),
         "settings": (

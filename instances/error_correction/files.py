@@ -1,7 +1,8 @@
 """Points of error-correction routing in CSV and Excel files, and instances that refer to them.
 
-A file has the columns ``id,x,y,z,kind`` in any order, ``id`` where it likes; further columns are
-named in a warning. Without a header they stand as ``id,x,y,z,kind`` or ``x,y,z,kind``. Kinds are
+A file has the columns ``id,x,y,z,kind`` in any order, ``id`` where it likes, and ``fail`` where
+corrections may fail: 1 or 0. It counts where the residual is given, as `residual` beside the
+thresholds. Further columns are named in a warning. Without a header they stand as ``id,x,y,z,kind`` or ``x,y,z,kind``. Kinds are
 words (A, horizontal, vertical, B) or codes: -1 (A), 0 (horizontal), 1 (vertical), 2 (B).
 """
 
@@ -41,9 +42,13 @@ __all__ = [
 log = logging.getLogger("crosstrack")
 
 _COLUMNS = ("id", "x", "y", "z", "kind")
+#: Columns that a file may lack.
+_OPTIONAL = ("id", "fail")
 #: What else columns may be called; the Chinese names are those of the contest's own file.
 _NAMES = {
-    **{name: name for name in _COLUMNS},
+    **{name: name for name in (*_COLUMNS, "fail")},
+    "suspect": "fail",
+    "第三问点标记": "fail",
     "number": "id",
     "no.": "id",
     "编号": "id",
@@ -52,6 +57,10 @@ _NAMES = {
     "校正点类型": "kind",
     "校正点标记": "kind",
 }
+
+#: What the column ``fail`` may hold, and the data that a file of points holds.
+_MARKS = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
+_OF_POINTS = ("points", "kinds", "ids", "suspect")
 
 #: A whole number written the one way that Python writes it, so that "007" stays a word.
 _WHOLE = re.compile(r"0|-?[1-9][0-9]*")
@@ -69,15 +78,19 @@ class PointTable:
         The kinds as words.
     ids : tuple of int or str, optional
         The points' names, numbers where all are whole numbers; None where they are 0 … n-1.
+    fail : tuple of bool, optional
+        Which corrections may fail; None where the file has no such column.
     """
 
     points: NDArray[np.float64]
     kinds: tuple[str, ...]
     ids: tuple[int | str, ...] | None = None
+    fail: tuple[bool, ...] | None = None
 
     def data(self) -> dict[str, Any]:
         """Return what the constructor of the model takes."""
-        return {"points": self.points, "kinds": self.kinds, "ids": self.ids}
+        found = {"points": self.points, "kinds": self.kinds, "ids": self.ids}
+        return found if self.fail is None else {**found, "fail": self.fail}
 
 
 # -- reading -------------------------------------------------------------------------------------
@@ -114,10 +127,10 @@ def read_csv(
         The model's name; by default the file's.
     **data
         What the file does not hold: ``alpha1``, …, ``theta``, ``delta`` or the two rates,
-        ``revisits``.
+        ``revisits``, ``residual`` where corrections may fail.
     """
     table = read_points(path)
-    for key in table.data():
+    for key in _OF_POINTS[:3] + (("suspect",) if table.fail is not None else ()):
         if key in data:
             raise InvalidData(f"{key} must not be given: {path} holds it", field=key)
     name = Path(path).stem if name is None else name
@@ -135,7 +148,7 @@ def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
     reference = found.get("points")
     if not isinstance(reference, str):
         return found
-    for key in ("kinds", "ids"):
+    for key in _OF_POINTS[1:]:
         if key in found:
             raise InvalidData(
                 f"{key} must not be given beside points {reference!r}: the file holds them",
@@ -166,6 +179,7 @@ def _parse(rows: Sequence[tuple[int, list[str]]], file: str) -> PointTable:
     ends: dict[str, int] = {}
     points: list[list[float]] = []
     kinds: list[str] = []
+    fail: list[bool] = []
     for line, row in rows[layout.first :]:
         where = f"{file}, line {line}"
         if len(row) != width:
@@ -194,12 +208,30 @@ def _parse(rows: Sequence[tuple[int, list[str]]], file: str) -> PointTable:
                 )
             ends[word] = line
         kinds.append(word)
+        if "fail" in places:
+            mark = row[places["fail"]].strip().casefold()
+            if mark not in _MARKS:
+                raise InvalidData(
+                    f"{where}, column fail: must be 1 or 0, got {show(row[places['fail']])}",
+                    field="suspect",
+                )
+            if _MARKS[mark] and word in ("A", "B"):
+                raise InvalidData(
+                    f"{where}, column fail: must be 0 for {word}, which corrects nothing",
+                    field="suspect",
+                )
+            fail.append(_MARKS[mark])
     if not points:
         raise InvalidData(f"{file}: no points below the header", field="points")
     for word in ("A", "B"):
         if word not in ends:
             raise InvalidData(f"{file}: no point is of kind {word}", field="kinds")
-    return PointTable(np.array(points), tuple(kinds), _labels(list(ids)) if ids else None)
+    return PointTable(
+        np.array(points),
+        tuple(kinds),
+        _labels(list(ids)) if ids else None,
+        tuple(fail) if "fail" in places else None,
+    )
 
 
 def _layout(rows: Sequence[tuple[int, list[str]]], file: str) -> _Layout | None:
@@ -259,15 +291,15 @@ def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
 
 def _header(names: list[str], header: list[str], where: str) -> dict[str, int]:
     """Return where the columns stand that `names` recognises in `header`."""
-    for column in _COLUMNS:
+    for column in (*_COLUMNS, "fail"):
         if names.count(column) > 1:
             raise InvalidData(f"{where}: column {column!r} stands twice", field=column)
-        if column not in names and column != "id":
+        if column not in names and column not in _OPTIONAL:
             raise InvalidData(
                 f"{where}: column {column!r} is missing; found {show(', '.join(header))}",
                 field=column,
             )
-    return {column: names.index(column) for column in _COLUMNS if column in names}
+    return {name: names.index(name) for name in (*_COLUMNS, "fail") if name in names}
 
 
 def _refuse(rows: Sequence[tuple[int, list[str]]], file: str) -> NoReturn:
@@ -309,9 +341,11 @@ def write_csv(model: ErrorCorrectionRouting, path: str | os.PathLike[str]) -> Pa
     ids = range(len(model.points)) if model.ids is None else model.ids
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(_COLUMNS)
-    for label, point, kind in zip(ids, model.points.tolist(), model.kinds.tolist(), strict=True):
-        writer.writerow([label, *map(repr, point), kind])
+    suspect = model.suspect
+    writer.writerow(_COLUMNS if suspect is None else (*_COLUMNS, "fail"))
+    for row, (label, point) in enumerate(zip(ids, model.points.tolist(), strict=True)):
+        mark = [] if suspect is None else [int(suspect[row])]
+        writer.writerow([label, *map(repr, point), str(model.kinds[row]), *mark])
     text = stream.getvalue()
     _require_same(model, text, str(path))
     return write_text(path, text)
@@ -357,7 +391,7 @@ def write_json(
     file = as_path(path)
     required("points", points, str)
     content = model.to_dict()
-    data = {k: v for k, v in content["data"].items() if k not in ("points", "kinds", "ids")}
+    data = {k: v for k, v in content["data"].items() if k not in _OF_POINTS}
     # The CSV first: a JSON file never refers to what is not there yet.
     write_csv(model, file.parent / points)
     return write_text(file, pretty({**content, "data": {"points": points, **data}}))

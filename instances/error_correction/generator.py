@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from ...models.error_correction.model import ErrorCorrectionRouting, Route
 from ...models.fields import Real, Whole, show
 from .settings import BOX, DELTA, Thresholds
 
-__all__ = ["generate", "generate_with_route", "random_small", "uniform_slab"]
+__all__ = ["generate", "generate_with_route", "random_small", "uniform_slab", "with_suspects"]
 
 #: A planted stop uses at most this part of what its thresholds leave.
 _MARGIN = 0.95
@@ -232,6 +233,30 @@ def uniform_slab(
     kinds[0], kinds[-1] = "A", "B"
     values = _thresholds("thresholds", thresholds)._asdict()
     return ErrorCorrectionRouting(points=points, kinds=kinds, **values, delta=delta, name=name)
+
+
+def with_suspects(
+    model: ErrorCorrectionRouting, share: float, residual: float, *, seed: int, name: str = ""
+) -> ErrorCorrectionRouting:
+    """Return `model` with some of its correction points suspect, each by itself.
+
+    Parameters
+    ----------
+    model : ErrorCorrectionRouting
+        Whose points, thresholds and rates are taken.
+    share : float
+        Probability that a correction point is suspect.
+    residual : float
+        Most of an error that a failed correction leaves.
+    seed : int
+        Same seed, same suspects.
+    name : str
+        The model's name.
+    """
+    part = Real(lower=0, upper=1).coerce("share", share, {})
+    suspect = _generator(seed).random(len(model.points)) < part
+    suspect[[model.start, model.end]] = False
+    return replace(model, suspect=suspect, residual=residual, name=name)
 
 
 def random_small(

@@ -8,7 +8,7 @@ from ...errors import UnknownName
 from ...models.error_correction.model import ErrorCorrectionRouting
 from ..catalogue import CatalogueEntry, Provenance
 from .examples import example_1
-from .generator import generate
+from .generator import generate, with_suspects
 from .settings import BOX, DELTA, EXAMPLE_1_OPTIMUM, PAPER, SETTINGS, TIGHT, Setting, published
 
 __all__ = ["catalogue_entries", "setting_model"]
@@ -56,7 +56,35 @@ def catalogue_entries() -> tuple[CatalogueEntry, ...]:
         ),
         builder=example_1,
     )
-    return (example, *map(_row_entry, SETTINGS.values()))
+    return (example, *map(_row_entry, SETTINGS.values()), *map(_suspect_entry, _SUSPECTS))
+
+
+#: Rows of table 1 with suspect points: seed, share and residual, feasible in the worst case.
+_SUSPECTS = {3: (1, 0.3, 5.0), 6: (1, 0.3, 5.0), 8: (1, 0.3, 5.0)}
+
+
+def _suspect_model(row: int) -> ErrorCorrectionRouting:
+    """Return the instance of a row of table 1 with suspect points."""
+    seed, share, residual = _SUSPECTS[row]
+    name = f"error-correction/suspect-{SETTINGS[row].n}"
+    return with_suspects(setting_model(row), share, residual, seed=seed, name=name)
+
+
+def _suspect_entry(row: int) -> CatalogueEntry:
+    _, share, residual = _SUSPECTS[row]
+    setting = SETTINGS[row]
+    return CatalogueEntry(
+        name=f"error-correction/suspect-{setting.n}",
+        model="error-correction",
+        title=(
+            f"Suspect points: row {row} of table 1, {setting.n} points, each suspect with "
+            f"probability {share:g}, residual {residual:g}"
+        ),
+        paper=PAPER,
+        provenance=Provenance.SEEDED,
+        note="Points and suspects are ours, by seed; a route exists if all suspects fail.",
+        builder=partial(_suspect_model, row),
+    )
 
 
 def _row_entry(setting: Setting) -> CatalogueEntry:

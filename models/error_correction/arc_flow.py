@@ -14,6 +14,9 @@ The length is ``sum d_a x_a``, so no l_j is needed. The optimal value is the pap
 satisfies the rows with the errors it carries, and integral x splits into one route from A to B and
 cycles beside it, whose lengths the objective counts and :meth:`ArcFlowFormulation.decode` drops;
 along the route the carried errors bound the real ones from above.
+
+Where corrections may fail both errors survive: the program is then that of the model with resources,
+with a binary for what each suspect point leaves, see :mod:`crosstrack.models.resource_routing.arc_flow`.
 """
 
 from __future__ import annotations
@@ -29,9 +32,10 @@ from ...errors import InvalidData
 from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
-from .arcs import Arcs, least_errors, possible_arcs
+from ..resource_routing.arc_flow import ResourceFlowFormulation
+from ..resource_routing.routes import follow, refuse_revisits, require_positive, require_route
+from .arcs import Arcs, least_errors, possible_arcs, shortest_length
 from .model import HORIZONTAL, START, VERTICAL, ErrorCorrectionRouting, Route
-from .routes import follow, refuse_revisits, require_positive, require_route
 
 __all__ = ["ArcFlowFormulation"]
 
@@ -70,9 +74,24 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
         return replace(self, length_bound=objective)
 
     @cached_property
+    def _general(self) -> ResourceFlowFormulation | None:
+        """The program with both errors on every arc, where a correction may leave some of its own."""
+        suspect = self.model.suspect
+        if suspect is None or not suspect.any():
+            return None
+        return ResourceFlowFormulation(self.model.lower(), self.length_bound)
+
+    @cached_property
     def arcs(self) -> Arcs:
         """The arcs that have columns."""
         return possible_arcs(self.model, np.inf if self.length_bound is None else self.length_bound)
+
+    @cached_property
+    def floor(self) -> float:
+        """The length (m) of the shortest way from A to B over the possible arcs."""
+        if self._general is not None:
+            return self._general.floor
+        return shortest_length(self.model, self.arcs)
 
     @cached_property
     def _carrying(self) -> NDArray[np.int64]:
@@ -80,7 +99,9 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
         return np.flatnonzero(self.model.codes[self.arcs.tail] != START)
 
     def build(self) -> MixedIntegerProgram:
-        """Return the program described at the head of this module."""
+        """Return the program described at the head of this module, or the general one."""
+        if self._general is not None:
+            return self._general.build()
         model, arcs, carrying = self.model, self.arcs, self._carrying
         n = len(model.points)
         limit = model.rounded_limits[model.codes]
@@ -112,6 +133,9 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
             index=index[carrying],
             unit="error",
         )
+        if model.corrections_limit is not None:
+            most = model.corrections_limit + 1.0
+            b.rows("corrections at most", 1, (0, x, 1.0), upper=most, unit="arcs")
         out, into = arcs.tail == model.start, arcs.head == model.end
         b.rows("one arc out of A", 1, (0, x[out], 1.0), lower=1, upper=1, equation="2")
         b.rows("one arc into B", 1, (0, x[into], 1.0), lower=1, upper=1, equation="3")
@@ -178,6 +202,8 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
 
     def encode(self, plan: Route) -> NDArray[np.float64]:
         """Return the columns of a simple route; an arc that the thresholds exclude raises."""
+        if self._general is not None:
+            return self._general.encode(plan)
         route = require_route(self.model, plan)
         n, arcs, carrying = len(self.model.points), self.arcs, self._carrying
         key = arcs.tail * n + arcs.head
@@ -202,6 +228,8 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
 
     def decode(self, point: NDArray[np.float64]) -> Route:
         """Return the route that the used arcs make; idle cycles beside it are dropped."""
+        if self._general is not None:
+            return self._general.decode(point)
         arcs = self.arcs
         if point.size != len(arcs) + len(self._carrying):
             raise InvalidData(

@@ -13,7 +13,7 @@ from scipy.spatial.distance import cdist
 from ...errors import UnsupportedFormulation
 from .model import END, HORIZONTAL, START, ErrorCorrectionRouting
 
-__all__ = ["Arcs", "all_arcs", "possible_arcs"]
+__all__ = ["Arcs", "all_arcs", "least_errors", "possible_arcs", "shortest_length"]
 
 _CHUNK = 512
 #: Arcs above which a program would not fit into the memory of a common machine.
@@ -95,7 +95,6 @@ def possible_arcs(model: ErrorCorrectionRouting, length_bound: float = np.inf) -
     repeated until nothing more goes.
     """
     arcs = _collect(model, by_threshold=True, length_bound=length_bound)
-    n = len(model.points)
     limit = model.rounded_limits[model.codes]
     while True:
         least = least_errors(model, arcs)
@@ -103,16 +102,32 @@ def possible_arcs(model: ErrorCorrectionRouting, length_bound: float = np.inf) -
         rate = np.where(own == 1, model.vertical_rate, model.horizontal_rate)
         keep = least[arcs.tail] + rate * arcs.length <= limit[arcs.head, own]
         arcs_kept = arcs.where(keep)
-        # Zero-length arcs would vanish from a sparse graph.
-        weight = np.maximum(arcs_kept.length, np.finfo(float).tiny)
-        graph = sp.csr_array((weight, (arcs_kept.tail, arcs_kept.head)), shape=(n, n))
-        ahead = dijkstra(graph, indices=model.start)
-        behind = dijkstra(graph.T.tocsr(), indices=model.end)
+        ahead, behind = shortest_ways(model, arcs_kept)
         through = ahead[arcs_kept.tail] + arcs_kept.length + behind[arcs_kept.head]
         arcs_kept = arcs_kept.where((through <= length_bound * (1 + 1e-9)) & np.isfinite(through))
         if len(arcs_kept) == len(arcs):
             return arcs_kept
         arcs = arcs_kept
+
+
+def shortest_ways(
+    model: ErrorCorrectionRouting, arcs: Arcs
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the least lengths (m) over `arcs` from A to each point and from each point to B, shape (n,).
+
+    They are infinite where there is no way.
+    """
+    n = len(model.points)
+    # Zero-length arcs would vanish from a sparse graph.
+    weight = np.maximum(arcs.length, np.finfo(float).tiny)
+    graph = sp.csr_array((weight, (arcs.tail, arcs.head)), shape=(n, n))
+    return dijkstra(graph, indices=model.start), dijkstra(graph.T.tocsr(), indices=model.end)
+
+
+def shortest_length(model: ErrorCorrectionRouting, arcs: Arcs) -> float:
+    """Return the least length (m) of a way from A to B over `arcs`, below which no route is; -inf without one."""
+    found = float(shortest_ways(model, arcs)[1][model.start])
+    return found if np.isfinite(found) else -np.inf
 
 
 def least_errors(model: ErrorCorrectionRouting, arcs: Arcs) -> NDArray[np.float64]:

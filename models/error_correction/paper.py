@@ -8,19 +8,20 @@ zeros at the start and of the domains follow their order in the paper's list.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
+from ...errors import InvalidData, UnsupportedFormulation
 from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
-from .arcs import Arcs, all_arcs, possible_arcs
+from ..resource_routing.routes import follow, refuse_revisits, require_positive, require_route
+from .arcs import Arcs, all_arcs, possible_arcs, shortest_length
 from .model import END, HORIZONTAL, VERTICAL, ErrorCorrectionRouting, Route
-from .routes import follow, refuse_revisits, require_positive, require_route
 
 __all__ = ["PaperFormulation"]
 
@@ -30,7 +31,8 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
     """Eq. 1-24 of the paper, for any number of points.
 
     Columns: x_ij (arc used), y_j (point used), l_j (distance on arrival), g_j, h_j (horizontal
-    and vertical error on arrival), S_j, T_j (the same on leaving).
+    and vertical error on arrival), S_j, T_j (the same on leaving). At B, l_j is at least the distance
+    from A, of which big M alone tells a relaxation nothing.
 
     Parameters
     ----------
@@ -59,6 +61,10 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
 
     def __post_init__(self) -> None:
         refuse_revisits(self.model, self.name)
+        if self.model.suspect is not None and self.model.suspect.any():
+            raise UnsupportedFormulation(
+                "formulation 'paper' knows no corrections that may fail; take 'arc-flow'"
+            )
         require_positive(self.name, big_m=self.big_m, length_bound=self.length_bound)
 
     def bounded(self, objective: float) -> PaperFormulation:
@@ -67,6 +73,12 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
 
     def _arcs(self) -> Arcs:
         return all_arcs(self.model)
+
+    @cached_property
+    def floor(self) -> float:
+        """The length (m) of the shortest way from A to B over arcs that the thresholds leave possible."""
+        most = np.inf if self.length_bound is None else self.length_bound
+        return shortest_length(self.model, possible_arcs(self.model, most))
 
     def _longest(self) -> float:
         """Return a length (m) that no simple route within the thresholds exceeds."""
@@ -118,7 +130,10 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
             index=corrections,
         )
         at: dict[str, Any] = {"template": "at point {0}", "equation": "24"}
-        l = b.columns("distance on arrival", n, cost=cost, unit="m", index=points, **at)  # noqa: E741
+        least = np.where(points == model.end, to_end[model.start], 0.0)
+        l = b.columns(  # noqa: E741
+            "distance on arrival", n, lower=least, cost=cost, unit="m", index=points, **at
+        )
         g = b.columns("horizontal error on arrival", n, unit="error", index=points, **at)
         h = b.columns("vertical error on arrival", n, unit="error", index=points, **at)
         s = np.full(n, -1)
@@ -138,6 +153,9 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         into = arcs.head == model.end
         b.rows("one arc out of A", 1, (0, x[out], 1.0), lower=1, upper=1, equation="2")
         b.rows("one arc into B", 1, (0, x[into], 1.0), lower=1, upper=1, equation="3")
+        if model.corrections_limit is not None:
+            arcs_most = model.corrections_limit + 1.0
+            b.rows("corrections at most", 1, (0, x, 1.0), upper=arcs_most, unit="arcs")
         every = np.arange(len(corrections))
         for name, equation, ends in (("arcs in", "4", arcs.head), ("arcs out", "5", arcs.tail)):
             inner = place[ends] >= 0

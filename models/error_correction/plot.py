@@ -2,7 +2,8 @@
 
 On the left the points by kind with the route through them; on the right both errors against the
 distance flown. An error grows with every metre and falls to 0 where it is corrected; a bar at each
-stop shows the largest error allowed on arrival there.
+stop shows the largest error allowed on arrival there. Corrections that may fail do so: the errors are
+those of the worst case.
 """
 
 from __future__ import annotations
@@ -107,7 +108,7 @@ def draw(
         _errors(model, stops, bad, right, text, scale, unit)
     space = space_axes(left, (0.0, 0.1, 0.96, 0.83))
     _space(model, stops, bad, space, scale, unit)
-    legend_below(left, _kind_keys(model, bool(bad)))
+    legend_below(left, _kind_keys(model, any(stop.suspect for stop in stops), bool(bad)))
     if labels:
         named = list(dict.fromkeys(stop.point for stop in stops)) or list(range(len(model.points)))
         texts = [_name(model, point) for point in named]
@@ -196,6 +197,9 @@ def _space(
             at = way[[stop.kind == word for stop in stops]]
             if len(at):
                 dots(axes, at, _MARKERS[word], _COLOURS[word], **white)
+        unsure = [stop.suspect for stop in stops]
+        if any(unsure):
+            dots(axes, way[unsure], "o", "white", size=9, zorder=5)
         if bad:
             dots(axes, way[bad], "o", "none", size=110, edge=RED, width=1.6, zorder=21)
     _box(points, axes, unit)
@@ -228,12 +232,14 @@ def _box(points: NDArray[np.float64], axes: Any, unit: str) -> None:
         axes.set_zticks([])
 
 
-def _kind_keys(model: ErrorCorrectionRouting, bad: bool) -> list[Any]:
+def _kind_keys(model: ErrorCorrectionRouting, suspect: bool, bad: bool) -> list[Any]:
     keys = [
         key(_LEGEND[word], marker=_MARKERS[word], color=_COLOURS[word], ms=6)
         for word in KIND_WORDS
         if (model.kinds == word).any()
     ]
+    if suspect:
+        keys.append(key("may fail", marker="o", color=DARK, mfc="white", ms=4))
     return [*keys, key("rule broken", **RING)] if bad else keys
 
 

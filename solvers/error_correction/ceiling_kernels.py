@@ -9,6 +9,12 @@ its best use, and later labels of the tail take only those arcs that no earlier 
 
 Nothing above the ceiling is stored, and points through which every way is longer do not enter the
 grid. Where the ceiling is reached without B, it rises; the last search alone counts.
+
+The straight line costs nothing, and is enough where the way is nearly straight. Where labels become
+many it is not. Then the shortest ways to B over arcs that the thresholds alone allow take its place:
+they obey the triangle inequality along arcs too, and tell from which points B cannot be reached. No
+more work goes into them than a multiple of what the labels took, so they cost little where they gain
+nothing.
 """
 
 from __future__ import annotations
@@ -21,17 +27,20 @@ from numpy.typing import NDArray
 from ...jit import MOST_LABELS, kernel
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, build, near
-from .outcomes import FOUND, FULL, NOTHING, STOPPED
+from .outcomes import DEAR, FOUND, FULL, NOTHING, STOPPED
 from .reach_kernels import least_errors
-from .steps import REFUSED, arrive, distances_to, radius_of, trace, widened
+from .steps import REFUSED, arrive, distances_to, radius_of, remaining, trace, widened
 
 __all__ = ["climb"]
 
 
 #: First ceiling above the straight line, and the factor by which it rises, in shares of the line.
 FIRST, RISE = 0.004, 2.2
-#: Labels a point that are made before it is worth asking whether there is any route.
-PATIENCE = 4
+#: Labels a point that are made before a better bound is worth its price, and the factor by which
+#: they rise before it is sought again.
+PATIENCE, LONGER = 4, 8
+#: Arcs that are looked at for the bound, for each that the labels looked at.
+WORTH = 16
 
 
 @kernel(interpretable=True)
@@ -63,38 +72,49 @@ def climb(
     points = space.points
     n = len(points)
     from_start = lengths_from(points, space.start)
-    to_end = lengths_from(points, space.end)
+    ahead = lengths_from(points, space.end)
     keep = np.empty(n, np.bool_)
-    straight = from_start[space.end]
     share = FIRST
-    made = settled = 0
-    reached = False
-    bound = straight
+    made = settled = scanned = 0
+    budget = PATIENCE * n
+    dear = 0
+    floor = bound = ahead[space.start]
     while True:
-        ceiling = straight * (1.0 + share) if straight > 0.0 else np.inf
+        ceiling = floor * (1.0 + share) if floor > 0.0 else np.inf
         if share > 4.0 or ceiling >= cutoff:
             ceiling = cutoff
         left_out = 0
         for i in range(n):
-            keep[i] = from_start[i] + to_end[i] <= ceiling
-            if not keep[i]:
+            keep[i] = ahead[i] < np.inf and from_start[i] + ahead[i] <= ceiling
+            if ahead[i] < np.inf and not keep[i]:
                 left_out += 1
         grid = build(space, keep)
-        status, route, length, labels, gone, pruned = under(space, grid, ceiling, flag)
+        status, route, length, labels, gone, pruned, arcs = under(
+            space, grid, ahead[grid.ids], ceiling, budget - made, flag
+        )
         made += labels
         settled += gone
+        scanned += arcs
         if status == FOUND:
             return FOUND, route, length, length, made, settled
         if status in (STOPPED, FULL):
             return status, route, np.inf, max(bound, length), made, settled
-        if not reached and made > PATIENCE * n:
-            # So much work may be in vain: settle first whether B can be reached at all.
+        if status == DEAR:
             for i in range(n):
-                keep[i] = True
-            everywhere = build(space, keep)
-            reached = least_errors(space, everywhere, flag)[len(everywhere.x) - 1] < np.inf
-            if not reached and flag[0] == 0:
+                keep[i] = ahead[i] < np.inf
+            grid = build(space, keep)
+            ahead[grid.ids] = remaining(space, grid, False, WORTH * scanned, flag)
+            vain = ahead[space.start] == np.inf
+            dear += 1
+            if dear == 2 and not vain:
+                # So much work may be in vain: settle whether B can be reached with what is carried.
+                vain = least_errors(space, grid, True, flag)[len(grid.x) - 1] == np.inf
+            if vain and flag[0] == 0:
                 return NOTHING, route, np.inf, np.inf, made, settled
+            floor = bound = max(bound, ahead[space.start], length)
+            share = FIRST
+            budget = LONGER * made
+            continue
         if (left_out == 0 and pruned == 0) or ceiling >= cutoff:
             # Every way was tried, or every one up to the cutoff.
             return (
@@ -123,17 +143,26 @@ def lengths_from(points: NDArray[np.float64], at: int) -> NDArray[np.float64]:
 
 @kernel
 def under(
-    space: Airspace, grid: Grid, ceiling: float, flag: NDArray[np.int8]
-) -> tuple[int, NDArray[np.int64], float, int, int, int]:
+    space: Airspace,
+    grid: Grid,
+    ahead: NDArray[np.float64],
+    ceiling: float,
+    budget: int,
+    flag: NDArray[np.int8],
+) -> tuple[int, NDArray[np.int64], float, int, int, int, int]:
     """Return the shortest walk no longer than `ceiling`; see :func:`climb`.
 
-    The third value is the smallest key in the heap where the search was stopped; the last one
-    counts what the ceiling pruned.
+    `ahead` is a lower bound on the length from each slot to B. The third value is the smallest key
+    in the heap where the search was stopped, ``DEAR`` where it made more labels than `budget`. The
+    last ones count what the ceiling pruned, and the arcs that were looked at.
     """
     count = len(grid.x)
     start, end = count - 2, count - 1
     to_end = distances_to(grid, end)
     smallest = np.full(count, np.inf)
+    # Of the labels that wait, the one with the least error at each slot: it dominates many others
+    # before they are stored.
+    waiting, waiting_length = np.full(count, np.inf), np.empty(count)
     found = np.empty(count, np.int64)
     away = np.empty(count)
     room = 1024
@@ -142,8 +171,8 @@ def under(
     lengths = np.empty(room)
     errors = np.empty(room)
     slots[0], parents[0], lengths[0], errors[0] = start, -1, 0.0, 0.0
-    labels, settled, pruned = 1, 0, 0
-    heap = [(to_end[start], 0)]
+    labels, settled, pruned, arcs = 1, 0, 0, 0
+    heap = [(ahead[start], 0)]
     nothing = np.empty(0, np.int64)
     while len(heap) > 0:
         key, label = heappop(heap)
@@ -156,19 +185,22 @@ def under(
                 labels,
                 settled,
                 pruned,
+                arcs,
             )
         error = errors[label]
         before = smallest[here]
         if error >= before:
             continue
         if flag[0] != 0:
-            return STOPPED, nothing, key, labels, settled, pruned
+            return STOPPED, nothing, key, labels, settled, pruned, arcs
         smallest[here] = error
         settled += 1
         length = lengths[label]
         kind = grid.kinds[here]
         if labels > MOST_LABELS:
-            return FULL, nothing, key, labels, settled, pruned
+            return FULL, nothing, key, labels, settled, pruned, arcs
+        if labels > budget:
+            return DEAR, nothing, key, labels, settled, pruned, arcs
         if labels + count >= room:
             room = 2 * (labels + count)
             slots, parents = widened(slots, room), widened(parents, room)
@@ -185,12 +217,20 @@ def under(
                 pruned += 1
         for head in (HORIZONTAL, VERTICAL):
             radius = radius_of(space, kind, head, error)
-            renews = head != kind and kind != START
-            # What an earlier label of this point, with more error, could reach is done.
-            done = radius_of(space, kind, head, before) if renews and before < np.inf else -1.0
+            done = -1.0
+            if head == kind:
+                # Two arcs to points of one kind, where a single one will do, are longer and add no
+                # less error: only what lies beyond the reach of the label before is worth a stop.
+                last = parents[label]
+                most = radius_of(space, grid.kinds[slots[last]], head, errors[last])
+                done = most * (1.0 + 1e-12) - (length - lengths[last])
+            elif kind != START and before < np.inf:
+                # What an earlier label of this point, with more error, could reach is done.
+                done = radius_of(space, kind, head, before)
             if radius <= done:
                 continue
             k = near(grid, here, head, radius, found, away)
+            arcs += k
             for m in range(k):
                 there = found[m]
                 d = away[m]
@@ -198,14 +238,19 @@ def under(
                 if d <= done * (1.0 - 1e-12):
                     continue
                 total = length + d
-                if total + to_end[there] > ceiling:
+                bound = total + ahead[there]
+                if bound > ceiling:
                     pruned += 1
                     continue
                 left = arrive(space, kind, head, error, d)
                 if left == REFUSED or left >= smallest[there]:
                     continue
+                if left < waiting[there]:
+                    waiting[there], waiting_length[there] = left, total
+                elif total >= waiting_length[there]:
+                    continue
                 slots[labels], parents[labels] = there, label
                 lengths[labels], errors[labels] = total, left
-                heappush(heap, (total + to_end[there], labels))
+                heappush(heap, (bound, labels))
                 labels += 1
-    return NOTHING, nothing, np.inf, labels, settled, pruned
+    return NOTHING, nothing, np.inf, labels, settled, pruned, arcs

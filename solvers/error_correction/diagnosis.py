@@ -10,6 +10,7 @@ from ...models.error_correction.model import ErrorCorrectionRouting
 from ..backend import Termination
 from ..diagnosis import Diagnosis, Finding
 from ..dispatch import solve
+from ..resource_routing.diagnosis import diagnose_resources
 from .reachability import Refusal, reachable, refusals
 
 __all__ = ["diagnose_routing"]
@@ -22,7 +23,8 @@ def diagnose_routing(model: ErrorCorrectionRouting, time_limit: float | None = N
 
     Where B cannot be reached even with revisits, every point that is reached is named with the step
     beyond that misses by least. Where it can, and only the ban on revisits is in the way, the
-    points are named that a route would have to visit twice.
+    points are named that a route would have to visit twice. With corrections that may fail, or a limit
+    on them, limits are named that no route keeps together.
 
     Parameters
     ----------
@@ -31,6 +33,9 @@ def diagnose_routing(model: ErrorCorrectionRouting, time_limit: float | None = N
     time_limit : float, optional
         Seconds for each search.
     """
+    if not model.is_plain:
+        # Both errors survive a correction that may fail, and corrections are counted.
+        return diagnose_resources(model.lower(), time_limit)
     least = reachable(model)
     reached = np.flatnonzero(np.isfinite(least))
     if not np.isfinite(least[model.end]):

@@ -11,6 +11,14 @@ the simple routes from below. The critical set grows with every round and is con
 points, so the rounds end, at the latest with every point critical, where no walk repeats a point.
 In all but contrived instances the first or second round is the last.
 
+Labels that have visited different critical points do not dominate each other, and a chain of k
+places where a choice is made would need 2^k of them. But a point far behind matters no more, because
+no route that returns to it is short enough. So :func:`simple_below` searches under a ceiling that
+begins just above what is proven and rises until there is a route; below it the way back to most points
+is too long, and they are forgotten (see :mod:`.labels`). What remains to B is bounded by the shortest
+walk for the error carried (:mod:`.way_kernels`), so that what the route loses against the walk is
+all that the ceiling leaves for ways back.
+
 Source: G. Righini and M. Salani, "New dynamic programming algorithms for the resource constrained
 elementary shortest path problem", Networks 51 (2008).
 """
@@ -18,72 +26,70 @@ elementary shortest path problem", Networks 51 (2008).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .outcomes import FULL, STOPPED
+from ..resource_routing.elementary import Found, elementary
+from .airspace import Airspace
+from .grid import build
+from .outcomes import FOUND, NOTHING
+from .slots import critical_bits
+from .way_kernels import ways_on
 
-__all__ = ["Found", "elementary"]
+__all__ = ["Found", "elementary", "simple_below"]
 
-
-@dataclass(frozen=True)
-class Found:
-    """What a search found.
-
-    Parameters
-    ----------
-    status : int
-        ``FOUND``, ``NOTHING``, ``STOPPED`` or ``FULL`` (out of room for labels).
-    route : ndarray of int64
-        Points from A to B, empty without one.
-    length : float
-        Its length (m), inf without one.
-    bound : float
-        A lower bound on every route's length.
-    made, settled : int
-        Labels made and labels extended.
-    rounds, critical : int
-        Searches run, and critical points in the last one.
-    """
-
-    status: int
-    route: NDArray[np.int64]
-    length: float
-    bound: float
-    made: int
-    settled: int
-    rounds: int = 1
-    critical: int = 0
+#: First ceiling above what is proven, and the factor by which it rises, in shares of that.
+FIRST, RISE = 1e-3, 2.2
 
 
-def elementary(search: Callable[[NDArray[np.int64]], Found], *, revisits: bool) -> Found:
-    """Return the best route, simple unless `revisits`.
+def simple_below(
+    space: Airspace,
+    critical: NDArray[np.int64],
+    lower: float,
+    cutoff: float,
+    flag: NDArray[np.int8],
+    search: Callable[..., tuple[int, NDArray[np.int64], float, float, int, int]],
+) -> Found:
+    """Return the shortest walk up to `cutoff` that visits no critical point twice.
 
     Parameters
     ----------
+    space : Airspace
+        The problem.
+    critical : ndarray of int64
+        Indices of the critical points, ascending.
+    lower : float
+        Lower bound on the length (m), from which the ceiling rises.
+    cutoff : float
+        Length above which nothing is wanted; inf for none.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the search.
     search : callable
-        Takes the critical points and returns the best walk that visits none of them twice.
-    revisits : bool
-        Whether the first walk will do, whatever it visits.
+        The kernel that searches below a ceiling, such as :func:`.sweep_kernels.best_first`.
     """
-    critical = np.empty(0, np.int64)
-    made = settled = rounds = 0
-    bound = -np.inf
+    behind, ahead = (
+        np.linalg.norm(space.points - space.points[end], axis=1) for end in (space.start, space.end)
+    )
+    made = settled = 0
+    share, bound = FIRST, lower
     while True:
-        found = search(critical)
-        # Every round is a relaxation: what an earlier one has proven stands.
-        bound = max(bound, found.bound)
-        made, settled, rounds = made + found.made, settled + found.settled, rounds + 1
-        points, times = np.unique(found.route, return_counts=True)
-        twice = points[times > 1]
-        total = replace(
-            found, bound=bound, made=made, settled=settled, rounds=rounds, critical=critical.size
-        )
-        if revisits or twice.size == 0:
-            return total
-        if found.status in (STOPPED, FULL):
-            # The walk at hand is no route, and there is no time to mend it.
-            return replace(total, route=np.empty(0, np.int64), length=np.inf)
-        critical = np.union1d(critical, twice)
+        ceiling = lower * (1.0 + share)
+        if share > 4.0 or ceiling >= cutoff or ceiling == 0.0:
+            ceiling = cutoff
+        keep = behind + ahead <= ceiling * (1.0 + 1e-12)
+        grid = build(space, keep)
+        status, ways, labels, pruned = ways_on(space, grid, ceiling, flag)
+        made += labels
+        if status == FOUND:
+            bits, words = critical_bits(grid, critical)
+            found = Found(*search(space, grid, ways, bits, words, ceiling, flag))
+            made, settled = made + found.made, settled + found.settled
+        else:
+            found = Found(status, np.empty(0, np.int64), np.inf, bound, 0, 0)
+        if found.status != NOTHING or ceiling >= cutoff:
+            return replace(found, bound=max(bound, found.bound), made=made, settled=settled)
+        bound = ceiling
+        # Where nothing was left out, a higher ceiling would only make more ways back count.
+        share = share * RISE if pruned or not keep.all() else np.inf

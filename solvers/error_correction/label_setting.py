@@ -34,20 +34,14 @@ class LabelSetting(RoutingBackend):
     ) -> tuple[Found, Mapping[str, Any]]:
         """Search under a rising ceiling, then with critical points where a walk repeats some."""
         from .ceiling_kernels import climb
-        from .elementary import Found, elementary
-        from .grid import build
-        from .slots import critical_bits
-        from .steps import distances_to
+        from .elementary import Found, elementary, simple_below
         from .sweep_kernels import best_first
 
         flag = request.control.flag
 
-        def searched(critical: np.ndarray[Any, np.dtype[np.int64]]) -> Found:
+        def searched(critical: np.ndarray[Any, np.dtype[np.int64]], bound: float) -> Found:
             if critical.size == 0:
                 return Found(*climb(space, ceiling, flag))
-            grid = build(space, np.ones(len(space.points), np.bool_))
-            ahead = distances_to(grid, len(grid.x) - 1)
-            bits, words = critical_bits(grid, critical)
-            return Found(*best_first(space, grid, ahead, bits, words, ceiling, flag))
+            return simple_below(space, critical, bound, ceiling, flag, best_first)
 
         return elementary(searched, revisits=revisits), {}

@@ -1,10 +1,14 @@
 """Labels of a search in growing columns, with the points already visited as bit masks.
 
 A label is a partial route: where it ends, its length, the error that survives there, the label it
-extends, and which of the *critical* points it has visited. One label dominates another of the same
-point when it is no longer, carries no more error and has visited no critical point that the other
-has not: whatever the other can do from there, it can do as well. Without critical points the mask
-is empty, and the rule ignores visits altogether, which is exact only where revisits are allowed.
+extends, and which of the *critical* points it may not visit any more: those that it has visited, and
+those that no way to B below the ceiling leads through. One label dominates another of the same point
+when it is no longer, carries no more error and has visited no critical point that the other may
+still visit. For take any way from the other to B below the ceiling: it visits only critical points
+that the other may still visit, hence none that the one has visited, and it carries no more error and
+no more length from the one than from the other. (A shorter label may still visit whatever a longer
+one may, so comparing what both may not visit comes to the same.) Without critical points the mask is
+empty, and the rule ignores visits altogether, which is exact only where revisits are allowed.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["Labels", "add", "dominated", "grown", "link", "make", "visited"]
+__all__ = ["Labels", "add", "close", "dominated", "grown", "link", "make", "visited"]
 
 
 class Labels(NamedTuple):
@@ -30,7 +34,7 @@ class Labels(NamedTuple):
     length, error : ndarray
         Length (m) and surviving error.
     visited : ndarray of uint64, shape (room, words)
-        Critical points visited, by bit.
+        Critical points that may not be visited (any more), by bit.
     """
 
     slot: NDArray[np.int64]
@@ -82,12 +86,18 @@ def add(
     for word in range(labels.visited.shape[1]):
         labels.visited[at, word] = labels.visited[parent, word] if parent >= 0 else np.uint64(0)
     if bit >= 0:
-        labels.visited[at, bit >> 6] |= np.uint64(1) << np.uint64(bit & 63)
+        close(labels, at, bit)
+
+
+@kernel
+def close(labels: Labels, at: int, bit: int) -> None:
+    """Forbid label `at` to visit the critical point with this bit."""
+    labels.visited[at, bit >> 6] |= np.uint64(1) << np.uint64(bit & 63)
 
 
 @kernel
 def visited(labels: Labels, label: int, bit: int) -> bool:
-    """Whether `label` has visited the critical point with this bit."""
+    """Whether `label` may not visit the critical point with this bit."""
     if bit < 0:
         return False
     word: np.uint64 = labels.visited[label, bit >> 6]

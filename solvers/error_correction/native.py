@@ -1,15 +1,14 @@
-"""What the native routing backends share: preparation, timing, and the answer's form."""
+"""What the native routing backends share: preparation."""
 
 from __future__ import annotations
 
-import math
-import time
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...models.error_correction.model import ErrorCorrectionRouting, Route
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..backend import Request
+from ..resource_routing.native import RouteSearch
 
 if TYPE_CHECKING:
     from .airspace import Airspace
@@ -18,62 +17,32 @@ if TYPE_CHECKING:
 __all__ = ["RoutingBackend"]
 
 
-class RoutingBackend(Backend):
-    """Base of the exact native algorithms; a subclass only searches.
-
-    They are deterministic, so that every seed gives the same plan, and solve to a gap of zero.
-    """
+class RoutingBackend(RouteSearch):
+    """Base of the exact native algorithms for one surviving error; a subclass only searches."""
 
     accepts = ErrorCorrectionRouting
-    guarantee = Guarantee.EXACT
-    features = frozenset({Feature.GAP, Feature.CUTOFF, Feature.DUAL_BOUND, Feature.INTERRUPT})
-    deterministic = True
-    single_threaded = True
+
+    def refuses(self, problem: ErrorCorrectionRouting) -> str:
+        """Return what of `problem` labels with one error do not cover."""
+        if problem.is_plain:
+            return ""
+        what = "suspect points" if problem.corrections_limit is None else "a limit on corrections"
+        return f"{what}: take resource-labelling"
+
+    def find(
+        self, problem: ErrorCorrectionRouting, cutoff: float, request: Request
+    ) -> tuple[Found, Mapping[str, Any]]:
+        """Search the arrays of `problem`."""
+        from .airspace import airspace
+
+        return self.search(airspace(problem), problem.revisits, cutoff, request)
+
+    def measure(self, problem: ErrorCorrectionRouting, plan: Route) -> float:
+        """Return the length of `plan`, its legs added exactly."""
+        return problem.walk(plan)[-1].distance
 
     @abstractmethod
     def search(
         self, space: Airspace, revisits: bool, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Return the best route no longer than `ceiling`, and statistics of the algorithm's own."""
-
-    def run(self, problem: ErrorCorrectionRouting, request: Request) -> Answer:
-        """Search, and say what the end of the search proves."""
-        from .airspace import airspace
-        from .outcomes import FOUND, FULL, STOPPED
-
-        begin = time.perf_counter()
-        cutoff = float("inf") if request.cutoff is None else request.cutoff * (1 + 1e-9)
-        found, own = self.search(airspace(problem), problem.revisits, cutoff, request)
-        seconds = {"solve": time.perf_counter() - begin}
-        plan = Route(tuple(found.route.tolist())) if found.route.size else None
-        statistics = {
-            "labels made": found.made,
-            "labels extended": found.settled,
-            "rounds": found.rounds,
-            "critical points": found.critical,
-            **own,
-        }
-        termination, limit, message = Termination.INFEASIBLE, None, ""
-        # An interpreted kernel returns NumPy's numbers.
-        primal = None if plan is None else float(found.length)
-        bound = float(found.bound) if math.isfinite(found.bound) else None
-        if found.status == FOUND:
-            termination = Termination.OPTIMAL
-        elif found.status in (STOPPED, FULL):
-            termination = Termination.NO_SOLUTION if plan is None else Termination.FEASIBLE
-            limit = request.control.reason or Limit.INTERRUPTED
-            if found.status == FULL:
-                limit, message = Limit.MEMORY, "no room for more labels"
-        elif request.cutoff is not None:
-            termination, bound = Termination.NO_SOLUTION, request.cutoff
-            message = "no plan better than the cutoff"
-        return Answer(
-            termination,
-            limit,
-            plan,
-            primal,
-            bound,
-            seconds=seconds,
-            statistics=statistics,
-            message=message,
-        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["FOUND", "FULL", "NOTHING", "STOPPED"]
+__all__ = ["DEAR", "FOUND", "FULL", "NOTHING", "STOPPED"]
 
-#: A route; no route; stopped from outside; out of room for labels.
-FOUND, NOTHING, STOPPED, FULL = 1, 0, -1, -2
+#: A route; no route; stopped from outside; out of room for labels; more labels than were allowed.
+FOUND, NOTHING, STOPPED, FULL, DEAR = 1, 0, -1, -2, -3

@@ -32,25 +32,22 @@ class Pulse(RoutingBackend):
         self, space: Airspace, revisits: bool, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Send pulses from A."""
-        from .elementary import Found, elementary
+        from .elementary import Found, elementary, simple_below
         from .grid import build
-        from .outcomes import FULL, STOPPED
         from .pulse_kernels import pulse
         from .slots import critical_bits, shortest_ways
+        from .way_kernels import plain_ways
 
         flag = request.control.flag
         grid = build(space, np.ones(len(space.points), np.bool_))
         ahead = shortest_ways(space, grid, flag)
-        least = float(ahead[-2])
-        if not np.isfinite(least):
+        if not np.isfinite(ahead[-2]):
             return Found(0, np.empty(0, np.int64), np.inf, np.inf, 0, 0), {}
 
-        def searched(critical: np.ndarray[Any, np.dtype[np.int64]]) -> Found:
+        def searched(critical: np.ndarray[Any, np.dtype[np.int64]], bound: float) -> Found:
+            if critical.size:
+                return simple_below(space, critical, bound, ceiling, flag, pulse)
             bits, words = critical_bits(grid, critical)
-            status, route, length, bound, made, extended = pulse(
-                space, grid, ahead, bits, words, ceiling, flag
-            )
-            bound = least if status in (STOPPED, FULL) else bound
-            return Found(status, route, length, bound, made, extended)
+            return Found(*pulse(space, grid, plain_ways(ahead), bits, words, ceiling, flag))
 
         return elementary(searched, revisits=revisits), {}

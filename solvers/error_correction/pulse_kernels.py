@@ -18,6 +18,7 @@ from .labels import add, dominated, grown, link, make, visited
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
 from .reach_kernels import least_errors
 from .steps import REFUSED, arrive, distances_to, radius_of, trace, widened
+from .way_kernels import Ways, forget, least, rest
 
 __all__ = ["pulse"]
 
@@ -29,7 +30,7 @@ PATIENCE = 4
 def pulse(
     space: Airspace,
     grid: Grid,
-    ahead: NDArray[np.float64],
+    ways: Ways,
     bits: NDArray[np.int64],
     words: int,
     ceiling: float,
@@ -49,8 +50,10 @@ def pulse(
     best = ceiling
     route = np.empty(0, np.int64)
     any_route = False
+    marked = np.flatnonzero(bits >= 0)
     # Successors of the labels on the way stand in one stack: those of a depth begin at its mark.
     next_slot = np.empty(room, np.int64)
+    next_key = np.empty(room)
     next_total = np.empty(room)
     next_error = np.empty(room)
     marks = np.zeros(count + 8, np.int64)
@@ -64,11 +67,12 @@ def pulse(
             # Depth-first search meets every dead end before it knows: settle first whether B can
             # be reached at all, whatever the length.
             asked = True
-            if least_errors(space, grid, flag)[end] == np.inf and flag[0] == 0:
+            if least_errors(space, grid, True, flag)[end] == np.inf and flag[0] == 0:
                 return NOTHING, route, np.inf, np.inf, used, settled
         if flag[0] != 0 or used > MOST_LABELS:
             status = STOPPED if flag[0] != 0 else FULL
-            return status, route, best if any_route else np.inf, -np.inf, used, settled
+            bound = min(best, least(ways, start))
+            return status, route, best if any_route else np.inf, bound, used, settled
         label = way[depth]
         if entering:
             entering = False
@@ -87,26 +91,25 @@ def pulse(
                 wide = 2 * (begin + count)
                 next_slot = widened(next_slot, wide)
                 next_total, next_error = widened(next_total, wide), widened(next_error, wide)
+                next_key = widened(next_key, wide)
             for head in (HORIZONTAL, VERTICAL):
                 k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
                 for m in range(k):
                     there = found[m]
-                    if length + away[m] + ahead[there] > best or visited(
-                        labels, label, bits[there]
-                    ):
+                    total = length + away[m]
+                    if total + least(ways, there) > best or visited(labels, label, bits[there]):
                         continue
                     left = arrive(space, kind, head, error, away[m])
-                    if left != REFUSED:
-                        next_slot[top], next_total[top], next_error[top] = (
-                            there,
-                            length + away[m],
-                            left,
-                        )
+                    if left == REFUSED:
+                        continue
+                    key = total + rest(ways, there, left)
+                    if key <= best and key < np.inf:
+                        next_slot[top], next_key[top] = there, key
+                        next_total[top], next_error[top] = total, left
                         top += 1
-            order = np.argsort(
-                next_total[begin:top] + ahead[next_slot[begin:top]], kind="mergesort"
-            )
+            order = np.argsort(next_key[begin:top], kind="mergesort")
             next_slot[begin:top] = next_slot[begin:top][order]
+            next_key[begin:top] = next_key[begin:top][order]
             next_total[begin:top] = next_total[begin:top][order]
             next_error[begin:top] = next_error[begin:top][order]
             ends[depth] = top
@@ -115,15 +118,16 @@ def pulse(
             continue
         at = marks[depth]
         marks[depth] += 1
-        there, total = next_slot[at], next_total[at]
+        there, total, key = next_slot[at], next_total[at], next_key[at]
         # The order is by bound: what follows in this depth is no better.
-        if total + ahead[there] > best or (any_route and total + ahead[there] >= best):
+        if key > best or (any_route and key >= best):
             marks[depth] = ends[depth]
             continue
         if used + 1 >= room:
             room *= 2
             labels = grown(labels, used, room)
         add(labels, used, there, label, total, next_error[at], bits[there])
+        forget(labels, used, grid, ways, bits, marked, best)
         if dominated(labels, heads[there], used):
             continue
         link(labels, heads, used)

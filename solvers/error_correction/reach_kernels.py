@@ -16,13 +16,16 @@ __all__ = ["least_errors"]
 
 
 @kernel(interpretable=True)
-def least_errors(space: Airspace, grid: Grid, flag: NDArray[np.int8]) -> NDArray[np.float64]:
+def least_errors(
+    space: Airspace, grid: Grid, until: bool, flag: NDArray[np.int8]
+) -> NDArray[np.float64]:
     """Return the smallest error with which a walk from A leaves each slot; inf where none arrives.
 
     Revisits are allowed. Of the walks that reach a point, the one that leaves it with the least
     error can go on wherever any other can, so this alone settles which points, and whether B, can
     be reached. A renewed error may be smaller than the one before, so a point whose error falls is
-    extended again. Where `flag` stops the search, what is not yet reached is inf too.
+    extended again. With `until` the search ends as soon as B is reached. Where that or `flag` stops
+    it, what is not yet reached is inf too.
     """
     count = len(grid.x)
     start, end = count - 2, count - 1
@@ -39,6 +42,8 @@ def least_errors(space: Airspace, grid: Grid, flag: NDArray[np.int8]) -> NDArray
         kind = grid.kinds[here]
         if arrive(space, kind, END, error, to_end[here]) != REFUSED:
             least[end] = 0.0
+            if until:
+                break
         for head in (HORIZONTAL, VERTICAL):
             k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
             for m in range(k):

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Refusal", "onward", "reachable", "refusals"]
 
-#: Above so many points, the quadratic search for those that lead on to B is left out.
-_MANY = 5000
-
 #: Names of the thresholds by the head's kind and the axis: 0 horizontal, 1 vertical error.
 _THRESHOLDS = {
     (VERTICAL, 0): ("alpha2", "9", "horizontal error"),
@@ -83,7 +80,7 @@ def reachable(model: ErrorCorrectionRouting) -> NDArray[np.float64]:
 
     space, grid = _laid_out(model)
     least = np.full(len(model.points), np.inf)
-    least[grid.ids] = least_errors(space, grid, np.zeros(1, np.int8))
+    least[grid.ids] = least_errors(space, grid, False, np.zeros(1, np.int8))
     return least
 
 
@@ -98,16 +95,14 @@ def _laid_out(model: ErrorCorrectionRouting) -> tuple[Airspace, Grid]:
 def onward(model: ErrorCorrectionRouting) -> NDArray[np.bool_]:
     """Return the points from which B could be reached if they were left without any error.
 
-    Only steps into these can matter: whoever enters another point is lost. Above a few thousand
-    points, where finding them takes long, all points are returned.
+    Only steps into these can matter: whoever enters another point is lost. Where finding them would
+    take long, some or all of the others are returned too.
     """
-    if len(model.points) > _MANY:
-        return np.ones(len(model.points), bool)
-    from .steps import remaining
+    from .slots import shortest_ways
 
     space, grid = _laid_out(model)
     marked = np.zeros(len(model.points), bool)
-    marked[grid.ids] = np.isfinite(remaining(space, grid, False, np.zeros(1, np.int8)))
+    marked[grid.ids] = np.isfinite(shortest_ways(space, grid, np.zeros(1, np.int8)))
     return marked
 
 

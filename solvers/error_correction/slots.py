@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from .airspace import Airspace
 from .grid import Grid
-from .steps import distances_to, remaining
+from .steps import remaining
 
 __all__ = ["critical_bits", "shortest_ways"]
 
-#: Above so many slots, the quadratic search for the way that remains does not pay.
-_MANY = 20_000
+#: Arcs that the search for the ways that remain looks at, at most: a second's work or less.
+MOST_ARCS = 200_000_000
 
 
 def critical_bits(grid: Grid, critical: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
@@ -37,11 +37,8 @@ def shortest_ways(
 ) -> NDArray[np.float64]:
     """Return a lower bound on the length from every slot to B, or with `forward` from A to it.
 
-    The shortest way over arcs that the thresholds alone allow; for very many points, where finding
-    it takes longer than it saves, the straight line.
+    The shortest way over arcs that the thresholds alone allow, as far as :data:`MOST_ARCS` arcs
+    tell; see :func:`.steps.remaining`.
     """
-    if len(grid.x) > _MANY:
-        line: NDArray[np.float64] = distances_to(grid, len(grid.x) - (2 if forward else 1))
-        return line
-    way: NDArray[np.float64] = remaining(space, grid, forward, flag)
+    way: NDArray[np.float64] = remaining(space, grid, forward, MOST_ARCS, flag)
     return way

@@ -6,6 +6,7 @@ horizontal point the vertical error survives, at a vertical point the horizontal
 
 from __future__ import annotations
 
+from heapq import heappop, heappush
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,9 @@ from ...jit import kernel
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, near, reach
 
-__all__ = ["REFUSED", "arrive", "distances_to", "radius_of", "remaining", "trace", "widened"]
+__all__ = [
+    "REFUSED", "arrive", "distance", "distances_to", "radius_of", "remaining", "trace", "widened",
+]  # fmt: skip
 
 #: What :func:`arrive` returns where the head's thresholds refuse the arc.
 REFUSED = -1.0
@@ -64,39 +67,53 @@ def distances_to(grid: Grid, slot: int) -> NDArray[np.float64]:
     """Return the straight-line distance of every slot from `slot`."""
     distances = np.empty(len(grid.x))
     for s in range(len(grid.x)):
-        dx, dy, dz = grid.x[s] - grid.x[slot], grid.y[s] - grid.y[slot], grid.z[s] - grid.z[slot]
-        distances[s] = np.sqrt(dx * dx + dy * dy + dz * dz)
+        distances[s] = distance(grid, s, slot)
     return distances
+
+
+@kernel
+def distance(grid: Grid, one: int, other: int) -> float:
+    """Return the straight-line distance of two slots."""
+    dx, dy, dz = (
+        grid.x[one] - grid.x[other],
+        grid.y[one] - grid.y[other],
+        grid.z[one] - grid.z[other],
+    )
+    return float(np.sqrt(dx * dx + dy * dy + dz * dz))
 
 
 @kernel(interpretable=True)
 def remaining(
-    space: Airspace, grid: Grid, forward: bool, flag: NDArray[np.int8]
+    space: Airspace, grid: Grid, forward: bool, arcs: int, flag: NDArray[np.int8]
 ) -> NDArray[np.float64]:
     """Return the shortest length from every slot to B over arcs that the thresholds alone allow.
 
-    With `forward`, from A to every slot. It ignores what is carried, so it bounds every route from
-    below; inf where no such way exists. Dijkstra with a scan for the nearest open slot. Where `flag`
-    stops it, 0 is returned for every slot, which bounds nothing.
+    With `forward`, from A to every slot. It ignores what is carried and what was visited, so it
+    bounds every route from below, with or without revisits; inf where no such way exists. Along
+    every arc the bound falls by no more than the arc's length.
+
+    Dijkstra's search ends when it has looked at `arcs` arcs or `flag` is set. The ways that it has
+    not found yet are no shorter than the last one it found, nor than the straight line.
     """
     count = len(grid.x)
     first, last = count - 2, count - 1
+    root, edge = (first, last) if forward else (last, first)
     best = np.full(count, np.inf)
-    best[first if forward else last] = 0.0
-    done = np.zeros(count, np.bool_)
+    best[root] = 0.0
+    straight = distances_to(grid, root)
     found = np.empty(count, np.int64)
     away = np.empty(count)
     reaches = np.array([0.0, reach(space, HORIZONTAL), reach(space, VERTICAL), reach(space, END)])
-    for _ in range(count):
-        if flag[0] != 0:
-            return np.zeros(count)
-        here = -1
-        for s in range(count):
-            if not done[s] and best[s] < np.inf and (here < 0 or best[s] < best[here]):
-                here = s
-        if here < 0:
-            break
-        done[here] = True
+    heap = [(0.0, root)]
+    left = arcs
+    while len(heap) > 0:
+        nearest, here = heappop(heap)
+        if nearest > best[here]:
+            continue
+        if left < 0 or flag[0] != 0:
+            for s in range(count):
+                best[s] = min(best[s], max(nearest, straight[s]))
+            return best
         kind = grid.kinds[here]
         if kind == (END if forward else START):
             continue
@@ -104,17 +121,16 @@ def remaining(
             # An arc is as long as its head allows.
             radius = reaches[other] if forward else reaches[kind]
             k = near(grid, here, other, radius, found, away)
+            left -= k + 1
             for m in range(k):
-                best[found[m]] = min(best[found[m]], best[here] + away[m])
-        edge = last if forward else first
-        dx, dy, dz = (
-            grid.x[here] - grid.x[edge],
-            grid.y[here] - grid.y[edge],
-            grid.z[here] - grid.z[edge],
-        )
-        d = np.sqrt(dx * dx + dy * dy + dz * dz)
-        if d <= (reaches[END] if forward else reaches[kind]):
-            best[edge] = min(best[edge], best[here] + d)
+                there, total = found[m], nearest + away[m]
+                if total < best[there]:
+                    best[there] = total
+                    heappush(heap, (total, there))
+        total = nearest + distance(grid, here, edge)
+        if total < best[edge] and total - nearest <= reaches[END if forward else kind]:
+            best[edge] = total
+            heappush(heap, (total, edge))
     return best
 
 

@@ -1,8 +1,8 @@
 """Exact label searches that remember critical points: best-first, and first-in-first-out.
 
-Both extend a label to every point that it may reach, within the radius of a spatial grid. They
-differ in the order and in what they prune: :func:`best_first` by a lower bound on what remains,
-:func:`first_in` by dominance alone.
+Both extend a label to every point that it may reach, within the radius of a spatial grid, and keep
+below a ceiling. They differ in the order, and in that :func:`first_in` does not lower the ceiling to
+the routes that it finds.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from .grid import Grid, near
 from .labels import add, dominated, grown, link, make, visited
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
+from .way_kernels import Ways, forget, least, rest
 
 __all__ = ["best_first", "first_in"]
 
@@ -29,7 +30,7 @@ Result = tuple[int, NDArray[np.int64], float, float, int, int]
 def best_first(
     space: Airspace,
     grid: Grid,
-    ahead: NDArray[np.float64],
+    ways: Ways,
     bits: NDArray[np.int64],
     words: int,
     ceiling: float,
@@ -41,9 +42,9 @@ def best_first(
     ----------
     space, grid : Airspace, Grid
         The problem.
-    ahead : ndarray, shape (slots,)
-        A lower bound on the length from each slot to B that obeys the triangle inequality along
-        arcs; inf where B cannot be reached.
+    ways : Ways
+        Lower bounds on the length from each slot to B by the error carried, for routes below the
+        ceiling.
     bits : ndarray of int64, shape (slots,)
         Number of a slot among the critical points, -1 for the others.
     words : int
@@ -75,8 +76,9 @@ def best_first(
     add(labels, 0, start, -1, 0.0, 0.0, -1)
     used, settled = 1, 0
     nothing = np.empty(0, np.int64)
-    heap = [(ahead[start], 0)]
-    if ahead[start] > ceiling:
+    marked = np.flatnonzero(bits >= 0)
+    heap = [(least(ways, start), 0)]
+    if least(ways, start) > ceiling:
         heap.clear()
     while len(heap) > 0:
         key, label = heappop(heap)
@@ -106,27 +108,38 @@ def best_first(
             for m in range(k):
                 there = found[m]
                 total = length + away[m]
-                if total + ahead[there] > ceiling or visited(labels, label, bits[there]):
+                if total + least(ways, there) > ceiling or visited(labels, label, bits[there]):
                     continue
                 left = arrive(space, kind, head, error, away[m])
                 if left == REFUSED:
                     continue
+                key = total + rest(ways, there, left)
+                if not key <= ceiling or key == np.inf:
+                    continue
                 add(labels, used, there, label, total, left, bits[there])
+                forget(labels, used, grid, ways, bits, marked, ceiling)
                 if dominated(labels, heads[there], used):
                     continue
-                heappush(heap, (total + ahead[there], used))
+                heappush(heap, (key, used))
                 used += 1
     return NOTHING, nothing, np.inf, ceiling, used, settled
 
 
 @kernel(interpretable=True)
 def first_in(
-    space: Airspace, grid: Grid, bits: NDArray[np.int64], words: int, flag: NDArray[np.int8]
+    space: Airspace,
+    grid: Grid,
+    ways: Ways,
+    bits: NDArray[np.int64],
+    words: int,
+    ceiling: float,
+    flag: NDArray[np.int8],
 ) -> Result:
     """Return the shortest route by label correcting; see :func:`best_first`.
 
     The state of the dynamic program is a point with a surviving error; the efficiency test keeps
-    the labels of a point that no other dominates. Nothing bounds the search but dominance.
+    the labels of a point that no other dominates. Nothing bounds the search but dominance and the
+    ceiling.
     """
     count = len(grid.x)
     start, end = count - 2, count - 1
@@ -139,18 +152,20 @@ def first_in(
     add(labels, 0, start, -1, 0.0, 0.0, -1)
     used, settled, label = 1, 0, 0
     best, last = np.inf, -1
+    marked = np.flatnonzero(bits >= 0)
     nothing = np.empty(0, np.int64)
     # Labels are made in the order in which they are extended: the columns are the queue.
     while label < used:
         if flag[0] != 0 or used > MOST_LABELS:
             status = STOPPED if flag[0] != 0 else FULL
+            bound = min(best, ceiling, least(ways, start))
             if last < 0:
-                return status, nothing, np.inf, -np.inf, used, settled
+                return status, nothing, np.inf, bound, used, settled
             return (
                 status,
                 trace(labels.slot, labels.parent, grid.ids, last),
                 best,
-                -np.inf,
+                bound,
                 used,
                 settled,
             )
@@ -163,7 +178,7 @@ def first_in(
             room = 2 * (used + count)
             labels = grown(labels, used, room)
         kind = grid.kinds[here]
-        if length + to_end[here] < best:
+        if length + to_end[here] < best and length + to_end[here] <= ceiling:
             if arrive(space, kind, END, error, to_end[here]) != REFUSED:
                 best, last = length + to_end[here], used
                 add(labels, used, end, label, best, 0.0, -1)
@@ -172,17 +187,19 @@ def first_in(
             k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
             for m in range(k):
                 there = found[m]
-                if visited(labels, label, bits[there]):
+                total = length + away[m]
+                if total + least(ways, there) > ceiling or visited(labels, label, bits[there]):
                     continue
                 left = arrive(space, kind, head, error, away[m])
-                if left == REFUSED:
+                if left == REFUSED or total + rest(ways, there, left) > ceiling:
                     continue
-                add(labels, used, there, label, length + away[m], left, bits[there])
+                add(labels, used, there, label, total, left, bits[there])
+                forget(labels, used, grid, ways, bits, marked, ceiling)
                 if dominated(labels, heads[there], used):
                     continue
                 link(labels, heads, used)
                 used += 1
         label += 1
     if last < 0:
-        return NOTHING, nothing, np.inf, np.inf, used, settled
+        return NOTHING, nothing, np.inf, ceiling, used, settled
     return FOUND, trace(labels.slot, labels.parent, grid.ids, last), best, best, used, settled

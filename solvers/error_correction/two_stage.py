@@ -37,20 +37,23 @@ class TwoStage(RoutingBackend):
         self, space: Airspace, revisits: bool, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Run the two stages."""
-        from .elementary import Found, elementary
+        from .elementary import Found, elementary, simple_below
         from .grid import build
-        from .outcomes import FULL, STOPPED
+        from .outcomes import FULL, NOTHING, STOPPED
         from .slots import critical_bits, shortest_ways
         from .sweep_kernels import best_first
+        from .way_kernels import plain_ways
 
         flag = request.control.flag
         begin = time.perf_counter()
         grid = build(space, np.ones(len(space.points), np.bool_))
+        ahead = shortest_ways(space, grid, flag)
+        if not np.isfinite(ahead[-2]):
+            return Found(NOTHING, np.empty(0, np.int64), np.inf, np.inf, 0, 0), {}
         first, length, made, hits, _ = sweep(space, grid, WEIGHTS, request)
         # The route found must stay below its own ceiling whatever rounding does.
         ceiling = min(ceiling, length * (1 + 1e-12))
         between = time.perf_counter()
-        ahead = shortest_ways(space, grid, flag)
         least = float(ahead[-2])
         through = ahead + shortest_ways(space, grid, flag, forward=True)
         keep = np.zeros(len(space.points), np.bool_)
@@ -60,9 +63,12 @@ class TwoStage(RoutingBackend):
         left[grid.ids] = ahead
         ahead = left[smaller.ids]
 
-        def searched(critical: np.ndarray[Any, np.dtype[np.int64]]) -> Found:
+        def searched(critical: np.ndarray[Any, np.dtype[np.int64]], bound: float) -> Found:
+            if critical.size:
+                return simple_below(space, critical, bound, ceiling, flag, best_first)
             bits, words = critical_bits(smaller, critical)
-            return Found(*best_first(space, smaller, ahead, bits, words, ceiling, flag))
+            ways = plain_ways(ahead)
+            return Found(*best_first(space, smaller, ways, bits, words, ceiling, flag))
 
         found = elementary(searched, revisits=revisits)
         if found.status in (STOPPED, FULL):

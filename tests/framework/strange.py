@@ -193,6 +193,7 @@ def _examples() -> list[tuple[Any, Any]]:
     from crosstrack.models.guided_path import GuidedPathPlan
     from crosstrack.models.messenger import Primitive, TourPlan
     from crosstrack.models.optimal_control.plan import Piecewise
+    from crosstrack.models.resource_routing import Resource, ResourceRouting
     from crosstrack.models.sideslip import Recording, SideslipEstimate
     from crosstrack.models.unknown_grid import NavigationRuns, UnknownGridNavigation
 
@@ -201,6 +202,13 @@ def _examples() -> list[tuple[Any, Any]]:
     routing = ErrorCorrectionRouting(points, kinds, 0.3, 0.3, 0.3, 0.3, 0.3, delta=0.1)
     named = ErrorCorrectionRouting(
         points, kinds, 0.3, 0.3, 0.3, 0.3, 0.3, 0.1, 0.2, True, ids=("a", 1, "c", "d", "e"), name="named",
+    )  # fmt: skip
+
+    fuel = Resource("fuel", 1.0, 0.5, {"town": 9, "end": 9}, {"town": 0.5}, {"town": 1}, "l")
+    charged = ResourceRouting(
+        ["start", "town", "end", "town"], [fuel, Resource("time")], 0, 2, [[0.0, 0], [1, 2], [3, 2], [2, 2]],
+        [[0, 1], [1, 3], [3, 2], [0, 2]], [2.5, 1, 1, 9], [[0.0, 1], [0.5, 1], [0, 1], [0, 2]], True,
+        ("a", 1, "b", "c"), name="drive",
     )  # fmt: skip
 
     through = [[0.0, 0.0], [1.0, 2.0], [3.0, 2.0]]
@@ -331,7 +339,7 @@ def _examples() -> list[tuple[Any, Any]]:
         (braking(bound=9.0, mixed_path={"upper": 9.0}).build(), cruising(costates=True)), (relay().build(), relayed()),
         (slew, resting), (tour, flown), (walk, walked), (fleet, FleetPlan(((1, 2), (3,)))),
         (mission, driven), (guided, GuidedPathPlan((4, 1, 2, 3))), (box, BlackBoxPoint((1.0, 2.0))),
-        (sliding, angles), (motion, estimate), (unknown, steps),
+        (sliding, angles), (motion, estimate), (unknown, steps), (charged, Route((0, 1, 3, 2))),
     ]  # fmt: skip
 
 

@@ -24,7 +24,7 @@ from crosstrack.errors import (
     UnsupportedFormulation,
     UnsupportedOption,
 )
-from crosstrack.models import ErrorCorrectionRouting, FleetRouting
+from crosstrack.models import FleetRouting
 from crosstrack.solvers import FrontPoint
 
 KINDS = ("plane", "ties", "nothing", "places", "far", "line")
@@ -199,10 +199,9 @@ def test_names_of_second_objectives():
         ct.front(MODEL, "deviaton")
     with pytest.raises(InvalidData, match="model must be a Model"):
         ct.front("fleet/example", "max")
-    routing = ct.load("error-correction/example-1")
-    assert isinstance(routing, ErrorCorrectionRouting)
+    path = ct.load("grid-path/maze")
     with pytest.raises(UnsupportedFormulation, match="declares no second objective"):
-        ct.front(routing, "max")
+        ct.front(path, "max")
 
 
 def test_limits_of_the_model_stay():

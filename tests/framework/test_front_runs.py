@@ -209,7 +209,7 @@ def test_sweeps_that_are_none(arguments, error, words, tmp_path):
     assert ran == []
     assert not any(tmp_path.iterdir())
     with pytest.raises(UnsupportedFormulation, match="declares no second"):
-        sweep(ct.load("error-correction/example-1"), "theta", [1.0], "sum", "max")
+        sweep(ct.load("grid-path/maze"), "theta", [1.0], "sum", "max")
 
 
 def test_a_value_that_the_backend_does_not_take_is_said_first():
@@ -353,5 +353,5 @@ def test_exit_codes(instance, tmp_path, arguments, code, words):
 
 
 def test_a_model_without_second_objectives_is_2():
-    done = run("front", "error-correction/example-1", "max", code=2)
+    done = run("front", "grid-path/maze", "max", code=2)
     assert "declares no second objective" in done.stderr

@@ -70,6 +70,8 @@ def test_a_problem_imports_no_other_problem_but_its_public_names(checkout):
         ("fleet_mission", "grid_path"),
         ("fleet_mission", "fleet"),
         ("fleet_mission", "minimum_snap"),
+        # Errors that are corrected are resources that are reset: its routes are that problem's.
+        ("error_correction", "resource_routing"),
         # Where a vehicle is to find its way, the true map is one that paths are found on.
         ("unknown_grid", "grid_path"),
     }

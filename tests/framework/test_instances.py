@@ -64,7 +64,9 @@ def feasible_routes(model):
 def test_names_are_in_their_natural_order():
     names = [entry.name for entry in instances.entries()]
     rows = [name for name in names if name.startswith("error-correction/")]
-    assert rows == [*(f"error-correction/{k}" for k in range(1, 13)), "error-correction/example-1"]
+    suspects = [f"error-correction/suspect-{n}" for n in (21, 38, 327)]
+    numbered = [f"error-correction/{k}" for k in range(1, 13)]
+    assert rows == [*numbered, "error-correction/example-1", *suspects]
 
 
 def test_entries_are_json_and_say_where_their_data_comes_from():

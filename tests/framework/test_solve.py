@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from fakes import Fixed, Hanging, Killed, Patient, Raising
+from fakes import Brief, Fixed, Hanging, Killed, Patient, Raising
 
 import crosstrack as ct
 from crosstrack.errors import (
@@ -127,6 +127,29 @@ def test_incumbents_are_heard_in_the_callers_thread(model, isolate):
         on_incumbent=lambda i: heard.append((i.plan.route, threading.current_thread().name)),
     )  # fmt: skip
     assert [route for route, _ in heard] == [(0, 1, 2, 4)]
+
+
+def test_what_is_brief_runs_in_the_callers_thread(model):
+    backend, heard = Brief(), []
+    answer = ct.solve(model, backend, time_limit=10, on_incumbent=heard.append)
+    assert backend.thread is threading.current_thread()
+    assert answer.termination == "optimal"
+    assert [one.objective for one in heard] == [1.0] == [one.objective for one in answer.incumbents]
+
+
+def test_what_is_brief_may_fail_or_be_interrupted(model):
+    def press():
+        os.kill(os.getpid(), signal.SIGINT)
+
+    def trip():
+        raise RuntimeError("the solver tripped")
+
+    answer = ct.solve(model, Brief(press))
+    assert (answer.limit, answer.plan.route) == ("interrupted", (0, 1, 2, 4))
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    failed = ct.solve(model, Brief(trip))
+    assert failed.limit is None
+    assert "the solver tripped" in failed.message
 
 
 @pytest.mark.parametrize("isolate", [False, True])

@@ -2,18 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption, show
-from .model import ErrorCorrectionRouting, Route
+from .route import Route
 
-__all__ = ["follow", "refuse_revisits", "require_positive", "require_route"]
+__all__ = ["Ends", "follow", "refuse_revisits", "require_positive", "require_route"]
 
 
-def refuse_revisits(model: ErrorCorrectionRouting, formulation: str) -> None:
+class Ends(Protocol):
+    """A model whose routes lead from one point to another."""
+
+    @property
+    def start(self) -> int:
+        """Where they begin."""
+
+    @property
+    def end(self) -> int:
+        """Where they end."""
+
+    @property
+    def revisits(self) -> bool:
+        """Whether a point may be visited more than once."""
+
+
+def refuse_revisits(model: Ends, formulation: str) -> None:
     """Raise where the model allows what no formulation with one degree a point can say."""
     if model.revisits:
         raise UnsupportedFormulation(
@@ -32,12 +48,12 @@ def require_positive(formulation: str, **options: Any) -> None:
             )
 
 
-def require_route(model: ErrorCorrectionRouting, plan: Route) -> tuple[int, ...]:
-    """Return the indices of a simple route from A to B; anything else raises ``InvalidData``."""
+def require_route(model: Ends, plan: Route) -> tuple[int, ...]:
+    """Return the indices of a simple route from start to end; anything else raises ``InvalidData``."""
     route = plan.route
     if len(route) < 2 or route[0] != model.start or route[-1] != model.end:
         raise InvalidData(
-            f"a route goes from A ({model.start}) to B ({model.end}), got {plan}", field="route"
+            f"a route goes from point {model.start} to point {model.end}, got {plan}", field="route"
         )
     if len(set(route)) != len(route):
         twice = next(k for k in route if route.count(k) > 1)
@@ -47,10 +63,8 @@ def require_route(model: ErrorCorrectionRouting, plan: Route) -> tuple[int, ...]
     return route
 
 
-def follow(
-    model: ErrorCorrectionRouting, tail: NDArray[np.int64], head: NDArray[np.int64]
-) -> Route:
-    """Return the route that the arcs ``tail -> head`` make from A to B, dropping cycles beside it."""
+def follow(model: Ends, tail: NDArray[np.int64], head: NDArray[np.int64]) -> Route:
+    """Return the route that the arcs ``tail -> head`` make from start to end, dropping cycles beside it."""
     successor: dict[int, int] = {}
     for i, j in zip(tail.tolist(), head.tolist(), strict=True):
         if i in successor:
@@ -60,8 +74,12 @@ def follow(
     while route[-1] != model.end:
         following = successor.get(route[-1])
         if following is None:
-            raise InvalidData(f"the arcs from A end at point {route[-1]}, not at B", field="point")
+            raise InvalidData(
+                f"the arcs from the start end at point {route[-1]}, not at the end", field="point"
+            )
         if len(route) > len(successor):
-            raise InvalidData("the arcs from A run in a circle and never reach B", field="point")
+            raise InvalidData(
+                "the arcs from the start run in a circle and never reach the end", field="point"
+            )
         route.append(following)
     return Route(tuple(route))

@@ -1,0 +1,20 @@
+"""Instances of routes with resources: electric vehicles among stations, networks of streets."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .generator import (
+        generate_electric as generate_electric,
+        generate_network as generate_network,
+    )
+
+CATALOGUE = {"resource-routing": ".listing:catalogue_entries"}
+DEMOS = {"resource-routing": ".demo:DEMO"}
+
+__getattr__, __dir__, __all__ = attach(
+    __name__, {"generator": ("generate_electric", "generate_network")}
+)

@@ -1,0 +1,264 @@
+"""An arc-flow program of a route with resources: one block of levels a resource.
+
+With x_a (arc a used) and u_a (level of a resource with which a's tail was left, 0 where a is not
+used), for an arc a from i to j that adds c_a to the resource:
+
+* the head's limit bounds what may be carried, ``u_a <= (limit of j - c_a) x_a``;
+* at a point that keeps the level, what leaves is at least what arrives: the sum of u over the arcs
+  out is at least the sum of ``u + c x`` over the arcs in, so no big M is needed;
+* a point that resets to 0, or to what every arrival exceeds, needs neither columns nor rows;
+* one that resets to r at the most, with a limit L > r, takes a binary z for the minimum: what leaves
+  is at least ``arrival - (L - r) z`` and at least ``r z``. As the arrival is L at the most, z = 1 asks
+  for r alone, and z = 0 for the arrival;
+* at most one arc leaves a point, as many as arrive.
+
+Integral x splits into one route from start to end and cycles beside it, whose lengths the objective
+counts and :meth:`ResourceFlowFormulation.decode` drops; along the route the levels bound the real ones
+from above.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..formulation import Formulation
+from ..programs.builder import ProgramBuilder
+from ..programs.linear import MixedIntegerProgram
+from .arcs import UsedArcs, least_levels, possible_arcs, shortest_ways
+from .checks import walk_route
+from .model import ResourceRouting
+from .route import Route
+from .routes import follow, refuse_revisits, require_positive, require_route
+
+__all__ = ["ResourceFlowFormulation"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class _Levels(NamedTuple):
+    """The columns of one resource.
+
+    Parameters
+    ----------
+    resource : int
+        Which.
+    carrying : ndarray of int
+        The arcs that have a level.
+    room : ndarray
+        Largest level of each of these.
+    constant : ndarray, shape (arcs,)
+        The level of the others, where they are used.
+    either : ndarray of int
+        Points at which it is open whether the reset counts.
+    most : ndarray
+        Largest level on arrival at each of these.
+    """
+
+    resource: int
+    carrying: Ints
+    room: Floats
+    constant: Floats
+    either: Ints
+    most: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
+    """Arcs that the limits leave possible, with the level of each resource carried on them.
+
+    Parameters
+    ----------
+    model : ResourceRouting
+        The model; ``revisits`` must be off.
+    length_bound : float, optional
+        Length of a verified route: arcs through which every way is longer are left out.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The model allows revisits, or has too many arcs.
+    UnsupportedOption
+        `length_bound` is not a positive number.
+    """
+
+    length_bound: float | None = None
+
+    name: ClassVar[str] = "arc-flow"
+    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
+    summary: ClassVar[str] = "possible arcs only, levels carried on arcs, no big M"
+
+    def __post_init__(self) -> None:
+        refuse_revisits(self.model, self.name)
+        require_positive(self.name, length_bound=self.length_bound)
+
+    def bounded(self, objective: float) -> ResourceFlowFormulation:
+        """Leave out arcs through which every route is longer than a verified one."""
+        return replace(self, length_bound=objective) if objective > 0 else self
+
+    @cached_property
+    def arcs(self) -> UsedArcs:
+        """The arcs that have columns."""
+        return possible_arcs(self.model, np.inf if self.length_bound is None else self.length_bound)
+
+    @cached_property
+    def floor(self) -> float:
+        """The length of the shortest way from start to end over the possible arcs."""
+        model, arcs = self.model, self.arcs
+        found, _ = shortest_ways(
+            len(model.kinds), model.start, model.end, arcs.tail, arcs.head, arcs.length
+        )
+        least = float(found[model.end])
+        # Lengths of 0 are the least number that a sparse graph holds.
+        return -np.inf if math.isinf(least) else 0.0 if least < 1e-290 else least
+
+    @cached_property
+    def _levels(self) -> tuple[_Levels, ...]:
+        return tuple(
+            self._columns(k)
+            for k in range(len(self.model.resources))
+            if np.isfinite(self.model.limits[:, k]).any()
+        )
+
+    def _columns(self, k: int) -> _Levels:
+        model, arcs = self.model, self.arcs
+        n = len(model.kinds)
+        limit = model.rounded_limits[model.codes, k]
+        reset = model.resets[model.codes, k]
+        # No route has a level of more than the largest use into every point, once.
+        largest = np.zeros(n)
+        np.maximum.at(largest, arcs.head, arcs.use[:, k])
+        most = np.minimum(limit, model.initial[k] + largest.sum())
+        least = np.full(n, np.inf)
+        np.minimum.at(least, arcs.head, least_levels(model, arcs)[arcs.tail, k] + arcs.use[:, k])
+        inner = np.ones(n, bool)
+        inner[[model.start, model.end]] = False
+        # Where every arrival is above the reset, what leaves is the reset.
+        known = np.where(inner & (least >= reset), reset, np.inf)
+        known[model.start] = model.initial[k]
+        constant = np.where(np.isfinite(known), known, 0.0)[arcs.tail]
+        carrying = np.flatnonzero(np.isinf(known[arcs.tail]))
+        room = np.minimum(
+            most[arcs.head[carrying]] - arcs.use[carrying, k],
+            np.minimum(most, reset)[arcs.tail[carrying]],
+        )
+        either = np.flatnonzero(inner & np.isinf(known) & (reset < most))
+        return _Levels(k, carrying, np.maximum(room, 0.0), constant, either, most[either])
+
+    def build(self) -> MixedIntegerProgram:
+        """Return the program described at the head of this module."""
+        model, arcs = self.model, self.arcs
+        n = len(model.kinds)
+        index = np.column_stack([arcs.tail, arcs.head])
+        inner = np.setdiff1d(np.arange(n), [model.start, model.end])
+        place = np.full(n, -1)
+        place[inner] = np.arange(inner.size)
+        b = ProgramBuilder()
+        x = b.columns(
+            "arc used", len(arcs), upper=1, cost=arcs.length, integral=True,
+            template="arc {0}-{1}", index=index,
+        )  # fmt: skip
+        out, into = arcs.tail == model.start, arcs.head == model.end
+        b.rows("one arc out of the start", 1, (0, x[out], 1.0), lower=1, upper=1)
+        b.rows("one arc into the end", 1, (0, x[into], 1.0), lower=1, upper=1)
+        heads, tails = place[arcs.head] >= 0, place[arcs.tail] >= 0
+        b.rows(
+            "arcs in and out", inner.size,
+            (place[arcs.head[heads]], x[heads], 1.0), (place[arcs.tail[tails]], x[tails], -1.0),
+            lower=0, upper=0, template="at point {0}", index=inner,
+        )  # fmt: skip
+        b.rows(
+            "visited at most once", inner.size, (place[arcs.tail[tails]], x[tails], 1.0),
+            upper=1, template="at point {0}", index=inner,
+        )  # fmt: skip
+        for levels in self._levels:
+            self._add(b, levels, x, index)
+        return b.build(name=f"{model.name}:arc-flow" if model.name else "arc-flow")
+
+    def _add(self, b: ProgramBuilder, levels: _Levels, x: Ints, index: Ints) -> None:
+        """Add the columns and rows of one resource."""
+        model, arcs = self.model, self.arcs
+        k, carrying, room, constant, either, most = levels
+        resource = model.resources[k]
+        name = resource.name
+        u = b.columns(
+            f"{name} carried", carrying.size, upper=room, template="on arc {0}-{1}",
+            index=index[carrying], unit=resource.unit,
+        )  # fmt: skip
+        z = b.columns(
+            f"{name} reset", either.size, upper=1, integral=True, template="at point {0}",
+            index=either,
+        )  # fmt: skip
+        entry = np.arange(carrying.size)
+        b.rows(
+            f"{name} within limits", carrying.size, (entry, u, 1.0), (entry, x[carrying], -room),
+            upper=0, template="along arc {0}-{1}", index=index[carrying], unit=resource.unit,
+        )  # fmt: skip
+        reset = model.resets[model.codes, k]
+        left = np.unique(arcs.tail[carrying])
+        place = np.full(len(model.kinds), -1)
+        place[left] = np.arange(left.size)
+        into = np.flatnonzero(place[arcs.head] >= 0)
+        carried = np.flatnonzero(place[arcs.head[carrying]] >= 0)
+        use = arcs.use[:, k] + constant
+        tails = arcs.tail[carrying]
+        b.rows(
+            f"{name} kept", left.size, (place[tails], u, 1.0),
+            (place[arcs.head[carrying[carried]]], u[carried], -1.0),
+            (place[arcs.head[into]], x[into], -use[into]),
+            (place[either], z, most - reset[either]),
+            lower=0, template="at point {0}", index=left, unit=resource.unit,
+        )  # fmt: skip
+        spot = np.full(len(model.kinds), -1)
+        spot[either] = np.arange(either.size)
+        own = np.flatnonzero(spot[tails] >= 0)
+        b.rows(
+            f"{name} left by a reset", either.size, (spot[tails[own]], u[own], 1.0),
+            (np.arange(either.size), z, -reset[either]), lower=0, template="at point {0}",
+            index=either, unit=resource.unit,
+        )  # fmt: skip
+
+    def encode(self, plan: Route) -> Floats:
+        """Return the columns of a simple route; an arc that the limits exclude raises."""
+        model, arcs = self.model, self.arcs
+        route = require_route(model, plan)
+        n = len(model.kinds)
+        key = arcs.tail * n + arcs.head
+        visits, _ = walk_route(model, plan)
+        used = []
+        for i, j in pairwise(route):
+            arc = int(np.searchsorted(key, i * n + j))
+            if arc == len(key) or key[arc] != i * n + j:
+                raise InvalidData(
+                    f"arc {i}-{j} of the route is excluded by limits or length_bound", field="route"
+                )
+            used.append(arc)
+        point = np.zeros(len(arcs))
+        point[used] = 1.0
+        parts = [point]
+        for levels in self._levels:
+            carried, resets = np.zeros(len(arcs)), np.zeros(n)
+            for arc, visit in zip(used, visits, strict=False):
+                carried[arc] = visit.leaving[levels.resource]
+            for visit in visits:
+                arrival, leaving = visit.arrival[levels.resource], visit.leaving[levels.resource]
+                resets[visit.point] = float(arrival > leaving)
+            parts += [carried[levels.carrying], resets[levels.either]]
+        return np.concatenate(parts)
+
+    def decode(self, point: Floats) -> Route:
+        """Return the route that the used arcs make; idle cycles beside it are dropped."""
+        arcs = self.arcs
+        count = len(arcs) + sum(one.carrying.size + one.either.size for one in self._levels)
+        if point.size != count:
+            raise InvalidData(f"point must have {count} entries, got {point.size}", field="point")
+        used = point[: len(arcs)] > 0.5
+        return follow(self.model, arcs.tail[used], arcs.head[used])

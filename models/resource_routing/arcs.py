@@ -1,0 +1,148 @@
+"""The arcs of a route with resources that its limits leave possible."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial.distance import cdist
+
+from ...errors import UnsupportedFormulation
+from .data import RoutingData
+
+__all__ = ["MOST_ARCS", "UsedArcs", "least_levels", "possible_arcs", "shortest_ways"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_CHUNK = 512
+#: Arcs above which a program would not fit into the memory of a common machine.
+MOST_ARCS = 30_000_000
+#: Passes over the arcs for the least levels, each of which is a bound by itself.
+_PASSES = 20
+
+
+@dataclass(frozen=True)
+class UsedArcs:
+    """Arcs in order of tail and then head.
+
+    Parameters
+    ----------
+    tail, head : ndarray of int, shape (k,)
+        Point indices.
+    length : ndarray, shape (k,)
+        Lengths.
+    use : ndarray, shape (k, r)
+        What each adds to each resource, the gain of its head included.
+    """
+
+    tail: Ints
+    head: Ints
+    length: Floats
+    use: Floats
+
+    def __len__(self) -> int:
+        return int(self.tail.size)
+
+    def where(self, keep: Any) -> UsedArcs:
+        """Return the arcs that `keep` marks."""
+        return UsedArcs(self.tail[keep], self.head[keep], self.length[keep], self.use[keep])
+
+
+def _listed(model: RoutingData) -> UsedArcs:
+    arcs = model.arcs
+    assert arcs is not None
+    order = np.lexsort((arcs[:, 1], arcs[:, 0]))
+    tail, head = arcs[order].T
+    if model.lengths is not None:
+        length = model.lengths[order]
+    else:
+        assert model.points is not None
+        length = np.linalg.norm(model.points[head] - model.points[tail], axis=1)
+    use = length[:, None] * model.rates + model.gains[model.codes[head]]
+    if model.uses is not None:
+        use = use + model.uses[order]
+    fits = (use <= model.rounded_limits[model.codes[head]]).all(axis=1)
+    return UsedArcs(tail, head, length, use).where(
+        fits & (head != model.start) & (tail != model.end)
+    )
+
+
+def _pairs(model: RoutingData) -> UsedArcs:
+    points = model.points
+    assert points is not None
+    gain, limit = model.gains[model.codes], model.rounded_limits[model.codes]
+    parts, total = [], 0
+    for first in range(0, len(points), _CHUNK):
+        rows = np.arange(first, min(first + _CHUNK, len(points)))
+        length = cdist(points[rows], points)
+        keep = rows[:, None] != np.arange(len(points))
+        for k, rate in enumerate(model.rates):
+            keep &= rate * length + gain[:, k] <= limit[:, k]
+        keep[:, model.start] = False
+        keep[rows == model.end] = False
+        tail, head = np.nonzero(keep)
+        total += tail.size
+        if total > MOST_ARCS:
+            raise UnsupportedFormulation(
+                f"a program with one column an arc would have more than {MOST_ARCS} of them for "
+                f"{len(points)} points: use the native backend 'resource-labelling'"
+            )
+        parts.append((tail + first, head, length[tail, head]))
+    tail, head, flown = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return UsedArcs(tail, head, flown, flown[:, None] * model.rates + gain[head])
+
+
+def least_levels(model: RoutingData, arcs: UsedArcs) -> Floats:
+    """Return a lower bound on each level on leaving each point, shape (n, r); inf where nobody arrives.
+
+    It is the least over the arcs into the point of what their tails leave at the least.
+    """
+    resets = model.resets[model.codes]
+    least = np.zeros((len(model.kinds), len(model.resources)))
+    for _ in range(_PASSES):
+        arrival = np.full(least.shape, np.inf)
+        np.minimum.at(arrival, arcs.head, least[arcs.tail] + arcs.use)
+        after = np.where(np.isfinite(arrival), np.minimum(arrival, resets), np.inf)
+        after[model.start] = model.initial
+        if np.array_equal(after, least):
+            break
+        least = after
+    return least
+
+
+def shortest_ways(
+    count: int, start: int, end: int, tail: Ints, head: Ints, length: Floats
+) -> tuple[Floats, Floats]:
+    """Return the least length from `start` to each point over arcs, and from each point to `end`."""
+    # Zero-length arcs would vanish from a sparse graph.
+    weight = np.maximum(length, np.finfo(float).tiny)
+    graph = sp.csr_array((weight, (tail, head)), shape=(count, count))
+    return dijkstra(graph, indices=start), dijkstra(graph.T.tocsr(), indices=end)
+
+
+def possible_arcs(model: RoutingData, length_bound: float = np.inf) -> UsedArcs:
+    """Return the arcs that a route within the limits, and within `length_bound`, may use.
+
+    An arc goes when its head's limits refuse it even with the least levels with which its tail can be
+    left, when its ends are not joined to start and end, or when the shortest way through it is longer
+    than `length_bound`. All three only remove arcs that no such route uses, and are repeated until
+    nothing more goes.
+    """
+    arcs = _pairs(model) if model.arcs is None else _listed(model)
+    limit = model.rounded_limits[model.codes]
+    while True:
+        least = least_levels(model, arcs)
+        kept = arcs.where((least[arcs.tail] + arcs.use <= limit[arcs.head]).all(axis=1))
+        ahead, behind = shortest_ways(
+            len(model.kinds), model.start, model.end, kept.tail, kept.head, kept.length
+        )
+        through = ahead[kept.tail] + kept.length + behind[kept.head]
+        kept = kept.where((through <= length_bound * (1 + 1e-9)) & np.isfinite(through))
+        if len(kept) == len(arcs):
+            return kept
+        arcs = kept

@@ -1,0 +1,137 @@
+"""The independent check of a route: it is walked leg by leg, in plain Python."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ...errors import InvalidData, show
+from ..verification import Check, Verification, check_tolerance
+from .data import RoutingData
+from .route import Route, route_of_indices
+
+__all__ = ["Visit", "verify_route", "walk_route"]
+
+
+@dataclass(frozen=True)
+class Visit:
+    """One stop of a route: what there is of each resource on arrival, and on leaving.
+
+    Parameters
+    ----------
+    point : int
+        Where.
+    distance : float
+        Length of the route up to here; inf where it uses an arc that there is not.
+    arrival, leaving : tuple of float
+        Of each resource, before and after the reset of the point.
+    """
+
+    point: int
+    distance: float
+    arrival: tuple[float, ...]
+    leaving: tuple[float, ...]
+
+
+def walk_route(model: RoutingData, plan: Route) -> tuple[list[Visit], list[str]]:
+    """Return the stops of `plan`, and the legs for which there is no arc."""
+    route = route_of_indices(plan.route, len(model.kinds)).route
+    listed: dict[tuple[int, int], int] = {}
+    if model.arcs is not None:
+        listed = {(i, j): k for k, (i, j) in enumerate(model.arcs.tolist())}
+    place = {word: k for k, word in enumerate(model.words)}
+    levels = [resource.initial for resource in model.resources]
+    visits: list[Visit] = []
+    legs: list[float] = []
+    absent = []
+    for stop, point in enumerate(route):
+        code = place[model.kinds[point]]
+        if stop:
+            pair = route[stop - 1], point
+            at = listed.get(pair)
+            if at is None and (model.arcs is not None or pair[0] == point):
+                absent.append(f"{model.label(pair[0])}-{model.label(point)}")
+                leg = math.inf
+            elif at is not None and model.lengths is not None:
+                leg = float(model.lengths[at])
+            else:
+                assert model.points is not None
+                leg = math.dist(model.points[pair[0]], model.points[point])
+            legs.append(leg)
+            for k, resource in enumerate(model.resources):
+                own = 0.0 if at is None or model.uses is None else float(model.uses[at, k])
+                # No rate uses nothing of an arc that there is not, either.
+                used = resource.rate * leg if resource.rate else 0.0
+                levels[k] += used + own + float(model.gains[code, k])
+        arrival = tuple(levels)
+        if stop:
+            levels = [
+                min(level, float(cap))
+                for level, cap in zip(levels, model.resets[code], strict=True)
+            ]
+        visits.append(Visit(point, _sum(legs), arrival, tuple(levels)))
+    return visits, absent
+
+
+def _sum(legs: list[float]) -> float:
+    """Return the sum, exactly rounded; infinity where it is beyond all floats."""
+    try:
+        return math.fsum(legs)
+    except OverflowError:
+        return math.inf
+
+
+def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verification:
+    """Return the length of `plan` and every limit of `model`, walked from the raw data."""
+    check_tolerance(tolerance)
+    if not isinstance(plan, Route):
+        raise InvalidData(f"plan must be a Route, got {show(plan)}", field="plan")
+    visits, absent = walk_route(model, plan)
+    route = [visit.point for visit in visits]
+    between = [model.label(k) for k in route[1:-1] if k in (model.start, model.end)]
+    checks = [
+        _count(
+            "starts at the start", int(route[:1] != [model.start]), *map(model.label, route[:1])
+        ),
+        _count(
+            "ends at the end",
+            int(len(route) < 2 or route[-1] != model.end),
+            *map(model.label, route[-1:]),
+        ),
+        _count("neither start nor end between", len(between), *between[:1]),
+        _count("arcs that there are", len(absent), *absent[:1]),
+    ]
+    if not model.revisits:
+        first = {k: stop for stop, k in reversed(list(enumerate(route)))}
+        again = [model.label(k) for stop, k in enumerate(route) if first[k] != stop]
+        checks.append(_count("no point twice", len(again), *again[:1]))
+    for column, resource in enumerate(model.resources):
+        for word, limit in resource.limits:
+            arrivals = [
+                (v.arrival[column], v.point) for v in visits[1:] if model.kinds[v.point] == word
+            ]
+            worst, where = 0.0, ""
+            if arrivals:
+                level, point = max(arrivals)
+                worst, where = max(level - limit, 0.0), f"point {model.label(point)}"
+            checks.append(
+                Check.scaled(
+                    f"{resource.name} at {word}",
+                    "",
+                    worst,
+                    resource.unit,
+                    where,
+                    tolerance,
+                    limit,
+                    limit=limit,
+                )
+            )
+    length = visits[-1].distance if len(visits) > 1 else None
+    # A length is its own scale.
+    return Verification(length, tuple(checks), scale=0.0)
+
+
+def _count(name: str, number: int, where: str = "") -> Check:
+    return Check(
+        name, "", float(number), "", 0.0, f"point {where}" if where and number else "", 0.0
+    )

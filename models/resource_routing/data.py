@@ -1,0 +1,185 @@
+"""The data of a route with resources: points, arcs, and what each kind of point does to a resource."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ..declaration import Declared, Listed
+from ..fields import Array, Flag, Optional, Spec, Whole, declared, frozen, show, unwritable
+from ..labels import Ids
+from ..verification import ROUNDING
+from .resource import Resource
+
+__all__ = ["RoutingData"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Words(Spec):
+    """One word for each point, as a tuple."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> tuple[str, ...]:
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise InvalidData(f"{name} must be a list of words, got {show(value)}", field=name)
+        words = tuple(str(entry) if isinstance(entry, np.str_) else entry for entry in value)
+        for row, word in enumerate(words):
+            if not isinstance(word, str) or unwritable(word):
+                raise InvalidData(f"{name}[{row}] must be a word, got {show(word)}", field=name)
+        known, source = sizes.setdefault("n", (len(words), name))
+        if known != len(words):
+            raise InvalidData(
+                f"{name} has {len(words)} entries where {source} has {known}", field=name
+            )
+        return words
+
+    def encode(self, value: tuple[str, ...]) -> Any:
+        return list(value)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RoutingData(Declared):
+    """What :class:`~crosstrack.models.ResourceRouting` asks; the fields are said there."""
+
+    kinds: tuple[str, ...] = declared(Words())
+    resources: tuple[Resource, ...] = declared(Listed(Resource))
+    start: int = declared(Whole(0))
+    end: int = declared(Whole(0))
+    points: Floats | None = declared(Optional(Array(("n", "axes"))), default=None)
+    arcs: NDArray[np.int64] | None = declared(Optional(Array(("m", 2), int, 0)), default=None)
+    lengths: Floats | None = declared(Optional(Array(("m",), lower=0)), default=None)
+    uses: Floats | None = declared(Optional(Array(("m", "r"), lower=0)), default=None)
+    revisits: bool = declared(Flag(), default=False)
+    ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
+
+    def check(self) -> None:
+        """Refuse what names points, kinds or resources that there are not."""
+        n = len(self.kinds)
+        for name in ("start", "end"):
+            if getattr(self, name) >= n:
+                raise InvalidData(
+                    f"{name} must be < {n} (points), got {getattr(self, name)}", field=name
+                )
+        if self.start == self.end:
+            raise InvalidData(f"end must differ from start = {self.start}", field="end")
+        if self.arcs is None:
+            for name in ("lengths", "uses"):
+                if getattr(self, name) is not None:
+                    raise InvalidData(f"{name} goes with arcs, which is missing", field=name)
+            if self.points is None:
+                raise InvalidData(
+                    "points is missing: give points, or arcs and lengths", field="points"
+                )
+        else:
+            self._check_arcs(self.arcs)
+        if self.uses is not None and self.uses.shape[1] != len(self.resources):
+            raise InvalidData(
+                f"uses has {self.uses.shape[1]} columns where there are {len(self.resources)} resources",
+                field="uses",
+            )
+        names: dict[str, int] = {}
+        present = set(self.kinds)
+        for k, resource in enumerate(self.resources):
+            if resource.name in names:
+                raise InvalidData(
+                    f"resources[{k}].name is {resource.name!r}, as is resources[{names[resource.name]}].name",
+                    field="resources",
+                )
+            names[resource.name] = k
+            for table in ("limits", "gains", "resets"):
+                for word, _ in getattr(resource, table):
+                    if word not in present:
+                        raise InvalidData(
+                            f"resources[{k}].{table}: no point is of kind {word!r}; kinds: "
+                            f"{', '.join(self.words)}",
+                            field="resources",
+                        )
+
+    def _check_arcs(self, arcs: NDArray[np.int64]) -> None:
+        n = len(self.kinds)
+        if self.lengths is None and self.points is None:
+            raise InvalidData(
+                "lengths is missing: give points, or arcs and lengths", field="lengths"
+            )
+        bad = np.argwhere(arcs >= n)
+        if bad.size:
+            row, column = bad[0].tolist()
+            raise InvalidData(
+                f"arcs[{row}, {column}] must be < {n} (points), got {arcs[row, column]}",
+                field="arcs",
+            )
+        loops = np.flatnonzero(arcs[:, 0] == arcs[:, 1])
+        if loops.size:
+            raise InvalidData(
+                f"arcs[{loops[0]}] joins point {arcs[loops[0], 0]} to itself", field="arcs"
+            )
+        keys, first = np.unique(arcs[:, 0] * n + arcs[:, 1], return_index=True)
+        if keys.size < len(arcs):
+            again = np.setdiff1d(np.arange(len(arcs)), first)[0]
+            raise InvalidData(
+                f"arcs[{again}] = {arcs[again].tolist()} is there twice", field="arcs"
+            )
+
+    @cached_property
+    def words(self) -> tuple[str, ...]:
+        """The kinds that there are, in the order of their first points."""
+        return tuple(dict.fromkeys(self.kinds))
+
+    @cached_property
+    def codes(self) -> NDArray[np.int64]:
+        """The kind of each point as an index into :attr:`words`; shape (n,)."""
+        place = {word: k for k, word in enumerate(self.words)}
+        return frozen(np.array([place[word] for word in self.kinds], np.int64))
+
+    def table(self, name: str, default: float) -> Floats:
+        """Return ``"limits"``, ``"gains"`` or ``"resets"`` by kind and resource, `default` where none.
+
+        The shape is (kinds, resources).
+        """
+        found = np.full((len(self.words), len(self.resources)), default)
+        place = {word: k for k, word in enumerate(self.words)}
+        for column, resource in enumerate(self.resources):
+            for word, value in getattr(resource, name):
+                found[place[word], column] = value
+        return frozen(found)
+
+    @cached_property
+    def limits(self) -> Floats:
+        """Most of each resource on arrival, by kind; inf where there is no limit."""
+        return self.table("limits", np.inf)
+
+    @cached_property
+    def rounded_limits(self) -> Floats:
+        """:attr:`limits` with what rounding excuses added, as searches compare."""
+        return frozen(self.limits + ROUNDING * self.limits)
+
+    @cached_property
+    def gains(self) -> Floats:
+        """What a point adds to each resource on arrival, by kind."""
+        return self.table("gains", 0.0)
+
+    @cached_property
+    def resets(self) -> Floats:
+        """What a point leaves of each resource at the most, by kind; inf where it is kept."""
+        return self.table("resets", np.inf)
+
+    @cached_property
+    def rates(self) -> Floats:
+        """Used of each resource for a unit of length; shape (r,)."""
+        return frozen(np.array([resource.rate for resource in self.resources]))
+
+    @cached_property
+    def initial(self) -> Floats:
+        """What there is of each resource at the start; shape (r,)."""
+        return frozen(np.array([resource.initial for resource in self.resources]))
+
+    def label(self, point: int) -> str:
+        """Return the name of `point`."""
+        return str(point if self.ids is None else self.ids[point])

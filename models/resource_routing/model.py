@@ -1,0 +1,120 @@
+"""The shortest route from a start to an end on which resources are used up and reset.
+
+Sources: S. Irnich and G. Desaulniers, "Shortest path problems with resource constraints", 2005
+(the problem); "Model and algorithm of UAV path planning considering error correction points",
+Computer Integrated Manufacturing Systems, 2022, doi 10.13196/j.cims.2022.04.003 (its first case here).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from ..model import Model
+from ..verification import TOLERANCE, Verification
+from .checks import verify_route, walk_route
+from .data import RoutingData
+from .route import Route, route_from_data, route_to_data
+
+__all__ = ["ResourceRouting"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ResourceRouting(RoutingData, Model[Route]):
+    """The shortest route from `start` to `end` that keeps the limits of all resources.
+
+    Parameters
+    ----------
+    kinds : sequence of str, length n
+        The kind of each point, in any words: limits, gains and resets go by it.
+    resources : sequence of Resource
+        Any number, also none.
+    start, end : int
+        Where the route begins and ends; it visits neither in between.
+    points : ndarray, shape (n, d), optional
+        Coordinates. Lengths are straight lines where none are given.
+    arcs : ndarray of int, shape (m, 2), optional
+        The arcs that there are, no pair twice; all where there is no list.
+    lengths : ndarray, shape (m,), optional
+        Length of each arc of the list, >= 0.
+    uses : ndarray, shape (m, r), optional
+        What each arc of the list uses of each resource, beside the rate times its length.
+    revisits : bool
+        Whether a point may be visited more than once.
+    ids : sequence of int or str, optional
+        The points' names.
+
+    Raises
+    ------
+    InvalidData
+        Naming field, place and value: arcs to points that there are not, kinds that no point is of,
+        neither points nor lengths, two resources of one name.
+
+    Examples
+    --------
+    >>> from crosstrack.models import Resource, ResourceRouting
+    >>> fuel = Resource("fuel", rate=1.0, limits={"town": 3, "station": 3}, resets={"station": 0})
+    >>> model = ResourceRouting(
+    ...     ["town", "station", "town"], [fuel], start=0, end=2, points=[[0, 0], [2, 1], [4, 0]]
+    ... )
+    >>> print(model.verify(model.as_plan([0, 2])).summary())
+    violated: fuel at town
+    >>> print(model.verify(model.as_plan([0, 1, 2])).summary())
+    ok
+    """
+
+    kind: ClassVar[str] = "resource-routing"
+    formulations: ClassVar[dict[str, Any]] = {
+        "arc-flow": ".models.resource_routing.arc_flow:ResourceFlowFormulation",
+    }
+    default_formulation: ClassVar[str] = "arc-flow"
+    objective_unit: ClassVar[str] = ""
+    plan_type: ClassVar[type] = Route
+
+    def data(self) -> dict[str, Any]:
+        """Return the content as JSON data, without what is not given."""
+        return {key: value for key, value in super().data().items() if value is not None}
+
+    def describe(self) -> str:
+        """Return the size in a few words."""
+        arcs = "" if self.arcs is None else f", {len(self.arcs)} arcs"
+        names = ", ".join(resource.name for resource in self.resources) or "none"
+        return f"{len(self.kinds)} points{arcs}, resources: {names}"
+
+    @classmethod
+    def remark(cls, plan: Route) -> str:
+        """Return the number of points on the way in words."""
+        return f"{plan.corrections} point{'' if plan.corrections == 1 else 's'} on the way"
+
+    # -- plans -----------------------------------------------------------------------------------
+
+    def plan_to_data(self, plan: Route) -> dict[str, Any]:
+        """Return ``{"route": [indices]}``, with ``"ids"`` where the points have names."""
+        return route_to_data(plan, self.ids)
+
+    def plan_from_data(self, data: Any) -> Route:
+        """Return the route in `data`: a list of indices, ``{"route": […]}`` or ``{"ids": […]}``."""
+        return route_from_data(data, len(self.kinds), self.ids)
+
+    def details(self, plan: Route) -> list[dict[str, Any]]:
+        """Return every stop with its levels on arrival and on leaving, and what is allowed there."""
+        rows = []
+        for stop, visit in enumerate(walk_route(self, plan)[0]):
+            row: dict[str, Any] = {
+                "point": self.label(visit.point),
+                "kind": self.kinds[visit.point],
+                "length": visit.distance,
+            }
+            for k, resource in enumerate(self.resources):
+                name = f"{resource.name} ({resource.unit})" if resource.unit else resource.name
+                limit = float(self.limits[self.codes[visit.point], k])
+                row[name] = visit.arrival[k]
+                row[f"limit of {resource.name}"] = limit if stop and limit < math.inf else None
+                row[f"{resource.name} after"] = visit.leaving[k]
+            rows.append(row)
+        return rows
+
+    def verify(self, plan: Route, *, tolerance: float = TOLERANCE) -> Verification:
+        """Walk the route from the raw data: its length, and every limit."""
+        return verify_route(self, plan, tolerance)

@@ -1,0 +1,122 @@
+"""A route as a sequence of points, for every problem that asks for one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import InvalidData
+from ..fields import Array, show
+
+__all__ = ["Route", "route_from_data", "route_of_indices", "route_to_data"]
+
+
+@dataclass(frozen=True)
+class Route:
+    """A way from point to point; a sequence of its points: ``len``, iteration, ``route[0]``.
+
+    Parameters
+    ----------
+    route : tuple of int
+        Indices into the model's points, from the first to the last.
+    """
+
+    route: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        route = Array(("stops",), int).coerce("route", self.route, {})
+        object.__setattr__(self, "route", tuple(route.tolist()))
+
+    @property
+    def corrections(self) -> int:
+        """Number of points between the first and the last, such as corrections on the way."""
+        return max(len(self.route) - 2, 0)
+
+    def __len__(self) -> int:
+        return len(self.route)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.route)
+
+    def __getitem__(self, place: int) -> int:
+        return self.route[place]
+
+    def __str__(self) -> str:
+        return "-".join(map(str, self.route))
+
+
+Names = tuple[int | str, ...] | None
+
+
+def route_to_data(route: Route, names: Names) -> dict[str, Any]:
+    """Return ``{"route": [indices]}``, with ``"ids"`` where the points have `names`."""
+    data: dict[str, Any] = {"route": list(route.route)}
+    if names is not None:
+        data["ids"] = [names[k] for k in route.route]
+    return data
+
+
+def route_from_data(data: Any, count: int, names: Names) -> Route:
+    """Return the route in `data`: a list of indices, ``{"route": […]}`` or ``{"ids": […]}``.
+
+    Parameters
+    ----------
+    data : object
+        JSON data.
+    count : int
+        How many points there are.
+    names : tuple of (int or str), optional
+        Their names; 0 … count - 1 where there are none.
+
+    Raises
+    ------
+    InvalidData
+        Naming the stop and its value.
+    """
+    if isinstance(data, Mapping):
+        for key in data:
+            if key not in ("route", "ids"):
+                raise InvalidData(
+                    f"unknown key {key!r} in a plan; allowed: route, ids", field=str(key)
+                )
+        if not data:
+            raise InvalidData("a plan needs the key route or ids", field="route")
+        by_index = route_of_indices(data["route"], count) if "route" in data else None
+        by_id = _from_ids(data["ids"], count, names) if "ids" in data else None
+        if by_index is not None and by_id is not None and by_index != by_id:
+            raise InvalidData("route and ids of the plan name different points", field="ids")
+        return by_index or by_id or Route(())
+    return route_of_indices(data, count)
+
+
+def route_of_indices(value: Any, count: int) -> Route:
+    """Return the route through the points with these indices, each of 0 … count - 1."""
+    if isinstance(value, str | Mapping) or not isinstance(value, Sequence | np.ndarray):
+        raise InvalidData(
+            f"route must be a list of point indices, got {show(value)}", field="route"
+        )
+    route = []
+    for stop, entry in enumerate(value):
+        if isinstance(entry, bool) or not isinstance(entry, int | np.integer):
+            raise InvalidData(
+                f"route[{stop}] must be a point index, got {show(entry)}", field="route"
+            )
+        if not 0 <= entry < count:
+            raise InvalidData(
+                f"route[{stop}] must lie in 0 … {count - 1}, got {show(entry)}", field="route"
+            )
+        route.append(int(entry))
+    return Route(tuple(route))
+
+
+def _from_ids(value: Any, count: int, names: Names) -> Route:
+    if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
+        raise InvalidData(f"ids must be a list, got {show(value)}", field="ids")
+    places = {name: k for k, name in enumerate(range(count) if names is None else names)}
+    for stop, entry in enumerate(value):
+        if isinstance(entry, bool) or not isinstance(entry, int | str) or entry not in places:
+            raise InvalidData(f"ids[{stop}]: no point is called {show(entry)}", field="ids")
+    return Route(tuple(places[entry] for entry in value))

@@ -1,0 +1,82 @@
+"""Why a route with resources does not exist: the resources that no route keeps together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...models.resource_routing.model import ResourceRouting
+from ...models.resource_routing.resource import Resource
+from ..backend import Termination
+from ..diagnosis import Diagnosis, Finding
+from ..dispatch import solve
+
+__all__ = ["diagnose_resources"]
+
+_METHOD = "resource-labelling, then a deletion filter over the limits of the resources"
+
+
+def diagnose_resources(model: ResourceRouting, time_limit: float | None = None) -> Diagnosis:
+    """Return limits that no route keeps together, while one would without any one of them.
+
+    Parameters
+    ----------
+    model : ResourceRouting
+        What is asked.
+    time_limit : float, optional
+        Seconds for each search.
+    """
+    ends, text = _ends(model, time_limit)
+    if ends is not False:
+        summary = f"a route exists: {text}" if ends else f"not settled: {text}"
+        return Diagnosis(model.name, ends, _METHOD, summary)
+    parts = [(k, word) for k, resource in enumerate(model.resources) for word, _ in resource.limits]
+    if not parts or _ends(_keeping(model, []), time_limit)[0] is False:
+        return Diagnosis(
+            model.name, False, _METHOD, "no route: no way of arcs leads from the start to the end"
+        )
+    unsure = set()
+    for part in list(parts):
+        fewer = [other for other in parts if other != part]
+        ends, _ = _ends(_keeping(model, fewer), time_limit)
+        if ends is False:
+            parts = fewer
+        elif ends is None:
+            unsure.add(part)
+    findings = tuple(_finding(model, k, word, (k, word) in unsure) for k, word in parts)
+    summary = f"no route keeps {'these limits together' if len(parts) > 1 else 'this limit'}"
+    return Diagnosis(model.name, False, _METHOD, summary, findings)
+
+
+def _ends(model: ResourceRouting, time_limit: float | None) -> tuple[bool | None, str]:
+    """Return whether there is a route, None where that is not settled, and a few words."""
+    found = solve(model, "resource-labelling", time_limit=time_limit)
+    if found.plan is not None:
+        return True, f"{found.plan}, length {found.primal_bound:.10g}"
+    settled = found.termination is Termination.INFEASIBLE
+    return (False if settled else None), str(found.termination)
+
+
+def _keeping(model: ResourceRouting, parts: list[tuple[int, str]]) -> ResourceRouting:
+    """Return the model with these limits alone, each a resource and a kind of point."""
+    resources = tuple(
+        Resource(
+            one.name, one.rate, one.initial, gains=one.gains, resets=one.resets,
+            limits={word: value for word, value in one.limits if (k, word) in parts},
+        )
+        for k, one in enumerate(model.resources)
+    )  # fmt: skip
+    return replace(model, resources=resources)
+
+
+def _finding(model: ResourceRouting, k: int, word: str, unsure: bool) -> Finding:
+    resource = model.resources[k]
+    limit = dict(resource.limits)[word]
+    points = np.flatnonzero(model.codes == model.words.index(word)).tolist()
+    shown = ", ".join(map(model.label, points[:5])) + (" …" if len(points) > 5 else "")
+    text = f"{resource.name} at most {limit:g} at {word} (point {shown})"
+    if unsure:
+        text += "; whether it is needed was not settled in time"
+    data = {"resource": resource.name, "kind": word, "limit": limit, "settled": not unsure}
+    return Finding(text, "", f"kind {word}", data)

@@ -1,0 +1,139 @@
+"""``resource-labelling``: our own exact search for routes with resources."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ...models.resource_routing.checks import walk_route
+from ...models.resource_routing.model import ResourceRouting
+from ...models.resource_routing.route import Route
+from ..backend import Request
+from .native import RouteSearch
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from .elementary import Found
+
+__all__ = ["ResourceLabelling"]
+
+#: The first ceiling above what is proven, relative, the factor by which that share rises, and the
+#: share from which on there is no ceiling.
+FIRST, RISE, LAST = 0.004, 2.2, 8.0
+#: The same for the straight line, below which few points are taken first.
+LEAST, GROWTH = 0.02, 4.0
+#: What rounding adds to a length, relative.
+SLACK = 1e-12
+
+
+class ResourceLabelling(RouteSearch):
+    """Best-first label setting with dominance on the length and on every level.
+
+    Labels leave the heap in the order of their length and the least length from there to the end.
+    Arcs on which a single resource leaves no way are taken out first. With revisits allowed the
+    search is exact as it is. Without them, the walk it finds is accepted if it is simple, and
+    otherwise the points that it repeats become critical (see :mod:`.elementary`), and the ceiling on
+    the length rises from what is proven, so that labels may ignore what they cannot visit below it.
+    """
+
+    name = "resource-labelling"
+    accepts = ResourceRouting
+    summary = "best-first label setting with dominance on the length and all resources; ours"
+
+    def measure(self, problem: ResourceRouting, plan: Route) -> float:
+        """Return the length of `plan`, its legs added exactly."""
+        return walk_route(problem, plan)[0][-1].distance
+
+    def find(
+        self, problem: ResourceRouting, cutoff: float, request: Request
+    ) -> tuple[Found, Mapping[str, float | int | str]]:
+        """Return the best route no longer than `cutoff`, and the number of arcs.
+
+        Where all pairs of points are arcs, points far from the straight line are left out first.
+        """
+        from .outcomes import NOTHING
+
+        made = settled = 0
+        for rows, proven, ceiling in _stages(problem, cutoff):
+            found, arcs = _under(problem, rows, ceiling, request.control.flag)
+            made, settled = made + found.made, settled + found.settled
+            bound = max(found.bound, min(proven, found.length))
+            if found.status != NOTHING:
+                break
+        return replace(found, made=made, settled=settled, bound=bound), {"arcs": arcs}
+
+
+def _stages(
+    problem: ResourceRouting, cutoff: float
+) -> Iterator[tuple[NDArray[np.int64], float, float]]:
+    """Return points, a bound on all routes, and the length up to which no route needs other points.
+
+    The last length is `cutoff`.
+    """
+    import numpy as np
+
+    from .network import distances
+
+    count, share = len(problem.kinds), LEAST
+    if problem.arcs is not None:
+        yield np.arange(count), 0.0, cutoff
+        return
+    assert problem.points is not None
+    detour = distances(problem.points, problem.start) + distances(problem.points, problem.end)
+    proven = straight = float(detour[problem.start])
+    while True:
+        ceiling = straight * (1 + share)
+        rows = np.flatnonzero(detour <= ceiling * (1 + SLACK))
+        if ceiling >= cutoff or 2 * rows.size > count or not straight > 0:
+            break
+        yield rows, proven, ceiling
+        proven, share = ceiling, share * GROWTH
+    keep = ~(detour > cutoff * (1 + SLACK))
+    keep[[problem.start, problem.end]] = True
+    yield np.flatnonzero(keep), proven, cutoff
+
+
+def _under(
+    problem: ResourceRouting, rows: NDArray[np.int64], cutoff: float, flag: NDArray[np.int8]
+) -> tuple[Found, int]:
+    """Return the best route through `rows` no longer than `cutoff`, and the number of arcs."""
+    import numpy as np
+
+    from .elementary import Found, elementary
+    from .label_kernels import best_first
+    from .network import lengths_to, network
+    from .outcomes import NOTHING, STOPPED
+
+    net = network(problem, rows, flag)
+    if flag[0]:
+        # Arcs may be missing.
+        return Found(STOPPED, np.empty(0, np.int64), math.inf, 0.0, 0, 0), 0
+    ahead = np.ascontiguousarray(lengths_to(net, np.array([net.end]))[:, 0])
+    least = float(ahead[net.start])
+
+    def search(critical: NDArray[np.int64], proven: float) -> Found:
+        bits = np.full(len(ahead), -1)
+        bits[critical] = np.arange(critical.size)
+        via = lengths_to(net, critical) + ahead[critical]
+        made = settled = rounds = 0
+        below = proven = max(proven, least)
+        share = FIRST if critical.size and 0 < proven < math.inf else LAST
+        while True:
+            ceiling = min(cutoff, proven * (1 + share)) if share < LAST else cutoff
+            status, route, length, bound, *counts, pruned = best_first(
+                net, ahead, via, bits, ceiling, flag
+            )
+            made, settled, rounds = made + counts[0], settled + counts[1], rounds + 1
+            if status == NOTHING and pruned and ceiling < cutoff:
+                below, share = ceiling, share * RISE
+                continue
+            if status == NOTHING and not pruned:
+                bound = math.inf
+            return Found(status, route, length, max(bound, below), made, settled, rounds)
+
+    found = elementary(search, revisits=problem.revisits)
+    return replace(found, route=rows[found.route]), len(net.head)

@@ -1,0 +1,79 @@
+"""What the exact native searches for routes share: the clock, and the answer's form."""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from ...errors import UnsupportedFormulation
+from ...models.resource_routing.route import Route
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+
+if TYPE_CHECKING:
+    from .elementary import Found
+
+__all__ = ["RouteSearch"]
+
+
+class RouteSearch(Backend):
+    """Base of the exact native algorithms; a subclass only searches.
+
+    They are deterministic, so that every seed gives the same plan, and solve to a gap of zero.
+    """
+
+    guarantee = Guarantee.EXACT
+    features = frozenset({Feature.GAP, Feature.CUTOFF, Feature.DUAL_BOUND, Feature.INTERRUPT})
+    deterministic = True
+    single_threaded = True
+
+    @abstractmethod
+    def find(
+        self, problem: Any, cutoff: float, request: Request
+    ) -> tuple[Found, Mapping[str, float | int | str]]:
+        """Return the best route no longer than `cutoff`, and statistics of the algorithm's own."""
+
+    @abstractmethod
+    def measure(self, problem: Any, plan: Route) -> float:
+        """Return the length of `plan`, its legs added exactly."""
+
+    def run(self, problem: Any, request: Request) -> Answer:
+        """Search, and say what the end of the search proves."""
+        from .outcomes import FOUND, FULL, STOPPED
+
+        refusal = self.refuses(problem)
+        if refusal:
+            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        begin = time.perf_counter()
+        cutoff = math.inf if request.cutoff is None else request.cutoff * (1 + 1e-9)
+        found, own = self.find(problem, cutoff, request)
+        seconds = {"solve": time.perf_counter() - begin}
+        plan = Route(tuple(found.route.tolist())) if found.route.size else None
+        termination, limit, message = Termination.INFEASIBLE, None, ""
+        # The legs of the route, added exactly: no bound may exceed that by what rounding does.
+        primal = None if plan is None else self.measure(problem, plan)
+        least = float(found.bound) if primal is None else min(float(found.bound), primal)
+        bound = least if math.isfinite(least) else None
+        if found.status == FOUND:
+            termination = Termination.OPTIMAL
+        elif found.status in (STOPPED, FULL):
+            termination = Termination.NO_SOLUTION if plan is None else Termination.FEASIBLE
+            limit = request.control.reason or Limit.INTERRUPTED
+            if found.status == FULL:
+                limit, message = Limit.MEMORY, "no room for more labels"
+        elif request.cutoff is not None:
+            termination, bound = Termination.NO_SOLUTION, request.cutoff
+            message = "no plan better than the cutoff"
+        statistics = {
+            "labels made": found.made,
+            "labels extended": found.settled,
+            "rounds": found.rounds,
+            "critical points": found.critical,
+            **own,
+        }
+        return Answer(
+            termination, limit, plan, primal, bound,
+            seconds=seconds, statistics=statistics, message=message,
+        )  # fmt: skip

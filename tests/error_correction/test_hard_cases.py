@@ -1,0 +1,243 @@
+"""Detours, dead ends, chains of choices: what a search does is counted, so that no load matters."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from brute_force import shortest_length
+from hard_cases import ball, chain, clusters, wall, wild
+
+from crosstrack.instances.error_correction.generator import random_small, uniform_slab
+from crosstrack.models import ErrorCorrectionRouting
+from crosstrack.solvers import Request, find_backend
+from crosstrack.solvers.error_correction.airspace import airspace
+from crosstrack.solvers.error_correction.grid import build
+from crosstrack.solvers.error_correction.steps import distances_to, remaining
+from crosstrack.solvers.error_correction.way_kernels import rest, ways_on
+
+EXACT = ["label-setting", "two-stage", "pulse", "dynamic-programming"]
+
+#: Wild instances on which brute force, which knows no dominance, takes more than 0.1 s.
+LONG = (56, 80, 137, 152)
+QUICK = [seed for seed in range(180) if seed not in LONG]
+
+
+def answered(model, name="label-setting", cutoff=None):
+    """Return the answer of a backend, whose route is verified and proven."""
+    answer = find_backend(name, model).run(model, Request(cutoff=cutoff))
+    if answer.point is not None:
+        found = model.verify(answer.point)
+        assert found.ok and found.objective == answer.primal_bound
+        assert answer.dual_bound <= answer.primal_bound
+    return answer
+
+
+def laid_out(model):
+    space = airspace(model)
+    return space, build(space, np.ones(len(model.points), np.bool_))
+
+
+@pytest.mark.parametrize(
+    ("theta", "kind"), [(48, None), (60, "horizontal")], ids=["too far", "nothing left"]
+)
+def test_a_dead_end_takes_few_labels(theta, kind):
+    """Every point is reached from A, and none of them leads to B."""
+    model = ball(10_000, theta, kind)
+    answer = answered(model)
+    assert answer.termination == "infeasible"
+    assert answer.statistics["labels made"] <= 6 * len(model.points)
+
+
+def test_a_crowd_that_leads_on_takes_few_labels():
+    answer = answered(ball(3000, 60))
+    assert answer.termination == "optimal"
+    assert answer.primal_bound == pytest.approx(1e5, rel=1e-5)
+    assert answer.statistics["labels made"] <= 10 * 3000
+
+
+@pytest.mark.parametrize("shape", ["one", "two", "pocket", "closed"])
+def test_a_detour_takes_few_labels(shape):
+    """Of the same length as by another search; without the bound, ten times as many labels."""
+    model = wall(2000, shape)
+    answer, other = answered(model), answered(model, "two-stage")
+    assert answer.termination == other.termination
+    assert (answer.termination == "infeasible") == (shape == "closed")
+    if answer.point is not None:
+        assert answer.primal_bound == pytest.approx(other.primal_bound, rel=1e-12)
+        line = math.dist(model.points[model.start], model.points[model.end])
+        assert answer.primal_bound > 1.2 * line
+    assert answer.statistics["labels made"] <= 30 * len(model.points)
+
+
+def test_an_end_out_of_reach_is_seen_from_there():
+    model = replace(uniform_slab(20_000, (25, 15, 20, 25, 30), seed=3), theta=1e-3)
+    for name in ("label-setting", "pulse", "two-stage"):
+        answer = answered(model, name)
+        assert answer.termination == "infeasible"
+        assert answer.statistics["labels made"] <= 5 * len(model.points)
+
+
+@pytest.mark.parametrize("k", [8, 24, 40])
+@pytest.mark.parametrize("jitter", [0.0, 0.03])
+def test_a_chain_of_choices_is_not_multiplied(k, jitter):
+    model = chain(k, jitter=jitter)
+    answer = answered(model)
+    assert answer.termination == "optimal"
+    assert answer.statistics["rounds"] > 1
+    assert answer.statistics["labels made"] <= 300 * k
+    walk = answered(replace(model, revisits=True)).primal_bound
+    assert walk < answer.primal_bound or jitter == 0.0
+
+
+@pytest.mark.parametrize("k", [6, 12])
+def test_all_searches_agree_on_chains(k):
+    models = [
+        chain(k),
+        chain(k, twins=2, others=1),
+        chain(k, single=(k // 2,)),
+        clusters(3, k // 3),
+    ]
+    for model in models:
+        answers = [answered(model, name) for name in EXACT]
+        assert len({str(answer.termination) for answer in answers}) == 1
+        lengths = [answer.primal_bound for answer in answers]
+        if lengths[0] is not None:
+            assert lengths == pytest.approx([lengths[0]] * len(EXACT), rel=1e-12)
+    assert answered(models[2]).termination == "infeasible"
+
+
+@pytest.mark.parametrize("single", [(23,), tuple(range(20, 24)), tuple(range(24))])
+@pytest.mark.parametrize("wide", [2.1, 4.1])
+def test_that_a_chain_has_no_simple_route_is_proven(single, wide):
+    """Clusters with a single hub, which a walk visits twice; the others offer choices before."""
+    model = chain(24, wide=wide, single=single)
+    answer = answered(model)
+    assert answer.termination in ("optimal", "infeasible")
+    assert answer.statistics["labels made"] <= 50_000
+    assert answered(replace(model, revisits=True)).termination == "optimal"
+
+
+@pytest.mark.parametrize(
+    "seeds",
+    [
+        QUICK,
+        pytest.param(LONG, marks=pytest.mark.slow),
+        *(
+            pytest.param(range(first, first + 100), marks=pytest.mark.slow)
+            for first in range(180, 2180, 100)
+        ),
+    ],
+)
+def test_wild_instances_equal_brute_force(seeds):
+    several = 0
+    for seed in seeds:
+        model = wild(seed)
+        best = shortest_length(model)
+        for name in EXACT:
+            answer = answered(model, name)
+            if best is None:
+                assert answer.termination == "infeasible", (seed, name)
+            else:
+                assert answer.termination == "optimal", (seed, name)
+                assert answer.primal_bound == pytest.approx(best, rel=1e-9, abs=1e-12), (seed, name)
+        several += answer.statistics["rounds"] > 1
+    assert several > len(seeds) / 50, "too few instances need more than one round"
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_a_route_that_is_known_bounds_the_search(name):
+    model = chain(5)
+    free = answered(model, name)
+    told = answered(model, name, free.primal_bound)
+    assert told.primal_bound == free.primal_bound
+    assert told.termination == "optimal"
+    assert told.statistics["labels made"] <= free.statistics["labels made"]
+    none = answered(model, name, 0.99 * free.primal_bound)
+    assert none.termination == "no_solution" and none.dual_bound == 0.99 * free.primal_bound
+
+
+def test_ways_on_equal_a_search_over_exact_states():
+    """From any point, left with any error: the shortest walk to B, or none."""
+    flag, checked = np.zeros(1, np.int8), 0
+    for seed in range(40):
+        model = random_small(3 + seed % 6, seed, revisits=True)
+        space, grid = laid_out(model)
+        _, ways, _, _ = ways_on(space, grid, np.inf, flag)
+        for slot, point in enumerate(grid.ids[:-1].tolist()):
+            kind = str(model.kinds[point])
+            for carried in (0.0, 0.3, 0.6) if kind in ("horizontal", "vertical") else (0.0,):
+                # The point is left with this error where A lies so far before it.
+                found = rest(ways, slot, carried)
+                truth = from_state(model, point, carried)
+                checked += math.isfinite(truth)
+                assert found == pytest.approx(truth, rel=1e-9), (seed, point, carried)
+    assert checked > 100
+
+
+def from_state(model, point, carried):
+    """Return the length of the shortest walk to B from `point`, left with the surviving error."""
+    kind = str(model.kinds[point])
+    errors = (carried if kind == "vertical" else 0.0, carried if kind == "horizontal" else 0.0)
+    open_states, done = {(point, errors): 0.0}, set()
+    while open_states:
+        here, length = min(open_states.items(), key=lambda item: item[1])
+        del open_states[here]
+        if here[0] == model.end:
+            return length
+        done.add(here)
+        for head in range(len(model.points)):
+            if head in (here[0], model.start):
+                continue
+            leg = math.dist(model.points[here[0]], model.points[head])
+            arrived = [
+                error + rate * leg
+                for error, rate in zip(
+                    here[1], (model.horizontal_rate, model.vertical_rate), strict=True
+                )
+            ]
+            if (np.array(arrived) > model.rounded_limits[model.codes[head]]).any():
+                continue
+            word = str(model.kinds[head])
+            left = (
+                0.0 if word == "horizontal" else arrived[0],
+                0.0 if word == "vertical" else arrived[1],
+            )
+            if (head, left) not in done:
+                state = (head, left)
+                open_states[state] = min(open_states.get(state, math.inf), length + leg)
+    return math.inf
+
+
+@pytest.mark.parametrize("forward", [False, True])
+def test_ways_that_are_not_found_yet_are_bounded(forward):
+    """However early the search ends: no bound above the way, and none that falls too fast."""
+    model = wall(300, "two")
+    space, grid = laid_out(model)
+    flag = np.zeros(1, np.int8)
+    full = remaining(space, grid, forward, 10**9, flag)
+    line = distances_to(grid, len(grid.x) - (2 if forward else 1))
+    points = model.points[grid.ids]
+    legs = np.linalg.norm(points[:, None] - points, axis=2)
+    last = line
+    for arcs in (0, 300, 3000, 10**9):
+        part = remaining(space, grid, forward, arcs, flag)
+        assert (part <= full).all() and (part >= np.minimum(last, full) - 1e-9).all()
+        known = np.isfinite(part)
+        falls = part[known][:, None] - part[known]
+        usable = legs[np.ix_(known, known)] <= 18e3
+        assert (falls[usable] <= legs[np.ix_(known, known)][usable] + 1e-6).all()
+        last = part
+
+
+def test_no_points_and_one_point():
+    for inner in ([], [[1, 0, 0]], [[1, 0, 0]] * 3):
+        model = ErrorCorrectionRouting(
+            [[0, 0, 0], *inner, [2, 0, 0]],
+            ["A", *["horizontal"] * len(inner), "B"],
+            1.5, 1.5, 1.5, 1.5, 1.5, delta=1.0,
+        )  # fmt: skip
+        for name in EXACT:
+            assert answered(model, name).termination == "infeasible"
+        wide = replace(model, theta=2.0)
+        assert {answered(wide, name).primal_bound for name in EXACT} == {2.0}
