@@ -93,7 +93,8 @@ class TimeGradient(Backend):
         "gradient": Option(
             None,
             "Largest derivative of the objective by log T at the end, relative to it; 1e-6 by "
-            "default with corridor or limits, 1e-8 without.",
+            "default with corridor or limits, 1e-8 without. With them, the end is also where a "
+            "Newton step promises nothing more.",
             float, lower=1e-12, upper=1e-1,
         ),
         "rule": Option(
