@@ -7,12 +7,18 @@ from typing import TYPE_CHECKING
 from ...lazy import attach
 
 if TYPE_CHECKING:
+    from .flight import Breach as Breach, Tracking as Tracking
     from .model import SatelliteSlew as SatelliteSlew
-    from .tracking import Tracking as Tracking, track as track
+    from .tracking import track as track
 
 MODELS = {"satellite-slew": ".model:SatelliteSlew"}
 PICTURES = {"satellite-slew": ".plot:draw"}
 
 __getattr__, __dir__, __all__ = attach(
-    __name__, {"model": ("SatelliteSlew",), "tracking": ("Tracking", "track")}
+    __name__,
+    {
+        "flight": ("Breach", "Tracking"),
+        "model": ("SatelliteSlew",),
+        "tracking": ("track",),
+    },
 )

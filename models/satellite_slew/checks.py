@@ -10,14 +10,13 @@ from scipy.integrate import solve_ivp
 
 from ...errors import InvalidData
 from ..fields import show
-from ..optimal_control.definition import PLAIN
 from ..optimal_control.plan import ControlPlan, PhasePlan
 from ..verification import Check, Verification, check_tolerance
 from .data import SlewData
 from .dynamics import CONTROLS, STATES, SlewMotion
 from .gyros import singularity_measure
 
-__all__ = ["limit_size", "slew_phase", "verify_slew"]
+__all__ = ["slew_phase", "verify_slew"]
 
 Floats = NDArray[np.float64]
 
@@ -85,12 +84,7 @@ def _check(
 
 def _sizes(model: SlewData) -> tuple[float, float, float]:
     """Return the size of each part of the state: a unit quaternion, the limit of rates, a radian."""
-    return 1.0, limit_size(model.rate_limit), 1.0
-
-
-def limit_size(limit: float) -> float:
-    """Return what violations of a limit are held against."""
-    return 1.0 if PLAIN <= limit <= 1.0 else limit
+    return 1.0, model.rate_limit, 1.0
 
 
 # -- the ends ----------------------------------------------------------------------------------------
@@ -228,7 +222,7 @@ def _limits(
             entries,
             unit,
             tolerance,
-            limit_size(most),
+            most,
             most,
         )
         for name, equation, values, most, entries, unit in cases

@@ -15,7 +15,7 @@ from ..fields import Array, Optional, Real, declared, frozen, show
 from .gyros import momentum_direction, singularity_measure
 from .quaternions import axis_and_angle, conjugate, product, rotation_matrix
 
-__all__ = ["Attitude", "SlewData"]
+__all__ = ["Attitude", "Inertia", "SlewData", "check_inertia"]
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ LENGTH = 1e-6
 MOMENTUM = 1e-8
 
 
-class _Inertia(Array):
+class Inertia(Array):
     """A symmetric matrix, or its diagonal alone."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Floats:
@@ -65,8 +65,29 @@ class Attitude(Array):
         return q if abs(length - 1.0) <= 1e-15 else frozen(q / length)
 
 
+def check_inertia(matrix: Floats) -> None:
+    """Raise ``InvalidData`` where no body has this inertia, shape (3, 3), kg m²."""
+    if np.abs(matrix - matrix.T).max() > 1e-12 * np.abs(matrix).max():
+        raise InvalidData(
+            f"inertia must be symmetric, got {show(matrix.tolist())}", field="inertia"
+        )
+    moments = np.linalg.eigvalsh(matrix)
+    shown = ", ".join(f"{x:.6g}" for x in moments)
+    if not moments[0] > 0.0:
+        raise InvalidData(
+            f"inertia must be positive definite, got principal moments {shown} kg m²",
+            field="inertia",
+        )
+    if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-12):
+        raise InvalidData(
+            "inertia: no principal moment of a body exceeds the sum of the other two, got "
+            f"{shown} kg m²",
+            field="inertia",
+        )
+
+
 def _matrix(rows: Any, **options: Any) -> Any:
-    return declared(_Inertia((3, 3)), default=rows, **options)
+    return declared(Inertia((3, 3)), default=rows, **options)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,7 +113,7 @@ class SlewData(Declared):
 
     def check(self) -> None:
         """Refuse what no satellite is, and ends at which it cannot rest."""
-        self._check_inertia()
+        check_inertia(self.inertia)
         if not self.margin < 1.0:
             raise InvalidData(f"margin must be < 1, got {self.margin:g}", field="margin")
         low, high = self.time_range
@@ -124,26 +145,6 @@ class SlewData(Declared):
                     "satellite would not be at rest",
                     field="final_gimbals",
                 )
-
-    def _check_inertia(self) -> None:
-        matrix = self.inertia
-        if np.abs(matrix - matrix.T).max() > 1e-12 * np.abs(matrix).max():
-            raise InvalidData(
-                f"inertia must be symmetric, got {show(matrix.tolist())}", field="inertia"
-            )
-        moments = np.linalg.eigvalsh(matrix)
-        shown = ", ".join(f"{x:.6g}" for x in moments)
-        if not moments[0] > 0.0:
-            raise InvalidData(
-                f"inertia must be positive definite, got principal moments {shown} kg m²",
-                field="inertia",
-            )
-        if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-12):
-            raise InvalidData(
-                "inertia: no principal moment of a body exceeds the sum of the other two, got "
-                f"{shown} kg m²",
-                field="inertia",
-            )
 
     @property
     def beta(self) -> float:

@@ -56,9 +56,9 @@ class SlewMotion:
         object.__setattr__(self, "_skew", (cos(self.beta), sin(self.beta)))
 
     @classmethod
-    def of(cls, model: SlewData, *, inertia_error: float = 0.0) -> SlewMotion:
-        """Return the motion of `model`, its inertia off by a share."""
-        return cls(model.inertia * (1.0 + inertia_error), model.momentum, model.beta)
+    def of(cls, model: SlewData) -> SlewMotion:
+        """Return the motion of `model`."""
+        return cls(model.inertia, model.momentum, model.beta)
 
     def rate(self, x: Floats, u: Floats, outer: ArrayLike = (0.0, 0.0, 0.0)) -> list[float]:
         """Return ẋ at one instant: eq. 9 and 10.

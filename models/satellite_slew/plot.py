@@ -8,6 +8,7 @@ of Satellites Based on the Gauss Pseudospectral Method", Mathematical Problems i
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,17 +17,17 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, UnsupportedOption
 from ..optimal_control.plan import ControlPlan
 from ..optimal_control.plot import curves_of, guessed, nodes_of, sampled
-from ..plots.curves import Limit, Panel, Span
+from ..plots.curves import Curve, Limit, Panel, Span
 from ..plots.options import check_flags, check_option
 from ..plots.panels import panel_sheet
 from ..plots.style import number, title_of
 from ..verification import TOLERANCE, Verification, check_tolerance
-from .checks import limit_size, slew_phase
+from .checks import slew_phase
 from .dynamics import SlewMotion
+from .flight import Tracking
 from .gyros import singularity_measure
 from .model import SatelliteSlew
 from .plot_axes import animate_slew, draw_axes
-from .tracking import Tracking
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,8 +70,8 @@ def draw(
         det(A_t A_tᵀ) and control torque, with their limits. Or the ways of the body axes x, y and z
         on the unit sphere, seen from inertial axes; dotted is the eigenaxis turn.
     tracking : Tracking, optional
-        A simulated flight along the plan, whose errors are drawn as well, with what the paper's
-        controller kept to as dashed lines. Over time only.
+        A simulated flight along the plan, whose singularity measure and errors are drawn as well,
+        with what the paper's controller kept to as dashed lines. Over time only.
     mesh : bool
         Whether to draw nodes and knots.
     tolerance : float
@@ -117,6 +118,8 @@ def draw(
     if tracking is not None:
         attitude, kept = tracking.quaternion_errors[:, 1:], PAPER_QUATERNION_ERROR
         rates = tracking.rate_errors
+        flown = Curve("flown", 1, tracking.times, tracking.measures)
+        panels[4] = replace(panels[4], curves=[*panels[4].curves, flown])
         panels.insert(3, _errors("quaternion\nerrors", "", _ATTITUDE[1:], attitude, kept, tracking))
         panels.append(_errors("rate errors", "rad/s", _RATES, rates, PAPER_RATE_ERROR, tracking))
     part = slew_phase(drawn)
@@ -167,7 +170,7 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
         return Panel(title, unit, curves, limits, marks, whole=True)
 
     def within(most: float, whole: float | None = None) -> list[Limit]:
-        found = [Limit(ends, -most, most, (), tolerance * limit_size(most))]
+        found = [Limit(ends, -most, most, (), tolerance * most)]
         if whole is not None and whole > most:
             label = "limit, nothing in reserve"
             found.append(Limit(ends, -whole, whole, label=label, dashes=":", shaded=False))

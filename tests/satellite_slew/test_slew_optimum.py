@@ -53,6 +53,38 @@ def test_the_papers_slew():
     assert track(SatelliteSlew(), best, disturbance=(-0.1, 0, 0)).max_rate_error > 1e-3
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("axis", "angle", "best"),
+    [
+        ("roll", 90.0, 14.0630), ("roll", 120.0, 17.1064), ("roll", 180.0, 22.2565),
+        ("pitch", 90.0, 13.6362), ("pitch", 120.0, 16.7505), ("pitch", 180.0, 22.0755),
+        ("yaw", 90.0, 13.1145), ("yaw", 120.0, 16.2411), ("yaw", 180.0, 21.4726),
+    ],
+)  # fmt: skip
+def test_great_turns_are_verified_by_default(axis, angle, best):
+    found = ct.solve(SatelliteSlew.about(axis, angle))
+    assert found.termination == "locally_optimal"
+    assert found.verification.ok
+    # Another optimum may be met, but none that is worse by more than local optima differ.
+    assert found.primal_bound < 1.01 * best
+
+
+@pytest.mark.slow
+def test_a_flight_with_small_errors_need_not_keep_the_limits():
+    model = SatelliteSlew(margin=0.1)
+    plan = ct.solve(model, formulation="gauss", tolerance=1e-4).plan
+    found = track(model, plan, disturbance=(0, 0, 0), inertia_error=0.02)
+    assert found.max_quaternion_error < 4e-4
+    assert not found.saturated.any()
+    assert found.breach.name == "singularity measure"
+    # A plan that keeps farther away costs half a percent.
+    wary = ct.solve(
+        SatelliteSlew(margin=0.1, singularity_limit=0.4), formulation="gauss", tolerance=1e-4
+    )
+    assert track(model, wary, disturbance=(0, 0, 0), inertia_error=0.02).ok
+
+
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
 def test_instances_build_and_travel(entry):
     model = entry.build()

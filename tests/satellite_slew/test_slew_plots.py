@@ -11,9 +11,10 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.models import ControlPlan, PhasePlan, SatelliteSlew
 from crosstrack.models.satellite_slew.dynamics import CONTROLS, STATES
+from crosstrack.models.satellite_slew.flight import Tracking
 from crosstrack.models.satellite_slew.plot import animate_slew
 from crosstrack.models.satellite_slew.quaternions import rotation_about
-from crosstrack.models.satellite_slew.tracking import Tracking
+from crosstrack.models.verification import Verification
 
 
 def slewed(model, duration=10.0, swing=0.8):
@@ -46,7 +47,8 @@ def flown(end=10.0, count=101):
         quaternion_errors=np.column_stack([1 + 0 * t, wave, -wave, 0 * t]),
         rate_errors=np.column_stack([2 * wave, wave, 0 * t]),
         commanded=np.zeros((count - 1, 3)), applied=np.zeros((count - 1, 3)),
-        gimbal_rates=np.zeros((count - 1, 4)), saturated=cut, measures=np.ones(count),
+        gimbal_rates=np.zeros((count - 1, 4)), saturated=cut, measures=np.full(count, 0.7),
+        verification=Verification(end, ()), breach=None,
     )  # fmt: skip
 
 
@@ -105,6 +107,8 @@ def test_tracking_adds_the_errors():
     assert artists(drawn["rate errors"], "forbidden") == []
     assert len(artists(drawn["rate errors"], "shade")) == 2
     assert {"saturated", "kept by the paper's controller"} <= set(legend(figure))
+    (measure,) = artists(drawn["singularity det(A Aᵀ)"], "curve flown")
+    assert set(measure.get_ydata()) == {0.7}
     # What is held after the end of the plan is in sight.
     assert drawn["quaternion"].get_xlim()[1] > 12
 
