@@ -122,7 +122,8 @@ def test_wherever_a_free_cell_is_the_robot_is_safe(polygons, cell, radius, wide,
     assert (points <= np.array([wide - 1, high + 1]) + 1e-8 * cell).all(), "within the bounds"
     for one in as_shapely(Polygons().coerce("polygons", polygons, {})):
         if radius:
-            assert shapely.distance(one, shapely.points(points)).min() >= radius - 1e-8 * cell
+            with np.errstate(divide="ignore", invalid="ignore"):  # GEOS's, beside edges of 1e-272
+                assert shapely.distance(one, shapely.points(points)).min() >= radius - 1e-8 * cell
         else:
             inside = shapely.contains_xy(one, points)
             edge = shapely.distance(shapely.boundary(one), shapely.points(points[inside]))
