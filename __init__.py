@@ -24,11 +24,13 @@ from .version import __version__
 if TYPE_CHECKING:
     from .errors import CrosstrackError as CrosstrackError
     from .instances.catalogue import load as load
+    from .models.optimal_control.declaration.tables import table as table
     from .models.plots import plot as plot
     from .solvers.crosscheck import Comparison as Comparison, compare as compare
     from .solvers.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
     from .solvers.dispatch import solve as solve, verify as verify
     from .solvers.fronts import Front as Front
+    from .solvers.optimal_control.prepared import prepare as prepare
     from .solvers.pareto import front as front
     from .solvers.registry import backend_states as backends
     from .solvers.solution import Solution as Solution
@@ -38,11 +40,13 @@ _get, _, _names = attach(
     {
         "errors": ("CrosstrackError",),
         "instances.catalogue": ("load",),
+        "models.optimal_control.declaration.tables": ("table",),
         "models.plots": ("plot",),
         "solvers.crosscheck": ("Comparison", "compare"),
         "solvers.diagnosis": ("Diagnosis", "diagnose"),
         "solvers.dispatch": ("solve", "verify"),
         "solvers.fronts": ("Front",),
+        "solvers.optimal_control.prepared": ("prepare",),
         "solvers.pareto": ("front",),
         "solvers.solution": ("Solution",),
     },
@@ -60,7 +64,9 @@ __all__ = [
     "front",
     "load",
     "plot",
+    "prepare",
     "solve",
+    "table",
     "verify",
 ]
 

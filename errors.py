@@ -10,6 +10,7 @@
     ├── UnsupportedOption      the backend or formulation does not know the option or its value
     ├── UnsupportedFormulation the formulation does not cover what the model asks for
     ├── HiddenData             a backend asks for what the model hides from backends
+    ├── NoDerivative           a solution is no differentiable function of its data
     └── WorkerFailure          what ran in a process of its own has ended that process, or hung
 
 Every message names the field, the value and what is allowed.
@@ -27,6 +28,7 @@ __all__ = [
     "CrosstrackError",
     "HiddenData",
     "InvalidData",
+    "NoDerivative",
     "UnknownName",
     "UnsupportedFormulation",
     "UnsupportedOption",
@@ -120,6 +122,10 @@ class UnsupportedFormulation(CrosstrackError, ValueError):
 
 class HiddenData(CrosstrackError, AttributeError):
     """A field that the model hides from backends was read where only a backend's view of it is."""
+
+
+class NoDerivative(CrosstrackError, ArithmeticError):
+    """A solution is no differentiable function of its data; the message says which condition fails."""
 
 
 class WorkerFailure(CrosstrackError, RuntimeError):

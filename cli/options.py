@@ -59,7 +59,8 @@ plot = click.option("--plot", metavar="FILE", help="Write a picture of the plan 
 details = click.option(
     "--details",
     is_flag=True,
-    help="Show the plan row by row, such as the errors at each stop, where the model knows how.",
+    help="Show the plan row by row, such as the errors at each stop, where the model knows how, and how "
+    "its program was refined.",
 )
 tolerance = click.option(
     "--tolerance",

@@ -114,6 +114,10 @@ def solve(
         emit(solution.to_dict() | ({"details": rows} if details else {}))
     else:
         show(*solution.parts(), *([details_table(rows)] if rows else []))
+        if details and solution.history:
+            show(
+                details_table(solution.history, "refinement", short=("error", "change", "seconds"))
+            )
         if solution.termination in ("infeasible", "locally_infeasible"):
             show(f"crosstrack diagnose {instance} says why")
     return _solve_code(solution)

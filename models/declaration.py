@@ -48,11 +48,17 @@ class Declared:
             object.__setattr__(self, name, specs[name].refreeze(value) if name in specs else value)
 
     def data(self) -> dict[str, Any]:
-        """Return the content as JSON data (no NaN, no infinity)."""
-        given = {field.name for field in dataclasses.fields(self) if field.init}
-        return {
-            name: spec.encode(getattr(self, name)) for name, spec in self._specs() if name in given
-        }
+        """Return the content as JSON data (no NaN, no infinity).
+
+        A field that was added later is left out at its default, as files from before it do.
+        """
+        found = {}
+        for field in dataclasses.fields(self):
+            value, spec = getattr(self, field.name), field.metadata.get("spec")
+            same = type(value) is type(field.default) and value == field.default
+            if field.init and spec is not None and not (same and field.metadata.get("added")):
+                found[field.name] = spec.encode(value)
+        return found
 
     @classmethod
     def from_data(cls, data: Any) -> Self:

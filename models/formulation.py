@@ -90,6 +90,11 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         """A lower bound on the objective of every plan that no solver need find; -inf without one."""
         return -np.inf
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What people must know of the program, such as equations left out of it."""
+        return ()
+
     def bounded(self, objective: float) -> Self:
         """Return a formulation that may leave out plans worse than a verified `objective`.
 
@@ -102,7 +107,9 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         """Return the formulation that resolves `plan` best, for its rows to be held against it."""
         return self
 
-    def refined(self, point: NDArray[np.float64], tolerance: float) -> Self | None:
+    def refined(
+        self, point: NDArray[np.float64], tolerance: float, duals: NDArray[np.float64] | None = None
+    ) -> Self | None:
         """Return the formulation with what `point`, a solution of its program, shows to be missing.
 
         For programs that stand for more than can be written, such as a limit or a motion at every
@@ -115,12 +122,28 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
             An optimum of :attr:`program`.
         tolerance : float
             Largest violation that may stay, scaled as the model's verification scales it.
+        duals : ndarray, optional
+            Row multipliers at `point`, where the solver gave some.
         """
         return None
+
+    @property
+    def settled(self) -> bool:
+        """Whether :meth:`refined`, once it has said None, did so as nothing is missing."""
+        return True
+
+    @property
+    def history(self) -> tuple[Mapping[str, Any], ...]:
+        """A row for each program so far, of the same names and JSON values; empty where none is told."""
+        return ()
 
     def started(self, seed: int) -> Self:
         """Return the formulation with its program's guess drawn by `seed`, where :attr:`draws`."""
         return self
+
+    def guessed(self, plan: PlanT) -> Self | None:
+        """Return the formulation started at `plan`, which breaks the model; None to refuse such plans."""
+        return None
 
     def explained(
         self, plan: PlanT, point: NDArray[np.float64], duals: NDArray[np.float64]

@@ -261,6 +261,15 @@ class Verification:
         """The checks that are not accepted."""
         return tuple(check for check in self.checks if not check.ok)
 
+    @property
+    def excess(self) -> float:
+        """The largest violation as a share of what is accepted; infinite without an objective."""
+        if self.objective is None:
+            return math.inf
+        asked = [c for c in self.checks if not c.ok or c.tolerance > 0.0]
+        shares = (c.worst / c.tolerance if c.tolerance > 0.0 else math.inf for c in asked)
+        return max((math.inf if one != one else one for one in shares), default=0.0)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the verification as JSON data."""
         return {

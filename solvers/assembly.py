@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -55,6 +56,8 @@ class Claim:
         What a person should know.
     undecodable : bool
         Whether there was a point that stands for no plan.
+    history : tuple of mapping
+        As in :class:`~crosstrack.solvers.solution.Solution`.
     """
 
     termination: Termination
@@ -70,6 +73,7 @@ class Claim:
     duals: NDArray[Any] | None = None
     messages: tuple[str, ...] = ()
     undecodable: bool = False
+    history: tuple[Mapping[str, Any], ...] = ()
 
 
 def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
@@ -112,6 +116,8 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
                 rejected = model.plan_to_data(plan)
             elif not verification.ok:
                 messages.append(f"plan {verification.summary()}")
+                if claim.history:
+                    messages.append(_error_left(verification, job.verification_tolerance))
                 rejected = model.plan_to_data(plan)
             elif verification.near:
                 # Such a plan may break what it is said to keep.
@@ -182,11 +188,24 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         message="; ".join(text for text in messages if text),
         rejected_plan=rejected,
         duals=None if plan is None else _kept(claim.duals),
+        history=claim.history,
     )
 
 
+def _error_left(verification: Verification, tolerance: float) -> str:
+    """Return which check is violated most, by how much, and what would accept the plan."""
+    excess = verification.excess
+    if not math.isfinite(excess):
+        return ""
+    check = max(verification.violated, key=lambda one: one.worst / one.tolerance)
+    text = f"the error left: {check}, {excess:.3g} times what is accepted"
+    # What the digits of the plan cannot resolve makes a check's tolerance more than its share.
+    needed = 1.01 * tolerance * excess
+    return f"{text}; tolerance={needed:.2g} would accept the plan" if needed < 1.0 else text
+
+
 def _keeps_start(job: Job, claim: Claim, witness: Any) -> bool:
-    """Return whether the warm start, verified before the run, is the plan of a run that left none."""
+    """Return whether the warm start, where it verifies, is the plan of a run that left none."""
     backend = find_backend(job.backend, job.model)
     return (
         job.warm_start is not None
@@ -194,6 +213,8 @@ def _keeps_start(job: Job, claim: Claim, witness: Any) -> bool:
         and not claim.undecodable
         and claim.termination in (Termination.NO_SOLUTION, Termination.FAILED)
         and backend.guarantee is not Guarantee.RELAXATION
+        # It may have been a guess only.
+        and job.model.verify(job.warm_start, tolerance=job.verification_tolerance).ok
     )
 
 
@@ -226,6 +247,7 @@ def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:
         "duals": None if claim.duals is None else claim.duals.tolist(),
         "messages": messages,
         "undecodable": undecodable,
+        "history": [dict(row) for row in claim.history],
     }
 
 
@@ -252,4 +274,5 @@ def claim_from_data(job: Job, data: Mapping[str, Any]) -> Claim:
         duals=None if data["duals"] is None else np.array(data["duals"], float),
         messages=tuple(messages),
         undecodable=undecodable,
+        history=tuple(data["history"]),
     )

@@ -12,13 +12,14 @@ from ..models.fields import Flag, Optional
 from ..models.model import Model, as_model
 from ..models.records import given
 from ..models.verification import TOLERANCE, Verification, check_tolerance
-from .backend import Backend
+from .backend import Backend, Control
 from .execution import execute, multistart
 from .fallback import go_on
 from .isolation import in_worker
 from .job import Job
 from .output import shown
 from .registry import is_ours, rivals
+from .scheduling import run_together
 from .solution import Incumbent, Solution
 from .stopping import Criterion
 
@@ -83,7 +84,8 @@ def solve(
         Any other reason to stop, such as ``Stalled(5.0)`` or criteria joined by ``|`` and ``&``
         (:mod:`crosstrack.solvers.stopping`), for backends that report incumbents.
     warm_start : plan, Solution or JSON data, optional
-        A plan to start from; it is verified first, and bounds the objective.
+        A plan to start from; it is verified first, and bounds the objective. Where meshes approximate
+        the model, one that does not verify, such as that for another initial state, is a guess.
     starts : int
         Number of starts from different seeds, for backends that are not exact; all are kept.
     on_incumbent : callable, optional
@@ -148,7 +150,14 @@ def run_job(
         raise UnsupportedOption(
             f"model {model.kind!r} hides data from backends, which run in a worker: isolate=False"
         )
-    if not (hides or (needs_worker(job) if isolate is None else isolate)):
+    apart = hides or (needs_worker(job) if isolate is None else isolate)
+    if job.starts > 1 and not hides and isolate is None and listener is None:
+
+        def alone(one: Job, control: Control | None = None) -> Solution[Any]:
+            return in_worker(one) if apart else execute(one, control=control)
+
+        return multistart(job, alone, together=run_together)
+    if not apart:
         return execute(job, listener=listener)
     job.target()  # what cannot be had raises here, before a process starts
     if job.starts > 1 and (hides or not is_ours(job.backend)):

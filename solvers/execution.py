@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import logging
-import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from typing import Any
 
 from .. import jit
 from ..errors import InvalidData
+from ..models.verification import Verification
 from .assembly import Claim, assemble
 from .backend import Answer, Backend, Control, Request
 from .enums import Feature, Limit, Termination
@@ -21,7 +21,8 @@ from .interrupts import on_interrupt
 from .job import GAP, Job
 from .refinement import CLAIMS_NONE, proven_bound, proves, refine
 from .registry import is_ours
-from .running import GRACE, Listener, Run
+from .restarts import start_again
+from .running import GRACE, Listener, Run, processors
 from .solution import Solution
 
 log = logging.getLogger("crosstrack")
@@ -30,6 +31,8 @@ __all__ = ["GRACE", "claim", "execute", "multistart", "warm_objective"]
 
 #: Seconds of a first start whose time is used up before it began.
 NO_TIME = 1e-9
+#: Seconds of a first start from which the others are worth processes of their own.
+LONG = 1.0
 
 
 def execute(
@@ -64,6 +67,8 @@ def execute(
         job, found = _as_asked(job, asked, found)
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # what was found is verified
         solution = assemble(job, found)
+    solution = solution.lasting(time.perf_counter() - begin)
+    solution = start_again(job, solution, partial(execute, listener=listener), control)
     return solution.lasting(time.perf_counter() - begin)
 
 
@@ -136,34 +141,43 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
     job, formulation = run.job, run.target.formulation
     warm, cutoff, seed = job.warm_start, None, job.seed
     with run.clock("build"):
+        # Where the data of the verification is hidden, the caller has verified the warm start.
+        if warm is not None and not job.model.is_blinded:
+            checked = job.model.verify(warm, tolerance=job.verification_tolerance)
+            near = None if checked.ok or formulation is None else formulation.guessed(warm)
+            if near is None:
+                cutoff = _objective(checked)
+            else:
+                run.notes.append(f"warm start: a guess, for it is {checked.summary()}")
+                warm, formulation = None, near
+                run.target = replace(run.target, formulation=formulation)
         if formulation is not None and formulation.draws:
             if seed:
                 formulation = formulation.started(seed)
                 run.target = replace(run.target, formulation=formulation)
             seed = None
-        if warm is not None:
-            # Where the data of the verification is hidden, the caller has verified it.
-            if not job.model.is_blinded:
-                cutoff = warm_objective(job)
-            if formulation is not None:
-                if cutoff is not None:
-                    formulation = formulation.bounded(cutoff)
-                    run.target = replace(run.target, formulation=formulation)
-                try:
-                    warm = formulation.encode(warm)
-                except InvalidData:
-                    if job.formulation_options:
-                        raise
-                    # It is for another plan, such as another order of stops.
-                    formulation = formulation.fitted(warm)
-                    run.target = replace(run.target, formulation=formulation)
-                    warm = formulation.encode(warm)
+        if warm is not None and formulation is not None:
+            if cutoff is not None:
+                formulation = formulation.bounded(cutoff)
+                run.target = replace(run.target, formulation=formulation)
+            try:
+                warm = formulation.encode(warm)
+            except InvalidData:
+                if job.formulation_options:
+                    raise
+                # It is for another plan, such as another order of stops.
+                formulation = formulation.fitted(warm)
+                run.target = replace(run.target, formulation=formulation)
+                warm = formulation.encode(warm)
         seen = run.target.model
         if run.target.backend.hides(seen):
             seen = seen.blinded()
         if formulation is not None:
             control.prove(formulation.floor)
         problem: Any = seen if formulation is None else formulation.program
+        for note in () if formulation is None else formulation.notes:
+            run.notes.append(note)
+            log.warning(note)
     features = run.target.backend.features
     return problem, Request(
         gap=GAP if job.gap is None else float(job.gap),
@@ -184,9 +198,7 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
 def _threads(run: Run) -> int | None:
     """Return the threads asked for, no more than this process has processors, which is said."""
     asked = run.job.threads
-    # Not all of the machine's may be this process's own.
-    own = hasattr(os, "sched_getaffinity")
-    most = len(os.sched_getaffinity(0)) if own else os.cpu_count() or 1
+    most = processors()
     if asked is None or asked <= most:
         return asked
     run.notes.append(f"threads={asked}: {most} used, as many as there are processors here")
@@ -202,7 +214,10 @@ def warm_objective(job: Job) -> float | None:
     InvalidData
         It is no plan of the model.
     """
-    checked = job.model.verify(job.warm_start, tolerance=job.verification_tolerance)
+    return _objective(job.model.verify(job.warm_start, tolerance=job.verification_tolerance))
+
+
+def _objective(checked: Verification) -> float | None:
     if not checked.ok:
         raise InvalidData(
             f"warm_start is no plan of the model: {checked.summary()}", field="warm_start"
@@ -258,11 +273,26 @@ def _claim(run: Run, answer: Answer, problem: Any, reported: float | None) -> Cl
         duals=answer.duals,
         messages=tuple(messages),
         undecodable=undecodable,
+        history=tuple(run.history),
     )
 
 
+def _starts(job: Job) -> list[Job]:
+    """Return a job for each start; where the formulation draws them, the first is the guess itself."""
+    formulation = job.target().formulation
+    first = job.seed or 0
+    seeds = range(first, first + job.starts)
+    if formulation is not None and formulation.draws:
+        seeds = range(max(first, 1) - 1, max(first, 1) - 1 + job.starts)
+        return [replace(job, seed=seed if k else 0, starts=1) for k, seed in enumerate(seeds)]
+    return [replace(job, seed=seed, starts=1) for seed in seeds]
+
+
 def multistart(
-    job: Job, run: Callable[..., Solution[Any]], control: Control | None = None
+    job: Job,
+    run: Callable[..., Solution[Any]],
+    control: Control | None = None,
+    together: Callable[[list[Job]], list[Solution[Any]]] | None = None,
 ) -> Solution[Any]:
     """Run the job from several seeds and return the best result with all of them.
 
@@ -274,24 +304,31 @@ def multistart(
         ``(job, control=…) -> Solution``: runs one start.
     control : Control, optional
         To stop the whole from another thread.
+    together : callable, optional
+        Runs the jobs that follow the first side by side, where that one took long enough for it to
+        pay and no criterion may end the whole before they have.
     """
-    job.target()
+    jobs = _starts(job)
     begin = time.perf_counter()
-    first = job.seed or 0
     whole = control or Control()
     whole.arm(job.time_limit)
     results: list[Solution[Any]] = []
     try:
         with on_interrupt(partial(whole.stop, Limit.INTERRUPTED)):
-            for start in range(job.starts):
+            for one in jobs:
                 left = None if job.time_limit is None else job.time_limit - whole.progress.seconds
                 if results and (whole.stopped or (left is not None and left <= 0)):
                     break
                 if left is not None:
                     left = max(left, NO_TIME)  # the first start says itself that there was none
-                one = replace(job, seed=first + start, starts=1, time_limit=left)
+                pays = len(results) == 1 and results[0].seconds.get("total", 0.0) > LONG
+                if together is not None and pays and job.criterion is None:
+                    results += together([replace(one, time_limit=left) for one in jobs[1:]])
+                    if any(result.limit is Limit.INTERRUPTED for result in results):
+                        whole.stop(Limit.INTERRUPTED)
+                    break
                 with whole.stage(left) as part:
-                    results.append(run(one, control=part))
+                    results.append(run(replace(one, time_limit=left), control=part))
                 if results[-1].limit in (Limit.INTERRUPTED, Limit.TARGET):
                     whole.stop(results[-1].limit)
     finally:

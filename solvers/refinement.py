@@ -15,9 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InvalidData
 from .backend import Answer, Request
 from .enums import PROVING, Feature, Limit, Termination
 from .job import Target
+from .looking import SECOND, look_again
 from .running import Run
 
 __all__ = ["CLAIMS_NONE", "CLAIMS_PLAN", "proven_bound", "proves", "refine"]
@@ -83,7 +85,9 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     deadline = None if request.time_limit is None else time.perf_counter() + request.time_limit
 
     def attend(program: Any, asked: Request) -> Answer:
+        begin = time.perf_counter()
         answer = run.attend(program, asked)
+        run.spent.append(time.perf_counter() - begin)
         totals.add(answer)
         return answer
 
@@ -93,6 +97,9 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     answer = attend(problem, request)
     formulation = run.target.formulation
     if formulation is not None and answer.point is not None:
+        answer, problem = look_again(run, problem, request, answer, left())
+        if SECOND in answer.statistics:
+            totals.counts[SECOND] = answer.statistics[SECOND]
         strategy = _tighten if formulation.relaxes else _approximate
         answer, problem = strategy(run, problem, request, answer, attend, left)
     return totals.on(answer), problem
@@ -107,7 +114,7 @@ def _refined(run: Run, answer: Answer) -> Any:
     formulation = run.target.formulation
     assert formulation is not None
     with run.clock("refine"):
-        finer = formulation.refined(answer.point, run.job.verification_tolerance)
+        finer = formulation.refined(answer.point, run.job.verification_tolerance, answer.duals)
         if finer is not None:
             finer.program  # noqa: B018 - built here, so that its seconds count as refinement
         return finer
@@ -120,6 +127,8 @@ def _reached(request: Request, seconds: float | None) -> Limit | None:
     return Limit.TIME if seconds is not None and seconds <= 0 else None
 
 
+#: Programs besides the last whose plans are verified, where none was good enough.
+LOOKED = 2
 _BETWEEN = "stopped between two refinements of the program"
 
 
@@ -159,8 +168,15 @@ def _approximate(
     run: Run, problem: Any, request: Request, answer: Answer, attend: Attend, left: Left
 ) -> tuple[Answer, Any]:
     """Solve finer and finer approximations, each from the last, until one is fine enough."""
+    rounds: list[_Round] = []
+    ended, settled = "", False
     while answer.point is not None and answer.termination in CLAIMS_PLAN:
+        formulation = run.target.formulation
+        assert formulation is not None
         finer = _refined(run, answer)
+        rounds.append((run.target, problem, answer))
+        run.history = [dict(row) for row in formulation.history]
+        settled = finer is None and formulation.settled
         if finer is None:
             break
         # A point that is not quite optimal yet is as good a start as any.
@@ -169,8 +185,8 @@ def _approximate(
         limit = _reached(request, seconds) or limit
         if limit is not None:
             answer = replace(answer, limit=limit, message=_BETWEEN)
+            rounds[-1] = run.target, problem, answer
             break
-        before = run.target, problem, answer
         program = finer.program
         warm = None
         if Feature.WARM_START in run.target.backend.features:
@@ -178,10 +194,59 @@ def _approximate(
         run.target, problem = replace(run.target, formulation=finer), program
         answer = attend(problem, replace(request, time_limit=seconds, warm_start=warm))
         if answer.point is None or answer.termination not in CLAIMS_PLAN:
-            # What the coarser program gave is still the best there is; verification judges it.
             ended = f"on the refined program {answer.termination}: {answer.message}".rstrip(": ")
-            limit = answer.limit
-            run.target, problem, answer = before
-            answer = replace(answer, limit=limit, message=ended)
-            break
+    if ended:
+        # What a coarser program gave is still the best there is; verification judges it.
+        last = answer
+        run.target, problem, answer = rounds[-1]
+        answer = replace(answer, limit=last.limit, message=ended)
+        if run.history:
+            failed = dict.fromkeys(run.history[-1]) | {"mesh": len(rounds) + 1, "then": ended}
+            run.history.append(failed)
+    for row, spent in zip(run.history, run.spent, strict=False):
+        row["seconds"] = spent
+    if run.history and not (settled and (len(rounds) == 1 or run.history[-1].get("verified"))):
+        answer, problem = _best(run, rounds, answer, problem, settled)
     return answer, problem
+
+
+#: What was asked of whom, the program, and its answer.
+_Round = tuple[Target, Any, Answer]
+
+
+def _best(
+    run: Run, rounds: list[_Round], answer: Answer, problem: Any, settled: bool
+) -> tuple[Answer, Any]:
+    """Return the round whose plan breaks the model least, the last where that verifies.
+
+    Looked at are the last, the last that was seen to verify, and those with the least errors.
+    """
+    last = len(rounds) - 1
+    rows = run.history[: last + 1]
+    seen = [k for k in range(last) if rows[k].get("verified")][-1:]
+    known = [k for k in range(last) if rows[k].get("error") is not None]
+    nearest = sorted(known, key=lambda k: float(rows[k]["error"]))[:LOOKED]
+    found: list[tuple[float, int]] = []
+    with run.clock("refine"):
+        for k in (last, *seen, *nearest):
+            target, _, one = rounds[k]
+            assert target.formulation is not None
+            try:
+                plan = target.formulation.decode(one.point)
+            except InvalidData:  # a point that stands for no plan is not the best
+                continue
+            checked = run.job.model.verify(plan, tolerance=run.job.verification_tolerance)
+            found.append((checked.excess, k))
+            if checked.excess <= 1.0:
+                break
+    # One that verifies is as good as another: the first looked at, which is the last solved.
+    chosen = min(found, key=lambda one: max(one[0], 1.0), default=(np.inf, last))[1]
+    words, limit = [answer.message], answer.limit
+    if not settled and not answer.message:
+        words = [f"refinement did not settle: {rows[-1]['then']}"]
+    if chosen != last:
+        run.target, problem, answer = rounds[chosen]
+        if not settled:
+            words.append(f"the plan is that of mesh {chosen + 1} of {len(rounds)}")
+            answer = replace(answer, termination=Termination.FEASIBLE)
+    return replace(answer, limit=limit, message="; ".join(filter(None, words))), problem

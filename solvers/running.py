@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import queue
 import threading
 import time
@@ -20,7 +21,7 @@ from .output import captured, log as output
 from .registry import is_plain
 from .solution import Incumbent
 
-__all__ = ["GRACE", "PATIENCE", "Listener", "Run"]
+__all__ = ["GRACE", "PATIENCE", "Listener", "Run", "processors"]
 
 log = logging.getLogger("crosstrack")
 
@@ -30,6 +31,12 @@ PATIENCE = 2.0
 POLL = 0.1
 
 Listener = Callable[[Incumbent[Any]], None]
+
+
+def processors() -> int:
+    """Return how many processors this process may use: not all of the machine's may be its own."""
+    own = hasattr(os, "sched_getaffinity")
+    return len(os.sched_getaffinity(0)) if own else os.cpu_count() or 1
 
 
 @dataclass
@@ -52,6 +59,10 @@ class Run:
     seconds: dict[str, float] = field(default_factory=dict)
     incumbents: list[Incumbent[Any]] = field(default_factory=list)
     last_point: Any = None
+    #: Seconds of each program's solution, where a formulation is refined.
+    spent: list[float] = field(default_factory=list)
+    #: What is told of each of them.
+    history: list[dict[str, Any]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     @contextmanager

@@ -7,9 +7,9 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cloudpickle
@@ -20,10 +20,10 @@ from .enums import Termination
 from .interrupts import on_interrupt
 from .isolation import Worker
 from .job import Job
-from .running import PATIENCE
+from .running import GRACE, PATIENCE, processors
 from .solution import Solution
 
-__all__ = ["Task", "run_by_pool", "run_by_threads"]
+__all__ = ["Task", "run_by_pool", "run_by_threads", "run_together"]
 
 log = logging.getLogger("crosstrack")
 
@@ -151,6 +151,27 @@ def run_by_threads(tasks: deque[Task], count: int, grace: float, finished: Finis
             for worker in [*busy, *(w for group in idle.values() for w in group)]:
                 worker.close()
     return bool(interrupted)
+
+
+def run_together(jobs: Sequence[Job]) -> list[Solution[Any]]:
+    """Run jobs of one backend side by side, in as many processes as there are processors.
+
+    Their time limit counts for all of them together. After Ctrl-C those that were not begun are left
+    out.
+    """
+    count = min(processors(), len(jobs))
+    rounds = -(-len(jobs) // count)
+    found: dict[int, Solution[Any]] = {}
+    tasks: deque[Task] = deque()
+    for turn, job in enumerate(jobs):
+        limit = None if job.time_limit is None else job.time_limit / rounds
+        tasks.append(Task(0, 0, turn, replace(job, time_limit=limit)))
+
+    def finished(task: Task, solution: Solution[Any]) -> None:
+        found[task.turn] = solution
+
+    run_by_threads(tasks, count, GRACE, finished)
+    return [found[turn] for turn in sorted(found)]
 
 
 def run_by_pool(tasks: deque[Task], pool: Executor, grace: float, finished: Finished) -> bool:

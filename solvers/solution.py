@@ -78,12 +78,12 @@ _RECORD: dict[str, Spec] = {
     **dict.fromkeys(("primal_bound", "dual_bound"), _NUMBER),
     **dict.fromkeys(("plan", "rejected_plan", "verification"), Anything()),
     **dict.fromkeys(("seconds", "options", "formulation_options", "statistics"), _TABLE),
-    **dict.fromkeys(("incumbents", "starts"), Sequence()),
+    **dict.fromkeys(("incumbents", "starts", "history"), Sequence()),
     "seed": Optional(Whole()),
     "duals": Optional(Array(("rows",))),
 }
 #: What earlier versions did not write.
-_LATER = {"problem": "", "guarantee": None, "duals": None}
+_LATER = {"problem": "", "guarantee": None, "duals": None, "history": ()}
 _INCUMBENT: dict[str, Spec] = {"seconds": Real(), "objective": Real()}
 
 
@@ -164,6 +164,9 @@ class Solution(Generic[PlanT]):
     duals : ndarray, optional
         Row multipliers of a continuous program, signed as
         :meth:`crosstrack.models.programs.linear.MixedIntegerProgram.dual_bound` wants them.
+    history : tuple of mapping
+        A row for each program that was solved, where the formulation refines its program and tells of
+        it: for a mesh its intervals, nodes, error, objective, seconds, and what was done then and why.
     stored_plan : object
         The plan as JSON data, or a function that returns it: a long plan is many small lists, which
         nobody should wait for who does not ask.
@@ -195,6 +198,7 @@ class Solution(Generic[PlanT]):
     starts: tuple[Solution[PlanT], ...] = ()
     duals: NDArray[np.float64] | None = None
     stored_plan: Any = None
+    history: tuple[Mapping[str, Any], ...] = ()
 
     @cached_property
     def plan_data(self) -> Any:
@@ -248,6 +252,8 @@ class Solution(Generic[PlanT]):
             "rejected_plan": self.rejected_plan,
             "starts": [start.to_dict() for start in self.starts],
             "duals": None if self.duals is None else self.duals.tolist(),
+            # Written where there is one, so that records of earlier versions keep their keys.
+            **({"history": [dict(row) for row in self.history]} if self.history else {}),
         }
 
     def to_json(self, *, indent: int | None = None) -> str:
@@ -283,6 +289,7 @@ class Solution(Generic[PlanT]):
                     for one in found["incumbents"]
                 ),
                 "starts": tuple(cls.from_dict(start, model) for start in found["starts"]),
+                "history": tuple(found["history"]),
             }
         )
 

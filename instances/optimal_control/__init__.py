@@ -9,21 +9,32 @@ from ...lazy import attach
 if TYPE_CHECKING:
     from .classic import (
         brachistochrone as brachistochrone,
+        brockett as brockett,
         bryson_denham as bryson_denham,
         dido as dido,
         double_integrator_energy as double_integrator_energy,
         hanging_chain as hanging_chain,
         hypersensitive as hypersensitive,
         linear_regulator as linear_regulator,
+        maximal_range as maximal_range,
         zermelo as zermelo,
     )
     from .estimation import decay_fit as decay_fit
-    from .flight import hang_glider as hang_glider, shuttle_reentry as shuttle_reentry
+    from .flight import (
+        hang_glider as hang_glider,
+        minimum_time_to_climb as minimum_time_to_climb,
+        shuttle_reentry as shuttle_reentry,
+    )
     from .oscillators import (
         aly_chan as aly_chan,
         harmonic_oscillator as harmonic_oscillator,
         rayleigh as rayleigh,
         van_der_pol as van_der_pol,
+    )
+    from .reactors import (
+        batch_reactor as batch_reactor,
+        tubular_reactor as tubular_reactor,
+        tumor as tumor,
     )
     from .robots import (
         around_discs as around_discs,
@@ -33,8 +44,10 @@ if TYPE_CHECKING:
         free_flying_robot as free_flying_robot,
         quadrotor as quadrotor,
         robot_arm as robot_arm,
+        unicycle as unicycle,
     )
     from .rockets import (
+        delta_iii as delta_iii,
         goddard as goddard,
         goddard_phases as goddard_phases,
         linear_tangent_steering as linear_tangent_steering,
@@ -45,7 +58,9 @@ if TYPE_CHECKING:
         catalyst_mixing as catalyst_mixing,
         double_integrator as double_integrator,
         double_integrator_fuel as double_integrator_fuel,
+        lotka_volterra_fishing as lotka_volterra_fishing,
         moon_lander as moon_lander,
+        singular_regulator as singular_regulator,
     )
 
 CATALOGUE = {"optimal-control": ".listing:catalogue_entries"}
@@ -56,17 +71,20 @@ __getattr__, __dir__, __all__ = attach(
     {
         "classic": (
             "brachistochrone",
+            "brockett",
             "bryson_denham",
             "dido",
             "double_integrator_energy",
             "hanging_chain",
             "hypersensitive",
             "linear_regulator",
+            "maximal_range",
             "zermelo",
         ),
         "estimation": ("decay_fit",),
         "flight": (
             "hang_glider",
+            "minimum_time_to_climb",
             "shuttle_reentry",
         ),
         "oscillators": (
@@ -74,6 +92,11 @@ __getattr__, __dir__, __all__ = attach(
             "harmonic_oscillator",
             "rayleigh",
             "van_der_pol",
+        ),
+        "reactors": (
+            "batch_reactor",
+            "tubular_reactor",
+            "tumor",
         ),
         "robots": (
             "around_discs",
@@ -83,8 +106,10 @@ __getattr__, __dir__, __all__ = attach(
             "free_flying_robot",
             "quadrotor",
             "robot_arm",
+            "unicycle",
         ),
         "rockets": (
+            "delta_iii",
             "goddard",
             "goddard_phases",
             "linear_tangent_steering",
@@ -95,7 +120,9 @@ __getattr__, __dir__, __all__ = attach(
             "catalyst_mixing",
             "double_integrator",
             "double_integrator_fuel",
+            "lotka_volterra_fishing",
             "moon_lander",
+            "singular_regulator",
         ),
     },
 )

@@ -9,12 +9,14 @@ from .benchmark import benchmark
 
 __all__ = [
     "brachistochrone",
+    "brockett",
     "bryson_denham",
     "dido",
     "double_integrator_energy",
     "hanging_chain",
     "hypersensitive",
     "linear_regulator",
+    "maximal_range",
     "zermelo",
 ]
 
@@ -184,3 +186,39 @@ def hanging_chain(ocp: OptimalControlProblem) -> None:
     # A chain that sags, such as a parabola through both ends.
     phase.guess(height=lambda t: 1 - 4 * t + 6 * t**2, slope=lambda t: -4 + 12 * t)
     ocp.minimise(phase.integral(height * arc), unit="m²")
+
+
+@benchmark
+def brockett(ocp: OptimalControlProblem) -> None:
+    """Return Brockett's integrator: a plane's closed curve whose area lifts z from 0 to 1.
+
+    ż = x v - y u is twice the rate of the area swept, so least ∫ (u² + v²) dt in a unit of time is
+    the square of the shortest closed curve around 1/2: a circle, and 4 π / 2 (Brockett, "Control
+    theory and singular Riemannian geometry", in "New Directions in Applied Mathematics", Springer,
+    1982). The circle may begin in any direction, and a search that begins on the straight line, at
+    rest, is stationary.
+    """
+    phase = ocp.phase(time=(0, 1))
+    x = phase.state("x", initial=0, final=0)
+    y = phase.state("y", initial=0, final=0)
+    z = phase.state("z", initial=0, final=1)
+    u, v = phase.control("u"), phase.control("v")
+    phase.dynamics({x: u, y: v, z: x * v - y * u})
+    ocp.minimise(phase.integral(u**2 + v**2))
+
+
+@benchmark
+def maximal_range(ocp: OptimalControlProblem) -> None:
+    """Return the greatest range in two time units of a mass that a thrust of g / 2 drives.
+
+    The thrust drives along the velocity and lifts not; the direction is the control, by its two
+    components (Bryson, "Dynamic Optimization", Addison-Wesley, 1999).
+    """
+    phase = ocp.phase(time=(0, 2))
+    x = phase.state("x", initial=0)
+    y = phase.state("y", initial=0, final=0.1)
+    v = phase.state("v", initial=0)
+    along, up = phase.control("along"), phase.control("up")
+    phase.dynamics({x: v * along, y: v * up, v: 0.5 - up})
+    phase.path(along**2 + up**2, equals=1)
+    ocp.minimise(-phase.final(x))

@@ -15,6 +15,7 @@ __all__ = [
     "free_flying_robot",
     "quadrotor",
     "robot_arm",
+    "unicycle",
 ]
 
 
@@ -241,3 +242,22 @@ def free_flying_robot(ocp: OptimalControlProblem) -> None:
     phase.path(jets[0] + jets[1], upper=1, name="one side")
     phase.path(jets[2] + jets[3], upper=1, name="other side")
     ocp.minimise(phase.integral(casadi.sum1(jets)))
+
+
+@benchmark
+def unicycle(ocp: OptimalControlProblem) -> None:
+    """Return the parking of a unicycle one place aside, with least ∫ (v² + ω²) dt in a unit of time.
+
+    The curves are elastica, for the cost is the squared length of a sub-Riemannian geodesic (Sachkov
+    and Moiseev, "Maxwell strata in sub-Riemannian problem on the group of motions of a plane",
+    ESAIM: COCV 16, 2010). Two of them, mirrored, cost the least; at rest the search is stationary.
+    """
+    import casadi
+
+    phase = ocp.phase(time=(0, 1))
+    x = phase.state("x", initial=0, final=0)
+    y = phase.state("y", initial=0, final=1)
+    heading = phase.state("heading", initial=0, final=0, unit="rad")
+    v, turn = phase.control("v"), phase.control("turn")
+    phase.dynamics({x: v * casadi.cos(heading), y: v * casadi.sin(heading), heading: turn})
+    ocp.minimise(phase.integral(v**2 + turn**2))

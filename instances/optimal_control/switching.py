@@ -5,7 +5,13 @@ from __future__ import annotations
 from ...models.optimal_control.model import OptimalControlProblem
 from .benchmark import benchmark
 
-__all__ = ["catalyst_mixing", "double_integrator", "double_integrator_fuel", "moon_lander"]
+__all__ = [
+    "catalyst_mixing",
+    "double_integrator",
+    "double_integrator_fuel",
+    "lotka_volterra_fishing",
+    "moon_lander",
+]
 
 
 @benchmark
@@ -45,6 +51,20 @@ def double_integrator_fuel(ocp: OptimalControlProblem, *, duration: float = 2.5)
 
 
 @benchmark
+def lotka_volterra_fishing(ocp: OptimalControlProblem) -> None:
+    """Return when to fish so that prey and predators settle at 1, with least ∫ (x - 1)² + (y - 1)² dt.
+
+    Fishing w is on or off; a solver finds the relaxed plan, in which it may be anything between.
+    """
+    phase = ocp.phase(time=(0, 12))
+    x = phase.state("x", initial=0.5, lower=0, upper=20, scale=1)
+    y = phase.state("y", initial=0.7, lower=0, upper=20, scale=1)
+    w = phase.control("w", lower=0, upper=1, integer=True)
+    phase.dynamics({x: x - x * y - 0.4 * x * w, y: -y + x * y - 0.2 * y * w})
+    ocp.minimise(phase.integral((x - 1) ** 2 + (y - 1) ** 2))
+
+
+@benchmark
 def moon_lander(ocp: OptimalControlProblem) -> None:
     """Return a soft landing on the Moon with least ∫ u dt: fall freely, then brake at full thrust.
 
@@ -80,3 +100,18 @@ def catalyst_mixing(ocp: OptimalControlProblem) -> None:
     phase.guess(first=[1, 0.9], second=[0, 0.1], mixture=[1, 0])
     # The end product is what is neither of the other two.
     ocp.minimise(phase.final(first) + phase.final(second) - 1)
+
+
+@benchmark
+def singular_regulator(ocp: OptimalControlProblem) -> None:
+    """Return a double integrator that is regulated from (0, 1): least ½ ∫ (x² + v²) dt over 5 s.
+
+    Full braking, then a singular arc on which x + v = 0 (Jacobson, Gershwin and Lele, "Computation of
+    optimal singular controls", IEEE Transactions on Automatic Control 15, 1970).
+    """
+    phase = ocp.phase(time=(0, 5))
+    x = phase.state("x", initial=0)
+    v = phase.state("v", initial=1)
+    u = phase.control("u", lower=-1, upper=1)
+    phase.dynamics({x: v, v: u})
+    ocp.minimise(phase.integral((x**2 + v**2) / 2))

@@ -115,11 +115,8 @@ class ErrorCorrectionRouting(RoutingData, Model[Route]):
         if found["horizontal_rate"] == found["vertical_rate"]:
             found["delta"] = found.pop("horizontal_rate")
             del found["vertical_rate"]
-        for name in ("ids", "suspect", "residual", "corrections_limit"):
-            if found[name] is None:
-                del found[name]
-        if found["success"] == 0:
-            del found["success"]
+        if found["ids"] is None:
+            del found["ids"]
         return found
 
     def describe(self) -> str:

@@ -301,7 +301,9 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
             for members, node in weak_sets(edges, used[k], visited[k]):
                 yield Cut(members, k, node)
 
-    def refined(self, point: Floats, tolerance: float) -> ThreeIndexFormulation | None:
+    def refined(
+        self, point: Floats, tolerance: float, duals: Floats | None = None
+    ) -> ThreeIndexFormulation | None:
         """Return the formulation that also has the cuts and the tangent that `point` misses."""
         edges, model = self._edges, self.model
         m = model.vehicles

@@ -138,7 +138,9 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
             aside = [members for members, _ in weak_sets(edges, used, np.ones(edges.customers))]
         yield from map(Cut, aside)
 
-    def refined(self, point: Floats, tolerance: float) -> TwoIndexFormulation | None:
+    def refined(
+        self, point: Floats, tolerance: float, duals: Floats | None = None
+    ) -> TwoIndexFormulation | None:
         """Return the formulation that cuts off the routes of `point` that miss the depot."""
         aside = isolated(self._edges, np.rint(point[: self._edges.size]))
         cuts = grown(self.cuts, map(Cut, aside))

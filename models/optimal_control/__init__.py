@@ -8,18 +8,21 @@ from ...lazy import attach
 
 if TYPE_CHECKING:
     from .checks import motion as motion
+    from .declaration.tables import Table as Table, table as table
     from .hamiltonian import (
         HamiltonianReport as HamiltonianReport,
         hamiltonian_spread as hamiltonian_spread,
     )
     from .integration import Reintegration as Reintegration
     from .model import OptimalControlProblem as OptimalControlProblem
+    from .piecewise import Piecewise as Piecewise
     from .plan import (
         ControlPlan as ControlPlan,
         PhasePlan as PhasePlan,
-        Piecewise as Piecewise,
         Signal as Signal,
     )
+    from .rounding import RoundedPlan as RoundedPlan, round_controls as round_controls
+    from .simulation import Breach as Breach, Simulation as Simulation, simulate as simulate
 
 MODELS = {"optimal-control": ".model:OptimalControlProblem"}
 PICTURES = {"optimal-control": ".plot:draw"}
@@ -28,9 +31,13 @@ __getattr__, __dir__, __all__ = attach(
     __name__,
     {
         "checks": ("motion",),
+        "declaration.tables": ("Table", "table"),
         "hamiltonian": ("HamiltonianReport", "hamiltonian_spread"),
         "integration": ("Reintegration",),
         "model": ("OptimalControlProblem",),
-        "plan": ("ControlPlan", "PhasePlan", "Piecewise", "Signal"),
+        "piecewise": ("Piecewise",),
+        "plan": ("ControlPlan", "PhasePlan", "Signal"),
+        "rounding": ("RoundedPlan", "round_controls"),
+        "simulation": ("Breach", "Simulation", "simulate"),
     },
 )

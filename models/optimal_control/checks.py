@@ -19,10 +19,15 @@ from .definition import Definition, Phase, Restriction
 from .integration import Reintegration, integrate_anew
 from .plan import ControlPlan
 from .sampling import Course, Instants, courses, endpoint
+from .sizes import along, sizes_at
 
 __all__ = ["motion", "verify_control"]
 
 Floats = NDArray[np.float64]
+
+
+#: Share of the size of a state or control from which its bound is what violations are held against.
+NEAR = 0.1
 
 
 class _Found(NamedTuple):
@@ -36,15 +41,19 @@ class _Found(NamedTuple):
 
 
 class _Sides:
-    """The finite bounds of some entries: one column a side, measured in its own scale."""
+    """The finite bounds of some entries: one column a side, measured in its own scale.
 
-    def __init__(self, lower: Floats, upper: Floats, scale: Floats) -> None:
+    That is the bound, or the size of what is bounded where the bound is less than `near` of it.
+    """
+
+    def __init__(self, lower: Floats, upper: Floats, scale: Floats, *, near: float = 1.0) -> None:
         below, above = np.isfinite(lower), np.isfinite(upper)
         entries = np.arange(lower.size)
         self.entry = np.concatenate([entries[below], entries[above]])
         self._bound = np.concatenate([lower[below], upper[above]])
         self._sign = np.repeat([-1.0, 1.0], [int(below.sum()), int(above.sum())])
-        self.scale: Floats = np.maximum(np.abs(self._bound), scale[self.entry])
+        own, size = scale[self.entry], np.abs(self._bound)
+        self.scale: Floats = np.where(size >= near * own, size, own)
 
     def __call__(self, values: Floats) -> Floats:
         """Return by how much `values` break each bound, relative to its scale; shape (…, sides)."""
@@ -126,7 +135,9 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
     phases = courses(definition, plan)
     with np.errstate(all="ignore"):
         motions = [integrate_anew(one) for one in phases]
-        objective, boundary = _at_ends(definition, endpoint(phases), phases[0].parameters)
+        ends = endpoint(phases)
+        objective, boundary = _at_ends(definition, ends, phases[0].parameters)
+        sizes = sizes_at(definition, phases, ends, guessed=False)
         kinds: list[tuple[str, Iterable[_Found]]] = [
             ("motion", map(_motion, phases, motions, _labels(phases))),
             ("continuity of states", map(_continuity, phases, _labels(phases))),
@@ -138,7 +149,8 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
             (
                 "bounds of parameters",
                 _Sides(
-                    *definition.bounds("parameters"), definition.least_scale("parameters")
+                    *definition.bounds("parameters"),
+                    along(definition.parameters, phases[0].parameters[None]),
                 ).worst(
                     phases[0].parameters,
                     _units(definition, "parameters"),
@@ -146,9 +158,9 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
                 ),
             ),
             *_paths(phases),
-            *_boundaries(definition, boundary),
+            *_boundaries(definition, boundary, sizes.boundaries),
             *_invariants(phases, motions),
-            ("objective", _objective(definition, phases, motions, objective)),
+            ("objective", _objective(definition, phases, motions, objective, sizes.objective)),
         ]
         checks = [_check(name, list(found), tolerance) for name, found in kinds]
     return Verification(
@@ -245,7 +257,7 @@ def _entry(one: Restriction, entry: int) -> str:
 def _bounds(phases: tuple[Course, ...], what: str) -> Iterator[_Found]:
     """Yield the worst against the bounds of states or controls, between the nodes as well."""
     for course, label in zip(phases, _labels(phases), strict=True):
-        sides = _Sides(*course.phase.bounds(what), course.phase.least_scale(what))
+        sides = _Sides(*course.phase.bounds(what), getattr(course.sizes, what), near=NEAR)
         if not sides.entry.size:
             continue
         worst = course.largest(
@@ -263,8 +275,8 @@ def _paths(phases: tuple[Course, ...]) -> Iterator[tuple[str, list[_Found]]]:
     for course, label in zip(phases, _labels(phases), strict=True):
         begin = 0
         for one in course.phase.paths:
-            sides = _Sides(one.lower, one.upper, one.scale)
             entries = slice(begin, begin + one.size)
+            sides = _Sides(one.lower, one.upper, course.sizes.paths[entries])
             begin += one.size
             if not sides.entry.size:
                 continue
@@ -288,7 +300,7 @@ def _times(phases: tuple[Course, ...]) -> Iterator[_Found]:
         sides = _Sides(
             np.array([phase.start_lower, phase.end_lower]),
             np.array([phase.start_upper, phase.end_upper]),
-            np.full(2, min(1.0, plan.duration)),
+            np.full(2, plan.duration),
         )
         places = f"start{label}", f"end{label}"
         yield from sides.worst(np.array([plan.start, plan.end]), [phase.time_unit] * 2, places)
@@ -315,10 +327,12 @@ def _at_ends(definition: Definition, ends: Floats, parameters: Floats) -> tuple[
     return float(objective), boundary.full().ravel()
 
 
-def _boundaries(definition: Definition, values: Floats) -> Iterator[tuple[str, list[_Found]]]:
+def _boundaries(
+    definition: Definition, values: Floats, scale: Floats
+) -> Iterator[tuple[str, list[_Found]]]:
     begin = 0
     for one in definition.boundaries:
-        sides = _Sides(one.lower, one.upper, one.scale)
+        sides = _Sides(one.lower, one.upper, scale[begin : begin + one.size])
         own, places = values[begin : begin + one.size], [_entry(one, k) for k in range(one.size)]
         begin += one.size
         yield one.name, sides.worst(own, [one.unit] * one.size, places, one.equation)
@@ -329,13 +343,13 @@ def _objective(
     phases: tuple[Course, ...],
     motions: list[Reintegration],
     objective: float,
+    scale: float,
 ) -> Iterator[_Found]:
     """Yield how far the objective lies from that of the motion integrated anew, from end to end."""
     if any(one.windows > 1 for one in motions):
         return
     ends = endpoint(phases, [(one.states[-1], one.integrals) for one in motions])
     again, _ = _at_ends(definition, ends, phases[0].parameters)
-    scale = max(1.0, abs(objective)) if np.isfinite(objective) else 1.0
     unit = definition.objective_unit
     where = f"the integrated motion, where it is {again:.10g}"
     yield _Found(abs(again - objective), scale, unit, where)

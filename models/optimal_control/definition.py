@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
+from ...errors import InvalidData, suggestion
 from ..declaration import Declared, Listed, Nested
-from ..fields import Array, Real, Text, Whole, declared, show
+from ..fields import Array, Flag, Optional, Real, Text, Whole, declared, show
 from ..programs.compiled import Compiled, canonical_text
 
 if TYPE_CHECKING:
@@ -96,6 +96,11 @@ class Quantity(Declared):
         Typical size of each entry.
     unit : str
         Unit, for people.
+    given : bool
+        Whether it is data: a parameter that is not chosen but given; all its bounds are its value.
+    integer : bool
+        Whether a control is to take whole numbers only. Solvers take what lies between as well;
+        :func:`~.rounding.round_controls` makes whole numbers of it.
     """
 
     name: str = declared(Text())
@@ -107,10 +112,53 @@ class Quantity(Declared):
     final_upper: Floats = declared(_HIGH)
     scale: Floats = declared(Array(("size",), lower=0))
     unit: str = declared(Text(), default="")
+    given: bool = declared(Flag(), default=False, added=True)
+    integer: bool = declared(Flag(), default=False, added=True)
+
+    def read(self, value: Any) -> Floats:
+        """Return `value` as one of this data, shape (size,); a number counts for all entries.
+
+        Raises
+        ------
+        InvalidData
+            The value has another size, or is not finite.
+        """
+        try:
+            found = np.asarray(value)
+            if found.dtype.kind not in "iuf" or np.ma.is_masked(value):
+                raise TypeError
+            found = np.broadcast_to(found.astype(float), (self.size,))
+        except (TypeError, ValueError):
+            found = np.array([np.nan])
+        if not np.isfinite(found).all():
+            words = "a finite number" if self.size == 1 else f"{self.size} finite numbers, or one"
+            raise InvalidData(
+                f"data {self.name!r} must be {words}, got {show(value)}", field=self.name
+            )
+        return found
+
+    def holding(self, value: Any) -> Quantity:
+        """Return this data with another value, as :meth:`read` takes it."""
+        sides = ("lower", "upper", "initial_lower", "initial_upper", "final_lower", "final_upper")
+        changes: dict[str, Any] = dict.fromkeys(sides, self.read(value))
+        return replace(self, **changes)
 
     def check(self) -> None:
         """Refuse bounds that contradict one another."""
         _check_entries("a quantity", self)
+        edges = np.concatenate([self.lower, self.upper])
+        if self.integer and not (np.isfinite(edges) & (edges == np.round(edges))).all():
+            raise InvalidData(
+                f"bounds of the integer control {self.name!r} must be whole numbers, "
+                f"got {show(edges.tolist())}",
+                field="integer",
+            )
+        if self.given and (self.lower != self.upper).any():
+            raise InvalidData(
+                f"data {self.name!r} must have its value for both bounds, got {self.lower} and "
+                f"{self.upper}",
+                field="given",
+            )
         for side in ("", "initial_", "final_"):
             low, high = getattr(self, f"{side}lower"), getattr(self, f"{side}upper")
             _check_order(repr(self.name), low, high, f"{side}bounds")
@@ -121,7 +169,7 @@ class Quantity(Declared):
         return int(self.lower.size)
 
 
-def entry_names(quantities: Iterable[Quantity]) -> tuple[str, ...]:
+def entry_names(quantities: Iterable[Quantity | Restriction]) -> tuple[str, ...]:
     """Return one name an entry: ``"x"`` for a number, ``"q[0]", "q[1]"`` for a vector."""
     names: list[str] = []
     for one in quantities:
@@ -196,10 +244,6 @@ class Guess(Declared):
             )
 
 
-#: Sizes from here to 1 are solved and held as 1 is: a stricter measure would cost meshes for nothing.
-PLAIN = 0.1
-
-
 class _Stacked(Declared):
     """What holds tuples of quantities and restrictions, and gives them as vectors."""
 
@@ -207,14 +251,6 @@ class _Stacked(Declared):
         """Return `field` of all quantities or restrictions in `what`, such as states, as a vector."""
         parts = [getattr(one, field) for one in getattr(self, what)]
         return np.concatenate([*parts, np.empty(0)])
-
-    def least_scale(self, what: str) -> Floats:
-        """Return the size that all in `what` have where nothing is larger.
-
-        As declared, at most 1; from :data:`PLAIN` on it counts as 1, as solvers take it.
-        """
-        declared = self.stacked(what, "scale")
-        return np.where(declared >= PLAIN, 1.0, declared)
 
     def bounds(self, what: str, side: str = "") -> tuple[Floats, Floats]:
         """Return both bounds of all in `what`; `side` may be ``"initial"`` or ``"final"``."""
@@ -248,6 +284,10 @@ class Phase(_Stacked):
         Where a search starts.
     dynamics_equation : str
         The paper's equation of the dynamics.
+    outputs : tuple of Restriction
+        What else is to be seen of a plan; the bounds are infinite.
+    outputs_function : casadi.Function, optional
+        ``(t, x, u, p) -> output``; None where there are none.
     """
 
     name: str = declared(Text())
@@ -266,6 +306,10 @@ class Phase(_Stacked):
     )
     guess: Guess = declared(Nested(Guess))
     dynamics_equation: str = declared(Text())
+    outputs: tuple[Restriction, ...] = declared(Listed(Restriction), default=(), added=True)
+    outputs_function: casadi.Function | None = declared(
+        Optional(Compiled(("t", "x", "u", "p"), ("output",))), default=None, added=True
+    )
 
     def check(self) -> None:
         """Refuse what the function and the guess do not fit."""
@@ -273,7 +317,7 @@ class Phase(_Stacked):
         if not self.states:
             raise InvalidData(f"{label} has no state", field="states")
         _refuse_twins(label, (one.name for one in (*self.states, *self.controls)))
-        for what in ("paths", "invariants"):
+        for what in ("paths", "invariants", "outputs"):
             _refuse_twins(f"{what} of {label}", (one.name for one in getattr(self, what)))
         for side in ("start", "end"):
             low, high = getattr(self, f"{side}_lower"), getattr(self, f"{side}_upper")
@@ -292,6 +336,11 @@ class Phase(_Stacked):
             "invariant": sum(one.size for one in self.invariants),
         }
         _check_sizes(label, self.function, sizes | results)
+        if (self.outputs_function is None) != (not self.outputs):
+            raise InvalidData(f"{label} must have outputs with their function", field="outputs")
+        if self.outputs_function is not None:
+            own = sum(one.size for one in self.outputs)
+            _check_sizes(label, self.outputs_function, sizes | {"output": own})
         for what, wanted in (("states", sizes["x"]), ("controls", sizes["u"])):
             have = getattr(self.guess, what).shape[1]
             if have != wanted:
@@ -308,6 +357,29 @@ class Phase(_Stacked):
     def control_names(self) -> tuple[str, ...]:
         """One name a control."""
         return entry_names(self.controls)
+
+    @property
+    def observed(self) -> tuple[Restriction, ...]:
+        """Path constraints, invariants and outputs: what a plan shows beside states and controls."""
+        return (*self.paths, *self.invariants, *self.outputs)
+
+    def observe(self, t: Floats, x: Floats, u: Floats, p: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return path constraints, invariants and outputs, each of shape (points, entries).
+
+        Parameters
+        ----------
+        t : ndarray, shape (points,)
+            Times.
+        x, u : ndarray, shape (points, size)
+            States and controls there.
+        p : ndarray, shape (parameters,)
+            Values of the parameters.
+        """
+        arguments = (t[None, :], x.T, u.T, p)
+        _, path, _, invariant = (one.full().T for one in self.function(*arguments))
+        if self.outputs_function is None:
+            return path, invariant, np.empty((t.size, 0))
+        return path, invariant, self.outputs_function(*arguments).full().T
 
     @property
     def end_size(self) -> int:
@@ -332,6 +404,8 @@ class Definition(_Stacked):
         every phase.
     objective_unit : str
         Unit of the objective.
+    objective_scale : float
+        Typical size of the objective; 0 where it is to be measured.
     """
 
     phases: tuple[Phase, ...] = declared(Listed(Phase))
@@ -339,6 +413,7 @@ class Definition(_Stacked):
     boundaries: tuple[Restriction, ...] = declared(Listed(Restriction))
     endpoint: casadi.Function = declared(Compiled(("e", "p"), ("objective", "boundary")))
     objective_unit: str = declared(Text())
+    objective_scale: float = declared(Real(0.0), added=True, default=0.0)
 
     def check(self) -> None:
         """Refuse what the functions do not fit."""
@@ -348,7 +423,9 @@ class Definition(_Stacked):
             _refuse_twins(what, (one.name for one in getattr(self, what)))
         parameters = len(self.parameter_names)
         for phase in self.phases:
-            _check_sizes(f"phase {phase.name!r}", phase.function, {"p": parameters})
+            for function in (phase.function, phase.outputs_function):
+                if function is not None:
+                    _check_sizes(f"phase {phase.name!r}", function, {"p": parameters})
         _check_sizes(
             "endpoint",
             self.endpoint,
@@ -365,6 +442,31 @@ class Definition(_Stacked):
         """One name a parameter."""
         return entry_names(self.parameters)
 
+    def given(self, values: Mapping[str, Any]) -> Definition:
+        """Return the definition with other values of its data, by name; the others stay.
+
+        Raises
+        ------
+        InvalidData
+            A name is no data of the problem, or a value has another size or is not finite.
+        """
+        data = {one.name: one for one in self.parameters if one.given}
+        for name in values:
+            if name not in data:
+                known = ", ".join(map(repr, data)) or "none"
+                raise InvalidData(
+                    f"{name!r} is no data of the problem; {suggestion(name, list(data))}"
+                    f"its data: {known}",
+                    field=str(name),
+                )
+        return replace(
+            self,
+            parameters=tuple(
+                one.holding(values[one.name]) if one.name in values else one
+                for one in self.parameters
+            ),
+        )
+
     @cached_property
     def text(self) -> str:
         """The definition as canonical JSON text, which the digest hashes.
@@ -374,5 +476,6 @@ class Definition(_Stacked):
         data = self.data()
         data["endpoint"] = canonical_text(data["endpoint"])
         for phase in data["phases"]:
-            phase["function"] = canonical_text(phase["function"])
+            for key in {"function", "outputs_function"} & set(phase):
+                phase[key] = canonical_text(phase[key])
         return json.dumps(data, sort_keys=True, allow_nan=False)

@@ -11,7 +11,8 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from .sampling import Course, scalar_form
+from ..programs.compiled import scalar_form
+from .sampling import Course
 
 __all__ = ["GROWTH", "Stretch", "stretches"]
 

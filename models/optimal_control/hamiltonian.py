@@ -14,7 +14,7 @@ from .definition import Definition
 from .plan import ControlPlan
 from .sampling import Course, courses, endpoint
 
-__all__ = ["HamiltonianReport", "hamiltonian_spread"]
+__all__ = ["HamiltonianReport", "hamiltonian_gains", "hamiltonian_spread"]
 
 Floats = NDArray[np.float64]
 
@@ -81,26 +81,81 @@ def hamiltonian_spread(problem: Any, plan: ControlPlan) -> tuple[HamiltonianRepo
         return tuple(_reports(definition, courses(definition, plan)))
 
 
-def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[HamiltonianReport]:
-    if all(one.plan.costates is None for one in phases):
-        return
-    weights = _weights(definition, phases)
+def hamiltonian_gains(problem: Any, plan: ControlPlan) -> tuple[Floats | None, ...]:
+    """Return what a better control would gain, an interval each, as the Hamiltonian tells.
+
+    To first order, the objective exceeds its optimum by the integral over time of the Hamiltonian
+    less its minimum over the controls. Where the phase does not speak of time, the Hamiltonian of the
+    optimum is constant: the integral of its distance from its median estimates the excess, and is
+    shared out to where it changes.
+
+    Parameters
+    ----------
+    problem, plan
+        As in :func:`hamiltonian_spread`.
+
+    Returns
+    -------
+    tuple of ndarray, shape (intervals,)
+        In the unit of the objective, one a phase; None for one that speaks of time, or without costates.
+    """
+    definition: Definition = getattr(problem, "definition", problem)
+    with np.errstate(all="ignore"):
+        phases = courses(definition, plan)
+        return tuple(
+            None if terms is None or not _autonomous(course) else _gains(course, terms.sum(axis=1))
+            for course, terms in zip(phases, _terms(definition, phases), strict=True)
+        )
+
+
+def _gains(course: Course, level: Floats) -> Floats:
+    grid = course.dense
+    off = np.abs(level - np.median(level))
+    steps = np.abs(np.diff(level))
+    # A jump at a knot counts half for each side.
+    left, right = grid.interval[:-1], grid.interval[1:]
+    changes = np.bincount(left, 0.5 * steps, course.plan.states.intervals)
+    changes += np.bincount(right, 0.5 * steps, course.plan.states.intervals)
+    whole = changes.sum()
+    excess = float((0.5 * (off[1:] + off[:-1]) * np.diff(grid.times)).sum())
+    gains: Floats = changes * (excess / whole if whole > 0.0 else 0.0)
+    return gains
+
+
+def _terms(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Floats | None]:
+    """Yield the terms of the Hamiltonian on each phase's dense grid, None without costates."""
+    known = any(one.plan.costates is not None for one in phases)
+    weights = _weights(definition, phases) if known else np.zeros(0)
     at = 0
     for course in phases:
         phase, costates = course.phase, course.plan.costates
-        begin = at
         at += phase.end_size
         if costates is None:
+            yield None
             continue
-        grid, values = course.dense, course.dense_values
+        values = course.dense_values
         multipliers = np.concatenate([costates.on(k, tau) for k, tau in enumerate(course.places)])
-        terms = np.concatenate(
-            [
-                multipliers * values["rate"],
-                weights[at - phase.integrals : at] * values["integrand"],
-            ],
-            axis=1,
-        )
+        own = weights[at - phase.integrals : at] * values["integrand"]
+        yield np.concatenate([multipliers * values["rate"], own], axis=1)
+
+
+def _autonomous(course: Course) -> bool:
+    """Return whether rates, integrands and path constraints leave time out."""
+    function = course.phase.function
+    return not any(
+        function.jac_sparsity(k, 0).nnz()
+        for k, name in enumerate(function.name_out())
+        if name != "invariant"
+    )
+
+
+def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[HamiltonianReport]:
+    begin = 0
+    for course, terms in zip(phases, _terms(definition, phases), strict=True):
+        phase, grid, first = course.phase, course.dense, begin
+        begin += phase.end_size
+        if terms is None:
+            continue
         level = terms.sum(axis=1)
         off = np.abs(level - np.median(level))
         row = int(off.argmax())
@@ -111,17 +166,13 @@ def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Ham
         free = phase.end_lower < course.plan.end < phase.end_upper
         yield HamiltonianReport(
             phase=phase.name,
-            autonomous=not any(
-                phase.function.jac_sparsity(k, 0).nnz()
-                for k, name in enumerate(phase.function.name_out())
-                if name != "invariant"
-            ),
+            autonomous=_autonomous(course),
             mean=mean,
             spread=float(off[row]),
             relative=float(off[row]) / size if size > 0 else 0.0,
             time=float(grid.times[row]),
             end=float(level[-1]),
-            vanishing=bool(free and not _speaks_of(definition, begin + 1)),
+            vanishing=bool(free and not _speaks_of(definition, first + 1)),
         )
 
 

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853, Radau
 
+from ..programs.compiled import scalar_form
 from .growth import stretches
 from .lagrange import barycentric_weights
-from .sampling import Course, Instants, scalar_form
+from .sampling import Course, Instants
 
 __all__ = ["Reintegration", "integrate_anew"]
 
@@ -33,6 +34,8 @@ ERROR_STIFF = 1e-10
 FIRST = 1e-3
 #: Steps in a phase after which the integration is given up.
 STEPS = 50_000
+#: How far ahead a rate that is not finite is looked for where a step fails, as shares of an interval.
+AHEAD = 10.0 ** np.arange(-12.0, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +104,8 @@ class _Rate:
         buffer.set_res(0, self._result.data)
         self._buffer = buffer  # the evaluation works on it, and does not keep it alive
         self._known: dict[int, Floats] = {}
+        integrals = (f"integral {k + 1}" for k in range(course.phase.integrals))
+        self._names = (*course.phase.state_names, *integrals)
 
     def enter(self, interval: int) -> None:
         """Take the control of another interval."""
@@ -130,6 +135,19 @@ class _Rate:
         self._evaluate()
         return self._result.copy()
 
+    def breakdown(self, t: float, y: Floats, scale: Floats, length: float) -> str:
+        """Return at which instant, in which state and by what the integration breaks down."""
+        now = self(t, y)
+        for ahead in (0.0, *(length * AHEAD)):  # a rate may end to exist a little further on
+            bad = np.flatnonzero(~np.isfinite(self(t + ahead, y + ahead * now) if ahead else now))
+            if bad.size:
+                why = f"the rate of {self._names[bad[0]]} is not finite"
+                break
+        else:
+            k = int(np.abs(now / scale).argmax())
+            why = f"{self._names[k]} is {y[k]:.3g} and changes at a rate of {now[k]:.3g}"
+        return f"the integration breaks down at t = {t:.6g}: {why}"
+
 
 def _advance(
     rate: _Rate, stiff: bool, times: Floats, scale: Floats, step: float, out: Floats, left: int
@@ -145,15 +163,15 @@ def _advance(
     solver = method(
         rate, begin, out[0].copy(), end, rtol=error, atol=error * scale, first_step=first
     )
-    known, broken = 1, "the integration breaks down at t = {:.6g}"
+    known = 1
     for taken in range(1, left + 1):
         proposed = solver.h_abs
         try:
             solver.step()
         except ValueError:  # the implicit method met a matrix that is not finite
-            return taken, 0.0, broken.format(solver.t)
+            return taken, 0.0, rate.breakdown(solver.t, solver.y, scale, end - begin)
         if solver.status == "failed" or not np.isfinite(solver.y).all():
-            return taken, 0.0, broken.format(solver.t)
+            return taken, 0.0, rate.breakdown(solver.t, solver.y, scale, end - begin)
         upto = int(np.searchsorted(times, solver.t, side="right"))
         if upto > known:
             if upto - known > 1 or times[known] != solver.t:
@@ -184,7 +202,7 @@ def integrate_anew(course: Course) -> Reintegration:
         intervals = np.repeat(np.array([part.interval for part in parts]), counts)
         at = course.at(intervals, np.concatenate(places))
     size = course.plan.states.size
-    scale = np.concatenate([course.state_scale, np.maximum(1.0, np.abs(course.integrals))])
+    scale = np.concatenate([course.state_scale, course.sizes.integrals])
     scale = np.where(np.isfinite(scale), scale, 1.0)
     found = np.full((at.times.size, scale.size), np.inf)
     rate = _Rate(course)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,14 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 from ...errors import InvalidData, UnknownName
 from ..fields import Array, Whole, frozen, required, show
 from ..records import Table
-from .lagrange import barycentric_weights, differentiation, interpolation
+from .piecewise import Piecewise
+
+if TYPE_CHECKING:
+    from .definition import Definition, Phase
+    from .simulation import Simulation
 
 __all__ = ["ControlPlan", "PhasePlan", "Piecewise"]
 
 Floats = NDArray[np.float64]
 
-#: How far outside its interval, relative to the whole length, a time may lie by rounding.
-EDGE = 1e-9
 #: Times that a grid may have.
 MOST_SAMPLES = 10_000_000
 #: States that a plan's one line names.
@@ -30,172 +31,6 @@ SHOWN = 4
 def _short(value: float) -> str:
     """Return a number for people, rounding noise left out."""
     return f"{0.0 if abs(value) < 1e-9 else value:.6g}"
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Piecewise:
-    """A vector of functions of time, one polynomial in Lagrange form an interval.
-
-    Parameters
-    ----------
-    knots : ndarray, shape (intervals + 1,)
-        Where the intervals begin and end, increasing.
-    nodes : tuple of ndarray
-        One an interval: distinct positions in [-1, 1], where -1 is its begin and 1 its end.
-    values : tuple of ndarray, shape (nodes, size)
-        The values at the nodes.
-    lower, upper : ndarray, shape (size,), optional
-        Where the values saturate: what lies beyond is cut off, as an actuator does it.
-    """
-
-    knots: Floats
-    nodes: tuple[Floats, ...]
-    values: tuple[Floats, ...]
-    lower: Floats | None = None
-    upper: Floats | None = None
-
-    def __post_init__(self) -> None:
-        knots = Array(("knots",)).coerce("knots", self.knots, {})
-        if knots.size < 2 or not (np.diff(knots) > 0).all():
-            raise InvalidData(f"knots must increase, got {show(knots.tolist())}", field="knots")
-        count = knots.size - 1
-        for name in ("nodes", "values"):
-            if not isinstance(getattr(self, name), list | tuple):
-                raise InvalidData(
-                    f"{name} must be a list, one entry an interval, got {show(getattr(self, name))}",
-                    field=name,
-                )
-        if len(self.nodes) != count or len(self.values) != count:
-            raise InvalidData(
-                f"{count} intervals need as many nodes and values, "
-                f"got {len(self.nodes)} and {len(self.values)}",
-                field="nodes",
-            )
-        sizes: dict[str, tuple[int, str]] = {}
-        nodes: list[Floats] = []
-        values: list[Floats] = []
-        for k in range(count):
-            at = Array(("n",), lower=-1.0, upper=1.0).coerce(f"nodes[{k}]", self.nodes[k], {})
-            if at.size == 0 or not (np.diff(at) > 0).all():
-                raise InvalidData(f"nodes[{k}] must increase, got {at.tolist()}", field="nodes")
-            if k and at.size == nodes[-1].size and (at == nodes[-1]).all():
-                at = nodes[-1]  # kept once: a mesh has few different sets
-            inner = {**sizes, "nodes": (at.size, f"nodes[{k}]")}
-            table = Array(("nodes", "size")).coerce(f"values[{k}]", self.values[k], inner)
-            sizes.setdefault("size", (table.shape[1], "values[0]"))
-            nodes.append(at)
-            values.append(table)
-        object.__setattr__(self, "knots", knots)
-        object.__setattr__(self, "nodes", tuple(nodes))
-        object.__setattr__(self, "values", tuple(values))
-        for name, sign in (("lower", -1), ("upper", 1)):
-            if getattr(self, name) is not None:
-                bound = Array(("size",), infinity=sign).coerce(name, getattr(self, name), sizes)
-                object.__setattr__(self, name, bound)
-
-    def __repr__(self) -> str:
-        return f"<Piecewise {self.size} functions, {self.intervals} intervals>"
-
-    @property
-    def size(self) -> int:
-        """Number of functions."""
-        return int(self.values[0].shape[1])
-
-    @property
-    def intervals(self) -> int:
-        """Number of intervals."""
-        return int(self.knots.size) - 1
-
-    @cached_property
-    def _weights(self) -> tuple[Floats, ...]:
-        known: dict[int, Floats] = {}
-        for at in self.nodes:
-            if id(at) not in known:
-                known[id(at)] = frozen(barycentric_weights(at))
-        return tuple(known[id(at)] for at in self.nodes)
-
-    def _cut(self, values: Floats) -> Floats:
-        if self.lower is None and self.upper is None:
-            return values
-        found: Floats = np.clip(values, self.lower, self.upper)
-        return found
-
-    def on(self, interval: int, points: ArrayLike) -> Floats:
-        """Return the values in `interval` at `points` in [-1, 1], shape (points, size)."""
-        matrix = interpolation(self.nodes[interval], points, self._weights[interval])
-        return self._cut(matrix @ self.values[interval])
-
-    def __call__(self, t: ArrayLike, derivative: int = 0) -> Floats:
-        """Return the values at times `t`, shape (…, size); at a knot, those of the interval after it.
-
-        A derivative is that of the polynomials, saturation left aside.
-
-        Raises
-        ------
-        InvalidData
-            A time lies outside the knots, or is no number; a derivative is no whole number >= 0.
-        """
-        order = Whole(0).coerce("derivative", derivative, {})
-        try:
-            times = np.asarray(t, float)
-        except Exception:  # whatever a stranger's conversion raises
-            raise InvalidData(f"t must be numbers, got {show(t)}", field="t") from None
-        flat = times.reshape(-1)
-        begin, end = self.knots[0], self.knots[-1]
-        slack = EDGE * max(end - begin, abs(begin), abs(end))
-        outside = ~((flat >= begin - slack) & (flat <= end + slack))
-        if outside.any():
-            raise InvalidData(
-                f"t must lie in [{begin:g}, {end:g}], got {flat[outside][0]:g}", field="t"
-            )
-        flat = np.clip(flat, begin, end)
-        place = np.clip(np.searchsorted(self.knots, flat, side="right") - 1, 0, self.intervals - 1)
-        found = np.empty((flat.size, self.size))
-        for k in np.unique(place):
-            here = place == k
-            low, high = self.knots[k], self.knots[k + 1]
-            tau = 2.0 * (flat[here] - low) / (high - low) - 1.0
-            if order == 0:
-                found[here] = self.on(int(k), tau)
-                continue
-            table = self.values[k]
-            turn = differentiation(self.nodes[k]) * (2.0 / (high - low))
-            for _ in range(order):
-                table = turn @ table
-            found[here] = interpolation(self.nodes[k], tau, self._weights[k]) @ table
-        return found.reshape((*times.shape, self.size))
-
-    def to_data(self) -> dict[str, Any]:
-        """Return the functions as JSON data."""
-
-        def bound(values: Floats | None, sign: int) -> Any:
-            return None if values is None else Array(("n",), infinity=sign).encode(values)
-
-        return {
-            "nodes": [at.tolist() for at in self.nodes],
-            "values": [table.tolist() for table in self.values],
-            "lower": bound(self.lower, -1),
-            "upper": bound(self.upper, 1),
-        }
-
-    @classmethod
-    def from_data(cls, data: Any, knots: Any, what: str) -> Piecewise:
-        """Return the functions that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
-        keys = {"nodes", "values", "lower", "upper"}
-        if not isinstance(data, Mapping) or not {"nodes", "values"} <= set(data) <= keys:
-            raise InvalidData(
-                f"{what} must be an object with nodes and values (lower, upper), got {show(data)}",
-                field=what,
-            )
-        for key in ("nodes", "values"):
-            if not isinstance(data[key], Sequence) or isinstance(data[key], str):
-                raise InvalidData(
-                    f"{what}: {key} must be a list, one entry an interval, got {show(data[key])}",
-                    field=what,
-                )
-        return cls(
-            knots, tuple(data["nodes"]), tuple(data["values"]), data.get("lower"), data.get("upper")
-        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -212,6 +47,11 @@ class PhasePlan:
         One a function; entries of a vector are called ``"q[0]"``, ``"q[1]"`` …
     costates : Piecewise, optional
         Multipliers of the dynamics (λ), one a state, where a transcription gave them.
+    declared : Phase, optional
+        The phase's declaration: what else it names, such as outputs and path constraints, is a
+        function of time then. It is not stored; :meth:`OptimalControlProblem.attach` gives it.
+    values : ndarray, shape (parameters,), optional
+        Values of the parameters, for the declaration.
     """
 
     name: str
@@ -220,6 +60,8 @@ class PhasePlan:
     state_names: tuple[str, ...]
     control_names: tuple[str, ...]
     costates: Piecewise | None = None
+    declared: Phase | None = None
+    values: Floats | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -275,7 +117,16 @@ class PhasePlan:
         return np.linspace(self.start, self.end, number)
 
     def __getitem__(self, name: str) -> Signal:
-        """Return the state or control called `name` as a function of time."""
+        """Return what is called `name` as a function of time.
+
+        That is a state or a control, or an output, path constraint or invariant of the declaration.
+
+        Raises
+        ------
+        UnknownName
+            Nothing is called so, or the plan does not know its declaration, see
+            :meth:`OptimalControlProblem.attach`.
+        """
         for part, names in (
             (self.states, self.state_names),
             (self.controls, self.control_names),
@@ -287,11 +138,52 @@ class PhasePlan:
             entries = tuple(k for k, one in enumerate(names) if one.startswith(f"{name}["))
             if entries:
                 return Signal(part, entries, scalar=False)
+        known = [*self.state_names, *self.control_names]
+        if self.declared is None:
+            kind = "state or control (model.attach(plan) gives outputs and path constraints too)"
+            raise UnknownName(f"{kind} of phase {self.name!r}", name, known)
+        at = 0
+        for one in self.declared.observed:
+            if isinstance(name, str) and one.name == name:
+                entries = tuple(range(at, at + one.size))
+                return Signal(self.observed, entries, scalar=one.size == 1)
+            at += one.size
+        known += [one.name for one in self.declared.observed]
         raise UnknownName(
-            f"state or control of phase {self.name!r}",
-            name,
-            [*self.state_names, *self.control_names],
+            f"state or control, constraint or output, of phase {self.name!r}", name, known
         )
+
+    def observed(self, t: ArrayLike, derivative: int = 0) -> Floats:
+        """Return path constraints, invariants and outputs at times `t`, shape (…, entries).
+
+        Raises
+        ------
+        InvalidData
+            The plan does not know its declaration, or a derivative is asked for.
+        """
+        if self.declared is None or self.values is None:
+            raise InvalidData(
+                f"phase {self.name!r} of the plan does not know its declaration: "
+                "model.attach(plan) returns a plan that does",
+                field="plan",
+            )
+        if derivative:
+            raise InvalidData(
+                f"derivative of a declared expression must be 0, got {derivative}",
+                field="derivative",
+            )
+        x, u = self.states(t), self.controls(t)
+        times = np.asarray(t, float)
+        found = self.declared.observe(
+            times.reshape(-1), x.reshape(-1, x.shape[-1]), u.reshape(-1, u.shape[-1]), self.values
+        )
+        return np.concatenate(found, axis=1).reshape((*times.shape, -1))
+
+    def simulate(self, **options: Any) -> Simulation:
+        """Return the flight with this control under disturbances, see :func:`~.simulation.simulate`."""
+        from .simulation import simulate
+
+        return simulate(self, **options)
 
     def to_data(self) -> dict[str, Any]:
         """Return the phase as JSON data."""
@@ -328,19 +220,19 @@ class PhasePlan:
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """One state or control of a plan as a function of time.
+    """One state, control or declared expression of a plan as a function of time.
 
     Parameters
     ----------
-    source : Piecewise
-        Where it stands.
+    source : callable
+        A function of times and the order of a derivative, such as a :class:`Piecewise`.
     entries : tuple of int
         Its columns there.
     scalar : bool
         Whether its values are numbers, not vectors.
     """
 
-    source: Piecewise
+    source: Callable[[ArrayLike, int], Floats]
     entries: tuple[int, ...]
     scalar: bool
 
@@ -430,8 +322,24 @@ class ControlPlan:
         return self._only("grid").grid(count)
 
     def __getitem__(self, name: str) -> Signal:
-        """Return a state or control of a plan's only phase as a function of time."""
+        """Return a signal of a plan's only phase as a function of time."""
         return self._only(repr(name))[name]
+
+    def attached(self, definition: Definition) -> ControlPlan:
+        """Return the plan with the declaration of each phase, which must fit it."""
+        given = [self.parameters[one.name] for one in definition.parameters]
+        values = frozen(np.concatenate([*given, np.empty(0)]))
+        return replace(
+            self,
+            phases=tuple(
+                replace(part, declared=phase, values=values)
+                for part, phase in zip(self.phases, definition.phases, strict=True)
+            ),
+        )
+
+    def simulate(self, **options: Any) -> Simulation:
+        """Return the flight of a plan's only phase under disturbances; as :meth:`PhasePlan.simulate`."""
+        return self._only("simulate").simulate(**options)
 
     def __iter__(self) -> Iterator[PhasePlan]:
         return iter(self.phases)

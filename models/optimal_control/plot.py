@@ -65,7 +65,7 @@ def draw(
     only : tuple of str, optional
         Names of the states, controls and path constraints to draw, in this order; all by default.
     paths : bool
-        Whether to draw the path constraints.
+        Whether to draw the path constraints and outputs.
     costates : bool
         Whether to draw the costates λ, which pseudospectral transcriptions give.
     deviation : bool
@@ -87,7 +87,7 @@ def draw(
     Returns
     -------
     matplotlib.figure.Figure
-        The panels, column by column: states, controls, path constraints, costates, deviation.
+        The panels, column by column: states, controls, path constraints, outputs, costates, deviation.
 
     Raises
     ------
@@ -197,6 +197,9 @@ def _panels(found: Sequence[Course], paths: bool, tolerance: float) -> Iterator[
     if paths:
         tables = [(course.dense.times, course.dense_values["path"]) for course in found]
         yield from _of_kind(found, "paths", tables, None, tolerance)
+        shown = [c.phase.observe(*c.dense[2:], c.parameters)[2] for c in found]
+        tables = [(c.dense.times, table) for c, table in zip(found, shown, strict=True)]
+        yield from _of_kind(found, "outputs", tables, None, tolerance)
 
 
 def _of_kind(

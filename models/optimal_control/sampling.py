@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,8 +18,9 @@ from ...errors import InvalidData
 from ..fields import required, show
 from .definition import Definition, Phase
 from .plan import ControlPlan, PhasePlan
+from .sizes import PhaseSizes, of_phase
 
-__all__ = ["Course", "Extreme", "Instants", "courses", "endpoint", "scalar_form"]
+__all__ = ["Course", "Extreme", "Instants", "courses", "endpoint"]
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -97,6 +97,18 @@ class Course:
                 controls[rows] = self.plan.controls.on(k, tau[rows])
         return Instants(interval, tau, times, states, controls)
 
+    def spread(self, intervals: Whole, tau: Floats) -> Instants:
+        """Return the instants at the same places `tau` of each of `intervals`, whose nodes are the same."""
+        knots = self.plan.states.knots
+        begin, end = knots[intervals, None], knots[intervals + 1, None]
+        times = np.where(tau >= 1.0, end, begin + 0.5 * (tau + 1.0) * (end - begin))
+        states, controls = (
+            part.on_each(intervals, tau).reshape(times.size, part.size)
+            for part in (self.plan.states, self.plan.controls)
+        )
+        places = np.repeat(intervals, tau.size), np.tile(tau, intervals.size)
+        return Instants(*places, times.ravel(), states, controls)
+
     def values(self, at: Instants, states: Floats | None = None) -> dict[str, Floats]:
         """Return rate, path, integrand and invariant at `at`, each of shape (points, size).
 
@@ -133,21 +145,34 @@ class Course:
         return self.values(self.dense)
 
     @cached_property
+    def sizes(self) -> PhaseSizes:
+        """How large states, controls, paths and integrals are along the plan."""
+        return of_phase(self)
+
+    @property
     def state_scale(self) -> Floats:
-        """Size of each state: the largest magnitude over the phase, or what is declared, at most 1."""
-        least = self.phase.least_scale("states")
-        scale: Floats = np.maximum(least, np.abs(self.dense.states).max(axis=0))
-        return scale
+        """Size of each state along the plan."""
+        return self.sizes.states
+
+    @property
+    def integrals(self) -> Floats:
+        """The integrals of the integrands over the phase, shape (integrals,)."""
+        return self._quadrature[0]
+
+    @property
+    def magnitudes(self) -> Floats:
+        """The integrals of the integrands' magnitudes, roughly, shape (integrals,)."""
+        return self._quadrature[1]
 
     @cached_property
-    def integrals(self) -> Floats:
-        """The integrals of the integrands over the phase, shape (integrals,).
+    def _quadrature(self) -> tuple[Floats, Floats]:
+        """The integrals, and those of the magnitudes on the first panels.
 
         Gauss-Legendre quadrature on panels that are halved until they no longer change, all
         panels at once; a panel never crosses a knot.
         """
         if not self.phase.integrals:
-            return np.zeros(0)
+            return np.zeros(0), np.zeros(0)
         nodes, weights = np.polynomial.legendre.leggauss(RULE)
         lengths = np.diff(self.plan.states.knots)
 
@@ -166,7 +191,8 @@ class Course:
         low, high = np.full(lengths.size, -1.0), np.ones(lengths.size)
         total: Floats = np.zeros(self.phase.integrals)
         whole, size = panels(interval, low, high)
-        enough = QUADRATURE * size.sum(axis=0)
+        size = size.sum(axis=0)
+        enough = QUADRATURE * size
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             interval = np.repeat(interval, 2)
@@ -178,11 +204,11 @@ class Course:
             going = (np.abs(pairs - whole) > enough).any(axis=1)
             total += pairs[~going].sum(axis=0)
             if not going.any():
-                return total
+                return total, size
             kept = np.repeat(going, 2)
             interval, low, high, whole = interval[kept], low[kept], high[kept], parts[kept]
         total += whole.sum(axis=0)
-        return total
+        return total, size
 
     def largest(self, measure: Callable[[Instants], Floats], on_grid: Floats) -> Extreme:
         """Return where `measure` is largest over the phase.
@@ -231,15 +257,6 @@ class Course:
             low = tau[peaks, np.maximum(column - 1, 0)]
             high = tau[peaks, np.minimum(column + 1, SPREAD - 1)]
         return best._replace(time=float(best.time))
-
-
-def scalar_form(function: casadi.Function) -> casadi.Function:
-    """Return `function` in scalar operations, or as it is where it has no such form."""
-    try:
-        return function.expand()
-    except RuntimeError:
-        # An interpolant or an external function has no scalar form; it works as it is.
-        return function
 
 
 def courses(definition: Definition, plan: ControlPlan) -> tuple[Course, ...]:

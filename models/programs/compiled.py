@@ -14,7 +14,7 @@ from .trusted import read_trusted
 if TYPE_CHECKING:
     import casadi
 
-__all__ = ["Compiled", "canonical_text", "require_casadi"]
+__all__ = ["Compiled", "canonical_text", "require_casadi", "scalar_form"]
 
 
 def require_casadi(what: str) -> None:
@@ -30,6 +30,15 @@ def require_casadi(what: str) -> None:
 def canonical_text(encoded: Any) -> str:
     """Return what digests hash for a function in a file: CasADi's own text of it."""
     return encoded if isinstance(encoded, str) else read(encoded).serialize()
+
+
+def scalar_form(function: casadi.Function) -> casadi.Function:
+    """Return `function` in scalar operations, or as it is where it has no such form."""
+    try:
+        return function.expand()
+    except RuntimeError:
+        # An interpolant or an external function has no scalar form; it works as it is.
+        return function
 
 
 @dataclass(frozen=True)

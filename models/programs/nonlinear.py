@@ -201,7 +201,7 @@ class NonlinearProgram(BlockProgram):
         """
         p = np.asarray(point, float)
         reduced = self.reduced_costs(p, duals)
-        reach = 1e-6 * np.maximum(1.0, np.maximum(np.abs(p), self.column_scale))
+        reach = 1e-6 * np.maximum(np.abs(p), self.column_scale)
         at_lower = p - self.column_lower <= reach
         at_upper = self.column_upper - p <= reach
         explained = np.where(reduced > 0, at_lower, at_upper)

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...models.model import Model
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, limited, stopped
+from ..attempts import Clock, Ended, Ending, limited, over, stopped
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from .curvature import descent_by_curvature
 from .quality import Quality, measured, worst_blocks
 
 __all__ = ["COMMON", "HESSIAN", "NonlinearBackend", "most_iterations"]
@@ -30,6 +31,10 @@ Vector = NDArray[np.float64]
 STATIONARY = 1e-3
 #: The same where the solver itself does not call its point an optimum.
 CLEARLY_STATIONARY = 1e-6
+
+#: How far from a point that is no minimum the search goes on, in terms of the columns' sizes, and from
+#: how many such points; the share of the objective by which it must have fallen.
+AWAY, SADDLES, LESS = 0.1, 3, 1e-9
 
 #: What every nonlinear backend declares: all of them search from a point.
 COMMON = frozenset({Feature.SEED, Feature.WARM_START, Feature.DUALS, Feature.LOG})
@@ -89,6 +94,19 @@ class NonlinearBackend(Backend):
         return _Run(self, problem, request, Clock(request.time_limit)).answer()
 
 
+def _counted(answer: Answer, more: Answer) -> dict[str, float | int | str]:
+    """Return the statistics of `answer` with the iterations of another search added."""
+    spent = sum(int(one.statistics.get("iterations", 0)) for one in (answer, more))
+    return {**answer.statistics, "iterations": spent}
+
+
+def _is_less(one: Answer, other: Answer) -> bool:
+    """Return whether `one` has a plan that is better by more than what solvers leave."""
+    if one.primal_bound is None or other.primal_bound is None or one.point is None:
+        return False
+    return one.primal_bound < other.primal_bound - LESS * abs(other.primal_bound)
+
+
 @dataclass(frozen=True, eq=False)
 class _Run:
     backend: NonlinearBackend
@@ -106,10 +124,51 @@ class _Run:
             there = self.problem.verify(start, tolerance=self.request.tolerance).ok
             ended = Ended.PROVEN if there else Ended.INFEASIBLE
             return self.judged(Ending(ended, start, statistics={"iterations": 0}))
-        request = self.request
+        found = self.attempted(start, self.request)
+        # What was left on a first mesh is not come back to on a finer one, where the look costs more
+        # than the search.
+        return self.off_saddles(found) if self.request.warm_start is None else found
+
+    def attempted(self, start: Vector, request: Request) -> Answer:
+        """Return the answer of one search from `start`."""
         if request.time_limit is not None:
             request = replace(request, time_limit=self.clock.left())
         return self.judged(self.backend.attempt(self.problem, request, self.clock, start))
+
+    def off_saddles(self, answer: Answer) -> Answer:
+        """Return `answer`, or a better one where its point is stationary and no minimum.
+
+        From there the search goes on to both sides of a direction along which the objective falls.
+        """
+        left = 0
+        while answer.termination is Termination.LOCALLY_OPTIMAL:
+            assert answer.point is not None and answer.duals is not None
+            with np.errstate(all="ignore"):
+                away = descent_by_curvature(self.problem, answer.point, answer.duals)
+            self.clock.lap("judge")
+            if away is None:
+                break
+            better = None
+            low, high = self.problem.column_lower, self.problem.column_upper
+            for side in (AWAY, -AWAY):
+                if left == SADDLES or over(self.request, self.clock) is not None:
+                    break
+                start = np.clip(answer.point + side * away, low, high)
+                found = self.attempted(start, replace(self.request, warm_start=None))
+                answer = replace(answer, statistics=_counted(answer, found))
+                if _is_less(found, answer if better is None else better):
+                    better = replace(found, statistics=answer.statistics)
+                    break
+            left += 1
+            if better is None:
+                words = "not a minimum: the objective falls along a direction of negative curvature"
+                message = "; ".join(filter(None, (answer.message, words)))
+                answer = replace(answer, termination=Termination.FEASIBLE, message=message)
+                break
+            answer = better
+        if left:
+            answer = replace(answer, statistics={**answer.statistics, "saddle points left": left})
+        return answer
 
     def start(self) -> Vector:
         """Return where the search begins."""

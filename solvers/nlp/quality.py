@@ -123,7 +123,7 @@ def _idle(program: NonlinearProgram, objective: float) -> float:
 
 def _near(program: NonlinearProgram, rows: Vector) -> tuple[Vector, Vector, Vector]:
     """Return the slack of each row above and below, and what counts as none."""
-    reach = REACH * np.maximum(np.maximum(1.0, program.row_scale), np.abs(rows))
+    reach = REACH * np.maximum(program.row_scale, np.abs(rows))
     return rows - program.row_lower, program.row_upper - rows, reach
 
 
@@ -153,7 +153,7 @@ def estimated_duals(program: NonlinearProgram, point: Vector) -> Vector | None:
         return None
     above, below, reach = _near(program, program.values(point)[1])
     low, high = above <= reach, below <= reach
-    span = REACH * np.maximum(1.0, np.maximum(np.abs(point), scale))
+    span = REACH * np.maximum(np.abs(point), scale)
     at_lower, at_upper = point - program.column_lower <= span, program.column_upper - point <= span
     rows, free = low | high, ~(at_lower | at_upper)
     duals = np.zeros(program.row_count)

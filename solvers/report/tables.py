@@ -115,16 +115,23 @@ def table(
     )
 
 
-def details_table(rows: Sequence[Mapping[str, Any]]) -> FittedTable:
-    """Return the table of what ``Model.details`` returns."""
+def details_table(
+    rows: Sequence[Mapping[str, Any]], title: str = "details", short: Sequence[str] = ()
+) -> FittedTable:
+    """Return the table of what ``Model.details`` returns, or of a solution's history.
 
-    def cell(value: Any) -> str:
-        return "" if value is None else f"{value:.7g}" if isinstance(value, float) else str(value)
+    Numbers have 7 digits, those of the columns `short` 3.
+    """
+
+    def cell(name: str, value: Any) -> str:
+        if not isinstance(value, float):
+            return "" if value is None else str(value)
+        return f"{value:.3g}" if name in short else f"{value:.7g}"
 
     names = list(rows[0]) if rows else []
     numbers = [name for name in names if any(isinstance(row[name], float) for row in rows)]
-    cells = [[cell(row[name]) for name in names] for row in rows]
-    return table("details", names, cells, right=numbers)
+    cells = [[cell(name, row[name]) for name in names] for row in rows]
+    return table(title, names, cells, right=numbers)
 
 
 def render(*parts: Any, width: int = 120) -> str:

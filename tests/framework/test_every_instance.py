@@ -19,6 +19,7 @@ SLOW = {
     *("optimal-control/dubins", "optimal-control/free-flying-robot", "optimal-control/hang-glider"),
     *("optimal-control/harmonic-oscillator", "optimal-control/hypersensitive"),
     *("optimal-control/quadrotor", "optimal-control/rayleigh"),
+    *("optimal-control/delta-iii", "optimal-control/minimum-time-to-climb"),
     "satellite-slew",
     *("guided-path/hard-10x30", "guided-path/hard-20x20"),
     *(f"fleet/table-3-q{q}" for q in ("0", "0.2", "0.4", "0.6", "0.8")),

@@ -4,6 +4,7 @@ import math
 
 from derived_closed import (
     around_discs,
+    batch_reactor,
     brachistochrone,
     catalyst_mixing,
     decay_fit,
@@ -15,7 +16,9 @@ from derived_closed import (
     linear_tangent_steering,
     moon_lander,
     quadrotor,
+    tubular_reactor,
     two_stage_ascent,
+    unicycle,
     zermelo,
 )
 from derived_extremals import (
@@ -47,7 +50,9 @@ DERIVED = {
         0
     ],
     "around-discs": around_discs,
+    "batch-reactor": batch_reactor,
     "brachistochrone": brachistochrone,
+    "brockett": lambda: (2 * math.pi * math.sqrt(0.5 / math.pi)) ** 2,
     "bryson-denham": lambda: 4 / (9 * (1 / 9)),
     "bryson-denham-edge": lambda: 2 + 6 * (1 - 4 / 6) ** 2,
     "bryson-denham-free": lambda: quad(lambda t: 2.0, 0, 1)[0],
@@ -76,7 +81,9 @@ DERIVED = {
     "rayleigh-free": rayleigh_free,
     "robot-arm": robot_arm,
     "shuttle-reentry": shuttle_reentry,
+    "tubular-reactor": tubular_reactor,
     "two-stage-ascent": two_stage_ascent,
+    "unicycle": unicycle,
     "van-der-pol": van_der_pol,
     "van-der-pol-limited": van_der_pol_limited,
     "zermelo": zermelo,
@@ -84,4 +91,13 @@ DERIVED = {
 
 
 #: Their values are the literature's.
-PRINTED = {"container-crane", "hang-glider"}
+PRINTED = {
+    "container-crane",
+    "delta-iii",
+    "hang-glider",
+    "lotka-volterra-fishing",
+    "maximal-range",
+    "minimum-time-to-climb",
+    "singular-regulator",
+    "tumor",
+}

@@ -205,3 +205,57 @@ def quadrotor():
         )
 
     return found_root(missed, [0.14, 0.474, 14.0, 1.13])[3]
+
+
+def tubular_reactor():
+    """The yield p of a unit of A over the length left: the rate is 1 / p - 1, and at most 5."""
+    arc = -math.log(1 - 17.5 / 5 / 6) / 17.5
+    rest = solve_ivp(
+        lambda _, p: (1 - p) ** 2 / (2 * p),
+        (0, 1 - arc),
+        [1 / 6],
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-14,
+    )
+    return -float(rest.y[0, -1])
+
+
+def unicycle():
+    """A geodesic from its three costates at the begin."""
+
+    def motion(_, s):
+        along = s[4] * math.cos(s[2]) + s[5] * math.sin(s[2])
+        across = s[5] * math.cos(s[2]) - s[4] * math.sin(s[2])
+        forward = [along * math.cos(s[2]), along * math.sin(s[2])]
+        return [*forward, s[6], along**2 + s[6] ** 2, 0, 0, -along * across]
+
+    def course(costates):
+        return integrated(motion, (0, 1), [0, 0, 0, 0, *costates])
+
+    start = found_root(lambda p: course(p)[:3] - [0, 1, 0], [3.0, 5.0, -1.5])
+    return float(course(start)[3])
+
+
+def batch_reactor():
+    """Pontryagin's conditions in the first rate, of whose square the second is a multiple."""
+    ratio = 620_000 / 4000**2
+    low, high = (4000 * math.exp(-2500 / t) for t in (298, 398))
+
+    def motion(_, s):
+        raw, middle, p, q = s
+        gain = raw**2 * (q - p)
+        rate = min(high, max(low, gain / max(2 * ratio * middle * q, 1e-300)))
+        loss = ratio * rate**2
+        return [
+            -rate * raw**2,
+            rate * raw**2 - loss * middle,
+            2 * rate * raw * (p - q),
+            loss * q,
+        ]
+
+    def course(costates):
+        return integrated(motion, (0, 1), [1, 0, *costates])
+
+    start = found_root(lambda c: course(c)[2:] - [0, 1], [0.4, 0.7])
+    return -float(course(start)[1])

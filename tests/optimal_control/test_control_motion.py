@@ -73,8 +73,18 @@ def test_a_motion_that_breaks_down_is_no_solution():
     found = motion(ocp, plan)
     assert "breaks down" in found.failure and np.isnan(found.integrals).all()
     one = check(ocp.verify(plan), "motion")
-    assert one.worst == np.inf and "breaks down at t = " in one.where
+    assert one.worst == np.inf and "breaks down at t = 1: x is " in one.where, one.where
     assert ocp.verify(plan).to_dict()["checks"][0]["worst"] is None
+    # A rate may be no number from the start, or from where the motion leads.
+    for last, when in ((-1.0, "t = 0:"), (1.0, "t = 1:")):
+        root = OptimalControlProblem("root")
+        phase = root.phase(time=(0, 2))
+        x, y = phase.state("x"), phase.state("y")
+        phase.dynamics({x: -1, y: -casadi.sqrt(last - phase.time)})
+        root.minimise(phase.final(x))
+        still = {"x": lambda t: -t, "y": lambda t: 0 * t}
+        failure = motion(root, ControlPlan((phase_plan((0, 2), still),))).failure
+        assert when in failure and failure.endswith("the rate of y is not finite"), failure
     # An integrand that is not finite leaves no objective.
     log = OptimalControlProblem("log")
     phase = log.phase(time=(0, 1))

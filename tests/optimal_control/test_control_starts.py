@@ -12,7 +12,7 @@ from crosstrack.solvers.crosscheck import rejudged
 
 
 def test_all_starts_are_kept_and_the_best_is_returned(ways):
-    assert [one.seed for one in ways.starts] == [3, 4, 5]
+    assert [one.seed for one in ways.starts] == [0, 5, 6]
     values = [one.primal_bound for one in ways.starts]
     assert ways.primal_bound == min(values)
     assert ways.seed == ways.starts[values.index(min(values))].seed
@@ -22,7 +22,7 @@ def test_all_starts_are_kept_and_the_best_is_returned(ways):
         assert min(abs(value - BELOW), abs(value - ABOVE)) <= 2e-3 * ABOVE
     assert all(one.verification.ok and one.termination == "locally_optimal" for one in ways.starts)
     data = json.loads(ways.to_json())
-    assert [one["seed"] for one in data["starts"]] == [3, 4, 5]
+    assert [one["seed"] for one in data["starts"]] == [0, 5, 6]
 
 
 def test_a_start_that_ends_at_the_worse_is_beaten_by_others(disc, ways):
@@ -41,7 +41,7 @@ def test_the_same_seed_gives_the_same_plan(disc, ways):
 def test_compare_notes_who_stopped_at_a_worse_point(disc, ways):
     options = {"tolerance": 1e-3, "formulation_options": COARSE, "time_limit": 60}
     worse = ct.compare(disc, ["ipopt:gauss"], **options)
-    better = ct.compare(disc, ["ipopt:radau"], **options, seed=ways.seed)
+    better = ct.compare(disc, ["ipopt:radau"], **options, seed=7)
     verdict = rejudged(disc, worse, better).verdicts[0]
     assert verdict.outcome == "INCONCLUSIVE"  # local searches prove nothing
     notes = [note for note in verdict.notes if "stopped at a worse point" in note]

@@ -282,7 +282,9 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
             np.column_stack([segment, which]),
         )  # fmt: skip
 
-    def refined(self, point: NDArray[np.float64], tolerance: float) -> Self | None:
+    def refined(
+        self, point: NDArray[np.float64], tolerance: float, duals: NDArray[np.float64] | None = None
+    ) -> Self | None:
         """Return the formulation that also holds where `point` sticks out between the instants."""
         if not self.model.bounded or self.rounds >= ROUNDS:
             return None

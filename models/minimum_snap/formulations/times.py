@@ -293,7 +293,7 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
         free = point[count:] + self._shift[reduction.source]
         return UnitBasisFormulation.decode(at, reduction.matrix @ free + reduction.constant)
 
-    def refined(self, point: Floats, tolerance: float) -> Self | None:
+    def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
         """Return the formulation that also holds where `point` sticks out between the instants."""
         plan = self.decode(point)
         at = self._at(plan.times)

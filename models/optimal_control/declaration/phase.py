@@ -13,17 +13,19 @@ from numpy.typing import NDArray
 from ....errors import InvalidData
 from ...fields import Text, show
 from ..definition import Phase, Quantity, Restriction
-from .guess import draw_lines, read_guess
+from .flight import fly
+from .guess import After, Guessed, draw_lines
+from .tables import domains
 from .terms import (
     bounds,
     checked_size,
     column,
     compile_function,
+    constraint,
     entries,
     free_name,
     range_of,
     read_expression,
-    read_relation,
     restriction,
     text,
     typical,
@@ -36,7 +38,7 @@ Symbol = Any  # casadi.MX
 
 
 @dataclass(eq=False)
-class PhaseBuilder:
+class PhaseBuilder(Guessed):
     """One phase of a problem being declared; made by :meth:`ControlProblemBuilder.phase`.
 
     Attributes
@@ -60,14 +62,14 @@ class PhaseBuilder:
         self.start = casadi.MX.sym(f"t0 of {self.name}")
         self.end = casadi.MX.sym(f"tf of {self.name}")
         self.symbols: dict[str, Symbol] = {}
-        self.states: dict[str, Quantity] = {}
-        self.controls: dict[str, Quantity] = {}
+        self.states, self.controls = {}, {}
         self.ends: dict[str, tuple[Symbol, Symbol]] = {}
         self.rates: dict[str, Symbol] = {}
         self.paths: list[tuple[Restriction, Symbol]] = []
         self.integrands: list[tuple[Symbol, Symbol]] = []
         self.invariants: list[tuple[Restriction, Symbol]] = []
-        self.guessed: dict[str, Any] = {}
+        self.outputs: list[tuple[Restriction, Symbol]] = []
+        self.guessed, self.flown, self.feedback = {}, set(), {}
 
     @property
     def duration(self) -> Symbol:
@@ -105,8 +107,9 @@ class PhaseBuilder:
             Its name.
         size : int
             Number of entries; more than 1 makes a vector.
-        initial, final : float, array_like or tuple, optional
-            Its value at the two ends, or a range ``(lower, upper)``; free without.
+        initial, final : float, array_like, tuple or expression, optional
+            Its value at the two ends, or a range ``(lower, upper)``; free without. An expression, of
+            data for instance, becomes a boundary constraint.
         lower, upper : float or array_like, optional
             Bounds at every instant.
         scale : float or array_like, optional
@@ -117,8 +120,11 @@ class PhaseBuilder:
         size = self._named("a state", name, size)
         low, high = bounds(name, lower, upper, size)
         ends: list[Floats] = []
-        for what, value in (("initial", initial), ("final", final)):
+        said = {"initial": initial, "final": final}
+        for what, value in said.items():
             label = f"{what} value of {name!r}"
+            if isinstance(value, casadi.MX):
+                value = None
             begin, end = range_of(label, value, size)
             outside = np.flatnonzero((end < low) | (begin > high))
             if outside.size:
@@ -137,7 +143,35 @@ class PhaseBuilder:
             casadi.MX.sym(f"{name}(t0)", size),
             casadi.MX.sym(f"{name}(tf)", size),
         )
-        return self._known(name, size)
+        symbol = self._known(name, size)
+        if any(isinstance(value, casadi.MX) for value in said.values()):
+            self._end_by_expressions(name, said)
+        return symbol
+
+    def _end_by_expressions(self, name: str, said: Mapping[str, Any]) -> None:
+        """Declare ends that are expressions as constraints, and guess them at the data's values."""
+        one, problem, known = self.states[name], self.opened(), []
+        for side, (what, value) in enumerate(said.items()):
+            low, high = getattr(one, f"{what}_lower"), getattr(one, f"{what}_upper")
+            if isinstance(value, casadi.MX):
+                problem.subject_to(
+                    self.ends[name][side] == value,
+                    name=f"{what} {name} of {self.name}", unit=one.unit, scale=one.scale,
+                )  # fmt: skip
+                symbols = [symbol for _, symbol in problem.parameters.values()]
+                at = casadi.Function("at", symbols, [value], {"allow_free": True})
+                if not at.has_free():
+                    values = at.call(
+                        [given.initial_lower for given, _ in problem.parameters.values()]
+                    )
+                    known.append(np.clip(np.array(values[0], float).reshape(-1), low, high))
+            elif (low == high).all():
+                known.append(low)
+        if known:
+            table = np.stack(
+                [np.broadcast_to(end, one.lower.shape) for end in (known[0], known[-1])]
+            )
+            self.guessed[name] = np.array([0.0, 1.0]), table
 
     def control(
         self,
@@ -148,13 +182,18 @@ class PhaseBuilder:
         upper: Any = None,
         scale: Any = None,
         unit: str = "",
+        integer: bool = False,
     ) -> Symbol:
-        """Declare a control, and return its symbol; the parameters are those of a state."""
+        """Declare a control, and return its symbol; the parameters are those of a state.
+
+        What is `integer` has whole bounds and is to take whole numbers only: solvers find the
+        relaxed plan, and :func:`~crosstrack.models.optimal_control.round_controls` rounds it.
+        """
         size = self._named("a control", name, size)
         low, high = bounds(name, lower, upper, size)
         self.controls[name] = Quantity(
             name, low, high, low, high, low, high, typical(repr(name), scale, size, low, high),
-            text("unit", unit, repr(name)),
+            text("unit", unit, repr(name)), integer=integer,
         )  # fmt: skip
         return self._known(name, size)
 
@@ -234,13 +273,9 @@ class PhaseBuilder:
             Typical size of the expression.
         """
         self.opened()
-        name = Text().coerce("name", name, {}) or f"path {len(self.paths) + 1}"
-        free_name("a path constraint", name, self._constraints())
-        bounded, low, high = read_relation(
-            f"path constraint {name!r}", expression, lower, upper, equals
-        )
-        words = (name, equation, unit)
-        self.paths.append((restriction(words, bounded.numel(), low, high, scale), bounded))
+        words = (Text().coerce("name", name, {}) or f"path {len(self.paths) + 1}", equation, unit)
+        sides = (lower, upper, equals)
+        self.paths.append(constraint("path", words, self._constraints(), expression, sides, scale))
 
     def _constraints(self) -> list[str]:
         """Return the names that are taken: of this phase's constraints, and of those of the ends."""
@@ -294,7 +329,29 @@ class PhaseBuilder:
         words = (name, equation, unit)
         self.invariants.append((restriction(words, kept.numel(), None, None, scale), kept))
 
-    # -- the ends and the guess ------------------------------------------------------------------
+    def output(self, name: str, expression: Any, *, equation: str = "", unit: str = "") -> Symbol:
+        """Name what is to be seen of a plan beside states and controls, and return it.
+
+        It binds nothing: ``plan[name](t)`` gives it, pictures draw it and exports hold it.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        expression : casadi expression
+            In states, controls, time and parameters.
+        equation, unit : str
+            In the words of the paper.
+        """
+        self.opened()
+        taken = [*self.states, *self.controls, *self._constraints()]
+        free_name("an output", name, [*taken, *(one.name for one, _ in self.outputs)])
+        shown = column(f"output {name!r}", expression)
+        words = (name, equation, unit)
+        self.outputs.append((restriction(words, shown.numel(), None, None, None), shown))
+        return shown
+
+    # -- the ends --------------------------------------------------------------------------------
 
     def initial(self, expression: Any) -> Symbol:
         """Return `expression`, of states, time and parameters, at the begin of the phase."""
@@ -318,27 +375,21 @@ class PhaseBuilder:
         new = [*(self.ends[name][side] for name in names), time]
         return casadi.substitute([found], old, new)[0]
 
-    def guess(self, plan: Any = None, *, time: Any = None, **values: Any) -> None:
-        """Guess the course, as a start for the search.
-
-        Parameters
-        ----------
-        plan : ControlPlan, Solution or PhasePlan, optional
-            Another answer: what bears the same names is taken over, its times included.
-        time : array_like, optional
-            Times of the samples given in `values`; its ends are guesses of free times. Without it,
-            samples are spread evenly.
-        **values : array_like or callable
-            For a state or control by name: samples (a row each for a vector), which are joined
-            linearly, one value throughout, or a function of time.
-        """
-        self.opened()
-        self.guessed = read_guess(self, plan, time, values, self.guessed)
-
     # -- the definition -------------------------------------------------------------------------
 
-    def define(self, parameters: Sequence[Symbol]) -> Phase:
-        """Return the phase's definition, or raise for what is missing."""
+    def define(
+        self,
+        parameters: Sequence[Symbol],
+        values: Floats,
+        span: tuple[float, float],
+        before: Mapping[str, Floats],
+        after: After,
+    ) -> Phase:
+        """Return the phase's definition, or raise for what is missing.
+
+        The guess has the `values` of parameters, the times `span`, and what `before` and `after`
+        tell of linked phases, as in :func:`~.guess.draw_lines`.
+        """
         if not self.states:
             raise InvalidData(f"phase {self.name!r} has no state", field="states")
         missing = [name for name in self.states if name not in self.rates]
@@ -347,24 +398,33 @@ class PhaseBuilder:
                 f"phase {self.name!r}: no dynamics for state {', '.join(map(repr, missing))}",
                 field="dynamics",
             )
-        x = casadi.vertcat(*(self.symbols[name] for name in self.states))
-        u = casadi.vertcat(*(self.symbols[name] for name in self.controls), casadi.MX(0, 1))
-        p = casadi.vertcat(*parameters, casadi.MX(0, 1))
+        rates = [self.rates[name] for name in self.states]
+        integrands = [one for _, one in self.integrands]
+        invariants = [one for _, one in self.invariants]
+        stated = [*rates, *(one for _, one in self.paths), *integrands, *invariants]
+        paths = [*self.paths, *domains(stated, self._constraints())]
         results = {
-            "rate": [self.rates[name] for name in self.states],
-            "path": [one for _, one in self.paths],
-            "integrand": [one for _, one in self.integrands],
-            "invariant": [one for _, one in self.invariants],
+            "rate": rates,
+            "path": [one for _, one in paths],
+            "integrand": integrands,
+            "invariant": invariants,
         }
-        known = [self.time, *self.symbols.values(), *parameters]
-        for what, columns in results.items():
-            self._refuse_strangers(what, columns, known)
-        function = compile_function(
-            "phase",
-            {"t": self.time, "x": x, "u": u, "p": p},
-            {what: casadi.vertcat(*columns, casadi.MX(0, 1)) for what, columns in results.items()},
-            [self.time, *self.symbols.values(), *parameters],
-        )
+        arguments = {
+            "t": [self.time],
+            "x": [self.symbols[name] for name in self.states],
+            "u": [self.symbols[name] for name in self.controls],
+            "p": parameters,
+        }
+        function = compile_function("phase", arguments, results, self._explain)
+        guess = draw_lines(self, span, before, after)
+        if self.flown:
+            laws = [{**self.symbols, **self.feedback}[name] for name in self.controls]
+            steer = compile_function("feedback", arguments, {"feedback": laws}, self._explain)
+            guess = fly(self, function, steer, guess, values)
+        shown = None
+        if self.outputs:
+            columns = {"output": [one for _, one in self.outputs]}
+            shown = compile_function("outputs", arguments, columns, self._explain)
         start_lower, start_upper, end_lower, end_upper = self.bounds
         return Phase(
             name=self.name,
@@ -375,22 +435,19 @@ class PhaseBuilder:
             end_lower=end_lower,
             end_upper=end_upper,
             time_unit=self.unit,
-            paths=tuple(one for one, _ in self.paths),
+            paths=tuple(one for one, _ in paths),
             integrals=len(self.integrands),
             invariants=tuple(one for one, _ in self.invariants),
             function=function,
-            guess=draw_lines(self, self.guessed),
+            guess=guess,
             dynamics_equation=self.equation,
+            outputs=tuple(one for one, _ in self.outputs),
+            outputs_function=shown,
         )
 
-    def _refuse_strangers(
-        self, what: str, columns: Sequence[Symbol], known: Sequence[Symbol]
-    ) -> None:
-        marks = {one.__hash__() for one in known}
-        for symbol in casadi.symvar(casadi.vertcat(*columns, casadi.MX(0, 1))):
-            if symbol.__hash__() not in marks:
-                raise InvalidData(
-                    f"phase {self.name!r}: the {what} uses {symbol.name()!r}, which is no state, "
-                    "control, time or parameter of this phase",
-                    field=what,
-                )
+    def _explain(self, what: str, symbol: Symbol) -> str:
+        """Return what is wrong with a symbol that is not the phase's own."""
+        return (
+            f"phase {self.name!r}: the {what} uses {symbol.name()!r}, which is no state, control, "
+            "time or parameter of this phase"
+        )

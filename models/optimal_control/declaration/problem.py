@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Generic, Self, SupportsIndex, TypeVar
 
 import casadi
@@ -13,17 +14,19 @@ from ....errors import InvalidData
 from ...fields import Text, show
 from ...model import Model
 from ..definition import Definition, Quantity, Restriction
+from .guess import define_linked
 from .phase import PhaseBuilder
+from .tables import domains
 from .terms import (
     bounds,
     checked_size,
     column,
     compile_function,
+    constraint,
     entries,
     free_name,
     middle,
     range_of,
-    read_relation,
     restriction,
     text,
     typical,
@@ -58,9 +61,10 @@ class ControlProblemBuilder(Generic[ModelT]):
         self.phases: list[PhaseBuilder] = []
         self.parameters: dict[str, tuple[Quantity, Symbol]] = {}
         self.boundaries: list[tuple[Restriction, Symbol]] = []
-        self.objective: tuple[Symbol, str] | None = None
+        self.objective: tuple[Symbol, str, float] | None = None
         self._make = make
         self._built: ModelT | None = None
+        self.links: list[tuple[PhaseBuilder, PhaseBuilder, list[str]]] = []
 
     def build(self) -> ModelT:
         """Return the problem as it is declared now.
@@ -196,7 +200,41 @@ class ControlProblemBuilder(Generic[ModelT]):
         self.parameters[name] = (quantity, symbol)
         return symbol
 
-    def minimise(self, objective: Any, *, unit: str = "") -> None:
+    def data(
+        self, name: str, size: int = 1, *, value: Any = None, scale: Any = None, unit: str = ""
+    ) -> Symbol:
+        """Declare a constant that is given, anew at each solve if wanted, and return its symbol.
+
+        It may stand wherever a parameter may. :func:`crosstrack.solve` takes it at `value`, or as
+        ``ocp.given(name=…)`` says; :func:`crosstrack.prepare` takes it at each call.
+
+        Parameters
+        ----------
+        name : str
+            Its name; Python's own rules for names let calls give it by keyword.
+        size : int
+            Number of entries.
+        value : float or array_like, optional
+            Its value where none is given; 0 without.
+        scale : float or array_like, optional
+            Typical size; by default that of `value`, or 1.
+        unit : str
+            Unit, for people.
+        """
+        self._open()
+        free_name("data", name, list(self.parameters))
+        size = checked_size(name, size)
+        none = np.zeros(size)
+        quantity = Quantity(
+            name, none, none, none, none, none, none, np.ones(size),
+            text("unit", unit, repr(name)), given=True,
+        ).holding(0.0 if value is None else value)  # fmt: skip
+        sizes = typical(repr(name), scale, size, quantity.lower)
+        symbol = casadi.MX.sym(name, size)
+        self.parameters[name] = (replace(quantity, scale=sizes), symbol)
+        return symbol
+
+    def minimise(self, objective: Any, *, unit: str = "", scale: Any = None) -> None:
         """Declare what is minimised.
 
         Parameters
@@ -206,6 +244,10 @@ class ControlProblemBuilder(Generic[ModelT]):
             (``phase.end``) and parameters.
         unit : str
             Its unit.
+        scale : float, optional
+            Typical size; without it, it is measured, at the guess and again on every mesh. A solver
+            works on the objective divided by it, and what the objective may be off by is relative
+            to it.
         """
         self._open()
         value = column("objective", objective)
@@ -213,7 +255,8 @@ class ControlProblemBuilder(Generic[ModelT]):
             raise InvalidData(
                 f"the objective must be one number, got {value.numel()} entries", field="objective"
             )
-        self.objective = (value, text("unit", unit, "the objective"))
+        size = 0.0 if scale is None else float(typical("the objective", scale, 1)[0])
+        self.objective = (value, text("unit", unit, "the objective"), size)
 
     def subject_to(
         self,
@@ -241,17 +284,17 @@ class ControlProblemBuilder(Generic[ModelT]):
             Typical size of the expression.
         """
         self._open()
-        name = Text().coerce("name", name, {}) or f"boundary {len(self.boundaries) + 1}"
+        words = (
+            Text().coerce("name", name, {}) or f"boundary {len(self.boundaries) + 1}",
+            equation,
+            unit,
+        )
         lists = [self.boundaries]
         for one in self.phases:
             lists += [one.paths, one.invariants]
         taken = [made.name for listed in lists for made, _ in listed]
-        free_name("a boundary constraint", name, taken)
-        bounded, low, high = read_relation(
-            f"boundary constraint {name!r}", expression, lower, upper, equals
-        )
-        made = restriction((name, equation, unit), bounded.numel(), low, high, scale)
-        self.boundaries.append((made, bounded))
+        sides = (lower, upper, equals)
+        self.boundaries.append(constraint("boundary", words, taken, expression, sides, scale))
 
     def link(self, first: PhaseBuilder, second: PhaseBuilder, *states: str) -> None:
         """Let `second` begin when and where `first` ends.
@@ -290,6 +333,7 @@ class ControlProblemBuilder(Generic[ModelT]):
             scale = max(abs(first.bounds[3]), 1.0)
             made.append((restriction(words, 1, 0.0, 0.0, scale), second.start - first.end))
         self.boundaries += made
+        self.links.append((first, second, names))
 
     @staticmethod
     def _continue(
@@ -326,54 +370,44 @@ class ControlProblemBuilder(Generic[ModelT]):
                 "the problem has no objective: declare it with minimise(…)", field="objective"
             )
         parameters = [symbol for _, symbol in self.parameters.values()]
-        phases = tuple(one.define(parameters) for one in self.phases)
+        values = np.concatenate([*(one.initial_lower for one, _ in self.parameters.values()), []])
+        phases = define_linked(
+            self.phases, self.links, lambda one, *linked: one.define(parameters, values, *linked)
+        )
         ends: list[Symbol] = []
         for one in self.phases:
             ends += [one.start, one.end]
             for side in (0, 1):
                 ends += [one.ends[name][side] for name in one.states]
             ends += [symbol for symbol, _ in one.integrands]
-        columns = {
-            "objective": [self.objective[0]],
-            "boundary": [one for _, one in self.boundaries],
-        }
-        self._refuse_strangers(columns, [*ends, *parameters])
+        stated = [self.objective[0], *(one for _, one in self.boundaries)]
+        taken = [one.name for part in phases for one in (*part.paths, *part.invariants)]
+        boundaries = self.boundaries + domains(stated, taken)
         endpoint = compile_function(
             "endpoint",
-            {"e": casadi.vertcat(*ends), "p": casadi.vertcat(*parameters, casadi.MX(0, 1))},
-            {what: casadi.vertcat(*parts, casadi.MX(0, 1)) for what, parts in columns.items()},
-            [*ends, *parameters],
+            {"e": ends, "p": parameters},
+            {"objective": [self.objective[0]], "boundary": [one for _, one in boundaries]},
+            self._explain,
         )
         return Definition(
             phases=phases,
             parameters=tuple(quantity for quantity, _ in self.parameters.values()),
-            boundaries=tuple(one for one, _ in self.boundaries),
+            boundaries=tuple(one for one, _ in boundaries),
             endpoint=endpoint,
             objective_unit=self.objective[1],
+            objective_scale=self.objective[2],
         )
 
-    def _refuse_strangers(
-        self, columns: Mapping[str, Sequence[Symbol]], known: Sequence[Symbol]
-    ) -> None:
-        marks = {one.__hash__() for one in known}
-        running = {
-            symbol.__hash__(): one.name
-            for one in self.phases
-            for symbol in (*one.symbols.values(), one.time)
-        }
-        for what, parts in columns.items():
-            for symbol in casadi.symvar(casadi.vertcat(*parts, casadi.MX(0, 1))):
-                mark = symbol.__hash__()
-                if mark in marks:
-                    continue
-                where = running.get(mark)
-                hint = (
-                    f"a function of time in phase {where!r}: write phase.initial(…), "
-                    "phase.final(…) or phase.integral(…)"
-                    if where
-                    else "declared nowhere in this problem"
+    def _explain(self, what: str, symbol: Symbol) -> str:
+        """Return what is wrong with a symbol that has no value at the ends."""
+        mark = symbol.__hash__()
+        for one in self.phases:
+            if any(mark == own.__hash__() for own in (*one.symbols.values(), one.time)):
+                return (
+                    f"the {what} uses {symbol.name()!r}, a function of time in phase {one.name!r}: "
+                    "write phase.initial(…), phase.final(…) or phase.integral(…)"
                 )
-                raise InvalidData(f"the {what} uses {symbol.name()!r}, {hint}", field=what)
+        return f"the {what} uses {symbol.name()!r}, declared nowhere in this problem"
 
 
 def _read_time(what: str, name: str, value: Any) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import casadi
@@ -21,6 +21,7 @@ __all__ = [
     "checked_size",
     "column",
     "compile_function",
+    "constraint",
     "entries",
     "free_name",
     "middle",
@@ -28,6 +29,7 @@ __all__ = [
     "range_of",
     "read_relation",
     "restriction",
+    "stack",
     "text",
     "typical",
     "vector",
@@ -288,6 +290,20 @@ def _sides(what: str, relation: Symbol) -> tuple[Any, ...]:
     return whole, (0.0 if equal else None), 0.0
 
 
+def constraint(
+    kind: str,
+    words: tuple[str, str, str],
+    taken: Sequence[str],
+    expression: Any,
+    sides: tuple[Any, Any, Any],
+    scale: Any,
+) -> tuple[Restriction, Symbol]:
+    """Return a constraint of its `kind` and its column; sides are lower, upper and equals."""
+    free_name(f"a {kind} constraint", words[0], taken)
+    bounded, low, high = read_relation(f"{kind} constraint {words[0]!r}", expression, *sides)
+    return restriction(words, bounded.numel(), low, high, scale), bounded
+
+
 def restriction(
     words: tuple[str, str, str], size: int, lower: Any, upper: Any, scale: Any
 ) -> Restriction:
@@ -307,29 +323,37 @@ def restriction(
 # -- functions ---------------------------------------------------------------------------------------
 
 
+def stack(columns: Sequence[Symbol]) -> Symbol:
+    """Return the columns as one; CasADi's own ``vertcat`` of none is no expression."""
+    return casadi.vertcat(*columns, casadi.MX(0, 1))
+
+
 def compile_function(
     name: str,
-    arguments: Mapping[str, Symbol],
-    results: Mapping[str, Symbol],
-    symbols: Sequence[Symbol],
+    arguments: Mapping[str, Sequence[Symbol]],
+    results: Mapping[str, Sequence[Symbol]],
+    explain: Callable[[str, Symbol], str],
 ) -> casadi.Function:
-    """Return a function of stacked arguments; made of scalar operations where CasADi can.
+    """Return a function of stacked symbols; made of scalar operations where CasADi can.
 
-    The arguments may be stacks of `symbols`, which CasADi does not take as inputs by themselves.
+    Where a result uses another symbol, the message is what `explain` says of the two.
     """
+    known = [symbol for symbols in arguments.values() for symbol in symbols]
+    marks = {symbol.__hash__() for symbol in known}
+    for what, columns in results.items():
+        for symbol in casadi.symvar(stack(columns)):
+            if symbol.__hash__() not in marks:
+                raise InvalidData(explain(what, symbol), field=what)
+    # CasADi does not take stacks as inputs: each symbol becomes a part of a new one.
     parts: list[Symbol] = []
     fresh: dict[str, Symbol] = {}
-    for label, stack in arguments.items():
-        fresh[label] = casadi.MX.sym(label, stack.numel())
-    where: dict[int, Symbol] = {}
-    for label, stack in arguments.items():
+    for label, symbols in arguments.items():
+        fresh[label] = casadi.MX.sym(label, stack(symbols).numel())
         at = 0
-        for symbol in casadi.symvar(stack):
-            where[symbol.__hash__()] = fresh[label][at : at + symbol.numel()]
+        for symbol in symbols:
+            parts.append(casadi.reshape(fresh[label][at : at + symbol.numel()], symbol.shape))
             at += symbol.numel()
-    for symbol in symbols:
-        parts.append(casadi.reshape(where[symbol.__hash__()], symbol.shape))
-    new = casadi.substitute(list(results.values()), list(symbols), parts)
+    new = casadi.substitute([stack(columns) for columns in results.values()], known, parts)
     found = casadi.Function(name, list(fresh.values()), new, list(fresh), list(results))
     with contextlib.suppress(RuntimeError):
         # A function from elsewhere may have no scalar form; it works as it is.

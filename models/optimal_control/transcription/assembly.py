@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...programs.blocks import Block
 from ...programs.nonlinear import NonlinearProgram
 from ...programs.triplets import Triplets, dm
+from ..sizes import Sizes
 from .derivatives import functions_of
 from .layout import Layout, PhaseLayout
 
@@ -37,10 +38,12 @@ class Assembly:
     ----------
     layout : Layout
         Which column and row stands for what.
+    sizes : Sizes
+        How large they are.
     """
 
-    def __init__(self, layout: Layout) -> None:
-        self.layout = layout
+    def __init__(self, layout: Layout, sizes: Sizes) -> None:
+        self.layout, self.sizes = layout, sizes
         self.definition = layout.definition
         self.functions = functions_of(self.definition)
         starts = [0]
@@ -269,6 +272,7 @@ class Assembly:
             guess=np.clip(guess, lower, upper),
             column_scale=column_scale,
             row_scale=row_scale,
+            objective_scale=self.sizes.variation,
             derivatives=first,
             hessian=second,
             columns=self._column_blocks(),
@@ -279,39 +283,38 @@ class Assembly:
         """Return the columns' lower and upper bounds and their typical sizes."""
         size = self.layout.size
         lower, upper, scale = np.full(size, -np.inf), np.full(size, np.inf), np.ones(size)
-        for one in self.layout.phases:
+        for one, sizes in zip(self.layout.phases, self.sizes.phases, strict=True):
             phase, x = one.phase, one.state_columns
             for what, columns in (("states", x), ("controls", one.control_columns)):
                 lower[columns.T], upper[columns.T] = phase.bounds(what)
-                scale[columns.T] = phase.stacked(what, "scale")
+                scale[columns.T] = getattr(sizes, what)
             for side, end in (("initial", 0), ("final", -1)):
                 lower[x[:, end]], upper[x[:, end]] = phase.bounds("states", side)
             times = one.time_columns
             lower[times] = phase.start_lower, phase.end_lower
             upper[times] = phase.start_upper, phase.end_upper
-            scale[times] = max(phase.guess.end - phase.guess.start, 1e-12)
+            scale[times] = sizes.time
+            scale[one.integral_columns] = sizes.integrals
         p = self.layout.parameter_columns
         lower[p], upper[p] = self.definition.bounds("parameters")
-        scale[p] = self.definition.stacked("parameters", "scale")
+        scale[p] = self.sizes.parameters
         return lower, upper, scale
 
     def _row_bounds(self) -> tuple[Floats, Floats, Floats]:
         parts: list[tuple[Any, Any, Any]] = []  # lower, upper and scale of some rows
-        for one in self.layout.phases:
-            phase = one.phase
-            sizes = np.repeat(phase.stacked("states", "scale"), one.defects)
-            paths = (*phase.bounds("paths"), phase.stacked("paths", "scale"))
-            parts.append((0.0, 0.0, sizes))
+        for one, sizes in zip(self.layout.phases, self.sizes.phases, strict=True):
+            paths = (*one.phase.bounds("paths"), sizes.paths)
+            parts.append((0.0, 0.0, np.repeat(sizes.states, one.defects)))
             parts.append(tuple(np.repeat(part, one.collocated) for part in paths))  # type: ignore[arg-type]
-            parts.append((0.0, 0.0, np.ones(phase.integrals)))
+            parts.append((0.0, 0.0, sizes.integrals))
         boundaries = self.definition.bounds("boundaries")
-        parts.append((*boundaries, self.definition.stacked("boundaries", "scale")))
+        parts.append((*boundaries, self.sizes.boundaries))
         for one in self.free_lengths:
             most = one.phase.end_upper - one.phase.start_lower
             parts.append((SHORTEST * most, np.inf, np.array([most])))
-        for one, rows in zip(self.layout.phases, self.calm, strict=True):
+        for sizes, rows in zip(self.sizes.phases, self.calm, strict=True):
             # As long as the coefficients' rows are the controls' own scale will do.
-            size = one.phase.stacked("controls", "scale").max() if one.nu else 1.0
+            size = sizes.controls.max(initial=0.0) or 1.0
             parts.append((0.0, 0.0, np.full(rows.shape[0], size)))
         wide = [np.broadcast_arrays(*part) for part in parts]
         lower, upper, scale = (np.concatenate(column) for column in zip(*wide, strict=True))

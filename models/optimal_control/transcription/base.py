@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -17,43 +18,25 @@ from ...programs.nonlinear import NonlinearProgram
 from ..hamiltonian import hamiltonian_spread
 from ..model import OptimalControlProblem
 from ..plan import ControlPlan, PhasePlan, Piecewise
+from ..sampling import courses, endpoint
+from ..sizes import Sizes, sizes_at
 from .assembly import Assembly
-from .dependence import treat_dependent
+from .dependence import dependences, drop_dependent
 from .derivatives import functions_of
 from .layout import Layout, PhaseLayout
 from .mesh import Mesh, even, read_mesh
-from .refinement import Rules, next_meshes
+from .refinement import Finding, History, Rules, next_meshes, relative_change
 from .schemes import Scheme
 from .starts import draw_start
 
-__all__ = ["History", "Transcription"]
+__all__ = ["Transcription"]
 
 Floats = NDArray[np.float64]
 
 #: How far before a knot, as a share of the phase, a control is looked up from the left.
 LEFT = 1e-13
-
-
-@dataclass(frozen=True, eq=False)
-class History:
-    """What earlier meshes gave.
-
-    Parameters
-    ----------
-    plan : ControlPlan
-        The plan of the last one.
-    objective : float
-        Its objective.
-    change : float
-        By how much that differs from the one before, relative to ``max(1, |objective|)``.
-    rounds : int
-        Number of meshes so far.
-    """
-
-    plan: ControlPlan
-    objective: float
-    change: float
-    rounds: int
+#: Share to which a mesh reduces at least by how much an equation is off that follows from others.
+SHRINKS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +60,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     most_nodes : int
         Collocated nodes at most, over all phases; where more are needed, the run ends with what it has.
     dependent : str
-        What to do about boundary conditions that others imply: ``"raise"``, ``"drop"`` the implied
-        ones from the program (they are verified all the same), or ``"keep"`` them.
+        What to do about equations that others imply: ``"drop"`` them from the program (they are
+        verified all the same, and come back where the plan breaks them), ``"raise"``, or ``"keep"``.
     """
 
     intervals: int = 8
@@ -87,10 +70,12 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     refine: bool = True
     rounds: int = 25
     most_nodes: int = 3000
-    dependent: str = "raise"
+    dependent: str = "drop"
     _meshes: tuple[Mesh, ...] = field(init=False, repr=False, default=())
     _history: History | None = field(init=False, repr=False, default=None)
     _start: ControlPlan | None = field(init=False, repr=False, default=None)
+    _rows: tuple[Mapping[str, Any], ...] = field(init=False, repr=False, default=())
+    _settled: bool = field(init=False, repr=False, default=True)
 
     program_type: ClassVar[type[Program]] = NonlinearProgram
     relaxes: ClassVar[bool] = False
@@ -163,11 +148,44 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def build(self) -> NonlinearProgram:
         """Return the program on the present mesh, started where the last one ended."""
-        assembly = Assembly(self.layout)
+        assembly = Assembly(self.layout, self.sizes)
         start = self._start if self._history is None else self._history.plan
         guess = self._guess() if start is None else self.encode(start)
         program = assembly.program(guess, self.model.name)
-        return treat_dependent(assembly, program, self.dependent)
+        if not self.dropped:
+            return program
+        if self.dependent == "raise":
+            raise InvalidData(
+                f"dependent equations: {self.dropped} follow from the others or contradict them. "
+                "Leave them out, or let the program do so: formulation_options={'dependent': 'drop'}; "
+                "verification checks them all the same",
+                field="final",
+            )
+        return drop_dependent(assembly, program, dependences(self.model.definition))
+
+    @property
+    def dropped(self) -> str:
+        """Equations that follow from others and are not to be in the program, by name."""
+        definition = self.model.definition
+        found = () if self.dependent == "keep" else dependences(definition)
+        return ", ".join(name for one in found for name in one.names(definition))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out of the program."""
+        if not self.dropped:
+            return ()
+        return (f"left out of the program, for they follow from other equations: {self.dropped}",)
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        """How large everything is: along the plan of the last mesh, before the first along the guess."""
+        known = self._history is not None
+        plan = self._history.plan if self._history is not None else self.decode(self._guess())
+        definition = self.model.definition
+        with np.errstate(all="ignore"):
+            phases = courses(definition, plan)
+            return sizes_at(definition, phases, endpoint(phases), guessed=not known)
 
     def _guess(self) -> Floats:
         columns = np.zeros(self.layout.size)
@@ -244,13 +262,10 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def decode(self, point: Floats) -> ControlPlan:
         """Return the plan whose polynomials the columns stand for."""
-        return self._decode(np.asarray(point, float))
-
-    def _decode(self, columns: Floats, duals: Floats | None = None) -> ControlPlan:
+        columns = np.asarray(point, float)
         definition = self.model.definition
         p = columns[self.layout.parameter_columns]
         phases = []
-        row = 0
         for number, one in enumerate(self.layout.phases):
             t0, tf = columns[one.time_columns]
             if not tf > t0:
@@ -271,22 +286,17 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
                 tuple(np.split(at, cuts)),
                 *one.phase.bounds("controls"),
             )
-            costates = None
-            if duals is not None:
-                own = duals[row : row + one.nx * one.defects].reshape(one.nx, one.defects).T
-                costates = _costates(one, own, knots)
-            row += one.nx * one.defects + one.paths * one.collocated + one.phase.integrals
             phases.append(
                 PhasePlan(
                     one.phase.name, states, controls, one.phase.state_names,
-                    one.phase.control_names, costates,
+                    one.phase.control_names,
                 )
             )  # fmt: skip
         parameters, used = {}, 0
         for quantity in definition.parameters:
             parameters[quantity.name] = p[used : used + quantity.size]
             used += quantity.size
-        return ControlPlan(tuple(phases), parameters)
+        return ControlPlan(tuple(phases), parameters).attached(definition)
 
     def _state_polynomials(self, columns: Floats, number: int) -> Piecewise:
         one = self.layout.phases[number]
@@ -308,29 +318,77 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def explained(self, plan: ControlPlan, point: Floats, duals: Floats) -> ControlPlan:
         """Return the plan with costates, from the program's row multipliers."""
-        return self._decode(np.asarray(point, float), np.asarray(duals, float))
+        phases, row = [], 0
+        for one, part in zip(self.layout.phases, plan.phases, strict=True):
+            own = duals[row : row + one.nx * one.defects].reshape(one.nx, one.defects).T
+            row += one.nx * one.defects + one.paths * one.collocated + one.phase.integrals
+            phases.append(replace(part, costates=_costates(one, own, part.states.knots)))
+        return replace(plan, phases=tuple(phases))
 
     # -- refinement and other starts -------------------------------------------------------------
 
-    def refined(self, point: Floats, tolerance: float) -> Self | None:
+    def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
         """Return the formulation on a finer mesh, None where the plan verifies or no mesh helps."""
-        if not self.refine:
-            return None
         plan = self.decode(point)
         objective = float(self.program.objective(point))  # type: ignore[attr-defined]
-        before = self._history
-        change = (
-            np.inf
-            if before is None
-            else abs(objective - before.objective) / max(1.0, abs(objective))
+        former = self._history
+        rounds = 1 + (0 if former is None else former.rounds)
+        if duals is not None:
+            plan = self.explained(plan, point, duals)
+        found = Finding(None, np.nan, "not refined", settled=True)
+        restored = self._restored(plan, tolerance) if self.refine else None
+        if restored is not None:
+            return restored
+        if self.refine:
+            found = next_meshes(
+                self.model, plan, self._meshes, self.rules, tolerance,
+                (objective, self.sizes.objective), former,
+            )  # fmt: skip
+        if found.meshes is not None and rounds >= self.rounds:
+            found = replace(found, meshes=None, words=f"given up after {rounds} meshes")
+        elif found.meshes is not None:
+            nodes = sum(mesh.nodes for mesh in found.meshes)
+            if nodes > self.most_nodes:
+                words = f"given up: {nodes} nodes are needed, {self.most_nodes} are allowed"
+                found = replace(found, meshes=None, words=words)
+        row = {
+            "mesh": rounds,
+            "intervals": sum(mesh.intervals for mesh in self._meshes),
+            "nodes": sum(mesh.nodes for mesh in self._meshes),
+            "error": found.error if np.isfinite(found.error) else None,
+            "objective": objective if np.isfinite(objective) else None,
+            "change": found.change if np.isfinite(found.change) else None,
+            "verified": found.verified,
+            "then": found.words,
+        }
+        rows = (*(() if former is None else former.rows), row)
+        object.__setattr__(self, "_rows", rows)
+        object.__setattr__(self, "_settled", found.settled)
+        if found.meshes is None:
+            return None
+        history = History(plan, objective, self._meshes, rounds, rows, found.errors, found.accepted)
+        return self._with(_meshes=found.meshes, _history=history)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the last plan verified and its objective had settled, or nobody asked for that."""
+        return self._settled
+
+    @property
+    def history(self) -> tuple[Mapping[str, Any], ...]:
+        """A row for each mesh so far: its size, its error, its objective and what was done then."""
+        return self._rows
+
+    def _restored(self, plan: ControlPlan, tolerance: float) -> Self | None:
+        """Return the formulation with all equations, where one that was left out stays broken."""
+        if not self.dropped or self._history is None:
+            return None
+        kept = self._with(dependent="keep", _history=None)
+        before, now = (
+            max(check.worst / check.scale for check in kept.program.verify(kept.encode(one)).checks)
+            for one in (self._history.plan, plan)
         )
-        history = History(plan, objective, change, 1 + (0 if before is None else before.rounds))
-        if history.rounds >= self.rounds:
-            return None
-        finer = next_meshes(self.model, plan, self._meshes, self.rules, tolerance, history.change)
-        if finer is None or sum(mesh.nodes for mesh in finer) > self.most_nodes:
-            return None
-        return self._with(_meshes=finer, _history=history)
+        return kept if now > max(tolerance, SHRINKS * before) else None
 
     def fitted(self, plan: ControlPlan) -> Self:
         """Return the formulation on the plan's own mesh, where this scheme has such intervals."""
@@ -350,8 +408,14 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     def started(self, seed: int) -> Self:
         """Return the formulation with a start drawn by `seed`: waves about the guess."""
         return self._with(
-            _start=draw_start(self.model.definition, self.decode(self._guess()), seed)
+            _start=draw_start(
+                self.model.definition, self._start or self.decode(self._guess()), seed
+            )
         )
+
+    def guessed(self, plan: ControlPlan) -> Self:
+        """Return the formulation started at `plan`, such as that for another initial state."""
+        return self._with(_start=plan)
 
     def _with(self, **changes: Any) -> Self:
         options = {
@@ -359,6 +423,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             for one in fields(self)
             if one.init and one.name != "model"
         }
+        if "dependent" in changes:
+            options["dependent"] = changes["dependent"]
         made = type(self)(self.model, **options)
         for name in ("_meshes", "_history", "_start"):
             object.__setattr__(made, name, changes.get(name, getattr(self, name)))
@@ -372,10 +438,13 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             "nodes": sum(mesh.nodes for mesh in self._meshes),
             "columns": self.layout.size,
         }
+        if self.dropped:
+            found["dropped"] = self.dropped
         if self._history is not None:
-            before = self._history.objective
             objective = float(self.program.objective(self.encode(plan)))  # type: ignore[attr-defined]
-            found["objective_change"] = abs(objective - before) / max(1.0, abs(objective))
+            found["objective_change"] = relative_change(
+                self.sizes.objective, objective, self._history.objective
+            )
         if all(part.costates is not None for part in plan.phases):
             reports = hamiltonian_spread(self.model, plan)
             spreads = [one.relative for one in reports if one.autonomous]

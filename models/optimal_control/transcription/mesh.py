@@ -71,6 +71,29 @@ class Mesh:
             for name in ("fractions", "degrees", "calm")
         )
 
+    def kept(self, other: Mesh) -> NDArray[np.bool_]:
+        """Return which intervals are as they were in another mesh."""
+
+        def rows(one: Mesh) -> list[tuple[float, ...]]:
+            assert one.calm is not None
+            columns = one.fractions[:-1], one.fractions[1:], one.degrees, one.calm
+            return list(zip(*(column.tolist() for column in columns), strict=True))
+
+        known = set(rows(other))
+        return np.array([row in known for row in rows(self)])
+
+    def halved(self, chosen: NDArray[np.bool_], calm: NDArray[np.bool_] | None = None) -> Mesh:
+        """Return the mesh with the chosen intervals cut in the middle.
+
+        They are no longer calm, unless `calm` says for all intervals which are.
+        """
+        assert self.calm is not None
+        middle = 0.5 * (self.fractions[1:] + self.fractions[:-1])
+        parts = np.where(chosen, 2, 1)
+        quiet = self.calm & ~chosen if calm is None else calm
+        fractions = np.sort(np.concatenate([self.fractions, middle[chosen]]))
+        return Mesh(fractions, np.repeat(self.degrees, parts), np.repeat(quiet, parts))
+
     def calm_rows(self, interval: int) -> int:
         """Return how many Legendre coefficients of a control vanish in `interval`."""
         degree = int(self.degrees[interval])

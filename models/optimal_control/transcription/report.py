@@ -9,7 +9,10 @@ coefficients of its controls (Liu, Hager and Rao, Journal of the Franklin Instit
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -19,6 +22,7 @@ from ..definition import Phase
 from ..lagrange import interpolation
 from ..plan import PhasePlan
 from ..sampling import Course, Instants
+from ..sizes import PhaseSizes
 from .schemes import gauss_points, integration
 
 __all__ = ["ALLOWED", "SHARE", "Report", "examine"]
@@ -52,6 +56,8 @@ class Report:
         Largest violation of state bounds and path constraints between the nodes, relative.
     decays : ndarray, shape (intervals,)
         Decades by which the controls' Legendre coefficients fall a degree.
+    tails : ndarray, shape (intervals,)
+        Largest coefficient of the upper half of the degrees, as a share of the control's size.
     cuts : tuple of (float or None)
         Where a control switches from bound to bound within the interval, in [-1, 1].
     windows : tuple of tuple
@@ -65,12 +71,13 @@ class Report:
     errors: Floats
     violations: Floats
     decays: Floats
+    tails: Floats
     cuts: tuple[float | None, ...]
     windows: tuple[tuple[tuple[float, float], ...], ...]
     chatters: NDArray[np.bool_]
     places: Floats
 
-    @property
+    @cached_property
     def worst(self) -> Floats:
         """The larger of error and violation, an interval each, in terms of the error."""
         found: Floats = np.maximum(self.errors, self.violations * (SHARE / ALLOWED))
@@ -78,164 +85,201 @@ class Report:
 
 
 def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
-    """Return the report on one phase of a plan."""
+    """Return the report on one phase of a plan; intervals with the same nodes go together."""
     count = part.states.intervals
-    most = np.max([np.abs(v).max(axis=0) for v in part.states.values], axis=0)
-    size = np.maximum(phase.least_scale("states"), most)
     errors, violations, places = np.zeros(count), np.zeros(count), np.zeros(count)
-    decays, chatters = np.zeros(count), np.zeros(count, bool)
-    cuts: list[float | None] = []
-    windows: list[tuple[tuple[float, float], ...]] = []
-    course = Course(phase, part, parameters)
-    quadrature = _quadrature(course)
-    whole = np.maximum(1.0, sum((size for _, size in quadrature), np.zeros(phase.integrals)))
-    for k in range(count):
-        degree = part.controls.nodes[k].size
-        fine, onto = integration(max(part.states.nodes[k].size, degree) + FINER)
-        half = 0.5 * (part.states.knots[k + 1] - part.states.knots[k])
-        values = _look(course, k, fine)[1]
-        begin = part.states.on(k, [-1.0])
-        moved = begin + half * (onto @ values["rate"])
-        there = part.states.on(k, np.append(fine, 1.0))
-        off = (np.abs(moved - there) / size).max(axis=1)
-        errors[k] = off.max()
-        if quadrature:
-            again = half * (gauss_points(fine.size)[1] @ values["integrand"])
-            gap = np.abs(quadrature[k][0] - again)
-            errors[k] = max(errors[k], float((gap / whole).max()))
-        # The residual between two neighbours on the fine grid shows where the motion is wrong.
-        steps = np.abs(np.diff(np.append(0.0, off[:-1])))
-        places[k] = fine[int(steps.argmax())]
-        violations[k], where = _violated(course, k)
-        if violations[k] > errors[k]:
-            places[k] = where
-        decays[k] = _decay(part.controls.nodes[k], part.controls.values[k], phase)
-        cuts.append(_switch(phase, part, k))
-        windows.append(_windows(course, k))
-        chatters[k] = _chatters(phase, part.controls.values[k])
-    bad = ~np.isfinite(errors)
-    errors[bad] = np.inf
-    return Report(errors, violations, decays, tuple(cuts), tuple(windows), chatters, places)
+    decays, tails, chatters = np.zeros(count), np.zeros(count), np.zeros(count, bool)
+    windows: list[tuple[tuple[float, float], ...]] = [()] * count
+    with np.errstate(invalid="ignore", over="ignore"):
+        course = Course(phase, part, parameters)
+        sizes = course.sizes
+        for one in _groups(course):
+            rows = one.rows
+            errors[rows], places[rows] = _errors(one, sizes.states, sizes.integrals)
+            violations[rows], where = _violated(phase, one, sizes)
+            places[rows] = np.where(violations[rows] > errors[rows], where, places[rows])
+            decays[rows], tails[rows] = _decays(phase, one)
+            chatters[rows] = _chatters(phase, one.controls)
+            for k, found in zip(rows, _windows(phase, one), strict=True):
+                windows[k] = found
+    cuts = _switches(phase, part)
+    return Report(errors, violations, decays, tails, cuts, tuple(windows), chatters, places)
 
 
-def _look(course: Course, k: int, tau: Floats) -> tuple[Instants, dict[str, Floats]]:
-    """Return states and controls, and the declared functions, at places of interval k."""
-    at = course.at(np.full(len(tau), k), tau)
-    return at, course.values(at)
+class _Group(NamedTuple):
+    """Intervals with the same nodes, and what the plan and its functions are at the same places of each.
+
+    Attributes
+    ----------
+    rows : ndarray of int, shape (intervals,)
+        Which intervals.
+    half : ndarray, shape (intervals,)
+        Half their lengths.
+    nodes : ndarray
+        Where the controls stand, in [-1, 1].
+    controls : ndarray, shape (intervals, nodes, size)
+        The controls there, as they stand.
+    fine, between, own, quadrature : tuple of ndarray and dict
+        The places in [-1, 1], and tables of shape (intervals, places, size): a finer grid with both
+        ends; one that is crowded towards the ends; the controls' nodes; and the rule of these.
+    """
+
+    rows: NDArray[np.int64]
+    half: Floats
+    nodes: Floats
+    controls: Floats
+    fine: _Look
+    between: _Look
+    own: _Look
+    quadrature: _Look
 
 
-def _quadrature(course: Course) -> list[tuple[Floats, Floats]]:
-    """Return the integrals over each interval as its own nodes give them, and of the magnitudes."""
-    if not course.phase.integrals:
-        return []
-    found = []
-    for k, half in enumerate(0.5 * np.diff(course.plan.states.knots)):
-        tau, weights = gauss_points(course.plan.controls.nodes[k].size)
-        values = _look(course, k, tau)[1]["integrand"]
-        found.append((half * (weights @ values), half * (weights @ np.abs(values))))
-    return found
+_Look = tuple[Floats, dict[str, Floats]]
 
 
-def _violated(course: Course, k: int) -> tuple[float, float]:
-    """Return the largest relative violation between the nodes of interval k, and where it lies."""
-    count = 3 * course.plan.states.nodes[k].size + 8
-    tau = -np.cos(np.pi * np.arange(count) / (count - 1))
-    at, functions = _look(course, k, tau)
-    phase = course.phase
-    tables = [(at.states.T, *phase.bounds("states"), phase.least_scale("states"))]
+def _groups(course: Course) -> list[_Group]:
+    """Return the intervals by their nodes; the declared functions are called once for all."""
+    states, controls = course.plan.states, course.plan.controls
+    alike: dict[tuple[bytes, bytes], list[int]] = {}
+    for k, (x, u) in enumerate(zip(states.nodes, controls.nodes, strict=True)):
+        alike.setdefault((x.tobytes(), u.tobytes()), []).append(k)
+    plans = []
+    for rows in map(np.array, alike.values()):
+        nodes, more = controls.nodes[rows[0]], states.nodes[rows[0]].size
+        fine = gauss_points(max(more, nodes.size) + FINER)[0]
+        crowded = -np.cos(np.linspace(0.0, np.pi, 3 * more + 8))
+        rule = gauss_points(nodes.size)[0] if course.phase.integrals else np.zeros(0)
+        places = [np.concatenate([[-1.0], fine, [1.0]]), crowded, nodes, rule]
+        plans.append((rows, places, course.spread(rows, np.concatenate(places))))
+    at = Instants(*map(np.concatenate, zip(*(one for _, _, one in plans), strict=True)))
+    values = {"states": at.states, "controls": at.controls, **course.values(at)}
+    groups, begin = [], 0
+    for rows, places, own in plans:
+        end = begin + own.tau.size
+        tables = {
+            name: table[begin:end].reshape(rows.size, sum(map(len, places)), table.shape[1])
+            for name, table in values.items()
+        }
+        begin = end
+        cuts = np.cumsum([0, *(one.size for one in places)])
+        looks = (
+            (tau, {name: table[:, low:high] for name, table in tables.items()})
+            for tau, low, high in zip(places, cuts[:-1], cuts[1:], strict=True)
+        )
+        half = 0.5 * np.diff(states.knots)[rows]
+        stacked = np.stack([controls.values[k] for k in rows])
+        groups.append(_Group(rows, half, places[2], stacked, *looks))
+    return groups
+
+
+def _errors(one: _Group, size: Floats, whole: Floats) -> tuple[Floats, Floats]:
+    """Return the errors of motion and integrals, and where the motion is most wrong."""
+    tau, tables = one.fine
+    fine, onto = integration(tau.size - 2)
+    half = one.half[:, None, None]
+    moved = tables["states"][:, :1] + half * (onto @ tables["rate"][:, 1:-1])
+    off = (np.abs(moved - tables["states"][:, 1:]) / size).max(axis=2)
+    errors = off.max(axis=1)
+    own = one.quadrature[0].size
+    if own:
+        before = gauss_points(own)[1] @ one.quadrature[1]["integrand"]
+        again = gauss_points(fine.size)[1] @ tables["integrand"][:, 1:-1]
+        gap = one.half[:, None] * np.abs(again - before) / whole
+        errors = np.maximum(errors, gap.max(axis=1))
+    # The residual between two neighbours on the fine grid shows where the motion is wrong.
+    steps = np.abs(np.diff(off[:, :-1], axis=1, prepend=0.0))
+    return np.where(np.isfinite(errors), errors, np.inf), fine[steps.argmax(axis=1)]
+
+
+def _violated(phase: Phase, one: _Group, sizes: PhaseSizes) -> tuple[Floats, Floats]:
+    """Return the largest relative violation between the nodes of each interval, and where it lies."""
+    tau, tables = one.between
+    worst, where = np.zeros(one.rows.size), np.zeros(one.rows.size)
+    asked = [("states", tables["states"], sizes.states)]
     if phase.paths:
-        paths = phase.stacked("paths", "scale")
-        tables.append((functions["path"].T, *phase.bounds("paths"), paths))
-    worst, where = 0.0, 0.0
-    for values, low, high, least in tables:
-        for edge, sign in ((low, -1.0), (high, 1.0)):
+        asked.append(("paths", tables["path"], sizes.paths))
+    for what, values, least in asked:
+        for edge, sign in zip(phase.bounds(what), (-1.0, 1.0), strict=True):
             known = np.isfinite(edge)
             if known.any():
                 scale = np.maximum(least[known], np.abs(edge[known]))
-                off = (sign * (values[known] - edge[known, None]) / scale[:, None]).max(axis=0)
-                if np.isnan(off).any():
-                    return np.inf, 0.0
-                row = int(off.argmax())
-                if off[row] > worst:
-                    worst, where = float(off[row]), float(tau[row])
+                off = (sign * (values[:, :, known] - edge[known]) / scale).max(axis=2)
+                off = np.where(np.isnan(off), np.inf, off)
+                most = off.max(axis=1)
+                where = np.where(most > worst, tau[off.argmax(axis=1)], where)
+                worst = np.maximum(worst, most)
     return worst, where
 
 
-def _decay(nodes: Floats, values: Floats, phase: Phase) -> float:
-    """Return by how many decades a degree the Legendre coefficients of the controls fall."""
-    if nodes.size < 4 or not values.shape[1]:
-        return 1.0
-    table = legendre.legvander(nodes, nodes.size - 1)
-    coefficients = np.abs(np.linalg.solve(table, values))
-    scale = np.maximum(phase.stacked("controls", "scale"), np.abs(values).max(axis=0))
-    slowest = 2.0
-    for own, size in zip(coefficients.T, scale, strict=True):
-        if own[1:].max(initial=0.0) <= 1e-7 * size:
-            continue  # as good as constant
-        # The envelope from above: the largest coefficient from each degree on.
-        envelope = np.maximum.accumulate(own[::-1])[::-1]
-        logs = np.log10(np.maximum(envelope, 1e-9 * size))
-        degree = np.arange(own.size)
-        end = own.size
-        floor = np.flatnonzero(envelope <= 1e-8 * size)
-        if floor.size:
-            end = max(int(floor[0]) + 1, 3)
-        slope = -np.polyfit(degree[:end], logs[:end], 1)[0]
-        slowest = min(slowest, float(slope))
-    return slowest
+def _decays(phase: Phase, one: _Group) -> tuple[Floats, Floats]:
+    """Return by how many decades a degree the controls' Legendre coefficients fall, and their tail."""
+    count, degrees, controls = one.controls.shape
+    if degrees < 4 or not controls:
+        return np.ones(count), np.ones(count)
+    table = legendre.legvander(one.nodes, degrees - 1)
+    own = np.abs(np.linalg.solve(table, one.controls))
+    scale = np.maximum(phase.stacked("controls", "scale"), np.abs(one.controls).max(axis=1))
+    constant = own[:, 1:].max(axis=1) <= 1e-7 * scale
+    scale = scale[:, None]
+    # The envelope from above: the largest coefficient from each degree on.
+    envelope = np.maximum.accumulate(own[:, ::-1], axis=1)[:, ::-1]
+    logs = np.log10(np.maximum(envelope, 1e-9 * scale))
+    floor = envelope <= 1e-8 * scale
+    end = np.where(floor.any(axis=1), np.maximum(floor.argmax(axis=1) + 1, 3), degrees)
+    # The straight line of least squares through the degrees below the floor.
+    degree = np.arange(degrees)[:, None]
+    lever = np.where(degree < end[:, None], degree - 0.5 * (end[:, None] - 1), 0.0)
+    slopes = -(lever * logs).sum(axis=1) / (lever**2).sum(axis=1)
+    found: Floats = np.where(constant, 2.0, slopes).min(axis=1)
+    tails: Floats = (envelope[:, (degrees + 1) // 2] / scale[:, 0]).max(axis=1)
+    return np.minimum(found, 2.0), tails
 
 
-def _windows(course: Course, k: int) -> tuple[tuple[float, float], ...]:
-    """Return the pairs of neighbouring nodes between which a constraint begins or ceases to bind."""
-    phase, tau = course.phase, course.plan.controls.nodes[k]
-    at, functions = _look(course, k, tau)
-    tables = [("states", at.states.T), ("controls", at.controls.T), ("paths", functions["path"].T)]
-    changes = np.zeros(tau.size - 1, bool)
-    for what, values in tables:
-        scale = BINDING * phase.stacked(what, "scale")[:, None]
+def _windows(phase: Phase, one: _Group) -> Iterator[tuple[tuple[float, float], ...]]:
+    """Yield the pairs of neighbouring nodes between which a constraint begins or ceases to bind."""
+    tau, tables = one.own
+    changes = np.zeros((one.rows.size, tau.size - 1), bool)
+    for what, name in (("states", "states"), ("controls", "controls"), ("paths", "path")):
+        scale = BINDING * phase.stacked(what, "scale")
         for side in ("lower", "upper"):
-            edge = phase.stacked(what, side)[:, None]
-            with np.errstate(invalid="ignore"):
-                binds = np.abs(values - edge) <= scale
-            changes |= (binds[:, 1:] != binds[:, :-1]).any(axis=0)
-    return tuple((float(tau[j]), float(tau[j + 1])) for j in np.flatnonzero(changes))
+            binds = np.abs(tables[name] - phase.stacked(what, side)) <= scale
+            changes |= (binds[:, 1:] != binds[:, :-1]).any(axis=2)
+    for row in changes:
+        yield tuple((float(tau[j]), float(tau[j + 1])) for j in np.flatnonzero(row))
 
 
-def _chatters(phase: Phase, values: Floats) -> bool:
-    """Return whether a control goes to and fro from node to node."""
+def _chatters(phase: Phase, values: Floats) -> NDArray[np.bool_]:
+    """Return in which intervals a control goes to and fro from node to node."""
     low, high = phase.bounds("controls")
-    for c in range(values.shape[1]):
-        width = high[c] - low[c]
-        if not np.isfinite(width) or width <= 0.0:
-            continue
-        steps = np.diff(values[:, c]) / width
-        steps = steps[np.abs(steps) > STEP]
-        if (steps[1:] * steps[:-1] < 0.0).sum() >= TURNS:
-            return True
-    return False
+    found = np.zeros(len(values), bool)
+    for c in np.flatnonzero(np.isfinite(high - low) & (high > low)):
+        for k, steps in enumerate(np.diff(values[:, :, c], axis=1) / (high[c] - low[c])):
+            steps = steps[np.abs(steps) > STEP]
+            found[k] |= (steps[1:] * steps[:-1] < 0.0).sum() >= TURNS
+    return found
 
 
-def _switch(phase: Phase, part: PhasePlan, k: int) -> float | None:
-    """Return where within interval k a control goes from one bound to the other, None if nowhere."""
+def _switches(phase: Phase, part: PhasePlan) -> tuple[float | None, ...]:
+    """Return where within each interval a control goes from one bound to the other, None if nowhere."""
     low, high = phase.bounds("controls")
-    count = part.controls.intervals
-    for c in range(part.controls.size):
-        width = high[c] - low[c]
-        if not np.isfinite(width) or width <= 0.0:
-            continue
-        own = (part.controls.values[k][:, c] - low[c]) / width
-        before, after = own[0], own[-1]
-        if k > 0 and own.size < 3:
-            before = (part.controls.values[k - 1][-1, c] - low[c]) / width
-        if k + 1 < count and own.size < 3:
-            after = (part.controls.values[k + 1][0, c] - low[c]) / width
-        falls = before > 1.0 - SATURATED and after < SATURATED
-        rises = before < SATURATED and after > 1.0 - SATURATED
-        if not (falls or rises):
-            continue
-        nodes = part.controls.nodes[k]
-        fine, weights = gauss_points(nodes.size + 2)
-        mean = 0.5 * float(weights @ (interpolation(nodes, fine) @ own))
-        share = mean if falls else 1.0 - mean
-        return float(np.clip(2.0 * share - 1.0, -0.995, 0.995))
-    return None
+    controls = part.controls
+    found: list[float | None] = [None] * controls.intervals
+    sizes = np.array([at.size for at in controls.nodes])
+    first, last = (np.array([v[end] for v in controls.values]) for end in (0, -1))
+    for c in np.flatnonzero(np.isfinite(high - low) & (high > low)):
+        before, after = ((v[:, c] - low[c]) / (high[c] - low[c]) for v in (first, last))
+        # Two nodes tell too little: there the neighbours' ends count.
+        before, after = (
+            np.where(sizes < 3, np.append(before[0], after[:-1]), before),
+            np.where(sizes < 3, np.append(before[1:], after[-1]), after),
+        )
+        falls = (before > 1.0 - SATURATED) & (after < SATURATED)
+        rises = (before < SATURATED) & (after > 1.0 - SATURATED)
+        for k in np.flatnonzero(falls | rises):
+            if found[k] is None:
+                fine, weights = gauss_points(int(sizes[k]) + 2)
+                own = (controls.values[k][:, c] - low[c]) / (high[c] - low[c])
+                mean = 0.5 * float(weights @ (interpolation(controls.nodes[k], fine) @ own))
+                share = mean if falls[k] else 1.0 - mean
+                found[k] = float(np.clip(2.0 * share - 1.0, -0.995, 0.995))
+    return tuple(found)

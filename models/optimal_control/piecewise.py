@@ -1,0 +1,197 @@
+"""Piecewise polynomials of time, in Lagrange form on distinct nodes of each interval."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...errors import InvalidData
+from ..fields import Array, Whole, frozen, show
+from .lagrange import barycentric_weights, differentiation, interpolation
+
+__all__ = ["Piecewise"]
+
+Floats = NDArray[np.float64]
+
+#: How far outside its interval, relative to the whole length, a time may lie by rounding.
+EDGE = 1e-9
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Piecewise:
+    """A vector of functions of time, one polynomial in Lagrange form an interval.
+
+    Parameters
+    ----------
+    knots : ndarray, shape (intervals + 1,)
+        Where the intervals begin and end, increasing.
+    nodes : tuple of ndarray
+        One an interval: distinct positions in [-1, 1], where -1 is its begin and 1 its end.
+    values : tuple of ndarray, shape (nodes, size)
+        The values at the nodes.
+    lower, upper : ndarray, shape (size,), optional
+        Where the values saturate: what lies beyond is cut off, as an actuator does it.
+    """
+
+    knots: Floats
+    nodes: tuple[Floats, ...]
+    values: tuple[Floats, ...]
+    lower: Floats | None = None
+    upper: Floats | None = None
+
+    def __post_init__(self) -> None:
+        knots = Array(("knots",)).coerce("knots", self.knots, {})
+        if knots.size < 2 or not (np.diff(knots) > 0).all():
+            raise InvalidData(f"knots must increase, got {show(knots.tolist())}", field="knots")
+        count = knots.size - 1
+        for name in ("nodes", "values"):
+            if not isinstance(getattr(self, name), list | tuple):
+                raise InvalidData(
+                    f"{name} must be a list, one entry an interval, got {show(getattr(self, name))}",
+                    field=name,
+                )
+        if len(self.nodes) != count or len(self.values) != count:
+            raise InvalidData(
+                f"{count} intervals need as many nodes and values, "
+                f"got {len(self.nodes)} and {len(self.values)}",
+                field="nodes",
+            )
+        sizes: dict[str, tuple[int, str]] = {}
+        nodes: list[Floats] = []
+        values: list[Floats] = []
+        for k in range(count):
+            at = Array(("n",), lower=-1.0, upper=1.0).coerce(f"nodes[{k}]", self.nodes[k], {})
+            if at.size == 0 or not (np.diff(at) > 0).all():
+                raise InvalidData(f"nodes[{k}] must increase, got {at.tolist()}", field="nodes")
+            if k and at.size == nodes[-1].size and (at == nodes[-1]).all():
+                at = nodes[-1]  # kept once: a mesh has few different sets
+            inner = {**sizes, "nodes": (at.size, f"nodes[{k}]")}
+            table = Array(("nodes", "size")).coerce(f"values[{k}]", self.values[k], inner)
+            sizes.setdefault("size", (table.shape[1], "values[0]"))
+            nodes.append(at)
+            values.append(table)
+        object.__setattr__(self, "knots", knots)
+        object.__setattr__(self, "nodes", tuple(nodes))
+        object.__setattr__(self, "values", tuple(values))
+        for name, sign in (("lower", -1), ("upper", 1)):
+            if getattr(self, name) is not None:
+                bound = Array(("size",), infinity=sign).coerce(name, getattr(self, name), sizes)
+                object.__setattr__(self, name, bound)
+
+    def __repr__(self) -> str:
+        return f"<Piecewise {self.size} functions, {self.intervals} intervals>"
+
+    @property
+    def size(self) -> int:
+        """Number of functions."""
+        return int(self.values[0].shape[1])
+
+    @property
+    def intervals(self) -> int:
+        """Number of intervals."""
+        return int(self.knots.size) - 1
+
+    @cached_property
+    def _weights(self) -> tuple[Floats, ...]:
+        known: dict[int, Floats] = {}
+        for at in self.nodes:
+            if id(at) not in known:
+                known[id(at)] = frozen(barycentric_weights(at))
+        return tuple(known[id(at)] for at in self.nodes)
+
+    def _cut(self, values: Floats) -> Floats:
+        if self.lower is None and self.upper is None:
+            return values
+        found: Floats = np.clip(values, self.lower, self.upper)
+        return found
+
+    def on(self, interval: int, points: ArrayLike) -> Floats:
+        """Return the values in `interval` at `points` in [-1, 1], shape (points, size)."""
+        matrix = interpolation(self.nodes[interval], points, self._weights[interval])
+        return self._cut(matrix @ self.values[interval])
+
+    def on_each(self, intervals: NDArray[np.int64], points: ArrayLike) -> Floats:
+        """Return the values at the same `points` of `intervals` that have the same nodes.
+
+        Shape (intervals, points, size).
+        """
+        first = intervals[0]
+        matrix = interpolation(self.nodes[first], points, self._weights[first])
+        return self._cut(matrix @ np.stack([self.values[k] for k in intervals]))
+
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Floats:
+        """Return the values at times `t`, shape (…, size); at a knot, those of the interval after it.
+
+        A derivative is that of the polynomials, saturation left aside.
+
+        Raises
+        ------
+        InvalidData
+            A time lies outside the knots, or is no number; a derivative is no whole number >= 0.
+        """
+        order = Whole(0).coerce("derivative", derivative, {})
+        try:
+            times = np.asarray(t, float)
+        except Exception:  # whatever a stranger's conversion raises
+            raise InvalidData(f"t must be numbers, got {show(t)}", field="t") from None
+        flat = times.reshape(-1)
+        begin, end = self.knots[0], self.knots[-1]
+        slack = EDGE * max(end - begin, abs(begin), abs(end))
+        outside = ~((flat >= begin - slack) & (flat <= end + slack))
+        if outside.any():
+            raise InvalidData(
+                f"t must lie in [{begin:g}, {end:g}], got {flat[outside][0]:g}", field="t"
+            )
+        flat = np.clip(flat, begin, end)
+        place = np.clip(np.searchsorted(self.knots, flat, side="right") - 1, 0, self.intervals - 1)
+        found = np.empty((flat.size, self.size))
+        for k in np.unique(place):
+            here = place == k
+            low, high = self.knots[k], self.knots[k + 1]
+            tau = 2.0 * (flat[here] - low) / (high - low) - 1.0
+            if order == 0:
+                found[here] = self.on(int(k), tau)
+                continue
+            table = self.values[k]
+            turn = differentiation(self.nodes[k]) * (2.0 / (high - low))
+            for _ in range(order):
+                table = turn @ table
+            found[here] = interpolation(self.nodes[k], tau, self._weights[k]) @ table
+        return found.reshape((*times.shape, self.size))
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the functions as JSON data."""
+
+        def bound(values: Floats | None, sign: int) -> Any:
+            return None if values is None else Array(("n",), infinity=sign).encode(values)
+
+        return {
+            "nodes": [at.tolist() for at in self.nodes],
+            "values": [table.tolist() for table in self.values],
+            "lower": bound(self.lower, -1),
+            "upper": bound(self.upper, 1),
+        }
+
+    @classmethod
+    def from_data(cls, data: Any, knots: Any, what: str) -> Piecewise:
+        """Return the functions that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        keys = {"nodes", "values", "lower", "upper"}
+        if not isinstance(data, Mapping) or not {"nodes", "values"} <= set(data) <= keys:
+            raise InvalidData(
+                f"{what} must be an object with nodes and values (lower, upper), got {show(data)}",
+                field=what,
+            )
+        for key in ("nodes", "values"):
+            if not isinstance(data[key], Sequence) or isinstance(data[key], str):
+                raise InvalidData(
+                    f"{what}: {key} must be a list, one entry an interval, got {show(data[key])}",
+                    field=what,
+                )
+        return cls(
+            knots, tuple(data["nodes"]), tuple(data["values"]), data.get("lower"), data.get("upper")
+        )

@@ -1,0 +1,83 @@
+"""The step of a prepared solver as C code that needs no library."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from ...errors import InvalidData, UnsupportedFormulation
+from ...files import writable, write_text
+from ..casadi_plugins import last_line
+from .parametric import Parametric
+
+__all__ = ["step_function", "write_step"]
+
+
+def step_function(own: Parametric, solver: Any, name: str = "step") -> Any:
+    """Return a step as a function that CasADi evaluates, maps and writes as C.
+
+    Its arguments are the data by their names, then ``z``, ``lam_x`` and ``lam_g``: where the search
+    starts, in the solver's units, and multipliers (0 where none are known). Its results are ``u``, the
+    controls at the begin of the first phase, ``objective``, ``violation`` (the largest of a scaled row)
+    and ``z``, ``lam_x``, ``lam_g`` for the next step; their names end in ``_out``.
+    """
+    import casadi
+
+    data = {key: casadi.MX.sym(key, one.size) for key, one in own.data.items()}
+    state = {
+        key: casadi.MX.sym(key, size)
+        for key, size in (("z", own.free.size), ("lam_x", own.free.size), ("lam_g", own.rows.size))
+    }
+    bounds = {key: casadi.DM(value) for key, value in own.bounds.items()}
+    p = casadi.vertcat(*data.values())
+    found = solver(x0=state["z"], lam_x0=state["lam_x"], lam_g0=state["lam_g"], p=p, **bounds)
+    at, weights, lower, upper = own.at_begin
+    beyond = casadi.fmax(bounds["lbg"] - found["g"], found["g"] - bounds["ubg"])
+    columns = own.stacked(found["x"], p) * casadi.DM(own.program.column_scale)
+    first = [
+        casadi.fmin(casadi.fmax(casadi.dot(columns[row], weights), low), high)
+        for row, low, high in zip(at.tolist(), lower, upper, strict=True)
+    ]
+    results = {
+        "u": casadi.vertcat(*first, casadi.MX(0, 1)),
+        "objective": found["f"] * own.program.objective_scale,
+        "violation": casadi.mmax(casadi.fmax(beyond, 0.0)),
+        "z_out": found["x"],
+        "lam_x_out": found["lam_x"],
+        "lam_g_out": found["lam_g"],
+    }
+    return casadi.Function(
+        name, [*data.values(), *state.values()], [*results.values()], [*data, *state], [*results]
+    )
+
+
+def write_step(own: Parametric, solver: Any, path: str | os.PathLike[str]) -> Path:
+    """Write C code of :func:`step_function`, named as the file is, with CasADi's C interface.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The problem holds a function that has no C code, such as a callback.
+    InvalidData
+        The file cannot be written, or its name is none that a function in C can have.
+    """
+    import casadi
+
+    target = writable(path, [".c"])
+    name = target.stem
+    if not casadi.Function.check_name(name):
+        raise InvalidData(
+            f"the file's stem names the function in C, which cannot be {name!r}: take letters and "
+            "digits, such as 'step.c'",
+            field="path",
+        )
+    start = casadi.Function(f"{name}_start", [], [casadi.DM(own.guess)], [], ["z"])
+    try:
+        code = casadi.CodeGenerator(name)
+        code.add(step_function(own, solver, name))
+        code.add(start)
+        text = code.dump()
+    except RuntimeError as error:
+        raise UnsupportedFormulation(f"no C code can be written: {last_line(error)}") from error
+    return write_text(target, text)
