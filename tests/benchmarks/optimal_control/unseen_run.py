@@ -1,0 +1,101 @@
+"""Solve the unseen problems with defaults, each in a process of its own, and print a line of each.
+
+``python tests/benchmarks/optimal_control/unseen_run.py [--json FILE] [--limit SECONDS] [names]``
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve()
+
+
+def _solve(name: str) -> dict[str, Any]:
+    """Return what one call of `solve` with defaults gives."""
+    sys.path.insert(0, str(HERE.parent))
+    from unseen import UNSEEN
+
+    import crosstrack as ct
+
+    ocp = UNSEEN[name].build(name)
+    ct.solve(ct.load("optimal-control/double-integrator-energy"))
+    start = time.perf_counter()
+    solution = ct.solve(ocp)
+    return {
+        "ended": str(solution.termination),
+        "verified": bool(solution.verified),
+        "J": solution.primal_bound,
+        "seconds": time.perf_counter() - start,
+        "meshes": (solution.statistics or {}).get("meshes"),
+        "message": solution.message or "",
+    }
+
+
+def measure(name: str, value: float, exact: float, limit: float) -> dict[str, Any]:
+    """Return the answer of a process with whether it is right: verified, and as good as `value`."""
+    command = [sys.executable, str(HERE), "--child", name]
+    begin = time.perf_counter()
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit)
+    except subprocess.TimeoutExpired:
+        answer: dict[str, Any] = {"ended": "killed", "message": f"over {limit:g} s"}
+    else:
+        lines = done.stdout.strip().splitlines()
+        if done.returncode == 0 and lines:
+            answer = json.loads(lines[-1])
+        else:
+            answer = {"ended": "error", "message": (done.stderr.strip().splitlines() or [""])[-1]}
+    answer = {"verified": False, "J": None, "meshes": None, **answer}
+    answer.setdefault("seconds", time.perf_counter() - begin)
+    answer.update(name=name, value=value, exact=exact, error=None)
+    if answer["J"] is not None:
+        answer["error"] = (answer["J"] - value) / abs(value)
+    # A verified plan that is a little better than what is published is right too; one that is far
+    # better answers another statement. Where nothing is published, the value is not a number.
+    known = value == value
+    answer["right"] = answer["verified"] and (not known or -1e-3 <= answer["error"] <= exact)
+    return answer
+
+
+def main() -> None:
+    """Solve the problems named, or all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*")
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--limit", type=float, default=60.0)
+    parser.add_argument("--child", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.child:
+        print(json.dumps(_solve(given.child)))
+        return
+    sys.path.insert(0, str(HERE.parent))
+    from unseen import UNSEEN
+
+    rows = []
+    for name in given.names or UNSEEN:
+        one = UNSEEN[name]
+        row = measure(name, one.value, one.exact, given.limit)
+        rows.append(row)
+        number, error = (
+            "-" if row[key] is None else f"{row[key]:{form}}"
+            for key, form in (("J", ".9g"), ("error", ".1e"))
+        )
+        print(
+            f"{'ok  ' if row['right'] else 'FAIL'} {name:22} {row['ended']:20} {number:>14} "
+            f"{one.value:14.9g} {error:>9} {row['seconds']:6.1f} s {row['meshes'] or '-':>3} "
+            f"{row['message'][:160]}",
+            flush=True,
+        )
+    print(f"{sum(row['right'] for row in rows)} of {len(rows)} right")
+    if given.json:
+        given.json.write_text(json.dumps(rows, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
