@@ -268,7 +268,8 @@ class Worker:
     def _solve(self, job: Job, grace: float, listener: Listener | None) -> Solution[Any]:
         begin = time.monotonic()
         self._level = logging.INFO if job.verbose else logging.DEBUG
-        backend = job.resolved().backend
+        job = job.resolved()
+        backend = job.backend
         assert isinstance(backend, Backend)
         hides = backend.hides(job.model)
         if hides and job.warm_start is not None:

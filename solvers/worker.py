@@ -119,17 +119,22 @@ class _Stops:
         self._lock = threading.Lock()
         self._number, self._asked = -1, -1
         self._control: Any = None
+        self._trusted = True
 
-    def begin(self, number: int, control: Any) -> None:
+    def begin(self, number: int, control: Any, trusted: bool) -> None:
         """Have `control` hear what is asked of job `number`, even if it was asked already."""
         with self._lock:
-            self._number, self._control = number, control
+            self._number, self._control, self._trusted = number, control, trusted
         self.ask(self._asked)
 
     @property
-    def abandoned(self) -> bool:
-        """Whether something of the last job still runs."""
-        return self._control is not None and self._control.abandoned
+    def last(self) -> bool:
+        """Whether the job must be the last of this process.
+
+        What was given up runs on in a thread, and what others wrote may have bent the classes that
+        judge.
+        """
+        return not self._trusted or (self._control is not None and self._control.abandoned)
 
     def ask(self, number: int) -> None:
         """Stop job `number`, now or when it begins."""
@@ -204,7 +209,7 @@ def _serve() -> None:
                     "number": number,
                     **carried(error),
                     "trace": traceback.format_exc(),
-                    "last": stops.abandoned,
+                    "last": stops.last,
                 }
             )
 
@@ -224,7 +229,8 @@ def _solve(number: int, job: Any, send: Any, stops: _Stops, channel: socket.sock
         send({"event": "bound", "number": number, "bound": bound})
 
     control = Control(patience=PATIENCE, oracle=asking, proven=proven)
-    stops.begin(number, control)
+    ours = is_ours(job.backend)
+    stops.begin(number, control, ours)
     send({"event": "started", "number": number})
 
     def heard(incumbent: Any) -> None:
@@ -245,8 +251,8 @@ def _solve(number: int, job: Any, send: Any, stops: _Stops, channel: socket.sock
     how: dict[str, Any] = {"listener": heard, "on_prepare": preparing, "control": control}
     try:
         with shown(job.verbose):
-            # What others wrote may have bent this process: the parent judges its plans.
-            if model.is_blinded or (job.starts == 1 and not is_ours(job.backend)):
+            # The parent judges the plans of what others wrote.
+            if model.is_blinded or (job.starts == 1 and not ours):
                 message = {"event": "claim", "claim": claim_to_data(job, claim(job, **how))}
             else:
                 message = {"event": "solution", "solution": execute(job, **how).to_dict()}
@@ -256,8 +262,7 @@ def _solve(number: int, job: Any, send: Any, stops: _Stops, channel: socket.sock
     # A line without its end, which nobody would read after the answer.
     sys.stdout.flush()
     flush_native()
-    # What was given up runs on in a thread: no other job may share its process.
-    send({**message, "number": number, "last": control.abandoned})
+    send({**message, "number": number, "last": stops.last})
 
 
 if __name__ == "__main__":

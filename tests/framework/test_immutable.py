@@ -10,10 +10,13 @@ import scipy.sparse as sp
 from fakes import Fixed
 
 import crosstrack as ct
+from crosstrack.errors import UnsupportedOption
 from crosstrack.models import MixedIntegerProgram, NonlinearProgram, Route
 from crosstrack.models.fields import frozen
 from crosstrack.models.verification import Check
 from crosstrack.solvers import Answer, Feature, Guarantee, Termination
+from crosstrack.solvers.isolation import Worker
+from crosstrack.solvers.job import Job
 
 MODELS = (
     "error-correction/example-1",
@@ -191,6 +194,22 @@ def test_what_a_backend_bends_in_its_worker_judges_nothing(starts):
     found = ct.solve(far(), backend, isolate=True, starts=starts)
     assert found.termination is Termination.REJECTED and found.plan is None
     assert Check("", "", 1.0, "", 0.0, "").ok is False
+
+
+def test_a_process_that_ran_what_others_wrote_serves_no_other_job():
+    with Worker() as worker:
+        found = worker.solve(Job(far(), Bending(_everything_holds)))
+        assert found.termination is Termination.REJECTED
+        assert worker.pid is None
+        with pytest.raises(UnsupportedOption, match="bent"):
+            worker.solve(Job(far(), Bending(_refuses)))
+        assert worker.pid is None
+        worker.solve(Job(far(), "label-setting"))
+        assert worker.pid is not None
+
+
+def _refuses(model):
+    raise UnsupportedOption("bent")
 
 
 def test_a_plan_is_kept_as_it_was_judged():
