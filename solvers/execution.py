@@ -281,10 +281,10 @@ def _starts(job: Job) -> list[Job]:
     """Return a job for each start; where the formulation draws them, the first is the guess itself."""
     formulation = job.target().formulation
     first = job.seed or 0
-    seeds = range(first, first + job.starts)
+    seeds = list(range(first, first + job.starts))
     if formulation is not None and formulation.draws:
-        seeds = range(max(first, 1) - 1, max(first, 1) - 1 + job.starts)
-        return [replace(job, seed=seed if k else 0, starts=1) for k, seed in enumerate(seeds)]
+        drawn = max(first, 1)
+        seeds = [0, *range(drawn, drawn + job.starts - 1)]
     return [replace(job, seed=seed, starts=1) for seed in seeds]
 
 

@@ -52,7 +52,8 @@ def look_again(
     formulation = run.target.formulation
     if formulation is None or not formulation.draws or wants_none(run.job):
         return answer, problem
-    if answer.termination is not Termination.LOCALLY_OPTIMAL or answer.primal_bound is None:
+    value = answer.primal_bound
+    if answer.termination is not Termination.LOCALLY_OPTIMAL or value is None:
         return answer, problem
     if request.control.stopped or (left is not None and left < ROOM * run.spent[-1]):
         return answer, problem
@@ -67,8 +68,7 @@ def look_again(
         asked = replace(request, time_limit=seconds, control=part, options=options)
         found = run.attend(other.program, asked)
     answer = replace(answer, statistics={**answer.statistics, SECOND: "no better"})
-    gain = BETTER * abs(answer.primal_bound)  # type: ignore[arg-type]
-    best = found.primal_bound is not None and found.primal_bound < answer.primal_bound - gain  # type: ignore[operator]
+    best = found.primal_bound is not None and found.primal_bound < value - BETTER * abs(value)
     run.spent[-1] += time.perf_counter() - begin
     if not best or found.termination is not Termination.LOCALLY_OPTIMAL:
         return answer, problem

@@ -218,7 +218,7 @@ def _reactors() -> tuple[CatalogueEntry, ...]:
             -0.610802920554,
             SHOOTING,
             printed="0.6107775",
-            note=f"{MAXIMUM} What is printed comes from controls of finitely many steps.",
+            note=MAXIMUM,
         ),
         entry(
             reactors.tubular_reactor,

@@ -21,16 +21,15 @@ from numpy.typing import NDArray
 from ..programs.compiled import scalar_form
 from .definition import Definition, Quantity, Restriction
 
-#: A phase of a plan beside its declaration (:class:`~.sampling.Course`, which asks for sizes here).
-Course = Any
-
 __all__ = ["PhaseSizes", "Sizes", "along", "of_phase", "sizes_at"]
 
 Floats = NDArray[np.float64]
+#: A phase of a plan beside its declaration (:class:`~.sampling.Course`, which asks for sizes here).
+Course = Any
 
 #: How many times its course a size may be by what is declared, for quantities that hardly move.
 WIDE = 10.0
-#: Share of what is declared, at most 1, that something has which stays 0.
+#: Size of what stays 0 and of which 1 is declared or nothing: a share of it.
 LEAST = 1e-3
 #: Size of an integral, and of an objective, that vanish: shares of what they are where all is changed.
 VANISHING, RESIDUAL = 1e-4, 1e-2
@@ -78,7 +77,7 @@ class Sizes:
     objective : float
         Size of the objective: of its terms, where they cancel.
     variation : float
-        By how much it changes where everything changes by a part of its size.
+        By how much it changes where everything changes by up to its size.
     """
 
     phases: tuple[PhaseSizes, ...]

@@ -148,27 +148,35 @@ class _Run:
             self.clock.lap("judge")
             if away is None:
                 break
-            better = None
-            low, high = self.problem.column_lower, self.problem.column_upper
-            for side in (AWAY, -AWAY):
-                if left == SADDLES or over(self.request, self.clock) is not None:
-                    break
-                start = np.clip(answer.point + side * away, low, high)
-                found = self.attempted(start, replace(self.request, warm_start=None))
-                answer = replace(answer, statistics=_counted(answer, found))
-                if _is_less(found, answer if better is None else better):
-                    better = replace(found, statistics=answer.statistics)
-                    break
+            better = False
+            if left < SADDLES:
+                answer, better = self.searched_along(away, answer)
             left += 1
-            if better is None:
+            if not better:
                 words = "not a minimum: the objective falls along a direction of negative curvature"
                 message = "; ".join(filter(None, (answer.message, words)))
                 answer = replace(answer, termination=Termination.FEASIBLE, message=message)
                 break
-            answer = better
         if left:
             answer = replace(answer, statistics={**answer.statistics, "saddle points left": left})
         return answer
+
+    def searched_along(self, away: Vector, answer: Answer) -> tuple[Answer, bool]:
+        """Return an answer from either side of the point of `answer`, and whether it is better.
+
+        Without a better one it is `answer` itself; either way the searches are counted.
+        """
+        assert answer.point is not None
+        low, high = self.problem.column_lower, self.problem.column_upper
+        for side in (AWAY, -AWAY):
+            if over(self.request, self.clock) is not None:
+                break
+            start = np.clip(answer.point + side * away, low, high)
+            found = self.attempted(start, replace(self.request, warm_start=None))
+            answer = replace(answer, statistics=_counted(answer, found))
+            if _is_less(found, answer):
+                return replace(found, statistics=answer.statistics), True
+        return answer, False
 
     def start(self) -> Vector:
         """Return where the search begins."""

@@ -136,8 +136,8 @@ def _effects(
 
     That is a row for each final value and boundary constraint, and apart for each path expression, with
     a column for each change of a control at a node, a free initial value (not of paths), a time or a
-    parameter, all in terms of sizes; and which path expressions initial values alone change. The motion leaves the start of the phase or, `arriving`, ends where
-    the phase ends.
+    parameter, all in terms of sizes; and which path expressions initial values alone change. The motion
+    leaves the start of the phase or, `arriving`, ends where the phase ends.
     """
     phase, draw = definition.phases[number], np.random.default_rng(seed)
     functions = functions_of(definition)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ..hamiltonian import hamiltonian_gains
 from ..lagrange import interpolation
 from ..plan import ControlPlan, PhasePlan
+from ..sizes import PhaseSizes
 from .mesh import Mesh
 from .report import SHARE, Report, examine
 from .schemes import gauss_points
@@ -329,7 +330,7 @@ def _refine(
         touched += [bool(changed) or not ample or bool(report.windows[k])] * len(own)
     made = Mesh(np.array(cuts), np.array(degrees), np.array(calm))
     if merge and rules.split and not all(touched):
-        merged = _merge(made, touched, part, limit)
+        merged = _merge(made, touched, part, report.sizes, limit)
         done["merged away"], made = made.intervals - merged.intervals, merged
     words = [f"{count} {word}" for word, count in done.items() if word and count]
     return made, "intervals: " + ", ".join(words) if words else ""
@@ -384,11 +385,12 @@ def _parted(inner: list[float], place: float) -> list[float]:
     return sorted([*inner, 0.5 * (low + high)]) if high - low > 2.0 * MOST else inner
 
 
-def _merge(mesh: Mesh, touched: list[bool], part: PhasePlan, limit: float) -> Mesh:
+def _merge(
+    mesh: Mesh, touched: list[bool], part: PhasePlan, sizes: PhaseSizes, limit: float
+) -> Mesh:
     """Join neighbours that were left alone and that one polynomial of their degree fits."""
     kept, own, calm = [0.0], [], []
     states, span = part.states, part.duration
-    scale = np.maximum(1.0, np.max([np.abs(v).max(axis=0) for v in states.values], axis=0))
     assert mesh.calm is not None
     k = 0
     while k < mesh.intervals:
@@ -400,11 +402,10 @@ def _merge(mesh: Mesh, touched: list[bool], part: PhasePlan, limit: float) -> Me
             fine, _ = gauss_points(3 * joint + 4)
             matrix = interpolation(nodes, fine)
             t, tt = (low + 0.5 * (n + 1.0) * (high - low) for n in (nodes, fine))
-            fits = (np.abs(matrix @ states(t) - states(tt)) / scale).max() <= MERGED * limit
+            fits = (np.abs(matrix @ states(t) - states(tt)) / sizes.states).max() <= MERGED * limit
             if fits and part.controls.size:
-                values = part.controls(tt)
-                wide = np.maximum(1.0, np.abs(values).max(axis=0))
-                fits = (np.abs(matrix @ part.controls(t) - values) / wide).max() <= limit
+                apart = np.abs(matrix @ part.controls(t) - part.controls(tt))
+                fits = (apart / sizes.controls).max() <= limit
             if fits:
                 degree, last = joint, k + 2
         own.append(degree)

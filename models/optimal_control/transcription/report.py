@@ -66,6 +66,8 @@ class Report:
         Where a control goes to and fro from node to node.
     places : ndarray, shape (intervals,)
         Where, in [-1, 1], the plan is furthest from its dynamics or constraints.
+    sizes : PhaseSizes
+        The sizes of the phase along the plan.
     """
 
     errors: Floats
@@ -76,6 +78,7 @@ class Report:
     windows: tuple[tuple[tuple[float, float], ...], ...]
     chatters: NDArray[np.bool_]
     places: Floats
+    sizes: PhaseSizes
 
     @cached_property
     def worst(self) -> Floats:
@@ -103,7 +106,7 @@ def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
             for k, found in zip(rows, _windows(phase, one), strict=True):
                 windows[k] = found
     cuts = _switches(phase, part)
-    return Report(errors, violations, decays, tails, cuts, tuple(windows), chatters, places)
+    return Report(errors, violations, decays, tails, cuts, tuple(windows), chatters, places, sizes)
 
 
 class _Group(NamedTuple):
