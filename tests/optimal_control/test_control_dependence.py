@@ -343,6 +343,10 @@ def test_an_equation_that_is_not_implied_comes_back(monkeypatch):
     answer = ct.solve(chain(2, 1.0))
     assert answer.primal_bound == pytest.approx(12.0, rel=1e-6)
     assert "dropped" not in answer.statistics
+    # Every mesh is told of, also the one on which the equations came back.
+    assert [row["mesh"] for row in answer.history] == [1, 2, 3, *range(4, len(answer.history) + 1)]
+    assert answer.statistics["meshes"] == len(answer.history)
+    assert any(row["then"].startswith("again with all equations") for row in answer.history)
 
 
 def test_a_kept_path_equation_is_imposed_once_where_the_start_is_free():

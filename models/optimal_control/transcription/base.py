@@ -74,6 +74,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     _meshes: tuple[Mesh, ...] = field(init=False, repr=False, default=())
     _history: History | None = field(init=False, repr=False, default=None)
     _start: ControlPlan | None = field(init=False, repr=False, default=None)
+    _told: tuple[Mapping[str, Any], ...] = field(init=False, repr=False, default=())
     _rows: tuple[Mapping[str, Any], ...] = field(init=False, repr=False, default=())
     _settled: bool = field(init=False, repr=False, default=True)
 
@@ -331,18 +332,18 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         """Return the formulation on a finer mesh, None where the plan verifies or no mesh helps."""
         plan = self.decode(point)
         objective = float(self.program.objective(point))  # type: ignore[attr-defined]
-        former = self._history
-        rounds = 1 + (0 if former is None else former.rounds)
+        rounds = len(self._told) + 1
         if duals is not None:
             plan = self.explained(plan, point, duals)
         found = Finding(None, np.nan, "not refined", settled=True)
         restored = self._restored(plan, tolerance) if self.refine else None
         if restored is not None:
-            return restored
-        if self.refine:
+            words = "again with all equations: one that was left out stays broken"
+            found = Finding(self._meshes, np.nan, words)
+        elif self.refine:
             found = next_meshes(
                 self.model, plan, self._meshes, self.rules, tolerance,
-                (objective, self.sizes.objective), former,
+                (objective, self.sizes.objective), self._history,
             )  # fmt: skip
         if found.meshes is not None and rounds >= self.rounds:
             found = replace(found, meshes=None, words=f"given up after {rounds} meshes")
@@ -361,13 +362,15 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             "verified": found.verified,
             "then": found.words,
         }
-        rows = (*(() if former is None else former.rows), row)
+        rows = (*self._told, row)
         object.__setattr__(self, "_rows", rows)
         object.__setattr__(self, "_settled", found.settled)
         if found.meshes is None:
             return None
-        history = History(plan, objective, self._meshes, rounds, rows, found.errors, found.accepted)
-        return self._with(_meshes=found.meshes, _history=history)
+        if restored is not None:
+            return restored._with(_told=rows)
+        history = History(plan, objective, self._meshes, found.errors, found.accepted)
+        return self._with(_meshes=found.meshes, _history=history, _told=rows)
 
     @property
     def settled(self) -> bool:
@@ -426,14 +429,14 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if "dependent" in changes:
             options["dependent"] = changes["dependent"]
         made = type(self)(self.model, **options)
-        for name in ("_meshes", "_history", "_start"):
+        for name in ("_meshes", "_history", "_start", "_told"):
             object.__setattr__(made, name, changes.get(name, getattr(self, name)))
         return made
 
     def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
         """Return the size of the mesh, what it changed, and how far the Hamiltonian strays."""
         found: dict[str, float | int | str] = {
-            "meshes": 1 if self._history is None else self._history.rounds + 1,
+            "meshes": len(self._told) + 1,
             "intervals": sum(mesh.intervals for mesh in self._meshes),
             "nodes": sum(mesh.nodes for mesh in self._meshes),
             "columns": self.layout.size,

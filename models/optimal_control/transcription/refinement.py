@@ -12,9 +12,9 @@ polynomial fits are merged.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,10 +96,6 @@ class History:
         Its objective.
     meshes : tuple of Mesh
         The last meshes.
-    rounds : int
-        Number of meshes so far.
-    rows : tuple of mapping
-        What is told of each.
     errors : tuple of ndarray, shape (intervals,)
         What each interval erred, one a phase.
     accepted : float, optional
@@ -109,8 +105,6 @@ class History:
     plan: ControlPlan
     objective: float
     meshes: tuple[Mesh, ...]
-    rounds: int
-    rows: tuple[Mapping[str, Any], ...] = ()
     errors: tuple[Floats, ...] = ()
     accepted: float | None = None
 
