@@ -16,6 +16,8 @@ from .base import told
 
 __all__ = ["attempt"]
 
+#: Solvers that draw nothing, so that any seed is granted.
+_DRAW_NOTHING = frozenset({"CLARABEL", "DAQP", "ECOS", "OSQP", "PIQP", "PROXQP", "SCS"})
 #: CVXPY's words for what a solver nearly proves: ours to prove.
 _NEARLY = {"infeasible_inaccurate": Ended.INFEASIBLE, "unbounded_inaccurate": Ended.UNBOUNDED}
 
@@ -26,7 +28,7 @@ def attempt(program: QuadraticProgram, request: Request, clock: Clock) -> Ending
     time_name, options = told(solver.lower(), request)
     if solver == "OSQP":
         options["polishing"] = True
-    if request.seed is not None:
+    if request.seed is not None and solver not in _DRAW_NOTHING:
         if solver != "HIGHS":
             raise UnsupportedOption(f"backend 'cvxpy': solver={solver!r} takes no seed")
         options["random_seed"] = request.seed % (2**31)

@@ -178,6 +178,12 @@ def test_the_papers_program_relaxes_the_minimum_snap_spline():
     )
 
 
+def test_a_common_seed_is_granted_where_the_solver_draws_nothing():
+    first, second = (ct.solve(make(), "cvxpy", seed=seed) for seed in (0, 3))
+    assert first.termination == second.termination == "optimal"
+    assert np.array_equal(first.plan.coefficients, second.plan.coefficients)
+
+
 # -- corridors: refinement -----------------------------------------------------------------------------
 
 
