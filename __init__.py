@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .instances.catalogue import load as load
     from .models.optimal_control.declaration.tables import table as table
     from .models.plots import plot as plot
+    from .solvers.bench.running import bench as bench
     from .solvers.crosscheck import Comparison as Comparison, compare as compare
     from .solvers.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
     from .solvers.dispatch import solve as solve, verify as verify
@@ -42,6 +43,7 @@ _get, _, _names = attach(
         "instances.catalogue": ("load",),
         "models.optimal_control.declaration.tables": ("table",),
         "models.plots": ("plot",),
+        "solvers.bench.running": ("bench",),
         "solvers.crosscheck": ("Comparison", "compare"),
         "solvers.diagnosis": ("Diagnosis", "diagnose"),
         "solvers.dispatch": ("solve", "verify"),
@@ -59,6 +61,7 @@ __all__ = [
     "Solution",
     "__version__",
     "backends",
+    "bench",
     "compare",
     "diagnose",
     "front",

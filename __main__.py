@@ -34,6 +34,8 @@ _HOMES = {
     "instances": "lists",
     "solve": "runs",
     "compare": "runs",
+    "bench": "bench",
+    "report": "bench",
     "front": "runs",
     "check": "plans",
     "export": "plans",

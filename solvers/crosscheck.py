@@ -29,7 +29,7 @@ from .verdict import Outcome, Verdict, judge
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = ["Comparison", "compare", "rejudged"]
+__all__ = ["Comparison", "compare", "rejudged", "run_tasks", "task_of"]
 
 log = logging.getLogger("crosstrack")
 
@@ -213,12 +213,52 @@ def compare(
                 if draws and repeats > 1:
                     common["seed"] = (seed or 0) + turn
                 tasks.append(
-                    _task(
+                    task_of(
                         (row, column, turn), model, backend, wanted, common, warm[row],
                         own.get(_name_of(asked), {}),
                     )
                 )  # fmt: skip
             common["seed"] = seed
+
+    def finished(task: Task, solution: Solution[Any]) -> None:
+        if on_solution is not None:
+            on_solution(solution)
+
+    answers, interrupted = run_tasks(
+        tasks,
+        record=record,
+        resume=resume,
+        workers=workers,
+        pool=pool,
+        grace=grace,
+        finished=finished,
+    )
+    verdicts = []
+    for row, model in enumerate(models):
+        found_here = [answers[place] for place in sorted(answers) if place[0] == row]
+        if found_here or not interrupted:
+            verdicts.append(judge(model.name or model.digest[:12], found_here, model))
+    return Comparison(tuple(verdicts), interrupted)
+
+
+def run_tasks(
+    tasks: Sequence[Task],
+    *,
+    record: str | Path | None = None,
+    resume: bool = False,
+    workers: int = 1,
+    pool: Executor | None = None,
+    grace: float = GRACE,
+    begun: Callable[[Sequence[Task]], None] | None = None,
+    started: Callable[[Task], None] | None = None,
+    finished: Callable[[Task, Solution[Any]], None],
+) -> tuple[dict[tuple[int, int, int], Solution[Any]], bool]:
+    """Return the answers by row, column and turn, and whether Ctrl-C ended the run.
+
+    What a record holds is not run again; what is run is written to it at once. `begun` is called with
+    what will be run, `started` with what is about to (not where a pool runs it), `finished` with what
+    was; the other parameters are those of :func:`compare`.
+    """
     answers: dict[tuple[int, int, int], Solution[Any]] = {}
     with contextlib.ExitStack() as stack:
         book = stack.enter_context(Record(record, resume=resume)) if record is not None else None
@@ -230,23 +270,21 @@ def compare(
             else:
                 answers[task.row, task.column, task.turn] = found
 
-        def finished(task: Task, solution: Solution[Any]) -> None:
+        if begun is not None:
+            begun(tuple(open_tasks))
+
+        def ended(task: Task, solution: Solution[Any]) -> None:
             answers[task.row, task.column, task.turn] = solution
             if book is not None and solution.limit is not Limit.INTERRUPTED:
                 book.add(task.job, solution)
-            if on_solution is not None:
-                on_solution(solution)
+            finished(task, solution)
 
         if pool is not None:
-            interrupted = run_by_pool(open_tasks, pool, grace, finished)
+            interrupted = run_by_pool(open_tasks, pool, grace, ended)
         else:
-            interrupted = run_by_threads(open_tasks, min(workers, len(tasks)), grace, finished)
-    verdicts = []
-    for row, model in enumerate(models):
-        found_here = [answers[place] for place in sorted(answers) if place[0] == row]
-        if found_here or not interrupted:
-            verdicts.append(judge(model.name or model.digest[:12], found_here, model))
-    return Comparison(tuple(verdicts), interrupted)
+            count = min(workers, max(len(open_tasks), 1))
+            interrupted = run_by_threads(open_tasks, count, grace, ended, started)
+    return answers, interrupted
 
 
 def rejudged(model: Model[Any], *parts: Comparison) -> Comparison:
@@ -294,7 +332,7 @@ def _warm_starts(value: Any, models: Sequence[Model[Any]]) -> list[Any]:
     return [None if value is None else model.as_plan(value) for model, value in pairs]
 
 
-def _task(
+def task_of(
     place: tuple[int, int, int],
     model: Model[Any],
     backend: Backend,
@@ -303,7 +341,7 @@ def _task(
     warm_start: Any,
     own: Mapping[str, Any],
 ) -> Task:
-    """Return the task with the common options that the backend knows."""
+    """Return a task with those common options that the backend knows."""
     asked = dict(common)
     for name, feature in (
         ("gap", Feature.GAP),

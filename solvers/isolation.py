@@ -27,6 +27,7 @@ import cloudpickle
 from ..errors import WorkerFailure
 from .assembly import Claim, assemble, claim_from_data
 from .backend import Backend, Limit, Termination
+from .environment import GIB, require_accounts, resident
 from .execution import GRACE, warm_objective
 from .interrupts import on_interrupt
 from .job import Job
@@ -73,6 +74,10 @@ class Worker:
         self._oracle: Callable[[Any], Any] | None = None
         #: Native modules that backends have loaded in the process.
         self.loaded: set[str] = set()
+        #: The process and kind of job that it has been warmed up for.
+        self.warm: tuple[int | None, Any] = (None, None)
+        #: Bytes that its process and their children may hold in memory.
+        self._memory: float | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -194,6 +199,10 @@ class Worker:
                     self._printed.forward(self._level)
             if event is None:
                 return {"event": "died"}
+            if self._memory is not None and self.pid is not None and event["event"] == "nothing":
+                held = resident(self.pid)
+                if held > self._memory:
+                    return {"event": "memory", "held": held}
             if event["event"] == "log":
                 logging.getLogger(event["name"]).log(event["level"], "%s", event["text"])
             elif event["event"] != "nothing":
@@ -263,7 +272,7 @@ class Worker:
             return self._solve(job, grace, listener)
         finally:
             self._interrupt.clear()
-            self._oracle = None
+            self._oracle = self._memory = None
 
     def _solve(self, job: Job, grace: float, listener: Listener | None) -> Solution[Any]:
         begin = time.monotonic()
@@ -277,6 +286,9 @@ class Worker:
         # What a backend must not see does not even reach its process: the plan is verified here.
         sent = replace(job, model=job.model.blinded()) if hides else job
         self._oracle = job.model.oracle() if hides else None
+        if job.memory_limit is not None:
+            require_accounts()
+            self._memory = job.memory_limit * GIB
         number = self._send("solve", sent)
         deadline = begin + job.time_limit + grace if job.time_limit is not None else float("inf")
         left = Claim(Termination.NO_SOLUTION)
@@ -301,6 +313,10 @@ class Worker:
             if kind == "died":
                 why = self._buried()
                 return _salvage(job, replace(left, termination=Termination.FAILED), why, begin)
+            if kind == "memory":
+                self.close()
+                why = f"killed: {event['held'] / GIB:.3g} GiB in memory, {job.memory_limit:g} GiB allowed"
+                return _salvage(job, replace(left, limit=Limit.MEMORY), why, begin)
             if event.get("number") != number:
                 continue
             if kind == "preparing" and not asked:

@@ -60,10 +60,14 @@ class Job:
     verbose: bool = False
     backend_options: Mapping[str, Any] = field(default_factory=dict)
     compiled: bool = False
+    memory_limit: float | None = None
+    repeat: int = 0
 
     def __post_init__(self) -> None:
         if self.time_limit is not None:
             check_number("time_limit", self.time_limit)
+        if self.memory_limit is not None:
+            check_number("memory_limit", self.memory_limit)
         if self.gap is not None:
             check_number("gap", self.gap, strict=False)
         if self.tolerance is not None:
@@ -177,6 +181,8 @@ class Job:
             "target": self.target_value,
             "stop": None if self.stop is None else repr(self.stop),
             "files": self._files() or None,
+            "memory_limit": self.memory_limit,
+            "repeat": self.repeat or None,
         }
         return {
             # Written where given only, so that records of earlier versions keep their keys.

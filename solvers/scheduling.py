@@ -17,6 +17,7 @@ import cloudpickle
 from ..errors import CrosstrackError
 from .assembly import Claim, assemble
 from .enums import Termination
+from .environment import environment
 from .interrupts import on_interrupt
 from .isolation import Worker
 from .job import Job
@@ -26,6 +27,11 @@ from .solution import Solution
 __all__ = ["Task", "run_by_pool", "run_by_threads", "run_together"]
 
 log = logging.getLogger("crosstrack")
+
+#: Seconds of a run that warms a process up.
+WARM = 2.0
+#: How a worker says that somebody else has killed it.
+KILLED = "worker died: signal 9"
 
 
 @dataclass
@@ -37,6 +43,8 @@ class Task:
     turn: int
     job: Job
     refusal: CrosstrackError | None = None
+    #: Whether a process that has not run such a job yet runs it once unrecorded.
+    warm_up: bool = False
 
 
 def _refused(task: Task) -> Solution[Any]:
@@ -55,20 +63,43 @@ def _failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
     return assemble(job, broken)
 
 
-def _run(worker: Worker, job: Job, grace: float) -> Solution[Any]:
+def _run(worker: Worker, job: Job, grace: float, warm_up: bool = False) -> Solution[Any]:
     begin = time.monotonic()
     try:
-        return worker.solve(job, grace=grace)
+        for again in (True, False):
+            if warm_up:
+                _warm(worker, job, grace)
+            where = environment(job, worker)
+            begin = time.monotonic()
+            solution = worker.solve(job, grace=grace)
+            if not (again and KILLED in solution.message):
+                break  # killed by somebody else, and so worth a second process
+        return replace(solution, environment=where)
     except Exception as error:  # whatever one row meets, the others go on
         if not isinstance(error, CrosstrackError):
             log.error("%s could not be run", job.backend, exc_info=error)
         return _failed(job, f"{type(error).__name__}: {error}", time.monotonic() - begin)
 
 
+def _warm(worker: Worker, job: Job, grace: float) -> None:
+    """Let the worker's process run `job` shortly, unless it has run one of its kind."""
+    kind = (job.model.kind, job.formulation)
+    if worker.warm != (worker.pid, kind):
+        limit = WARM if job.time_limit is None else min(WARM, job.time_limit)
+        worker.solve(replace(job, time_limit=limit), grace=grace)
+        worker.warm = (worker.pid, kind)
+
+
 Finished = Callable[[Task, Solution[Any]], None]
 
 
-def run_by_threads(tasks: deque[Task], count: int, grace: float, finished: Finished) -> bool:
+def run_by_threads(
+    tasks: deque[Task],
+    count: int,
+    grace: float,
+    finished: Finished,
+    started: Callable[[Task], None] | None = None,
+) -> bool:
     """Run the tasks in threads that drive workers; return whether Ctrl-C ended it.
 
     A worker serves one backend only, and lives while that backend has jobs left.
@@ -104,7 +135,9 @@ def run_by_threads(tasks: deque[Task], count: int, grace: float, finished: Finis
                 outcome = _refused(task)
             else:
                 try:
-                    outcome = _run(worker, task.job, grace)
+                    if started is not None:
+                        started(task)
+                    outcome = _run(worker, task.job, grace, task.warm_up)
                 except BaseException as error:  # raised again in the waiting thread
                     outcome = error
             with lock:
@@ -191,7 +224,9 @@ def run_by_pool(tasks: deque[Task], pool: Executor, grace: float, finished: Fini
             if task.refusal is not None:
                 finished(task, _refused(task))
             else:
-                futures[pool.submit(_launch, cloudpickle.dumps((task.job, grace)))] = task
+                futures[
+                    pool.submit(_launch, cloudpickle.dumps((task.job, grace, task.warm_up)))
+                ] = task
         while futures:
             if interrupted:
                 futures = {f: task for f, task in futures.items() if not f.cancel()}
@@ -217,11 +252,11 @@ def run_by_pool(tasks: deque[Task], pool: Executor, grace: float, finished: Fini
 
 def _launch(request: bytes) -> bytes:
     """Run one job in a fresh worker; executed inside an executor's process or thread."""
-    job, grace = cloudpickle.loads(request)
+    job, grace, warm_up = cloudpickle.loads(request)
     with Worker() as worker:
         _launched.add(worker)
         try:
-            message = cloudpickle.dumps(_run(worker, job, grace).to_dict())
+            message = cloudpickle.dumps(_run(worker, job, grace, warm_up).to_dict())
         finally:
             _launched.discard(worker)
     return bytes(message)

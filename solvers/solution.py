@@ -77,13 +77,15 @@ _RECORD: dict[str, Spec] = {
     "limit": Optional(Member(Limit)),
     **dict.fromkeys(("primal_bound", "dual_bound"), _NUMBER),
     **dict.fromkeys(("plan", "rejected_plan", "verification"), Anything()),
-    **dict.fromkeys(("seconds", "options", "formulation_options", "statistics"), _TABLE),
+    **dict.fromkeys(
+        ("seconds", "options", "formulation_options", "statistics", "environment"), _TABLE
+    ),
     **dict.fromkeys(("incumbents", "starts", "history"), Sequence()),
     "seed": Optional(Whole()),
     "duals": Optional(Array(("rows",))),
 }
 #: What earlier versions did not write.
-_LATER = {"problem": "", "guarantee": None, "duals": None, "history": ()}
+_LATER = {"problem": "", "guarantee": None, "duals": None, "history": (), "environment": {}}
 _INCUMBENT: dict[str, Spec] = {"seconds": Real(), "objective": Real()}
 
 
@@ -167,6 +169,10 @@ class Solution(Generic[PlanT]):
     history : tuple of mapping
         A row for each program that was solved, where the formulation refines its program and tells of
         it: for a mesh its intervals, nodes, error, objective, seconds, and what was done then and why.
+    environment : mapping
+        Where it ran, for what several backends are compared on: machine, system, processor and how many
+        there are, memory (GiB), versions, threads asked for, the system's load when it began, and
+        whether the process was warm.
     stored_plan : object
         The plan as JSON data, or a function that returns it: a long plan is many small lists, which
         nobody should wait for who does not ask.
@@ -199,6 +205,7 @@ class Solution(Generic[PlanT]):
     duals: NDArray[np.float64] | None = None
     stored_plan: Any = None
     history: tuple[Mapping[str, Any], ...] = ()
+    environment: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
     def plan_data(self) -> Any:
@@ -254,6 +261,7 @@ class Solution(Generic[PlanT]):
             "duals": None if self.duals is None else self.duals.tolist(),
             # Written where there is one, so that records of earlier versions keep their keys.
             **({"history": [dict(row) for row in self.history]} if self.history else {}),
+            **({"environment": dict(self.environment)} if self.environment else {}),
         }
 
     def to_json(self, *, indent: int | None = None) -> str:

@@ -1,0 +1,223 @@
+"""Running a campaign: in one process or several, on a cluster, and on from where it stopped."""
+
+from __future__ import annotations
+
+import os
+import statistics
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...errors import BackendMissing, InvalidData, UnsupportedOption
+from ...models.fields import required, show
+from ..crosscheck import run_tasks
+from ..enums import Limit, Termination
+from ..scheduling import Task
+from ..solution import Solution
+from .campaign import Campaign
+from .records import Records
+
+__all__ = ["Progress", "bench"]
+
+#: Jobs of a backend whose seconds say what its others will take.
+TOLD = 3
+
+
+@dataclass
+class Progress:
+    """How far a campaign is.
+
+    Parameters
+    ----------
+    workers : int
+        Jobs that run at the same time.
+    total, recorded : int
+        Jobs that the record lacks, and jobs that it holds.
+    waiting, running : mapping of int to Task
+        What has not begun, and what runs, as far as this process knows.
+    done, failed : int
+        What has ended, and how much of that failed or was rejected.
+    last : Solution, optional
+        The answer that came last.
+    """
+
+    workers: int
+    total: int = 0
+    recorded: int = 0
+    waiting: dict[int, Task] = field(default_factory=dict)
+    running: dict[int, Task] = field(default_factory=dict)
+    done: int = 0
+    failed: int = 0
+    last: Solution[Any] | None = None
+    #: Seconds of what has ended, by backend and kind of model.
+    spent: dict[tuple[str, str], list[float]] = field(default_factory=dict)
+
+    @property
+    def left(self) -> tuple[float | None, bool]:
+        """Seconds left, None where nothing limits them, and whether they are a bound rather than a guess.
+
+        A job is taken to last as long as the median of those of its backend on models of its kind,
+        where three of them have ended, and else as long as it may.
+        """
+        seconds, bound = 0.0, False
+        for task in (*self.waiting.values(), *self.running.values()):
+            told = self.spent.get(_kind(task), ())
+            if len(told) >= TOLD:
+                seconds += statistics.median(told)
+            elif task.refusal is None:
+                if task.job.time_limit is None:
+                    return None, True
+                seconds, bound = seconds + task.job.time_limit, True
+        return seconds / self.workers, bound
+
+    def __str__(self) -> str:
+        names = ", ".join(f"{t.job.model.name} {_backend(t)}" for t in self.running.values())
+        seconds, bound = self.left
+        time = (
+            "" if seconds is None else f", {'at most ' if bound else 'about '}{_span(seconds)} left"
+        )
+        failed = f", {self.failed} failed" if self.failed else ""
+        recorded = f", {self.recorded} recorded before" if self.recorded else ""
+        return f"{self.done} of {self.total} done{failed}{recorded}{time}: {names}"
+
+
+def _backend(task: Task) -> str:
+    backend = task.job.backend
+    return backend if isinstance(backend, str) else backend.name
+
+
+def _kind(task: Task) -> tuple[str, str]:
+    return _backend(task), task.job.model.kind
+
+
+def _span(seconds: float) -> str:
+    """Return a length of time in words, rounded up to what matters."""
+    minutes = seconds / 60
+    if minutes < 2:
+        return f"{seconds:.0f} s"
+    return f"{minutes:.0f} min" if minutes < 120 else f"{minutes / 60:.1f} h"
+
+
+def bench(
+    campaign: Campaign | str | os.PathLike[str],
+    *,
+    record: str | os.PathLike[str],
+    resume: bool = False,
+    workers: int = 1,
+    cluster: str | None = None,
+    pool: Executor | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> Records:
+    """Run a campaign and return its records.
+
+    Every job has a process of its own, which is killed when it passes its limits. Its answer is written
+    to `record` at once; a job whose process was killed by somebody else is run once more. The same
+    campaign gives the same records on one worker, several, and a cluster, but for seconds and what
+    depends on them: what ends at a limit of time.
+
+    Parameters
+    ----------
+    campaign : Campaign or path-like
+        The campaign, or its TOML file.
+    record : path-like
+        The JSON-lines file that receives every answer.
+    resume : bool
+        Go on with a record that exists, running only what it lacks.
+    workers : int
+        Jobs at the same time, where there is no cluster.
+    cluster : str, optional
+        Address of a Dask scheduler, such as ``"tcp://10.0.0.1:8786"``, whose workers see this package;
+        needs the extra ``cluster``.
+    pool : concurrent.futures.Executor, optional
+        Any other place that launches the jobs.
+    on_progress : callable, optional
+        Called with a :class:`Progress` when a job begins or ends.
+
+    Raises
+    ------
+    InvalidData
+        The campaign's file, or the record, is not what it should be.
+    UnsupportedOption
+        An option has a value that is not allowed.
+    BackendMissing
+        The extra ``cluster`` is not installed.
+    """
+    if isinstance(campaign, str | os.PathLike):
+        campaign = Campaign.read(campaign)
+    campaign = required("campaign", campaign, Campaign)
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise UnsupportedOption(f"workers must be a whole number >= 1, got {show(workers)}")
+    if cluster is not None and (pool is not None or not isinstance(cluster, str)):
+        raise UnsupportedOption("cluster must be an address, and there may be no pool beside it")
+    tasks = campaign.tasks
+    if not tasks:
+        raise InvalidData(
+            "the campaign has no jobs: no backend accepts an instance", field="backends"
+        )
+    news = Progress(workers)
+
+    def started(task: Task) -> None:
+        news.waiting.pop(id(task), None)
+        news.running[id(task)] = task
+        if on_progress is not None:
+            on_progress(news)
+
+    def finished(task: Task, solution: Solution[Any]) -> None:
+        news.waiting.pop(id(task), None)
+        news.running.pop(id(task), None)
+        news.spent.setdefault(_kind(task), []).append(solution.seconds.get("total", 0.0))
+        news.done += 1
+        news.failed += solution.termination in (Termination.FAILED, Termination.REJECTED)
+        news.last = solution
+        if on_progress is not None:
+            on_progress(news)
+
+    def begun(waiting: Sequence[Task]) -> None:
+        news.waiting = {id(task): task for task in waiting}
+        news.recorded, news.total = len(tasks) - len(waiting), len(waiting)
+
+    with ExitStack() as stack:
+        if cluster is not None:
+            pool = stack.enter_context(_executor(cluster))
+        answers, interrupted = run_tasks(
+            tasks, record=record, resume=resume, workers=workers, pool=pool,
+            begun=begun, started=started, finished=finished,
+        )  # fmt: skip
+    found = [answers[place] for place in sorted(answers)]
+    kept = tuple(one for one in found if one.limit is not Limit.INTERRUPTED)
+    return Records(kept, campaign.title, interrupted)
+
+
+def _executor(address: str) -> Any:
+    """Return a context that gives the executor of a Dask scheduler."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise BackendMissing(
+            "a cluster needs the extra 'cluster': pip install 'crosstrack[cluster]'"
+        ) from None
+    try:
+        client = Client(address, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InvalidData(
+            f"cluster {address!r} cannot be reached: {error}", field="cluster"
+        ) from None
+    stack = ExitStack()
+    stack.enter_context(client)
+    return _Pool(stack, client.get_executor(pure=False))
+
+
+@dataclass
+class _Pool:
+    """An executor that ends with the connection that it needs."""
+
+    stack: ExitStack
+    executor: Executor
+
+    def __enter__(self) -> Executor:
+        return self.executor
+
+    def __exit__(self, *error: Any) -> None:
+        self.stack.__exit__(*error)
