@@ -187,9 +187,10 @@ class Job:
         return {
             # Written where given only, so that records of earlier versions keep their keys.
             **{name: value for name, value in given.items() if value is not None},
-            "time_limit": self.time_limit,
-            "gap": GAP if self.gap is None else self.gap,
-            "tolerance": TOLERANCE if self.tolerance is None else self.tolerance,
+            # 5 and 5.0 are one limit, and so one key in a record.
+            "time_limit": None if self.time_limit is None else float(self.time_limit),
+            "gap": GAP if self.gap is None else float(self.gap),
+            "tolerance": self.verification_tolerance,
             "threads": self.threads,
             "starts": self.starts,
             "warm_start": None
