@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from fnmatch import fnmatchcase
 from functools import cached_property
@@ -28,6 +28,12 @@ __all__ = ["Campaign", "Set"]
 
 #: Jobs of a campaign at most: more is a mistake in the file.
 MOST = 1_000_000
+
+
+def _near(name: str, known: Iterable[str]) -> str:
+    """Return ``", did you mean …?"``, or nothing where no known name is near."""
+    words = suggestion(name, known).strip()
+    return f", {words}" if words else ""
 
 
 @dataclass(frozen=True)
@@ -222,10 +228,9 @@ class Campaign:
             made = []
             for own in sets:
                 whole = {**data, **Table().coerce("set", own, {})}
-                known = [*_SPECS, "title", "set"]
                 for key in whole:
                     if key not in _SPECS:
-                        raise InvalidData(f"unknown key {key!r}{suggestion(key, known)}", field=key)
+                        raise InvalidData(f"unknown key {key!r}{_near(key, _SPECS)}", field=key)
                 if "instances" not in whole:
                     raise InvalidData("key 'instances' is missing", field="instances")
                 made.append(Set(**whole))
@@ -245,9 +250,7 @@ class Campaign:
         for pattern in part.instances:
             found = list(self._matching(pattern))
             if not found:
-                near = (
-                    "" if "/" not in pattern else suggestion(pattern, [e.name for e in entries()])
-                )
+                near = _near(pattern, [one.name for one in entries()])
                 raise InvalidData(
                     f"instances: {pattern!r} matches nothing{near}", field="instances"
                 )
