@@ -44,7 +44,7 @@ class Record:
         campaign is writing.
     """
 
-    def __init__(self, path: str | Path, *, resume: bool = False) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, resume: bool = False) -> None:
         try:
             self.path = Path(path)
         except TypeError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -244,7 +245,7 @@ def compare(
 def run_tasks(
     tasks: Sequence[Task],
     *,
-    record: str | Path | None = None,
+    record: str | os.PathLike[str] | None = None,
     resume: bool = False,
     workers: int = 1,
     pool: Executor | None = None,

@@ -326,7 +326,7 @@ class Campaign:
         self, place: tuple[int, int, int], part: Set, model: Model[Any], backend: Backend,
         formulation: str | None, seed: int, repeat: int,
     ) -> Task:  # fmt: skip
-        common = {
+        common: dict[str, Any] = {
             "formulation_options": {}, "time_limit": part.time_limit, "gap": part.gap,
             "tolerance": part.tolerance, "seed": seed, "threads": part.threads, "evaluations": None,
             "target_value": None, "compiled": part.compiled, "memory_limit": part.memory_limit,

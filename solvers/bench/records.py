@@ -104,7 +104,7 @@ def read_records(path: str | os.PathLike[str], *, title: str = "") -> Records:
     """
     file = as_path(path)
     text = read_text(file)
-    found = []
+    found: list[Solution[Any]] = []
     lines = text.split("\n")
     for number, line in enumerate(lines, 1):
         if not line.strip():

@@ -199,7 +199,7 @@ def _executor(address: str) -> Any:
             "a cluster needs the extra 'cluster': pip install 'crosstrack[cluster]'"
         ) from None
     try:
-        client = Client(address, set_as_default=False)
+        client: Any = Client(address, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
         raise InvalidData(
             f"cluster {address!r} cannot be reached: {error}", field="cluster"

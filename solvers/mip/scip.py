@@ -66,7 +66,7 @@ class Scip(ProgramBackend):
             for column, value in zip(columns, values, strict=True):
                 model.setSolVal(start, column, value)
             model.addSol(start)
-        _listen(pyscipopt, model, program, request, columns)
+        hears = _listen(pyscipopt, model, program, request, columns)
         clock.lap("build")
         left = clock.left()
         if left is not None:
@@ -74,6 +74,8 @@ class Scip(ProgramBackend):
         with watched(request.control, model.interruptSolve):
             model.optimizeNogil()
         clock.lap("solve")
+        # Freeing the tree lifts its bound to the incumbent, and tells of it.
+        hears.clear()
         ending = _ending(model, program, request, columns, rows)
         model.freeProb()
         return ending
@@ -168,10 +170,12 @@ def _build(
 
 def _listen(
     pyscipopt: Any, model: Any, program: MixedIntegerProgram, request: Request, columns: list[Any]
-) -> None:
+) -> set[int]:
+    """Report better points and bounds as long as the set that is returned is not empty."""
     incumbents = Incumbents(program, request)
     kinds = pyscipopt.SCIP_EVENTTYPE
     best, bound = kinds.BESTSOLFOUND, kinds.DUALBOUNDIMPROVED
+    hears = {best, bound}
 
     class Listener(pyscipopt.Eventhdlr):  # type: ignore[misc]
         def eventinit(self) -> None:
@@ -183,11 +187,14 @@ def _listen(
             self.model.dropEvent(bound, self)
 
         def eventexec(self, event: Any) -> None:
+            if not hears:
+                return
             if event.getType() == best:
                 incumbents.report(_values(self.model, self.model.getBestSol(), columns))
             incumbents.prove(float(self.model.getDualbound()))
 
     model.includeEventhdlr(Listener(), "crosstrack incumbents", "reports better solutions")
+    return hears
 
 
 def _values(model: Any, solution: Any, columns: list[Any]) -> np.ndarray[Any, np.dtype[np.float64]]:

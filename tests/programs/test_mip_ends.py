@@ -112,3 +112,10 @@ def test_a_solver_stops_at_its_limit(name, formulation):
         assert ended.termination == "optimal" or ended.limit == "time"
         assert spent < limit + 4.0, f"limit {limit:g} s"
         assert ended.dual_bound >= 102932.9
+
+
+def test_scip_tells_no_bound_while_it_frees_its_tree():
+    """That bound is the incumbent's, and would pass for a proof; the optimum is 882."""
+    found = ct.solve(ct.load("guided-path/k20-l5"), "scip", time_limit=4)
+    assert found.dual_bound <= 882 + 1e-6
+    assert found.limit == "time" and found.termination in ("feasible", "no_solution")
