@@ -7,6 +7,15 @@ __getattr__, __dir__, __all__ = attach(
     {
         "campaign": ("Campaign", "Set"),
         "records": ("Records", "read_records"),
+        "profiles": ("data_profile", "performance_profile"),
         "running": ("Progress", "bench"),
+        "statistics": (
+            "compare_backends",
+            "compare_pairs",
+            "compare_seeds",
+            "primal_integral",
+            "shifted_geometric_mean",
+            "success_interval",
+        ),
     },
 )

@@ -1,0 +1,114 @@
+"""Profiles: on which share of the instances a backend is within a factor, or a budget, of the best."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+
+__all__ = ["Profile", "data_profile", "performance_profile"]
+
+Floats = NDArray[np.float64]
+
+#: By backend the places where its share rises, ascending, and the shares from there on.
+Profile = dict[str, tuple[Floats, Floats]]
+
+
+def performance_profile(measures: Mapping[str, Sequence[float]]) -> Profile:
+    r"""Return performance profiles.
+
+    :math:`\rho_s(\tau)` is the share of the instances on which backend :math:`s` needs at most
+    :math:`\tau` times what the best backend on that instance needs. At 1 it is the share on which it is the
+    best, ties included; in the limit the share that it solves at all. An instance that nobody solves
+    counts in every denominator.
+
+    Parameters
+    ----------
+    measures : mapping of str to sequence of float
+        By backend a measure > 0 an instance, such as seconds, in the same order of instances; inf where
+        it failed.
+
+    Returns
+    -------
+    mapping of str to (ndarray, ndarray)
+        Ratios :math:`\tau`, ascending from 1, and the shares :math:`\rho_s` from there on.
+
+    Raises
+    ------
+    InvalidData
+        A measure is not > 0, or the backends have different numbers of them.
+
+    References
+    ----------
+    E. D. Dolan, J. J. Moré: Benchmarking optimization software with performance profiles, Mathematical
+    Programming 91, 2002. Curves of several backends say which of two is better only pair by pair: N.
+    Gould, J. Scott, ACM Transactions on Mathematical Software 43, 2016.
+    """
+    table = _table(measures)
+    best = table.min(axis=0, initial=math.inf)
+    solved = np.isfinite(best)
+    ratios = np.full(table.shape, math.inf)
+    ratios[:, solved] = table[:, solved] / best[solved]
+    return {name: _steps(row, 1.0) for name, row in zip(measures, ratios, strict=True)}
+
+
+def data_profile(evaluations: Mapping[str, Sequence[float]], dimensions: Sequence[int]) -> Profile:
+    r"""Return data profiles.
+
+    :math:`d_s(\kappa)` is the share of the instances that backend :math:`s` solves within
+    :math:`\kappa (n_p + 1)` evaluations of the objective, where :math:`n_p` is the number of variables:
+    :math:`\kappa` counts what a gradient by differences costs.
+
+    Parameters
+    ----------
+    evaluations : mapping of str to sequence of float
+        By backend the evaluations until an instance was solved, > 0, in the same order of instances; inf
+        where it was not.
+    dimensions : sequence of int
+        The number of variables of each instance, >= 1.
+
+    Returns
+    -------
+    mapping of str to (ndarray, ndarray)
+        :math:`\kappa`, ascending from 0, and the shares from there on.
+
+    References
+    ----------
+    J. J. Moré, S. M. Wild: Benchmarking derivative-free optimization algorithms, SIAM Journal on
+    Optimization 20, 2009.
+    """
+    table = _table(evaluations)
+    sizes = np.asarray(dimensions, float)
+    if sizes.shape != table.shape[1:] or (sizes < 1).any():
+        raise InvalidData(
+            f"dimensions must be {table.shape[1]} whole numbers >= 1, one an instance",
+            field="dimensions",
+        )
+    return {
+        name: _steps(row, 0.0) for name, row in zip(evaluations, table / (sizes + 1), strict=True)
+    }
+
+
+def _steps(places: Floats, begin: float) -> tuple[Floats, Floats]:
+    """Return where the share of places passed rises, from `begin` on, and the shares."""
+    finite = np.sort(places[np.isfinite(places)])
+    at = np.unique(np.append(finite, begin))
+    shares = np.searchsorted(finite, at, side="right") / max(places.size, 1)
+    return at, shares
+
+
+def _table(measures: Mapping[str, Sequence[float]]) -> Floats:
+    rows = [np.asarray(row, float) for row in measures.values()]
+    if not rows or any(row.ndim != 1 or row.shape != rows[0].shape for row in rows):
+        sizes = [row.size for row in rows]
+        raise InvalidData(
+            f"measures must be as many for each backend, got {sizes}", field="measures"
+        )
+    table = np.array(rows)
+    if not (table > 0).all():
+        raise InvalidData("measures must be > 0, inf where a backend failed", field="measures")
+    return table

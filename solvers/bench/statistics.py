@@ -1,0 +1,311 @@
+"""What runs amount to: means that bear failures, integrals over time, and tests of ranks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from ...errors import InvalidData
+from ...models.fields import show
+
+__all__ = [
+    "RankTest",
+    "compare_backends",
+    "compare_pairs",
+    "compare_seeds",
+    "primal_gap",
+    "primal_integral",
+    "shifted_geometric_mean",
+    "success_interval",
+]
+
+#: Runs of each side at least before a difference is tested: fewer cannot reach a p-value of 0.05.
+FEWEST = 5
+
+
+def shifted_geometric_mean(values: Sequence[float], shift: float = 1.0) -> float:
+    r"""Return the shifted geometric mean of times.
+
+    :math:`\bigl(\prod_i (t_i + s)\bigr)^{1/n} - s`: neither the longest runs nor those below the
+    resolution of a clock decide it. A run that failed counts as its limit of time.
+
+    Parameters
+    ----------
+    values : sequence of float
+        Times, >= 0 (s).
+    shift : float
+        :math:`s \ge 0` (s); the mean is geometric at 0 and tends to the arithmetic one as it grows.
+
+    Returns
+    -------
+    float
+        The mean (s).
+
+    Raises
+    ------
+    InvalidData
+        There is no value, or one is negative or not finite.
+
+    References
+    ----------
+    T. Achterberg: Constraint integer programming, TU Berlin, 2007, appendix A.3.
+    """
+    times = _numbers("values", values)
+    if not shift >= 0 or not math.isfinite(shift):
+        raise InvalidData(f"shift must be >= 0, got {show(shift)}", field="shift")
+    if (times < 0).any():
+        raise InvalidData(f"values must be >= 0, got {times.min():g}", field="values")
+    if shift == 0 and not times.all():
+        return 0.0
+    # In terms of the largest, so that no product leaves the range of floats.
+    large = float(times.max()) + shift
+    if large == 0:
+        return 0.0
+    mean = float(np.log((times + shift) / large).mean())
+    return max(large * math.expm1(mean) + (large - shift), 0.0)
+
+
+def success_interval(successes: int, runs: int) -> tuple[float, float]:
+    """Return the interval of a rate of success with a confidence of 95 %.
+
+    Wilson's, which stays within [0, 1] and says something where all or none succeeded.
+
+    References
+    ----------
+    E. B. Wilson: Probable inference, the law of succession, and statistical inference, Journal of the
+    American Statistical Association 22, 1927.
+    """
+    from scipy.stats import binomtest
+
+    if not 0 <= successes <= runs or runs < 1:
+        raise InvalidData(
+            f"successes must be 0 to runs, and runs >= 1, got {successes} of {runs}", field="runs"
+        )
+    found = binomtest(successes, runs).proportion_ci(method="wilson")
+    return float(found.low), float(found.high)
+
+
+def primal_gap(objective: float | None, best: float) -> float:
+    r"""Return how far an objective is from the best one known, in [0, 1].
+
+    :math:`|f - f^*| / \max(|f|, |f^*|)`; 0 where both are 0, 1 without a plan and where the two have
+    different signs.
+
+    References
+    ----------
+    T. Berthold: Measuring the impact of primal heuristics, Operations Research Letters 41, 2013, (1).
+    """
+    if objective is None or objective * best < 0:
+        return 1.0
+    if objective == best:
+        return 0.0
+    return abs(objective - best) / max(abs(objective), abs(best))
+
+
+def primal_integral(incumbents: Sequence[tuple[float, float]], best: float, limit: float) -> float:
+    """Return the integral of the primal gap over time.
+
+    Less is better: it is the time to the best plan known if there is nothing before it, and `limit` where
+    there is no plan at all.
+
+    Parameters
+    ----------
+    incumbents : sequence of (float, float)
+        Seconds and objective of every better plan, in their order.
+    best : float
+        The best objective known.
+    limit : float
+        Until when the run is looked at (s), > 0.
+
+    Returns
+    -------
+    float
+        Between 0 and `limit` (s).
+
+    References
+    ----------
+    T. Berthold: Measuring the impact of primal heuristics, Operations Research Letters 41, 2013, (3).
+    """
+    if not limit > 0 or not math.isfinite(limit):
+        raise InvalidData(f"limit must be > 0 and finite, got {show(limit)}", field="limit")
+    total, since, gap, least = 0.0, 0.0, 1.0, math.inf
+    for seconds, objective in sorted(incumbents):
+        if seconds >= limit:
+            break
+        if objective < least:
+            total += gap * (seconds - since)
+            since, gap, least = max(seconds, 0.0), primal_gap(objective, best), objective
+    return total + gap * (limit - since)
+
+
+@dataclass(frozen=True)
+class RankTest:
+    """A test of whether one of two samples tends to be less than the other.
+
+    Parameters
+    ----------
+    method : str
+        Which test.
+    p_value : float, optional
+        Probability of ranks at least as different if there were no difference; corrected for the number of
+        pairs where there are several. None where there is too little to test.
+    effect : float
+        Probability that a run of the first is less than one of the second, less the opposite, in
+        [-1, 1]: Cliff's delta, and the rank-biserial correlation for pairs.
+    runs : int
+        Values of each side, the fewer ones.
+    """
+
+    method: str
+    p_value: float | None
+    effect: float
+    runs: int
+
+    def __str__(self) -> str:
+        if self.p_value is None:
+            return f"no difference shown: {self.runs} values are too few"
+        if self.p_value >= 0.05:
+            return f"no difference shown: p = {self.p_value:.2g}, {self.method}"
+        word = "less" if self.effect > 0 else "greater"
+        return f"{word}: p = {self.p_value:.2g}, effect {abs(self.effect):.2f}, {self.method}"
+
+
+def compare_seeds(first: Sequence[float], second: Sequence[float]) -> RankTest:
+    """Return whether two backends that draw differ on one instance: a value a seed.
+
+    Parameters
+    ----------
+    first, second : sequence of float
+        What less of is better, such as objectives; inf where a run failed.
+
+    References
+    ----------
+    H. B. Mann, D. R. Whitney, Annals of Mathematical Statistics 18, 1947; exact without ties, otherwise
+    with the normal approximation corrected for ties.
+    """
+    from scipy.stats import mannwhitneyu
+
+    one, two = _ranked("first", first), _ranked("second", second)
+    signs = np.sign(np.subtract.outer(two, one))
+    runs, effect = min(one.size, two.size), float(signs.mean())
+    if runs < FEWEST:
+        return RankTest("Mann-Whitney", None, effect, runs)
+    if np.unique(np.concatenate([one, two])).size == 1:
+        return RankTest("Mann-Whitney", 1.0, 0.0, runs)
+    p_value = float(mannwhitneyu(one, two).pvalue)
+    return RankTest("Mann-Whitney", p_value, effect, runs)
+
+
+def compare_pairs(first: Sequence[float], second: Sequence[float]) -> RankTest:
+    """Return whether two backends differ over instances: a pair of values an instance.
+
+    Parameters
+    ----------
+    first, second : sequence of float
+        As many of both, on the same scale for all instances, such as primal gaps or logarithms of
+        seconds; finite.
+
+    References
+    ----------
+    F. Wilcoxon, Biometrics Bulletin 1, 1945, with Pratt's treatment of equal pairs (Journal of the
+    American Statistical Association 54, 1959).
+    """
+    from scipy.stats import wilcoxon
+
+    one, two = _numbers("first", first), _numbers("second", second)
+    if one.size != two.size:
+        raise InvalidData(
+            f"second must have {one.size} values, as many as first, got {two.size}", field="second"
+        )
+    apart = one - two
+    moved = apart[apart != 0]
+    if moved.size < FEWEST:
+        p_value = 1.0 if one.size >= FEWEST and not moved.size else None
+        return RankTest("Wilcoxon", p_value, _biserial(apart), int(one.size))
+    found = wilcoxon(one, two, zero_method="pratt")
+    return RankTest("Wilcoxon", float(found.pvalue), _biserial(apart), int(one.size))
+
+
+def compare_backends(
+    values: Mapping[str, Sequence[float]],
+) -> tuple[RankTest | None, dict[tuple[str, str], RankTest]]:
+    """Return whether any of several backends differs over instances, and each pair of them.
+
+    Parameters
+    ----------
+    values : mapping of str to sequence of float
+        By backend a value an instance, in the same order of instances.
+
+    Returns
+    -------
+    overall : RankTest, optional
+        Friedman's test; None for fewer than three backends, which it is not for.
+    pairs : mapping
+        Wilcoxon's test of each pair; p-values corrected by Holm's method, so that the chance of a single
+        false difference among all of them stays below what is asked.
+
+    References
+    ----------
+    J. Demšar: Statistical comparisons of classifiers over multiple data sets, Journal of Machine Learning
+    Research 7, 2006. S. Holm, Scandinavian Journal of Statistics 6, 1979.
+    """
+    from scipy.stats import friedmanchisquare
+
+    tables = {name: _numbers(name, column) for name, column in values.items()}
+    sizes = {column.size for column in tables.values()}
+    if len(sizes) > 1:
+        raise InvalidData(f"values must be as many for each, got {sorted(sizes)}", field="values")
+    overall = None
+    if len(tables) > 2:
+        count = sizes.pop()
+        p_value = None
+        if count >= FEWEST:
+            same = all(
+                np.array_equal(column, next(iter(tables.values()))) for column in tables.values()
+            )
+            p_value = 1.0 if same else float(friedmanchisquare(*tables.values()).pvalue)
+        overall = RankTest("Friedman", p_value, 0.0, count)
+    pairs = {
+        (one, two): compare_pairs(tables[one], tables[two]) for one, two in combinations(tables, 2)
+    }
+    tested = sorted(
+        (pair for pair in pairs if pairs[pair].p_value is not None),
+        key=lambda pair: pairs[pair].p_value or 0.0,
+    )
+    least = 0.0
+    for k, pair in enumerate(tested):
+        test = pairs[pair]
+        least = max(least, min(1.0, (len(tested) - k) * (test.p_value or 0.0)))
+        pairs[pair] = RankTest(f"{test.method}, Holm", least, test.effect, test.runs)
+    return overall, pairs
+
+
+def _biserial(apart: np.ndarray[Any, Any]) -> float:
+    """Return the rank-biserial correlation: positive where the first of each pair is less."""
+    from scipy.stats import rankdata
+
+    moved = apart[apart != 0]
+    if not moved.size:
+        return 0.0
+    ranks = rankdata(np.abs(moved))
+    return float((ranks[moved < 0].sum() - ranks[moved > 0].sum()) / ranks.sum())
+
+
+def _ranked(name: str, values: Sequence[float]) -> np.ndarray[Any, Any]:
+    """Return numbers that may be infinite, for ranks bear that."""
+    found = np.asarray(values, float)
+    if found.ndim != 1 or not found.size or np.isnan(found).any():
+        raise InvalidData(f"{name} must be a list of numbers, got {show(values)}", field=name)
+    return found
+
+
+def _numbers(name: str, values: Sequence[float]) -> np.ndarray[Any, Any]:
+    found = _ranked(name, values)
+    if not np.isfinite(found).all():
+        raise InvalidData(f"{name} must be finite, got {show(values)}", field=name)
+    return found
