@@ -1,0 +1,488 @@
+"""The report of a campaign: one HTML file that needs no network."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import shlex
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any, NamedTuple, Protocol
+
+from ...errors import InvalidData
+from ...files import writable, write_text
+from ..enums import Limit, Termination
+from ..report.tables import number, seconds_text
+from ..solution import Solution
+from ..verdict import Outcome, Verdict, judge
+from .chart import Series, draw_steps
+from .pictures import Load, draw_plan
+from .standing import Standing, measured_seconds, rank, who
+
+__all__ = ["write_page"]
+
+#: How outcomes are called on the page, with the class of their colour and a sign beside it.
+_OUTCOMES = {
+    Outcome.AGREED: ("agree", "good", "✓"),
+    Outcome.CONTRADICTION: ("contradict", "bad", "✗"),
+    Outcome.INCONCLUSIVE: ("open", "open", "○"),
+}
+#: Heads of the tables of answers, and whether the column holds numbers.
+_HEADS = (
+    ("Instance", False), ("Backend", False), ("Ended", False), ("Solved", False),
+    ("Objective", True), ("Bound", True), ("Gap", True), ("Solve (s)", True), ("Build (s)", True),
+    ("Seed", True), ("Repeat", True), ("Message", False),
+)  # fmt: skip
+#: Options that say how fair a comparison is, and what the page calls them.
+_FAIRNESS = {
+    "gap": "Relative gap asked for", "tolerance": "Tolerance of the check",
+    "time_limit": "Time limit (s)", "memory_limit": "Memory limit", "evaluations": "Evaluations granted",
+    "threads": "Threads asked for",
+}  # fmt: skip
+#: Characters of a message that are shown in a table.
+_MESSAGE = 300
+#: Options that the command of a contradiction repeats, by the flag.
+_FLAGS = {
+    "--time-limit": "time_limit", "--gap": "gap", "--tolerance": "tolerance",
+    "--threads": "threads", "--evaluations": "evaluations", "--target": "target",
+}  # fmt: skip
+
+
+class Recorded(Protocol):
+    """What the page shows: the answers of a campaign."""
+
+    @property
+    def solutions(self) -> Sequence[Solution[Any]]: ...
+
+
+class _Case(NamedTuple):
+    """One instance with its answers and the verdict on them."""
+
+    kind: str
+    name: str
+    solutions: list[Solution[Any]]
+    verdict: Verdict
+
+
+def write_page(
+    records: Recorded,
+    path: str | os.PathLike[str],
+    *,
+    title: str = "",
+    command: str = "",
+    load: Load | None = None,
+) -> Path:
+    """Write the report of a campaign as one HTML file that needs no network; return the path.
+
+    Parameters
+    ----------
+    records : Records
+        The answers.
+    path : str or path-like
+        The file, ``.html`` or ``.htm``.
+    title : str
+        The page's title.
+    command : str
+        The command that repeats the campaign, shown at the foot.
+    load : callable, optional
+        What finds an instance by its name, such as :func:`crosstrack.load`: with it the best plan of
+        every instance is drawn. An instance whose digest is not the record's is not drawn.
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    InvalidData
+        There is no answer, or the file cannot be written.
+    """
+    file = writable(path, (".html", ".htm"))
+    solutions = list(records.solutions)
+    if not solutions:
+        raise InvalidData("records must hold an answer, got none", field="records")
+    return write_text(file, _page(solutions, title, command, load))
+
+
+def _page(solutions: Sequence[Solution[Any]], title: str, command: str, load: Load | None) -> str:
+    cases = _cases(solutions)
+    kinds = sorted({case.kind for case in cases})
+    standings = {kind: rank([c.verdict for c in cases if c.kind == kind]) for kind in kinds}
+    style, script = _resource("page.css"), _resource("page.js")
+    wrong = [case for case in cases if case.verdict.outcome is Outcome.CONTRADICTION]
+    sections = [_problem(kind, cases, standings[kind], load) for kind in kinds]
+    again = f"<p>To repeat the campaign:</p><pre>{escape(command)}</pre>" if command else ""
+    versions = sorted({s.version for s in solutions if s.version})
+    return Template(_resource("page.html")).substitute(
+        title=escape(title or "Comparison of backends"),
+        style=style,
+        script=script,
+        style_hash=_hash(style),
+        script_hash=_hash(script),
+        verdict=_verdict(cases, solutions),
+        contents=_contents(kinds),
+        leading=_leading(kinds, cases, standings),
+        contradictions="".join(map(_contradiction, wrong))
+        or "<p>None: no proof speaks against any verified plan.</p>",
+        measured=_measured(solutions),
+        problems=_choices(kinds),
+        backends=_choices(sorted({s.backend for s in solutions})),
+        endings=_choices(sorted({_ended(s) for s in solutions})),
+        count=f"{len(solutions):,}",
+        sections="".join(sections),
+        footer=f"{again}<p class='soft'>Made by crosstrack {escape(', '.join(versions))}.</p>",
+    )
+
+
+def _cases(solutions: Sequence[Solution[Any]]) -> list[_Case]:
+    """Return the answers by instance, with the verdict on each."""
+    groups: dict[tuple[str, str, str], list[Solution[Any]]] = {}
+    for solution in solutions:
+        groups.setdefault((solution.model, solution.instance, solution.digest), []).append(solution)
+    return [
+        _Case(kind, name or digest[:12], group, judge(name or digest[:12], group))
+        for (kind, name, digest), group in sorted(groups.items(), key=lambda item: item[0])
+    ]
+
+
+def _verdict(cases: Sequence[_Case], solutions: Sequence[Solution[Any]]) -> str:
+    """Return the verdict in words."""
+    counts = {outcome: sum(c.verdict.outcome is outcome for c in cases) for outcome in _OUTCOMES}
+    backends = len({s.backend for s in solutions})
+    agreed, wrong, undecided = counts.values()
+    return (
+        f"{_many(len(solutions), 'answer')} of {_many(backends, 'backend')} on "
+        f"{_many(len(cases), 'instance')} of {_many(len({c.kind for c in cases}), 'problem')}. "
+        f"On {agreed:,} the answers <span class='good'>agree</span>, on {wrong:,} they "
+        f"<span class='bad'>contradict</span> one another, and {undecided:,} "
+        f"{'is' if undecided == 1 else 'are'} <span class='open'>open</span>: nothing speaks against the "
+        "best plan, but nobody proved that there is no better one."
+    )
+
+
+def _contents(kinds: Sequence[str]) -> str:
+    places = {"leading": "Leaders", "contradictions": "Contradictions", "measured": "How measured"}
+    links = {**places, **{f"p-{i}": kind for i, kind in enumerate(kinds)}}
+    return " ".join(f'<a href="#{place}">{escape(text)}</a>' for place, text in links.items())
+
+
+def _leading(
+    kinds: Sequence[str], cases: Sequence[_Case], standings: dict[str, list[Standing]]
+) -> str:
+    """Return the table of problems: their verdicts and who leads."""
+    rows = []
+    for kind in kinds:
+        own = [case for case in cases if case.kind == kind]
+        counts = [sum(c.verdict.outcome is o for c in own) for o in _OUTCOMES]
+        rows.append(
+            [
+                _cell(kind),
+                *map(_count, (len(own), *counts)),
+                _cell(_leader(standings[kind]), long=True),
+            ]
+        )
+    heads = [("Problem", False), ("Instances", True)]
+    heads += [(word.capitalize(), True) for word, _, _ in _OUTCOMES.values()]
+    return _table([*heads, ("Leads", False)], rows, "plain", "Verdicts by problem")
+
+
+def _leader(standings: Sequence[Standing]) -> str:
+    """Return who leads a problem, in words and numbers."""
+    able = [one for one in standings if one.solved]
+    if not able:
+        return "no backend solved an instance"
+    words = [
+        f"{one.label}: solved {one.solved:,} of {one.runs:,}, typically {seconds_text(one.typical)}"
+        for one in able[:2]
+    ]
+    return words[0] + (f"; next {words[1]}" if len(words) > 1 else "; no other solved any")
+
+
+def _problem(
+    kind: str, cases: Sequence[_Case], standings: Sequence[Standing], load: Load | None
+) -> str:
+    """Return the section of one problem."""
+    own = [case for case in cases if case.kind == kind]
+    anchor = f"p-{sorted({case.kind for case in cases}).index(kind)}"
+    why = {id(s): reason for one in standings for s, reason in one.answers}
+    rows = [_answer(case, s, why[id(s)]) for case in own for s in case.solutions]
+    curves = [Series(one.label, one.profile) for one in standings if one.profile]
+    profile = draw_steps(
+        curves, title=f"Performance profile of {kind}", share=True,
+        across="times as long as the fastest on the same instance", up="instances solved",
+    )  # fmt: skip
+    note = (
+        "Performance profile (Dolan and Moré 2002). A line tells the share of all instances that a "
+        "backend solved within so many times the seconds of the fastest backend on each. Far left: how "
+        "often it was the fastest. Far right: how much it solved at all. Higher is better."
+    )
+    return (
+        f'<section data-problem="{escape(kind)}" id="{anchor}"><h3>{escape(kind)}</h3>'
+        f"{_standing(standings)}"
+        + (_figure(profile, note) if profile else "<p class='soft'>No instance was solved.</p>")
+        + '<div data-table><p class="soft"><span data-shown></span> '
+        '<button type="button" class="more" data-more hidden>Show all</button></p>'
+        + _table(_HEADS, rows, "answers", f"Answers on {kind}", tall=True)
+        + "</div><h4>Instances: bounds over time, and the best plan</h4>"
+        + "".join(_instance(case, load, len(cases)) for case in own)
+        + "</section>"
+    )
+
+
+def _standing(standings: Sequence[Standing]) -> str:
+    heads = [("Backend", False)]
+    heads += [
+        (word, True)
+        for word in ("Runs", "Solved", "Best plan", "Fastest", "Typical (s)", "Median (s)")
+    ]
+    rows = [
+        [
+            _cell(one.label),
+            *map(_count, (one.runs, one.solved, one.best, one.fastest)),
+            _number(one.typical, seconds_text(one.typical)),
+            _number(one.median, seconds_text(one.median)),
+        ]
+        for one in standings
+    ]
+    return _table(heads, rows, "plain", "Backends, the leading one first")
+
+
+def _answer(case: _Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
+    """Return the attributes and the cells of an answer's row."""
+    repeat = s.options.get("repeat")
+    gap = "" if s.gap is None else f"{s.gap:.1e}" if s.gap else "0"
+    solve, build = measured_seconds(s), s.seconds.get("build")
+    message = s.message if len(s.message) <= _MESSAGE else s.message[: _MESSAGE - 1] + "…"
+    attributes = f' data-backend="{escape(s.backend)}" data-ended="{escape(_ended(s))}"'
+    return attributes, [
+        _cell(case.name), _cell(who(s)), _cell(_ended(s)),
+        f"<td class='{'bad' if why else 'good'}'>{'✗ ' + escape(why) if why else '✓ solved'}</td>",
+        _number(s.primal_bound, number(s.primal_bound)),
+        _number(s.dual_bound, number(s.dual_bound)),
+        _number(s.gap, gap),
+        _number(solve, seconds_text(solve)), _number(build, seconds_text(build)),
+        _number(s.seed, "" if s.seed is None else str(s.seed)),
+        _number(repeat, "" if repeat is None else str(repeat)),
+        _cell(message, long=True),
+    ]  # fmt: skip
+
+
+def _instance(case: _Case, load: Load | None, instances: int) -> str:
+    """Return what unfolds for an instance: verdict, notes, bounds over time, picture."""
+    word, look, sign = _OUTCOMES[case.verdict.outcome]
+    notes = "".join(f"<li>{escape(note)}</li>" for note in case.verdict.notes)
+    image, what = draw_plan(case.solutions, load, instances)
+    shown = (
+        f'<figure><img src="{image}" alt="{escape(what)}" loading="lazy"><figcaption>{escape(what)}.'
+        "</figcaption></figure>"
+        if image
+        else f"<p class='soft'>{escape(what)}</p>"
+    )
+    return (
+        f"<details><summary>{escape(case.name)} <span class='{look}'>{sign} {word}</span></summary>"
+        f"<p>{escape(case.verdict.evidence)}</p>"
+        + (f"<ul>{notes}</ul>" if notes else "")
+        + _progress(case)
+        + shown
+        + "</details>"
+    )
+
+
+def _progress(case: _Case) -> str:
+    """Return the objective over time of every backend's median run, and the best bound."""
+    runs: dict[str, list[Solution[Any]]] = {}
+    for s in case.solutions:
+        if s.stored_plan is not None and s.primal_bound is not None:
+            runs.setdefault(who(s), []).append(s)
+    series = []
+    for label, own in runs.items():
+        run = sorted(own, key=lambda s: s.primal_bound)[(len(own) - 1) // 2]  # type: ignore[arg-type, return-value]
+        series.append(Series(label, _steps(run)))
+    if not series:
+        return ""
+    bounds = [s.dual_bound for s in case.solutions if s.dual_bound is not None]
+    note = (
+        "The objective of the best plan so far, over the seconds since the start; less is better. "
+    )
+    if len(case.solutions) > len({who(s) for s in case.solutions}):
+        note += "Of several runs of a backend the one with the median result is drawn. "
+    if bounds:
+        first = min(x for one in series for x, _ in one.points)
+        series.append(Series("best bound", [(first, max(bounds))], lone=True))
+        note += "The thick line is the best proven bound: no plan lies below it."
+    drawn = draw_steps(
+        series, title=f"Objective over time on {case.name}", across="seconds", up="objective",
+        seconds=True,
+    )  # fmt: skip
+    return _figure(drawn, note)
+
+
+def _steps(run: Solution[Any]) -> list[tuple[float, float]]:
+    """Return the points of a run: improvements by time, and the verified objective at the end."""
+    least = 1e-6
+    found: list[tuple[float, float]] = []
+    for one in sorted(run.incumbents, key=lambda one: one.seconds):
+        if not found or one.objective < found[-1][1]:
+            found.append((max(one.seconds, least), one.objective))
+    assert run.primal_bound is not None
+    end = max(measured_seconds(run) or 0.0, found[-1][0] if found else least)
+    return [*found, (end, run.primal_bound)]
+
+
+def _contradiction(case: _Case) -> str:
+    """Return a contradiction with its evidence and the command that repeats it."""
+    words = case.verdict.evidence.replace(",", " ").split()
+    named = [s for s in case.solutions if who(s) in words] or case.solutions
+    rows = []
+    for s in named:
+        checks = [] if s.verification is None else s.verification.checks
+        off = [str(check) for check in checks if not check.ok or check.within_tolerance]
+        state = "; ".join(off) or ("every check holds" if checks else "no plan to check")
+        proves = "" if s.guarantee is None else str(s.guarantee)
+        cells = [who(s), proves, _ended(s), number(s.primal_bound), number(s.dual_bound)]
+        rows.append([*map(_cell, cells), _cell(state, long=True)])
+    heads = ("Backend", "Guarantee", "Ended", "Objective", "Bound", "Checks of its plan")
+    asked = named[0].options
+    line = [
+        "crosstrack",
+        "compare",
+        case.name,
+        "--backends",
+        ",".join(dict.fromkeys(map(who, named))),
+    ]
+    for flag, option in _FLAGS.items():
+        if asked.get(option) is not None:
+            line += [flag, str(asked[option])]
+    if named[0].seed is not None:
+        line += ["--seed", str(named[0].seed)]
+    return (
+        f"<h3>{escape(case.name)}</h3><p><span class='bad'>✗ contradict</span>: "
+        f"{escape(case.verdict.evidence)}.</p>"
+        + _table([(head, False) for head in heads], rows, "plain", f"Evidence on {case.name}")
+        + f"<p>To see it again:</p><pre>{escape(shlex.join(line))}</pre>"
+    )
+
+
+def _measured(solutions: Sequence[Solution[Any]]) -> str:
+    """Return what the comparison ran on, and what was asked of every run."""
+    rows: list[tuple[str, str]] = []
+    asked = {name: {_plain(s.options.get(name)) for s in solutions} for name in _FAIRNESS}
+    rows += [(word, _several(asked[name])) for name, word in _FAIRNESS.items()]
+    repeats = 1 + max((int(s.options.get("repeat") or 0) for s in solutions), default=0)
+    rows.append(("Runs of each backend that draws", f"up to {repeats:,}" if repeats > 1 else "1"))
+    rows.append(("Seeds", _several({_plain(s.seed) for s in solutions})))
+    facts: dict[str, set[str]] = {}
+    for s in solutions:
+        for name, value in (getattr(s, "environment", None) or {}).items():
+            if isinstance(value, dict):
+                continue  # versions stand below
+            facts.setdefault(str(name), set()).add(_plain(value))
+    rows += [
+        (name.replace("_", " ").capitalize(), _several(found)) for name, found in facts.items()
+    ]
+    if not facts:
+        rows.append(("Machine", "not recorded"))
+    rows.append(("crosstrack", _several({s.version for s in solutions})))
+    versions: dict[str, set[str]] = {}
+    for s in solutions:
+        if s.backend_version:
+            versions.setdefault(s.backend, set()).add(s.backend_version)
+    said = ", ".join(f"{name} {' and '.join(sorted(versions[name]))}" for name in sorted(versions))
+    rows.append(("Backends", said or "not recorded"))
+    body = "".join(
+        f"<tr><th scope='row'>{escape(a)}</th><td class='long'>{escape(b)}</td></tr>"
+        for a, b in rows
+    )
+    return f'<div class="scroll"><table>{body}</table></div>'
+
+
+def _plain(value: Any) -> str:
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _several(values: Iterable[str]) -> str:
+    """Return values in words; where numbers are many, their range."""
+    found = sorted(set(values))
+    said = [value for value in found if value]
+    none = " (some runs: none)" if said and "" in found else ""
+    if len(said) > 6:
+        try:
+            numbers = sorted(map(float, said))
+            return f"{numbers[0]:g} to {numbers[-1]:g}{none}"
+        except ValueError:
+            return f"{', '.join(said[:6])} and {len(said) - 6} more{none}"
+    return ", ".join(said) + none if said else "none"
+
+
+def _ended(s: Solution[Any]) -> str:
+    text = str(Termination(s.termination)).replace("_", " ")
+    if s.limit is None:
+        return text
+    return text + (", interrupted" if s.limit is Limit.INTERRUPTED else f", {s.limit} limit")
+
+
+def _many(count: int, noun: str) -> str:
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+def _choices(values: Iterable[str]) -> str:
+    return "".join(f"<option>{escape(value)}</option>" for value in values)
+
+
+def _cell(text: str, *, long: bool = False) -> str:
+    return f"<td class='long'>{escape(text)}</td>" if long else f"<td>{escape(text)}</td>"
+
+
+def _number(value: float | None, text: str) -> str:
+    """Return a cell that sorts by `value`; one without is last."""
+    return (
+        f'<td class="n" data-v="{"" if value is None else repr(float(value))}">{escape(text)}</td>'
+    )
+
+
+def _count(value: int) -> str:
+    return _number(value, f"{value:,}")
+
+
+def _table(
+    heads: Iterable[tuple[str, bool]],
+    rows: Iterable[Any],
+    look: str,
+    label: str,
+    *,
+    tall: bool = False,
+) -> str:
+    """Return a table in a box that scrolls; a row is its cells, or its attributes and its cells."""
+    top = "".join(
+        f'<th scope="col" aria-sort="none"{" class=n" if right else ""}>'
+        f'<button type="button">{escape(head)}</button></th>'
+        for head, right in heads
+    )
+    body = []
+    for row in rows:
+        attributes, cells = row if isinstance(row, tuple) else ("", row)
+        body.append(f"<tr{attributes}>{''.join(cells)}</tr>")
+    return (
+        f'<div class="scroll{" tall" if tall else ""}" tabindex="0" role="region" aria-label="{escape(label)}">'
+        f'<table class="{look}"><thead><tr>{top}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
+    )
+
+
+def _figure(drawn: str, note: str) -> str:
+    return (
+        f'<figure><div class="scroll">{drawn}</div><figcaption>{escape(note)}</figcaption></figure>'
+    )
+
+
+def _resource(name: str) -> str:
+    return files(__package__).joinpath(name).read_text("utf-8")
+
+
+def _hash(text: str) -> str:
+    digest = hashlib.sha256(text.encode("utf-8")).digest()
+    return "sha256-" + base64.b64encode(digest).decode("ascii")

@@ -1,0 +1,137 @@
+"""How backends stand on one problem: what they solved, how fast, and their profiles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from statistics import median
+from typing import Any, NamedTuple
+
+from ..enums import Termination
+from ..solution import Solution
+from ..verdict import Outcome, Verdict
+
+__all__ = ["Standing", "measured_seconds", "rank", "who"]
+
+
+class Standing(NamedTuple):
+    """One backend, with its formulation, on the instances of one problem.
+
+    Parameters
+    ----------
+    label : str
+        The backend with its formulation.
+    runs, solved, best, fastest : int
+        How many runs there were, how many were solved, on how many instances its plan is the best,
+        and on how many it solved first.
+    typical, median : float, optional
+        Shifted geometric mean and median of the seconds.
+    profile : sequence of (float, float)
+        Its performance profile.
+    answers : sequence of (Solution, str)
+        Its answers, each with why it is not solved, "" where it is.
+    """
+
+    label: str
+    runs: int
+    solved: int
+    best: int
+    fastest: int
+    typical: float | None
+    median: float | None
+    profile: Sequence[tuple[float, float]]
+    answers: Sequence[tuple[Solution[Any], str]]
+
+
+def who(solution: Solution[Any]) -> str:
+    """Return the backend with its formulation, as verdicts name it."""
+    return solution.backend + (f":{solution.formulation}" if solution.formulation else "")
+
+
+def measured_seconds(solution: Solution[Any]) -> float | None:
+    """Return the seconds that count: of solving, or of the whole call where they are not known."""
+    return solution.seconds.get("solve", solution.seconds.get("total"))
+
+
+def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
+    """Return how every backend stands on the instances of one problem, the leading one first.
+
+    Most solved first, then the least typical seconds. A run's seconds are the median of its
+    repeats; what is not solved counts as its time limit.
+    """
+    answers: dict[str, list[tuple[Solution[Any], str]]] = {}
+    times: dict[str, list[float]] = {}
+    ratios: dict[str, list[float]] = {}
+    best: dict[str, int] = {}
+    fastest: dict[str, int] = {}
+    for verdict in verdicts:
+        least = verdict.best
+        solved: dict[str, float] = {}
+        for label in dict.fromkeys(map(who, verdict.solutions)):
+            own = [(s, _failure(s, verdict)) for s in verdict.solutions if who(s) == label]
+            answers.setdefault(label, []).extend(own)
+            took = [measured_seconds(s) or 0.0 for s, why in own if not why]
+            limits = [
+                float(s.options.get("time_limit") or measured_seconds(s) or 0.0) for s, _ in own
+            ]
+            times.setdefault(label, []).append(median(took) if took else max(limits))
+            if took:
+                solved[label] = max(median(took), 1e-6)
+            if least is not None and any(
+                not why and s.primal_bound == least.primal_bound for s, why in own
+            ):
+                best[label] = best.get(label, 0) + 1
+        for label, seconds in solved.items():
+            ratio = seconds / min(solved.values())
+            ratios.setdefault(label, []).append(ratio)
+            fastest[label] = fastest.get(label, 0) + (ratio == 1.0)
+    far = max((ratio for own in ratios.values() for ratio in own), default=1.0)
+    found = [
+        Standing(
+            label, len(own), sum(not why for _, why in own), best.get(label, 0),
+            fastest.get(label, 0), _typical(times[label]), median(times[label]),
+            _profile(ratios.get(label, []), len(verdicts), far), own,
+        )
+        for label, own in answers.items()
+    ]  # fmt: skip
+    return sorted(found, key=lambda one: (-one.solved, one.typical))
+
+
+def _failure(solution: Solution[Any], verdict: Verdict) -> str:
+    """Return why an answer is not solved, "" where it is."""
+    if solution.termination in (Termination.FAILED, Termination.REJECTED):
+        return str(solution.termination)
+    least = verdict.best
+    if solution.stored_plan is None or solution.primal_bound is None:
+        proven = verdict.outcome is Outcome.AGREED and least is None
+        if proven and solution.termination is Termination.INFEASIBLE:
+            return ""
+        return "wrong" if solution.termination is Termination.INFEASIBLE and least else "no plan"
+    if least is None or least.primal_bound is None:
+        return "no plan"
+    asked = float(solution.options.get("gap") or 0.0) + float(
+        solution.options.get("tolerance") or 0.0
+    )
+    size = max(abs(least.primal_bound), 1e-10)
+    if solution.dual_bound is not None and solution.dual_bound > least.primal_bound + asked * size:
+        return "wrong bound"
+    worse = (solution.primal_bound - least.primal_bound) / size
+    return f"{100 * worse:.2g} % above best" if worse > asked else ""
+
+
+def _typical(seconds: Sequence[float]) -> float:
+    """Return the geometric mean of seconds that are shifted by 1."""
+    return math.expm1(sum(map(math.log1p, seconds)) / len(seconds))
+
+
+def _profile(ratios: Sequence[float], instances: int, far: float) -> list[tuple[float, float]]:
+    """Return Dolan and Moré's step function up to `far`."""
+    ordered = sorted(ratios)
+    if not ordered:
+        return []
+    steps = {ratio: (i + 1) / instances for i, ratio in enumerate(ordered)}
+    return [
+        *([] if 1.0 in steps else [(1.0, 0.0)]),
+        *steps.items(),
+        (far, len(ordered) / instances),
+    ]
