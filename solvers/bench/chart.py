@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import NamedTuple
 
-from ..report.tables import number, seconds_text
+from ..report.tables import seconds_text
 
 __all__ = ["Series", "draw_steps"]
 
@@ -99,11 +99,9 @@ def draw_steps(
         text = seconds_text(value) if seconds else f"{value:.6g}"
         parts.append(f'<path class="grid" d="M{x:.1f} {_TOP}V{foot}"/>')
         parts.append(_text(x, foot + 16, text, "middle"))
-    for step in range(5):
-        value = base + (top - base) * step / 4
+    for value, text in _shares() if share else _ticks(base, top):
         _, y = place(10**low, value)
         parts.append(f'<path class="grid" d="M{_LEFT} {y:.1f}H{right}"/>')
-        text = f"{100 * value:.0f} %" if share else number(value)
         parts.append(_text(_LEFT - 6, y + 4, text, "end"))
     parts.append(_text((_LEFT + right) / 2, tall - 8, across, "middle"))
     middle = (_TOP + foot) / 2
@@ -175,6 +173,24 @@ def _range(low: float, high: float) -> tuple[float, float]:
     least = 1e-5 * max(abs(low), abs(high)) or 1.0
     margin = max(0.06 * (high - low), least)
     return low - margin, high + margin
+
+
+def _shares() -> list[tuple[float, str]]:
+    return [(share / 100, f"{share} %") for share in (0, 25, 50, 75, 100)]
+
+
+def _ticks(base: float, top: float) -> list[tuple[float, str]]:
+    """Return round values between two numbers, each with digits enough to tell it from the next."""
+    raw = (top - base) / 5
+    power = math.floor(math.log10(raw))
+    step = min(f * 10.0**power for f in (1, 2, 5, 10) if f * 10.0**power >= raw)
+    values = [i * step for i in range(math.ceil(base / step), math.floor(top / step) + 1)]
+    most = max(map(abs, values), default=1.0)
+    if most < 1e9 and step > 1e-5:
+        digits = max(0, -math.floor(math.log10(step)))
+        return [(value, f"{value:.{digits}f}") for value in values]
+    digits = max(1, math.ceil(math.log10(most / step)) + 1) if most else 1
+    return [(value, f"{value:.{digits}g}") for value in values]
 
 
 def _powers(low: float, high: float) -> list[float]:

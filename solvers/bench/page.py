@@ -6,7 +6,7 @@ import base64
 import hashlib
 import os
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -15,11 +15,12 @@ from typing import Any, NamedTuple, Protocol
 
 from ...errors import InvalidData
 from ...files import writable, write_text
-from ..enums import Limit, Termination
 from ..report.tables import number, seconds_text
 from ..solution import Solution
 from ..verdict import Outcome, Verdict, judge
 from .chart import Series, draw_steps
+from .conditions import describe_conditions
+from .markup import cell, choices, count_cell, ended, figure, many, numeric, table
 from .pictures import Load, draw_plan
 from .standing import Standing, measured_seconds, rank, who
 
@@ -34,15 +35,11 @@ _OUTCOMES = {
 #: Heads of the tables of answers, and whether the column holds numbers.
 _HEADS = (
     ("Instance", False), ("Backend", False), ("Ended", False), ("Solved", False),
-    ("Objective", True), ("Bound", True), ("Gap", True), ("Solve (s)", True), ("Build (s)", True),
+    ("Objective", True), ("Bound", True), ("Gap", True), ("Solving took", True), ("Building took", True),
     ("Seed", True), ("Repeat", True), ("Message", False),
 )  # fmt: skip
-#: Options that say how fair a comparison is, and what the page calls them.
-_FAIRNESS = {
-    "gap": "Relative gap asked for", "tolerance": "Tolerance of the check",
-    "time_limit": "Time limit (s)", "memory_limit": "Memory limit", "evaluations": "Evaluations granted",
-    "threads": "Threads asked for",
-}  # fmt: skip
+#: How reasons end for which an answer is not wrong, but not good enough either.
+_SHORT = ("above best", "no plan")
 #: Characters of a message that are shown in a table.
 _MESSAGE = 300
 #: Options that the command of a contradiction repeats, by the flag.
@@ -129,10 +126,10 @@ def _page(solutions: Sequence[Solution[Any]], title: str, command: str, load: Lo
         leading=_leading(kinds, cases, standings),
         contradictions="".join(map(_contradiction, wrong))
         or "<p>None: no proof speaks against any verified plan.</p>",
-        measured=_measured(solutions),
-        problems=_choices(kinds),
-        backends=_choices(sorted({s.backend for s in solutions})),
-        endings=_choices(sorted({_ended(s) for s in solutions})),
+        measured=describe_conditions(solutions),
+        problems=choices(kinds),
+        backends=choices(sorted({s.backend for s in solutions})),
+        endings=choices(sorted({ended(s) for s in solutions})),
         count=f"{len(solutions):,}",
         sections="".join(sections),
         footer=f"{again}<p class='soft'>Made by crosstrack {escape(', '.join(versions))}.</p>",
@@ -156,8 +153,8 @@ def _verdict(cases: Sequence[_Case], solutions: Sequence[Solution[Any]]) -> str:
     backends = len({s.backend for s in solutions})
     agreed, wrong, undecided = counts.values()
     return (
-        f"{_many(len(solutions), 'answer')} of {_many(backends, 'backend')} on "
-        f"{_many(len(cases), 'instance')} of {_many(len({c.kind for c in cases}), 'problem')}. "
+        f"{many(len(solutions), 'answer')} of {many(backends, 'backend')} on "
+        f"{many(len(cases), 'instance')} of {many(len({c.kind for c in cases}), 'problem')}. "
         f"On {agreed:,} the answers <span class='good'>agree</span>, on {wrong:,} they "
         f"<span class='bad'>contradict</span> one another, and {undecided:,} "
         f"{'is' if undecided == 1 else 'are'} <span class='open'>open</span>: nothing speaks against the "
@@ -181,14 +178,14 @@ def _leading(
         counts = [sum(c.verdict.outcome is o for c in own) for o in _OUTCOMES]
         rows.append(
             [
-                _cell(kind),
-                *map(_count, (len(own), *counts)),
-                _cell(_leader(standings[kind]), long=True),
+                cell(kind),
+                cell(_leader(standings[kind]), long=True),
+                *map(count_cell, (len(own), *counts)),
             ]
         )
-    heads = [("Problem", False), ("Instances", True)]
+    heads = [("Problem", False), ("Leads", False), ("Instances", True)]
     heads += [(word.capitalize(), True) for word, _, _ in _OUTCOMES.values()]
-    return _table([*heads, ("Leads", False)], rows, "plain", "Verdicts by problem")
+    return table(heads, rows, "plain", "Verdicts by problem")
 
 
 def _leader(standings: Sequence[Standing]) -> str:
@@ -197,7 +194,8 @@ def _leader(standings: Sequence[Standing]) -> str:
     if not able:
         return "no backend solved an instance"
     words = [
-        f"{one.label}: solved {one.solved:,} of {one.runs:,}, typically {seconds_text(one.typical)}"
+        f"{one.label}: solved {one.solved:,} of {many(one.instances, 'instance')}, typically in "
+        f"{seconds_text(one.typical)}"
         for one in able[:2]
     ]
     return words[0] + (f"; next {words[1]}" if len(words) > 1 else "; no other solved any")
@@ -211,6 +209,8 @@ def _problem(
     anchor = f"p-{sorted({case.kind for case in cases}).index(kind)}"
     why = {id(s): reason for one in standings for s, reason in one.answers}
     rows = [_answer(case, s, why[id(s)]) for case in own for s in case.solutions]
+    used = [i for i in range(len(_HEADS)) if any(not c[i].endswith("></td>") for _, c in rows)]
+    rows = [(attributes, [cells[i] for i in used]) for attributes, cells in rows]
     curves = [Series(one.label, one.profile) for one in standings if one.profile]
     profile = draw_steps(
         curves, title=f"Performance profile of {kind}", share=True,
@@ -224,10 +224,10 @@ def _problem(
     return (
         f'<section data-problem="{escape(kind)}" id="{anchor}"><h3>{escape(kind)}</h3>'
         f"{_standing(standings)}"
-        + (_figure(profile, note) if profile else "<p class='soft'>No instance was solved.</p>")
+        + (figure(profile, note) if profile else "<p class='soft'>No instance was solved.</p>")
         + '<div data-table><p class="soft"><span data-shown></span> '
         '<button type="button" class="more" data-more hidden>Show all</button></p>'
-        + _table(_HEADS, rows, "answers", f"Answers on {kind}", tall=True)
+        + table([_HEADS[i] for i in used], rows, "answers", f"Answers on {kind}", tall=True)
         + "</div><h4>Instances: bounds over time, and the best plan</h4>"
         + "".join(_instance(case, load, len(cases)) for case in own)
         + "</section>"
@@ -238,18 +238,26 @@ def _standing(standings: Sequence[Standing]) -> str:
     heads = [("Backend", False)]
     heads += [
         (word, True)
-        for word in ("Runs", "Solved", "Best plan", "Fastest", "Typical (s)", "Median (s)")
+        for word in (
+            "Runs",
+            "Instances",
+            "Solved",
+            "Best plan",
+            "Fastest",
+            "Typical time",
+            "Median time",
+        )
     ]
     rows = [
         [
-            _cell(one.label),
-            *map(_count, (one.runs, one.solved, one.best, one.fastest)),
-            _number(one.typical, seconds_text(one.typical)),
-            _number(one.median, seconds_text(one.median)),
+            cell(one.label),
+            *map(count_cell, (one.runs, one.instances, one.solved, one.best, one.fastest)),
+            numeric(one.typical, seconds_text(one.typical)),
+            numeric(one.median, seconds_text(one.median)),
         ]
         for one in standings
     ]
-    return _table(heads, rows, "plain", "Backends, the leading one first")
+    return table(heads, rows, "plain", "Backends, the leading one first")
 
 
 def _answer(case: _Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
@@ -258,17 +266,20 @@ def _answer(case: _Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
     gap = "" if s.gap is None else f"{s.gap:.1e}" if s.gap else "0"
     solve, build = measured_seconds(s), s.seconds.get("build")
     message = s.message if len(s.message) <= _MESSAGE else s.message[: _MESSAGE - 1] + "…"
-    attributes = f' data-backend="{escape(s.backend)}" data-ended="{escape(_ended(s))}"'
+    attributes = f' data-backend="{escape(s.backend)}" data-ended="{escape(ended(s))}"'
+    look, sign = (
+        ("good", "✓") if not why else ("open", "○") if why.endswith(_SHORT) else ("bad", "✗")
+    )
     return attributes, [
-        _cell(case.name), _cell(who(s)), _cell(_ended(s)),
-        f"<td class='{'bad' if why else 'good'}'>{'✗ ' + escape(why) if why else '✓ solved'}</td>",
-        _number(s.primal_bound, number(s.primal_bound)),
-        _number(s.dual_bound, number(s.dual_bound)),
-        _number(s.gap, gap),
-        _number(solve, seconds_text(solve)), _number(build, seconds_text(build)),
-        _number(s.seed, "" if s.seed is None else str(s.seed)),
-        _number(repeat, "" if repeat is None else str(repeat)),
-        _cell(message, long=True),
+        cell(case.name), cell(who(s)), cell(ended(s)),
+        f"<td class='{look}'>{sign} {escape(why or 'solved')}</td>",
+        numeric(s.primal_bound, number(s.primal_bound)),
+        numeric(s.dual_bound, number(s.dual_bound)),
+        numeric(s.gap, gap),
+        numeric(solve, seconds_text(solve)), numeric(build, seconds_text(build)),
+        numeric(s.seed, "" if s.seed is None else str(s.seed)),
+        numeric(repeat, "" if repeat is None else str(repeat)),
+        cell(message, long=True),
     ]  # fmt: skip
 
 
@@ -319,7 +330,7 @@ def _progress(case: _Case) -> str:
         series, title=f"Objective over time on {case.name}", across="seconds", up="objective",
         seconds=True,
     )  # fmt: skip
-    return _figure(drawn, note)
+    return figure(drawn, note)
 
 
 def _steps(run: Solution[Any]) -> list[tuple[float, float]]:
@@ -344,8 +355,8 @@ def _contradiction(case: _Case) -> str:
         off = [str(check) for check in checks if not check.ok or check.within_tolerance]
         state = "; ".join(off) or ("every check holds" if checks else "no plan to check")
         proves = "" if s.guarantee is None else str(s.guarantee)
-        cells = [who(s), proves, _ended(s), number(s.primal_bound), number(s.dual_bound)]
-        rows.append([*map(_cell, cells), _cell(state, long=True)])
+        cells = [who(s), proves, ended(s), number(s.primal_bound), number(s.dual_bound)]
+        rows.append([*map(cell, cells), cell(state, long=True)])
     heads = ("Backend", "Guarantee", "Ended", "Objective", "Bound", "Checks of its plan")
     asked = named[0].options
     line = [
@@ -363,119 +374,8 @@ def _contradiction(case: _Case) -> str:
     return (
         f"<h3>{escape(case.name)}</h3><p><span class='bad'>✗ contradict</span>: "
         f"{escape(case.verdict.evidence)}.</p>"
-        + _table([(head, False) for head in heads], rows, "plain", f"Evidence on {case.name}")
+        + table([(head, False) for head in heads], rows, "plain", f"Evidence on {case.name}")
         + f"<p>To see it again:</p><pre>{escape(shlex.join(line))}</pre>"
-    )
-
-
-def _measured(solutions: Sequence[Solution[Any]]) -> str:
-    """Return what the comparison ran on, and what was asked of every run."""
-    rows: list[tuple[str, str]] = []
-    asked = {name: {_plain(s.options.get(name)) for s in solutions} for name in _FAIRNESS}
-    rows += [(word, _several(asked[name])) for name, word in _FAIRNESS.items()]
-    repeats = 1 + max((int(s.options.get("repeat") or 0) for s in solutions), default=0)
-    rows.append(("Runs of each backend that draws", f"up to {repeats:,}" if repeats > 1 else "1"))
-    rows.append(("Seeds", _several({_plain(s.seed) for s in solutions})))
-    facts: dict[str, set[str]] = {}
-    for s in solutions:
-        for name, value in (getattr(s, "environment", None) or {}).items():
-            if isinstance(value, dict):
-                continue  # versions stand below
-            facts.setdefault(str(name), set()).add(_plain(value))
-    rows += [
-        (name.replace("_", " ").capitalize(), _several(found)) for name, found in facts.items()
-    ]
-    if not facts:
-        rows.append(("Machine", "not recorded"))
-    rows.append(("crosstrack", _several({s.version for s in solutions})))
-    versions: dict[str, set[str]] = {}
-    for s in solutions:
-        if s.backend_version:
-            versions.setdefault(s.backend, set()).add(s.backend_version)
-    said = ", ".join(f"{name} {' and '.join(sorted(versions[name]))}" for name in sorted(versions))
-    rows.append(("Backends", said or "not recorded"))
-    body = "".join(
-        f"<tr><th scope='row'>{escape(a)}</th><td class='long'>{escape(b)}</td></tr>"
-        for a, b in rows
-    )
-    return f'<div class="scroll"><table>{body}</table></div>'
-
-
-def _plain(value: Any) -> str:
-    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _several(values: Iterable[str]) -> str:
-    """Return values in words; where numbers are many, their range."""
-    found = sorted(set(values))
-    said = [value for value in found if value]
-    none = " (some runs: none)" if said and "" in found else ""
-    if len(said) > 6:
-        try:
-            numbers = sorted(map(float, said))
-            return f"{numbers[0]:g} to {numbers[-1]:g}{none}"
-        except ValueError:
-            return f"{', '.join(said[:6])} and {len(said) - 6} more{none}"
-    return ", ".join(said) + none if said else "none"
-
-
-def _ended(s: Solution[Any]) -> str:
-    text = str(Termination(s.termination)).replace("_", " ")
-    if s.limit is None:
-        return text
-    return text + (", interrupted" if s.limit is Limit.INTERRUPTED else f", {s.limit} limit")
-
-
-def _many(count: int, noun: str) -> str:
-    return f"{count:,} {noun}{'' if count == 1 else 's'}"
-
-
-def _choices(values: Iterable[str]) -> str:
-    return "".join(f"<option>{escape(value)}</option>" for value in values)
-
-
-def _cell(text: str, *, long: bool = False) -> str:
-    return f"<td class='long'>{escape(text)}</td>" if long else f"<td>{escape(text)}</td>"
-
-
-def _number(value: float | None, text: str) -> str:
-    """Return a cell that sorts by `value`; one without is last."""
-    return (
-        f'<td class="n" data-v="{"" if value is None else repr(float(value))}">{escape(text)}</td>'
-    )
-
-
-def _count(value: int) -> str:
-    return _number(value, f"{value:,}")
-
-
-def _table(
-    heads: Iterable[tuple[str, bool]],
-    rows: Iterable[Any],
-    look: str,
-    label: str,
-    *,
-    tall: bool = False,
-) -> str:
-    """Return a table in a box that scrolls; a row is its cells, or its attributes and its cells."""
-    top = "".join(
-        f'<th scope="col" aria-sort="none"{" class=n" if right else ""}>'
-        f'<button type="button">{escape(head)}</button></th>'
-        for head, right in heads
-    )
-    body = []
-    for row in rows:
-        attributes, cells = row if isinstance(row, tuple) else ("", row)
-        body.append(f"<tr{attributes}>{''.join(cells)}</tr>")
-    return (
-        f'<div class="scroll{" tall" if tall else ""}" tabindex="0" role="region" aria-label="{escape(label)}">'
-        f'<table class="{look}"><thead><tr>{top}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
-    )
-
-
-def _figure(drawn: str, note: str) -> str:
-    return (
-        f'<figure><div class="scroll">{drawn}</div><figcaption>{escape(note)}</figcaption></figure>'
     )
 
 

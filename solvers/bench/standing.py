@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from statistics import median
 from typing import Any, NamedTuple
@@ -13,6 +14,11 @@ from ..verdict import Outcome, Verdict
 
 __all__ = ["Standing", "measured_seconds", "rank", "who"]
 
+#: Seconds of a run at the least: no clock resolves less.
+_LEAST = 1e-6
+#: Share of the best objective above which no percentage is told.
+_FAR = 9.95
+
 
 class Standing(NamedTuple):
     """One backend, with its formulation, on the instances of one problem.
@@ -21,11 +27,11 @@ class Standing(NamedTuple):
     ----------
     label : str
         The backend with its formulation.
-    runs, solved, best, fastest : int
-        How many runs there were, how many were solved, on how many instances its plan is the best,
-        and on how many it solved first.
-    typical, median : float, optional
-        Shifted geometric mean and median of the seconds.
+    runs, instances, solved, best, fastest : int
+        How many runs there were, on how many instances, how many of these were solved by more than
+        half of the runs, on how many a run's plan is the best of all, and on how many it was fastest.
+    typical, median : float
+        Shifted geometric mean and median of the seconds over its instances.
     profile : sequence of (float, float)
         Its performance profile.
     answers : sequence of (Solution, str)
@@ -34,11 +40,12 @@ class Standing(NamedTuple):
 
     label: str
     runs: int
+    instances: int
     solved: int
     best: int
     fastest: int
-    typical: float | None
-    median: float | None
+    typical: float
+    median: float
     profile: Sequence[tuple[float, float]]
     answers: Sequence[tuple[Solution[Any], str]]
 
@@ -62,46 +69,45 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
     answers: dict[str, list[tuple[Solution[Any], str]]] = {}
     times: dict[str, list[float]] = {}
     ratios: dict[str, list[float]] = {}
-    best: dict[str, int] = {}
-    fastest: dict[str, int] = {}
+    best: Counter[str] = Counter()
+    fastest: Counter[str] = Counter()
     for verdict in verdicts:
         least = verdict.best
-        solved: dict[str, float] = {}
+        took: dict[str, float] = {}
         for label in dict.fromkeys(map(who, verdict.solutions)):
-            own = [(s, _failure(s, verdict)) for s in verdict.solutions if who(s) == label]
+            own = [(s, _failure(s, verdict, least)) for s in verdict.solutions if who(s) == label]
             answers.setdefault(label, []).extend(own)
-            took = [measured_seconds(s) or 0.0 for s, why in own if not why]
-            limits = [
+            seconds = [math.inf if why else measured_seconds(s) or 0.0 for s, why in own]
+            took[label] = max(median(seconds), _LEAST)
+            limit = max(
                 float(s.options.get("time_limit") or measured_seconds(s) or 0.0) for s, _ in own
-            ]
-            times.setdefault(label, []).append(median(took) if took else max(limits))
-            if took:
-                solved[label] = max(median(took), 1e-6)
-            if least is not None and any(
-                not why and s.primal_bound == least.primal_bound for s, why in own
-            ):
-                best[label] = best.get(label, 0) + 1
-        for label, seconds in solved.items():
-            ratio = seconds / min(solved.values())
-            ratios.setdefault(label, []).append(ratio)
-            fastest[label] = fastest.get(label, 0) + (ratio == 1.0)
+            )
+            times.setdefault(label, []).append(min(took[label], max(limit, _LEAST)))
+            if least is not None:
+                best[label] += any(
+                    not why and s.primal_bound == least.primal_bound for s, why in own
+                )
+        first = min(took.values())
+        for label, value in took.items():
+            if math.isfinite(value):
+                ratios.setdefault(label, []).append(value / first)
+                fastest[label] += value == first
     far = max((ratio for own in ratios.values() for ratio in own), default=1.0)
     found = [
         Standing(
-            label, len(own), sum(not why for _, why in own), best.get(label, 0),
-            fastest.get(label, 0), _typical(times[label]), median(times[label]),
-            _profile(ratios.get(label, []), len(verdicts), far), own,
+            label, len(own), len(times[label]), len(ratios.get(label, ())), best[label],
+            fastest[label], _typical(times[label]), median(times[label]),
+            _profile(ratios.get(label, ()), len(verdicts), far), own,
         )
         for label, own in answers.items()
     ]  # fmt: skip
     return sorted(found, key=lambda one: (-one.solved, one.typical))
 
 
-def _failure(solution: Solution[Any], verdict: Verdict) -> str:
-    """Return why an answer is not solved, "" where it is."""
+def _failure(solution: Solution[Any], verdict: Verdict, least: Solution[Any] | None) -> str:
+    """Return why an answer is not solved, "" where it is; `least` is the best one."""
     if solution.termination in (Termination.FAILED, Termination.REJECTED):
         return str(solution.termination)
-    least = verdict.best
     if solution.stored_plan is None or solution.primal_bound is None:
         proven = verdict.outcome is Outcome.AGREED and least is None
         if proven and solution.termination is Termination.INFEASIBLE:
@@ -116,7 +122,9 @@ def _failure(solution: Solution[Any], verdict: Verdict) -> str:
     if solution.dual_bound is not None and solution.dual_bound > least.primal_bound + asked * size:
         return "wrong bound"
     worse = (solution.primal_bound - least.primal_bound) / size
-    return f"{100 * worse:.2g} % above best" if worse > asked else ""
+    if worse <= asked:
+        return ""
+    return f"{100 * worse:.2g} % above best" if worse < _FAR else "far above best"
 
 
 def _typical(seconds: Sequence[float]) -> float:
