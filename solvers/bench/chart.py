@@ -23,13 +23,13 @@ _MARKERS = (
     "M0 -5V5M-5 0H5",
 )
 #: Size of the drawing, its margins (left, top, right, bottom), and the height of a label, in pixels.
-_WIDE, _TALL = 720, 300
-_LEFT, _TOP, _RIGHT, _BOTTOM = 70, 12, 210, 46
+_WIDE, _TALL = 760, 300
+_LEFT, _TOP, _RIGHT, _BOTTOM = 70, 12, 240, 46
 _LINE = 15
 #: Points of a series that are drawn at the most.
 _MOST = 80
 #: Characters of a label that fit beside the chart.
-_LABEL = 26
+_LABEL = 30
 
 
 class Series(NamedTuple):
@@ -117,7 +117,10 @@ def draw_steps(
         look = f'class="s{index % 6}{" bound" if one.lone else ""}"'
         dash = "" if one.lone else _DASHES[index % len(_DASHES)]
         mark = "" if one.lone else _MARKERS[index % len(_MARKERS)]
-        parts.append(f'<g {look} data-dash="{dash}" data-marker="{index % len(_MARKERS)}">')
+        parts.append(
+            f'<g {look} data-dash="{dash}" data-marker="{index % len(_MARKERS)}">'
+            f"<title>{escape(one.label)}</title>"
+        )
         parts.append(f'<path class="line" stroke-dasharray="{dash or "none"}" d="{path}"/>')
         if mark:
             spots = sorted({0, len(places) // 2, len(places) - 1})

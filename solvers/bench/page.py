@@ -6,6 +6,7 @@ import base64
 import hashlib
 import os
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
@@ -141,10 +142,15 @@ def _cases(solutions: Sequence[Solution[Any]]) -> list[_Case]:
     groups: dict[tuple[str, str, str], list[Solution[Any]]] = {}
     for solution in solutions:
         groups.setdefault((solution.model, solution.instance, solution.digest), []).append(solution)
-    return [
-        _Case(kind, name or digest[:12], group, judge(name or digest[:12], group))
-        for (kind, name, digest), group in sorted(groups.items(), key=lambda item: item[0])
-    ]
+    # Instances that share a name but not their data are told apart by their digests.
+    shared = Counter((kind, name) for kind, name, _ in groups)
+    cases = []
+    for (kind, name, digest), group in sorted(groups.items(), key=lambda item: item[0]):
+        called = name or digest[:12]
+        if shared[kind, name] > 1:
+            called = f"{name} {digest[:12]}"
+        cases.append(_Case(kind, called, group, judge(called, group)))
+    return cases
 
 
 def _verdict(cases: Sequence[_Case], solutions: Sequence[Solution[Any]]) -> str:
@@ -362,7 +368,7 @@ def _contradiction(case: _Case) -> str:
     line = [
         "crosstrack",
         "compare",
-        case.name,
+        named[0].instance or case.name,
         "--backends",
         ",".join(dict.fromkeys(map(who, named))),
     ]

@@ -22,9 +22,9 @@ log = logging.getLogger("crosstrack")
 Load = Callable[[str], Model[Any]]
 
 #: Width of a picture (pixels) where there are few, where there are many, and how many are few.
-_WIDE, _SMALL, _FEW = 900, 480, 40
+_WIDE, _SMALL, _FEW = 900, 600, 40
 #: WebP's quality, from 0 to 100: lines stay legible, and a picture takes some 10 kB.
-_QUALITY = 35
+_QUALITY = 25
 
 
 def draw_plan(

@@ -319,6 +319,24 @@ def test_conditions_say_what_the_comparison_ran_on(opened):
     assert "Machine\tnot recorded" in text
 
 
+def test_conditions_name_the_machine_and_the_range_of_its_load(tmp_path):
+    own = campaign()
+    for i, one in enumerate(own):
+        facts = {"system": "Linux <6>", "load": i / 10, "backends": {"highs": "1.2"}}
+        object.__setattr__(one, "environment", facts)
+    text = write(tmp_path, own).read_text("utf-8")
+    assert "System</th><td class='long'>Linux &lt;6&gt;</td>" in text
+    assert "Load</th><td class='long'>0 to 2.5</td>" in text
+    assert "not recorded" not in text
+
+
+def test_instances_of_one_name_with_other_data_stay_apart(tmp_path):
+    twins = [exact("grid-path/one", "a", 1.0 + i, 0.1, digest=f"{i:064}") for i in range(2)]
+    text = write(tmp_path, twins).read_text("utf-8")
+    assert "2 answers of 1 backend on 2 instances of 1 problem" in text
+    assert "contradict</span>:" not in text  # the optimum of one says nothing of the other's
+
+
 def test_rank_counts_what_is_solved_and_how_fast():
     # one: a-star 10 (exact), greedy 12 is no solution. two: both have 9.5; greedy in 0.02 s of 2 s.
     own = [s for s in campaign() if s.model == "grid-path"]
