@@ -293,7 +293,7 @@ def _instance(case: _Case, load: Load | None, instances: int) -> str:
     """Return what unfolds for an instance: verdict, notes, bounds over time, picture."""
     word, look, sign = _OUTCOMES[case.verdict.outcome]
     notes = "".join(f"<li>{escape(note)}</li>" for note in case.verdict.notes)
-    image, what = draw_plan(case.solutions, load, instances)
+    image, what = draw_plan(case.verdict.best, load, instances)
     shown = (
         f'<figure><img src="{image}" alt="{escape(what)}" loading="lazy"><figcaption>{escape(what)}.'
         "</figcaption></figure>"
@@ -330,7 +330,7 @@ def _progress(case: _Case) -> str:
         note += "Of several runs of a backend the one with the median result is drawn. "
     if bounds:
         first = min(x for one in series for x, _ in one.points)
-        series.append(Series("best bound", [(first, max(bounds))], lone=True))
+        series.insert(0, Series("best bound", [(first, max(bounds))], lone=True))
         note += "The thick line is the best proven bound: no plan lies below it."
     drawn = draw_steps(
         series, title=f"Objective over time on {case.name}", across="seconds", up="objective",

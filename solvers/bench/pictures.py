@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from ...errors import CrosstrackError
@@ -27,24 +27,20 @@ _WIDE, _SMALL, _FEW = 900, 600, 40
 _QUALITY = 25
 
 
-def draw_plan(
-    solutions: Sequence[Solution[Any]], load: Load | None, instances: int = 1
-) -> tuple[str, str]:
+def draw_plan(best: Solution[Any] | None, load: Load | None, instances: int = 1) -> tuple[str, str]:
     """Return a data URI of the best plan's picture and what it shows, or "" and why there is none.
 
     Parameters
     ----------
-    solutions : sequence of Solution
-        The answers on one instance.
+    best : Solution, optional
+        The best answer on the instance, None where none has a plan.
     load : callable, optional
         What finds the instance by its name; a model of another digest is not drawn on.
     instances : int
         How many pictures there are in all; many are smaller.
     """
-    held = [s for s in solutions if s.plan_data is not None and s.primal_bound is not None]
-    if not held:
+    if best is None:
         return "", "No picture: no backend found a plan that passed the check."
-    best = min(held, key=lambda s: s.primal_bound)  # type: ignore[arg-type, return-value]
     if load is None:
         return "", "No picture: the page was made without a way to load instances."
     try:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from statistics import median
 from typing import Any, NamedTuple
 
+from ...models.verification import ROUNDING
 from ..enums import Termination
 from ..solution import Solution
 from ..verdict import Outcome, Verdict
@@ -16,7 +17,7 @@ __all__ = ["Standing", "measured_seconds", "rank", "who"]
 
 #: Seconds of a run at the least: no clock resolves less.
 _LEAST = 1e-6
-#: Share of the best objective above which no percentage is told.
+#: Share of the objective above the best from which no percentage is told.
 _FAR = 9.95
 
 
@@ -108,23 +109,29 @@ def _failure(solution: Solution[Any], verdict: Verdict, least: Solution[Any] | N
     """Return why an answer is not solved, "" where it is; `least` is the best one."""
     if solution.termination in (Termination.FAILED, Termination.REJECTED):
         return str(solution.termination)
-    if solution.stored_plan is None or solution.primal_bound is None:
-        proven = verdict.outcome is Outcome.AGREED and least is None
-        if proven and solution.termination is Termination.INFEASIBLE:
-            return ""
-        return "wrong" if solution.termination is Termination.INFEASIBLE and least else "no plan"
+    wrong = verdict.outcome is Outcome.CONTRADICTION
+    claims = (Termination.INFEASIBLE, Termination.UNBOUNDED)
     if least is None or least.primal_bound is None:
+        if solution.termination not in claims or verdict.outcome is Outcome.INCONCLUSIVE:
+            return "no plan"
+        return "contradicted" if wrong else ""
+    checked = least.verification
+    # As verdicts do: relative to the objective or to its scale, beside what sampling explains.
+    size = max(abs(least.primal_bound), 1.0 if checked is None else checked.scale)
+    spread = 0.0 if checked is None else checked.spread
+    asked = sum(float(solution.options.get(name) or 0.0) for name in ("gap", "tolerance"))
+    slack = max(asked, ROUNDING) * size + spread
+    if wrong and solution.dual_bound is not None:
+        if solution.dual_bound > least.primal_bound + slack:
+            return "wrong bound"
+    if wrong and solution.termination in claims:
+        return f"wrong: {solution.termination}"
+    if solution.stored_plan is None or solution.primal_bound is None:
         return "no plan"
-    asked = float(solution.options.get("gap") or 0.0) + float(
-        solution.options.get("tolerance") or 0.0
-    )
-    size = max(abs(least.primal_bound), 1e-10)
-    if solution.dual_bound is not None and solution.dual_bound > least.primal_bound + asked * size:
-        return "wrong bound"
-    worse = (solution.primal_bound - least.primal_bound) / size
-    if worse <= asked:
+    worse = solution.primal_bound - least.primal_bound
+    if worse <= slack:
         return ""
-    return f"{100 * worse:.2g} % above best" if worse < _FAR else "far above best"
+    return f"{100 * worse / size:.2g} % above best" if worse < _FAR * size else "far above best"
 
 
 def _typical(seconds: Sequence[float]) -> float:

@@ -358,6 +358,33 @@ def test_rank_counts_what_is_solved_and_how_fast():
     assert found["greedy"].typical == pytest.approx((11 * 1.02) ** 0.5 - 1)
 
 
+def reasons(*solutions):
+    return {s.backend: why for one in rank([judge("one", solutions)]) for s, why in one.answers}
+
+
+def test_reasons_name_what_is_wrong_before_what_is_missing():
+    none = {"termination": Termination.INFEASIBLE, "verification": None}
+    good = exact("one", "good", 10.0, 1.0)
+    empty = exact("one", "empty", None, 0.1, **none, dual_bound=None)
+    bound = exact("one", "bound", None, 0.1, termination=Termination.NO_SOLUTION, dual_bound=11.0)
+    assert reasons(good, empty) == {"good": "", "empty": "wrong: infeasible"}
+    assert reasons(good, bound) == {"good": "", "bound": "wrong bound"}
+    assert reasons(empty, answer("one", "lost", None, 5.0)) == {"empty": "", "lost": "no plan"}
+    local = answer("one", "local", None, 0.1, termination=Termination.LOCALLY_INFEASIBLE)
+    assert reasons(good, local)["local"] == "no plan"
+
+
+def test_a_hair_above_an_optimum_of_zero_or_within_noise_is_solved():
+    zero = exact("one", "zero", 0.0, 1.0)
+    assert reasons(zero, answer("one", "hair", 1e-9, 1.0))["hair"] == ""
+    assert reasons(zero, answer("one", "more", 0.5, 1.0))["more"] == "50 % above best"
+    assert reasons(zero, answer("one", "far", 1e6, 1.0))["far"] == "far above best"
+    noisy = Verification(objective=1.0, checks=(), spread=0.2)
+    sampled = answer("one", "sampled", 1.0, 1.0, verification=noisy)
+    assert reasons(sampled, answer("one", "near", 1.1, 1.0))["near"] == ""
+    assert reasons(sampled, answer("one", "off", 1.3, 1.0))["off"] == "30 % above best"
+
+
 def test_page_of_a_thousand_answers_is_small(tmp_path):
     steps = tuple(Incumbent(1.001**i, 1e3 - i) for i in range(400))
     many = [
@@ -400,18 +427,18 @@ def test_plan_is_drawn_on_the_instance_of_the_same_digest_only(small, caplog):
     pytest.importorskip("matplotlib")
     route = small.plan_to_data(small.as_plan([0, 1, 2, 3]))
     held = answer("small", "two-stage", 4.5, 0.1, digest=small.digest, stored_plan=route)
-    image, what = draw_plan([held], lambda name: small)
+    image, what = draw_plan(held, lambda name: small)
     assert image.startswith("data:image/webp;base64,")
     assert what == "The best plan of small, by two-stage"
-    assert draw_plan([held], None)[1].endswith("without a way to load instances.")
-    assert "no backend found a plan" in draw_plan([answer("x", "b", None, 1.0)], None)[1]
-    assert "cannot be loaded by its name" in draw_plan([held], ct.load)[1]
+    assert draw_plan(held, None)[1].endswith("without a way to load instances.")
+    assert "no backend found a plan" in draw_plan(None, None)[1]
+    assert "cannot be loaded by its name" in draw_plan(held, ct.load)[1]
     other = answer("small", "two-stage", 4.5, 0.1, digest="f" * 64, stored_plan=route)
-    image, what = draw_plan([other], lambda name: small)
+    image, what = draw_plan(other, lambda name: small)
     assert image == ""
     assert f"digest {small.digest[:12]}, in the record ffffffffffff" in what
     torn = answer("small", "two-stage", 4.5, 0.1, digest=small.digest, stored_plan=["?"])
-    assert draw_plan([torn], lambda name: small)[1].startswith("No picture: ")
+    assert draw_plan(torn, lambda name: small)[1].startswith("No picture: ")
     assert "picture of 'small'" in caplog.text
 
 
