@@ -12,27 +12,22 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from ...errors import InvalidData
 from ...files import writable, write_text
 from ..report.tables import number, seconds_text
 from ..solution import Solution
-from ..verdict import Outcome, Verdict, judge
+from ..verdict import Outcome, judge
+from .cases import OUTCOMES, Case, describe_instance
 from .chart import Series, draw_steps
 from .conditions import describe_conditions
 from .markup import cell, choices, count_cell, ended, figure, many, numeric, table
-from .pictures import Load, draw_plan
+from .pictures import Load
 from .standing import Standing, measured_seconds, rank, who
 
 __all__ = ["write_page"]
 
-#: How outcomes are called on the page, with the class of their colour and a sign beside it.
-_OUTCOMES = {
-    Outcome.AGREED: ("agree", "good", "✓"),
-    Outcome.CONTRADICTION: ("contradict", "bad", "✗"),
-    Outcome.INCONCLUSIVE: ("open", "open", "○"),
-}
 #: Heads of the tables of answers, and whether the column holds numbers.
 _HEADS = (
     ("Instance", False), ("Backend", False), ("Ended", False), ("Solved", False),
@@ -55,15 +50,6 @@ class Recorded(Protocol):
 
     @property
     def solutions(self) -> Sequence[Solution[Any]]: ...
-
-
-class _Case(NamedTuple):
-    """One instance with its answers and the verdict on them."""
-
-    kind: str
-    name: str
-    solutions: list[Solution[Any]]
-    verdict: Verdict
 
 
 def write_page(
@@ -137,7 +123,7 @@ def _page(solutions: Sequence[Solution[Any]], title: str, command: str, load: Lo
     )
 
 
-def _cases(solutions: Sequence[Solution[Any]]) -> list[_Case]:
+def _cases(solutions: Sequence[Solution[Any]]) -> list[Case]:
     """Return the answers by instance, with the verdict on each."""
     groups: dict[tuple[str, str, str], list[Solution[Any]]] = {}
     for solution in solutions:
@@ -149,13 +135,13 @@ def _cases(solutions: Sequence[Solution[Any]]) -> list[_Case]:
         called = name or digest[:12]
         if shared[kind, name] > 1:
             called = f"{name} {digest[:12]}"
-        cases.append(_Case(kind, called, group, judge(called, group)))
+        cases.append(Case(kind, called, group, judge(called, group)))
     return cases
 
 
-def _verdict(cases: Sequence[_Case], solutions: Sequence[Solution[Any]]) -> str:
+def _verdict(cases: Sequence[Case], solutions: Sequence[Solution[Any]]) -> str:
     """Return the verdict in words."""
-    counts = {outcome: sum(c.verdict.outcome is outcome for c in cases) for outcome in _OUTCOMES}
+    counts = {outcome: sum(c.verdict.outcome is outcome for c in cases) for outcome in OUTCOMES}
     backends = len({s.backend for s in solutions})
     agreed, wrong, undecided = counts.values()
     return (
@@ -175,13 +161,13 @@ def _contents(kinds: Sequence[str]) -> str:
 
 
 def _leading(
-    kinds: Sequence[str], cases: Sequence[_Case], standings: dict[str, list[Standing]]
+    kinds: Sequence[str], cases: Sequence[Case], standings: dict[str, list[Standing]]
 ) -> str:
     """Return the table of problems: their verdicts and who leads."""
     rows = []
     for kind in kinds:
         own = [case for case in cases if case.kind == kind]
-        counts = [sum(c.verdict.outcome is o for c in own) for o in _OUTCOMES]
+        counts = [sum(c.verdict.outcome is o for c in own) for o in OUTCOMES]
         rows.append(
             [
                 cell(kind),
@@ -190,7 +176,7 @@ def _leading(
             ]
         )
     heads = [("Problem", False), ("Leads", False), ("Instances", True)]
-    heads += [(word.capitalize(), True) for word, _, _ in _OUTCOMES.values()]
+    heads += [(word.capitalize(), True) for word, _, _ in OUTCOMES.values()]
     return table(heads, rows, "plain", "Verdicts by problem")
 
 
@@ -208,7 +194,7 @@ def _leader(standings: Sequence[Standing]) -> str:
 
 
 def _problem(
-    kind: str, cases: Sequence[_Case], standings: Sequence[Standing], load: Load | None
+    kind: str, cases: Sequence[Case], standings: Sequence[Standing], load: Load | None
 ) -> str:
     """Return the section of one problem."""
     own = [case for case in cases if case.kind == kind]
@@ -235,7 +221,7 @@ def _problem(
         '<button type="button" class="more" data-more hidden>Show all</button></p>'
         + table([_HEADS[i] for i in used], rows, "answers", f"Answers on {kind}", tall=True)
         + "</div><h4>Instances: bounds over time, and the best plan</h4>"
-        + "".join(_instance(case, load, len(cases)) for case in own)
+        + "".join(describe_instance(case, load, len(cases)) for case in own)
         + "</section>"
     )
 
@@ -266,7 +252,7 @@ def _standing(standings: Sequence[Standing]) -> str:
     return table(heads, rows, "plain", "Backends, the leading one first")
 
 
-def _answer(case: _Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
+def _answer(case: Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
     """Return the attributes and the cells of an answer's row."""
     repeat = s.options.get("repeat")
     gap = "" if s.gap is None else f"{s.gap:.1e}" if s.gap else "0"
@@ -289,69 +275,7 @@ def _answer(case: _Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
     ]  # fmt: skip
 
 
-def _instance(case: _Case, load: Load | None, instances: int) -> str:
-    """Return what unfolds for an instance: verdict, notes, bounds over time, picture."""
-    word, look, sign = _OUTCOMES[case.verdict.outcome]
-    notes = "".join(f"<li>{escape(note)}</li>" for note in case.verdict.notes)
-    image, what = draw_plan(case.verdict.best, load, instances)
-    shown = (
-        f'<figure><img src="{image}" alt="{escape(what)}" loading="lazy"><figcaption>{escape(what)}.'
-        "</figcaption></figure>"
-        if image
-        else f"<p class='soft'>{escape(what)}</p>"
-    )
-    return (
-        f"<details><summary>{escape(case.name)} <span class='{look}'>{sign} {word}</span></summary>"
-        f"<p>{escape(case.verdict.evidence)}</p>"
-        + (f"<ul>{notes}</ul>" if notes else "")
-        + _progress(case)
-        + shown
-        + "</details>"
-    )
-
-
-def _progress(case: _Case) -> str:
-    """Return the objective over time of every backend's median run, and the best bound."""
-    runs: dict[str, list[Solution[Any]]] = {}
-    for s in case.solutions:
-        if s.stored_plan is not None and s.primal_bound is not None:
-            runs.setdefault(who(s), []).append(s)
-    series = []
-    for label, own in runs.items():
-        run = sorted(own, key=lambda s: s.primal_bound)[(len(own) - 1) // 2]  # type: ignore[arg-type, return-value]
-        series.append(Series(label, _steps(run)))
-    if not series:
-        return ""
-    bounds = [s.dual_bound for s in case.solutions if s.dual_bound is not None]
-    note = (
-        "The objective of the best plan so far, over the seconds since the start; less is better. "
-    )
-    if len(case.solutions) > len({who(s) for s in case.solutions}):
-        note += "Of several runs of a backend the one with the median result is drawn. "
-    if bounds:
-        first = min(x for one in series for x, _ in one.points)
-        series.insert(0, Series("best bound", [(first, max(bounds))], lone=True))
-        note += "The thick line is the best proven bound: no plan lies below it."
-    drawn = draw_steps(
-        series, title=f"Objective over time on {case.name}", across="seconds", up="objective",
-        seconds=True,
-    )  # fmt: skip
-    return figure(drawn, note)
-
-
-def _steps(run: Solution[Any]) -> list[tuple[float, float]]:
-    """Return the points of a run: improvements by time, and the verified objective at the end."""
-    least = 1e-6
-    found: list[tuple[float, float]] = []
-    for one in sorted(run.incumbents, key=lambda one: one.seconds):
-        if not found or one.objective < found[-1][1]:
-            found.append((max(one.seconds, least), one.objective))
-    assert run.primal_bound is not None
-    end = max(measured_seconds(run) or 0.0, found[-1][0] if found else least)
-    return [*found, (end, run.primal_bound)]
-
-
-def _contradiction(case: _Case) -> str:
+def _contradiction(case: Case) -> str:
     """Return a contradiction with its evidence and the command that repeats it."""
     words = case.verdict.evidence.replace(",", " ").split()
     named = [s for s in case.solutions if who(s) in words] or case.solutions

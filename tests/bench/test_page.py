@@ -312,6 +312,15 @@ def test_contradictions_come_with_evidence_and_a_command_that_repeats_them(opene
     assert (asked["time_limit"], asked["gap"], asked["seed"]) == (10.0, 1e-6, 3)
 
 
+def test_repeats_show_quartiles(opened):
+    page = opened()
+    page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true })")
+    row = page.locator(
+        '[data-problem="black-box"] details tbody tr', has_text="swarm-0"
+    ).inner_text()
+    assert row.split("\t")[:5] == ["swarm-0", "2 of 2 runs", *["1.00000"] * 3]
+
+
 def test_conditions_say_what_the_comparison_ran_on(opened):
     text = opened().inner_text("#measured")
     for word in ("Time limit (s)\t10", "Relative gap asked for\t1e-06", "a-star 1.2", "1 to 2"):
