@@ -47,10 +47,11 @@ def bench(
             asked, record=record, resume=resume, workers=workers, cluster=cluster, on_progress=told
         )
     if target is not None:
+        from ..instances.catalogue import load
         from ..solvers.bench.page import write_page
 
         again = f"crosstrack bench {campaign} --record {record} --resume"
-        say(f"report: {write_page(found, target, title=found.title, command=again)}")
+        say(f"report: {write_page(found, target, title=found.title, command=again, load=load)}")
     return _shown(found, as_json)
 
 
@@ -62,13 +63,14 @@ def bench(
 def report(record: str, output: str, title: str, as_json: bool) -> int:
     """Write one page that shows RECORD.jsonl, and needs nothing beside it."""
     from ..files import writable
+    from ..instances.catalogue import load
     from ..solvers.bench.page import write_page
     from ..solvers.bench.records import read_records
     from ..solvers.report.terminal import say
 
     target = writable(output, (".html",))
     found = read_records(record, title=title)
-    say(f"report: {write_page(found, target, title=found.title)}")
+    say(f"report: {write_page(found, target, title=found.title, load=load)}")
     return _shown(found, as_json)
 
 

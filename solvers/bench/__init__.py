@@ -1,13 +1,16 @@
 """Campaigns: many instances, backends and seeds from one file, their records, and what they amount to."""
 
+from __future__ import annotations
+
 from ...lazy import attach
 
 __getattr__, __dir__, __all__ = attach(
     __name__,
     {
         "campaign": ("Campaign", "Set"),
-        "records": ("Records", "read_records"),
+        "page": ("write_page",),
         "profiles": ("data_profile", "performance_profile"),
+        "records": ("Records", "read_records"),
         "running": ("Progress", "bench"),
         "statistics": (
             "compare_backends",

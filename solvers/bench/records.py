@@ -12,7 +12,6 @@ from typing import Any
 
 from ...errors import CrosstrackError, InvalidData
 from ...files import as_path, read_text
-from ...instances.catalogue import load
 from ..solution import Solution
 from ..verdict import Outcome, Verdict, judge
 
@@ -116,23 +115,3 @@ def read_records(path: str | os.PathLike[str], *, title: str = "") -> Records:
                 continue
             raise InvalidData(f"{file}, line {number}: no answer of a campaign: {error}") from None
     return Records(tuple(found), title or Path(file).stem)
-
-
-def model_of(solution: Solution[Any]) -> Any:
-    """Return the model of the catalogue that a record answers.
-
-    Raises
-    ------
-    InvalidData
-        The catalogue has no such instance, or another one of that name.
-    """
-    try:
-        model = load(solution.instance)
-    except CrosstrackError as error:
-        raise InvalidData(f"{solution.instance}: {error}", field="instance") from None
-    if model.digest != solution.digest:
-        raise InvalidData(
-            f"{solution.instance}: the catalogue's instance is another one than the record's",
-            field="digest",
-        )
-    return model

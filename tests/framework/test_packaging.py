@@ -163,6 +163,8 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
         # The weights of what learns.
         held_in = folder.glob("weights/*.npz")
         expected |= {f"{name.replace('.', '/')}/weights/{file.name}" for file in held_in}
+    # What the report of a campaign is made from.
+    expected |= {f"crosstrack/solvers/bench/page.{kind}" for kind in ("html", "css", "js")}
     info = {name for name in held if ".dist-info/" in name}
     assert held - info == expected
     assert {"entry_points.txt", "LICENSE"} <= {name.rpartition("/")[2] for name in info}

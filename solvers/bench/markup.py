@@ -1,0 +1,78 @@
+"""The pieces of HTML that a report is made of; whatever comes from outside is escaped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from html import escape
+from typing import Any
+
+from ..enums import Limit
+from ..solution import Solution
+
+__all__ = ["cell", "choices", "count_cell", "ended", "figure", "many", "numeric", "table"]
+
+
+def many(number: int, noun: str) -> str:
+    """Return a number of things in words."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def choices(values: Iterable[str]) -> str:
+    """Return the options of a list to choose from."""
+    return "".join(f"<option>{escape(value)}</option>" for value in values)
+
+
+def cell(text: str, *, long: bool = False) -> str:
+    """Return a cell of text; a `long` one is wrapped."""
+    return f"<td class='long'>{escape(text)}</td>" if long else f"<td>{escape(text)}</td>"
+
+
+def numeric(value: float | None, text: str) -> str:
+    """Return a cell that sorts by `value`; one without is last."""
+    known = value is not None and math.isfinite(value)
+    return f'<td class="n" data-v="{float(value) if known else ""}">{escape(text)}</td>'  # type: ignore[arg-type]
+
+
+def count_cell(value: int) -> str:
+    """Return a cell that holds a count."""
+    return numeric(value, f"{value:,}")
+
+
+def table(
+    heads: Iterable[tuple[str, bool]],
+    rows: Iterable[Any],
+    look: str,
+    label: str,
+    *,
+    tall: bool = False,
+) -> str:
+    """Return a table in a box that scrolls; a row is its cells, or its attributes and its cells."""
+    top = "".join(
+        f'<th scope="col" aria-sort="none"{" class=n" if right else ""}>'
+        f'<button type="button">{escape(head)}</button></th>'
+        for head, right in heads
+    )
+    body = []
+    for row in rows:
+        attributes, cells = row if isinstance(row, tuple) else ("", row)
+        body.append(f"<tr{attributes}>{''.join(cells)}</tr>")
+    return (
+        f'<div class="scroll{" tall" if tall else ""}" tabindex="0" role="region" aria-label="{escape(label)}">'
+        f'<table class="{look}"><thead><tr>{top}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
+    )
+
+
+def figure(drawn: str, note: str) -> str:
+    """Return a drawing in a box that scrolls, with what it shows below."""
+    return (
+        f'<figure><div class="scroll">{drawn}</div><figcaption>{escape(note)}</figcaption></figure>'
+    )
+
+
+def ended(s: Solution[Any]) -> str:
+    """Return how a run ended, in words."""
+    text = str(s.termination).replace("_", " ")
+    if s.limit is None:
+        return text
+    return text + (", interrupted" if s.limit is Limit.INTERRUPTED else f", {s.limit} limit")

@@ -1,0 +1,318 @@
+"""The report of a campaign: one HTML file that needs no network."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import shlex
+from collections import Counter
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any, Protocol
+
+from ...errors import InvalidData
+from ...files import writable, write_text
+from ..report.tables import number, seconds_text
+from ..solution import Solution
+from ..verdict import Outcome, judge
+from .cases import OUTCOMES, Case, describe_instance
+from .chart import Series, draw_steps
+from .conditions import describe_conditions
+from .markup import cell, choices, count_cell, ended, figure, many, numeric, table
+from .pictures import Load
+from .standing import Standing, measured_seconds, rank, who
+
+__all__ = ["write_page"]
+
+#: Heads of the tables of answers, and whether the column holds numbers.
+_HEADS = (
+    ("Instance", False), ("Backend", False), ("Ended", False), ("Solved", False),
+    ("Objective", True), ("Bound", True), ("Gap", True), ("Solving took", True), ("Building took", True),
+    ("Seed", True), ("Repeat", True), ("Message", False),
+)  # fmt: skip
+#: How reasons end for which an answer is not wrong, but not good enough either.
+_SHORT = ("above best", "no plan")
+#: Characters of a message that are shown in a table.
+_MESSAGE = 300
+#: Options that the command of a contradiction repeats, by the flag.
+_FLAGS = {
+    "--time-limit": "time_limit", "--gap": "gap", "--tolerance": "tolerance",
+    "--threads": "threads", "--evaluations": "evaluations", "--target": "target",
+}  # fmt: skip
+
+
+class Recorded(Protocol):
+    """What the page shows: the answers of a campaign."""
+
+    @property
+    def solutions(self) -> Sequence[Solution[Any]]: ...
+
+
+def write_page(
+    records: Recorded,
+    path: str | os.PathLike[str],
+    *,
+    title: str = "",
+    command: str = "",
+    load: Load | None = None,
+) -> Path:
+    """Write the report of a campaign as one HTML file that needs no network; return the path.
+
+    Parameters
+    ----------
+    records : Records
+        The answers.
+    path : str or path-like
+        The file, ``.html`` or ``.htm``.
+    title : str
+        The page's title.
+    command : str
+        The command that repeats the campaign, shown at the foot.
+    load : callable, optional
+        What finds an instance by its name, such as :func:`crosstrack.load`: with it the best plan of
+        every instance is drawn. An instance whose digest is not the record's is not drawn.
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    InvalidData
+        There is no answer, or the file cannot be written.
+    """
+    file = writable(path, (".html", ".htm"))
+    solutions = list(records.solutions)
+    if not solutions:
+        raise InvalidData("records must hold an answer, got none", field="records")
+    return write_text(file, _page(solutions, title, command, load))
+
+
+def _page(solutions: Sequence[Solution[Any]], title: str, command: str, load: Load | None) -> str:
+    cases = _cases(solutions)
+    kinds = sorted({case.kind for case in cases})
+    standings = {kind: rank([c.verdict for c in cases if c.kind == kind]) for kind in kinds}
+    style, script = _resource("page.css"), _resource("page.js")
+    wrong = [case for case in cases if case.verdict.outcome is Outcome.CONTRADICTION]
+    sections = [_problem(kind, cases, standings[kind], load) for kind in kinds]
+    again = f"<p>To repeat the campaign:</p><pre>{escape(command)}</pre>" if command else ""
+    versions = sorted({s.version for s in solutions if s.version})
+    return Template(_resource("page.html")).substitute(
+        title=escape(title or "Comparison of backends"),
+        style=style,
+        script=script,
+        style_hash=_hash(style),
+        script_hash=_hash(script),
+        verdict=_verdict(cases, solutions),
+        contents=_contents(kinds),
+        leading=_leading(kinds, cases, standings),
+        contradictions="".join(map(_contradiction, wrong))
+        or "<p>None: no proof speaks against any verified plan.</p>",
+        measured=describe_conditions(solutions),
+        problems=choices(kinds),
+        backends=choices(sorted({s.backend for s in solutions})),
+        endings=choices(sorted({ended(s) for s in solutions})),
+        count=f"{len(solutions):,}",
+        sections="".join(sections),
+        footer=f"{again}<p class='soft'>Made by crosstrack {escape(', '.join(versions))}.</p>",
+    )
+
+
+def _cases(solutions: Sequence[Solution[Any]]) -> list[Case]:
+    """Return the answers by instance, with the verdict on each."""
+    groups: dict[tuple[str, str, str], list[Solution[Any]]] = {}
+    for solution in solutions:
+        groups.setdefault((solution.model, solution.instance, solution.digest), []).append(solution)
+    # Instances that share a name but not their data are told apart by their digests.
+    shared = Counter((kind, name) for kind, name, _ in groups)
+    cases = []
+    for (kind, name, digest), group in sorted(groups.items(), key=lambda item: item[0]):
+        called = name or digest[:12]
+        if shared[kind, name] > 1:
+            called = f"{name} {digest[:12]}"
+        cases.append(Case(kind, called, group, judge(called, group)))
+    return cases
+
+
+def _verdict(cases: Sequence[Case], solutions: Sequence[Solution[Any]]) -> str:
+    """Return the verdict in words."""
+    counts = {outcome: sum(c.verdict.outcome is outcome for c in cases) for outcome in OUTCOMES}
+    backends = len({s.backend for s in solutions})
+    agreed, wrong, undecided = counts.values()
+    return (
+        f"{many(len(solutions), 'answer')} of {many(backends, 'backend')} on "
+        f"{many(len(cases), 'instance')} of {many(len({c.kind for c in cases}), 'problem')}. "
+        f"On {agreed:,} the answers <span class='good'>agree</span>, on {wrong:,} they "
+        f"<span class='bad'>contradict</span> one another, and {undecided:,} "
+        f"{'is' if undecided == 1 else 'are'} <span class='open'>open</span>: nothing speaks against the "
+        "best plan, but nobody proved that there is no better one."
+    )
+
+
+def _contents(kinds: Sequence[str]) -> str:
+    places = {"leading": "Leaders", "contradictions": "Contradictions", "measured": "How measured"}
+    links = {**places, **{f"p-{i}": kind for i, kind in enumerate(kinds)}}
+    return " ".join(f'<a href="#{place}">{escape(text)}</a>' for place, text in links.items())
+
+
+def _leading(
+    kinds: Sequence[str], cases: Sequence[Case], standings: dict[str, list[Standing]]
+) -> str:
+    """Return the table of problems: their verdicts and who leads."""
+    rows = []
+    for kind in kinds:
+        own = [case for case in cases if case.kind == kind]
+        counts = [sum(c.verdict.outcome is o for c in own) for o in OUTCOMES]
+        rows.append(
+            [
+                cell(kind),
+                cell(_leader(standings[kind]), long=True),
+                *map(count_cell, (len(own), *counts)),
+            ]
+        )
+    heads = [("Problem", False), ("Leads", False), ("Instances", True)]
+    heads += [(word.capitalize(), True) for word, _, _ in OUTCOMES.values()]
+    return table(heads, rows, "plain", "Verdicts by problem")
+
+
+def _leader(standings: Sequence[Standing]) -> str:
+    """Return who leads a problem, in words and numbers."""
+    able = [one for one in standings if one.solved]
+    if not able:
+        return "no backend solved an instance"
+    words = [
+        f"{one.label}: solved {one.solved:,} of {many(one.instances, 'instance')}, typically in "
+        f"{seconds_text(one.typical)}"
+        for one in able[:2]
+    ]
+    return words[0] + (f"; next {words[1]}" if len(words) > 1 else "; no other solved any")
+
+
+def _problem(
+    kind: str, cases: Sequence[Case], standings: Sequence[Standing], load: Load | None
+) -> str:
+    """Return the section of one problem."""
+    own = [case for case in cases if case.kind == kind]
+    anchor = f"p-{sorted({case.kind for case in cases}).index(kind)}"
+    why = {id(s): reason for one in standings for s, reason in one.answers}
+    rows = [_answer(case, s, why[id(s)]) for case in own for s in case.solutions]
+    used = [i for i in range(len(_HEADS)) if any(not c[i].endswith("></td>") for _, c in rows)]
+    rows = [(attributes, [cells[i] for i in used]) for attributes, cells in rows]
+    curves = [Series(one.label, one.profile) for one in standings if one.profile]
+    profile = draw_steps(
+        curves, title=f"Performance profile of {kind}", share=True,
+        across="times as long as the fastest on the same instance", up="instances solved",
+    )  # fmt: skip
+    note = (
+        "Performance profile (Dolan and Moré 2002). A line tells the share of all instances that a "
+        "backend solved within so many times the seconds of the fastest backend on each. Far left: how "
+        "often it was the fastest. Far right: how much it solved at all. Higher is better."
+    )
+    return (
+        f'<section data-problem="{escape(kind)}" id="{anchor}"><h3>{escape(kind)}</h3>'
+        f"{_standing(standings)}"
+        + (figure(profile, note) if profile else "<p class='soft'>No instance was solved.</p>")
+        + '<div data-table><p class="soft"><span data-shown></span> '
+        '<button type="button" class="more" data-more hidden>Show all</button></p>'
+        + table([_HEADS[i] for i in used], rows, "answers", f"Answers on {kind}", tall=True)
+        + "</div><h4>Instances: bounds over time, and the best plan</h4>"
+        + "".join(describe_instance(case, load, len(cases)) for case in own)
+        + "</section>"
+    )
+
+
+def _standing(standings: Sequence[Standing]) -> str:
+    heads = [("Backend", False)]
+    heads += [
+        (word, True)
+        for word in (
+            "Runs",
+            "Instances",
+            "Solved",
+            "Best plan",
+            "Fastest",
+            "Typical time",
+            "Median time",
+        )
+    ]
+    rows = [
+        [
+            cell(one.label),
+            *map(count_cell, (one.runs, one.instances, one.solved, one.best, one.fastest)),
+            numeric(one.typical, seconds_text(one.typical)),
+            numeric(one.median, seconds_text(one.median)),
+        ]
+        for one in standings
+    ]
+    return table(heads, rows, "plain", "Backends, the leading one first")
+
+
+def _answer(case: Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
+    """Return the attributes and the cells of an answer's row."""
+    repeat = s.options.get("repeat")
+    gap = "" if s.gap is None else f"{s.gap:.1e}" if s.gap else "0"
+    solve, build = measured_seconds(s), s.seconds.get("build")
+    message = s.message if len(s.message) <= _MESSAGE else s.message[: _MESSAGE - 1] + "…"
+    attributes = f' data-backend="{escape(s.backend)}" data-ended="{escape(ended(s))}"'
+    look, sign = (
+        ("good", "✓") if not why else ("open", "○") if why.endswith(_SHORT) else ("bad", "✗")
+    )
+    return attributes, [
+        cell(case.name), cell(who(s)), cell(ended(s)),
+        f"<td class='{look}'>{sign} {escape(why or 'solved')}</td>",
+        numeric(s.primal_bound, number(s.primal_bound)),
+        numeric(s.dual_bound, number(s.dual_bound)),
+        numeric(s.gap, gap),
+        numeric(solve, seconds_text(solve)), numeric(build, seconds_text(build)),
+        numeric(s.seed, "" if s.seed is None else str(s.seed)),
+        numeric(repeat, "" if repeat is None else str(repeat)),
+        cell(message, long=True),
+    ]  # fmt: skip
+
+
+def _contradiction(case: Case) -> str:
+    """Return a contradiction with its evidence and the command that repeats it."""
+    words = case.verdict.evidence.replace(",", " ").split()
+    named = [s for s in case.solutions if who(s) in words] or case.solutions
+    rows = []
+    for s in named:
+        checks = [] if s.verification is None else s.verification.checks
+        off = [str(check) for check in checks if not check.ok or check.within_tolerance]
+        state = "; ".join(off) or ("every check holds" if checks else "no plan to check")
+        proves = "" if s.guarantee is None else str(s.guarantee)
+        cells = [who(s), proves, ended(s), number(s.primal_bound), number(s.dual_bound)]
+        rows.append([*map(cell, cells), cell(state, long=True)])
+    heads = ("Backend", "Guarantee", "Ended", "Objective", "Bound", "Checks of its plan")
+    asked = named[0].options
+    line = [
+        "crosstrack",
+        "compare",
+        named[0].instance or case.name,
+        "--backends",
+        ",".join(dict.fromkeys(map(who, named))),
+    ]
+    for flag, option in _FLAGS.items():
+        if asked.get(option) is not None:
+            line += [flag, str(asked[option])]
+    if named[0].seed is not None:
+        line += ["--seed", str(named[0].seed)]
+    return (
+        f"<h3>{escape(case.name)}</h3><p><span class='bad'>✗ contradict</span>: "
+        f"{escape(case.verdict.evidence)}.</p>"
+        + table([(head, False) for head in heads], rows, "plain", f"Evidence on {case.name}")
+        + f"<p>To see it again:</p><pre>{escape(shlex.join(line))}</pre>"
+    )
+
+
+def _resource(name: str) -> str:
+    return files(__package__).joinpath(name).read_text("utf-8")
+
+
+def _hash(text: str) -> str:
+    digest = hashlib.sha256(text.encode("utf-8")).digest()
+    return "sha256-" + base64.b64encode(digest).decode("ascii")

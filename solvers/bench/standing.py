@@ -1,0 +1,152 @@
+"""How backends stand on one problem: what they solved, how fast, and their profiles."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from statistics import median
+from typing import Any, NamedTuple
+
+from ...models.verification import ROUNDING
+from ..enums import Termination
+from ..solution import Solution
+from ..verdict import Outcome, Verdict
+
+__all__ = ["Standing", "measured_seconds", "rank", "who"]
+
+#: Seconds of a run at the least: no clock resolves less.
+_LEAST = 1e-6
+#: Share of the objective above the best from which no percentage is told.
+_FAR = 9.95
+
+
+class Standing(NamedTuple):
+    """One backend, with its formulation, on the instances of one problem.
+
+    Parameters
+    ----------
+    label : str
+        The backend with its formulation.
+    runs, instances, solved, best, fastest : int
+        How many runs there were, on how many instances, how many of these were solved by more than
+        half of the runs, on how many a run's plan is the best of all, and on how many it was fastest.
+    typical, median : float
+        Shifted geometric mean and median of the seconds over its instances.
+    profile : sequence of (float, float)
+        Its performance profile.
+    answers : sequence of (Solution, str)
+        Its answers, each with why it is not solved, "" where it is.
+    """
+
+    label: str
+    runs: int
+    instances: int
+    solved: int
+    best: int
+    fastest: int
+    typical: float
+    median: float
+    profile: Sequence[tuple[float, float]]
+    answers: Sequence[tuple[Solution[Any], str]]
+
+
+def who(solution: Solution[Any]) -> str:
+    """Return the backend with its formulation, as verdicts name it."""
+    return solution.backend + (f":{solution.formulation}" if solution.formulation else "")
+
+
+def measured_seconds(solution: Solution[Any]) -> float | None:
+    """Return the seconds that count: of solving, or of the whole call where they are not known."""
+    return solution.seconds.get("solve", solution.seconds.get("total"))
+
+
+def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
+    """Return how every backend stands on the instances of one problem, the leading one first.
+
+    Most solved first, then the least typical seconds. A run's seconds are the median of its
+    repeats; what is not solved counts as its time limit.
+    """
+    answers: dict[str, list[tuple[Solution[Any], str]]] = {}
+    times: dict[str, list[float]] = {}
+    ratios: dict[str, list[float]] = {}
+    best: Counter[str] = Counter()
+    fastest: Counter[str] = Counter()
+    for verdict in verdicts:
+        least = verdict.best
+        took: dict[str, float] = {}
+        for label in dict.fromkeys(map(who, verdict.solutions)):
+            own = [(s, _failure(s, verdict, least)) for s in verdict.solutions if who(s) == label]
+            answers.setdefault(label, []).extend(own)
+            seconds = [math.inf if why else measured_seconds(s) or 0.0 for s, why in own]
+            took[label] = max(median(seconds), _LEAST)
+            limit = max(
+                float(s.options.get("time_limit") or measured_seconds(s) or 0.0) for s, _ in own
+            )
+            times.setdefault(label, []).append(min(took[label], max(limit, _LEAST)))
+            if least is not None:
+                best[label] += any(
+                    not why and s.primal_bound == least.primal_bound for s, why in own
+                )
+        first = min(took.values())
+        for label, value in took.items():
+            if math.isfinite(value):
+                ratios.setdefault(label, []).append(value / first)
+                fastest[label] += value == first
+    far = max((ratio for own in ratios.values() for ratio in own), default=1.0)
+    found = [
+        Standing(
+            label, len(own), len(times[label]), len(ratios.get(label, ())), best[label],
+            fastest[label], _typical(times[label]), median(times[label]),
+            _profile(ratios.get(label, ()), len(verdicts), far), own,
+        )
+        for label, own in answers.items()
+    ]  # fmt: skip
+    return sorted(found, key=lambda one: (-one.solved, one.typical))
+
+
+def _failure(solution: Solution[Any], verdict: Verdict, least: Solution[Any] | None) -> str:
+    """Return why an answer is not solved, "" where it is; `least` is the best one."""
+    if solution.termination in (Termination.FAILED, Termination.REJECTED):
+        return str(solution.termination)
+    wrong = verdict.outcome is Outcome.CONTRADICTION
+    claims = (Termination.INFEASIBLE, Termination.UNBOUNDED)
+    if least is None or least.primal_bound is None:
+        if solution.termination not in claims or verdict.outcome is Outcome.INCONCLUSIVE:
+            return "no plan"
+        return "contradicted" if wrong else ""
+    checked = least.verification
+    # As verdicts do: relative to the objective or to its scale, beside what sampling explains.
+    size = max(abs(least.primal_bound), 1.0 if checked is None else checked.scale)
+    spread = 0.0 if checked is None else checked.spread
+    asked = sum(float(solution.options.get(name) or 0.0) for name in ("gap", "tolerance"))
+    slack = max(asked, ROUNDING) * size + spread
+    if wrong and solution.dual_bound is not None:
+        if solution.dual_bound > least.primal_bound + slack:
+            return "wrong bound"
+    if wrong and solution.termination in claims:
+        return f"wrong: {solution.termination}"
+    if solution.stored_plan is None or solution.primal_bound is None:
+        return "no plan"
+    worse = solution.primal_bound - least.primal_bound
+    if worse <= slack:
+        return ""
+    return f"{100 * worse / size:.2g} % above best" if worse < _FAR * size else "far above best"
+
+
+def _typical(seconds: Sequence[float]) -> float:
+    """Return the geometric mean of seconds that are shifted by 1."""
+    return math.expm1(sum(map(math.log1p, seconds)) / len(seconds))
+
+
+def _profile(ratios: Sequence[float], instances: int, far: float) -> list[tuple[float, float]]:
+    """Return Dolan and Moré's step function up to `far`."""
+    ordered = sorted(ratios)
+    if not ordered:
+        return []
+    steps = {ratio: (i + 1) / instances for i, ratio in enumerate(ordered)}
+    return [
+        *([] if 1.0 in steps else [(1.0, 0.0)]),
+        *steps.items(),
+        (far, len(ordered) / instances),
+    ]
