@@ -26,7 +26,15 @@ extensions = [
     "crosstrack_site",
 ]
 
-exclude_patterns = ["_build", "_ext", "examples", "gallery/**.ipynb", "gallery/**.py", "**.zip"]
+exclude_patterns = [
+    "_build",
+    "_ext",
+    "examples",
+    "stranger",
+    "gallery/**.ipynb",
+    "gallery/**.py",
+    "**.zip",
+]
 nitpicky = False
 suppress_warnings = ["config.cache"]
 

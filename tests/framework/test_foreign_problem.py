@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from commands import joined, run_all
 
-SOURCE = Path(__file__).parent / "foreign"
+SOURCE = Path(__file__).parents[2] / "docs" / "stranger"
 EXAMPLE = "error-correction/example-1"
 
 
@@ -28,6 +28,7 @@ def place(tmp_path_factory):
     folder = tmp_path_factory.mktemp("work")
     (folder / "plan.json").write_text('{"items": [0, 2]}')
     (folder / "poor.json").write_text('{"items": [0]}')
+    shutil.copy(SOURCE / "campaign.toml", folder)
     return folder
 
 
@@ -44,6 +45,9 @@ def test_every_command_works_on_it(installed, place):
         "diagnose": ["diagnose", "covering/heavy", "--json"],
         "filter": ["diagnose", "covering/heavy", "--backend", "highs", "--json"],
         "compare": ["compare", small, "--json"],
+        "enumerate": ["solve", small, "--backend", "enumeration", "--json"],
+        "enumerate ours": ["solve", EXAMPLE, "--backend", "enumeration"],
+        "bench": ["bench", "campaign.toml", "--record", "record.jsonl", "--json"],
         "both": ["compare", small, EXAMPLE, "--backends", dynamic, "--json"],
         "reproduce": ["reproduce", "covering"],
         "check": ["check", small, "plan.json", "--formulation", "paper", "--plot", "plan.png"],
@@ -65,7 +69,7 @@ def test_every_command_works_on_it(installed, place):
     expected |= dict.fromkeys(
         ["export nothing", "export with rate", "export as poly7", "export to csv"], 2
     )
-    expected |= {"demo of another": 2}
+    expected |= {"demo of another": 2, "enumerate ours": 2}
     errors = {name: one.stderr for name, one in done.items() if one.stderr}
     assert codes == {name: expected.get(name, 0) for name in commands}, errors
 
@@ -88,6 +92,15 @@ def test_every_command_works_on_it(installed, place):
     names = [one["backend"] for one in data("compare")["instances"][0]["solutions"]]
     assert names[0] == dynamic
     assert "highs" in names
+    assert data("enumerate")["primal_bound"] == data("solve")["primal_bound"]
+    assert "at most 18 columns" in done["enumerate ours"].stderr
+    assert data("bench")["verdict"] == "AGREED"
+    assert data("bench")["answers"] == 6
+    shown = ["report", "record.jsonl", "--output", "page.html"]
+    (shown,) = run_all([shown], place, installed)
+    assert shown.returncode == 0, shown.stderr
+    page = (place / "page.html").read_text()
+    assert "covering/small" in page and "enumeration" in page and "<svg" in page
     both = [one["solutions"][0] for one in data("both")["instances"]]
     assert [one["model"] for one in both] == ["covering", "error-correction"]
     assert [one["termination"] for one in both] == ["optimal", "optimal"]

@@ -1,0 +1,51 @@
+"""A solver of programs: every choice of a few 0-1 columns, one after the other."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from crosstrack.errors import UnsupportedFormulation
+from crosstrack.models import MixedIntegerProgram
+from crosstrack.solvers import Answer, Backend, Feature, Guarantee, Limit, Termination
+
+#: Columns at most: more would take minutes.
+MOST = 18
+
+
+class Enumeration(Backend):
+    """Try all points of a program whose columns are 0 or 1."""
+
+    name = "enumeration"
+    accepts = MixedIntegerProgram
+    guarantee = Guarantee.EXACT
+    features = frozenset({Feature.GAP, Feature.DUAL_BOUND, Feature.INTERRUPT})
+    deterministic = True
+    single_threaded = True
+    summary = "every choice of a few 0-1 columns"
+
+    def refuses(self, problem):
+        low, high = problem.column_lower, problem.column_upper
+        if problem.size > MOST or not problem.integral.all() or (low < 0).any() or (high > 1).any():
+            return f"it takes at most {MOST} columns, each 0 or 1"
+        return ""
+
+    def run(self, problem, request):
+        if self.refuses(problem):
+            raise UnsupportedFormulation(f"backend 'enumeration': {self.refuses(problem)}")
+        best, point = np.inf, None
+        for values in itertools.product((0.0, 1.0), repeat=problem.size):
+            if request.control.stopped:
+                kind = Termination.NO_SOLUTION if point is None else Termination.FEASIBLE
+                return Answer(kind, point=point, limit=request.control.reason or Limit.TIME)
+            x = np.array(values)
+            rows = problem.matrix @ x
+            inside = (x >= problem.column_lower).all() and (x <= problem.column_upper).all()
+            if inside and (rows >= problem.row_lower).all() and (rows <= problem.row_upper).all():
+                value = problem.objective(x)
+                if value < best:
+                    best, point = value, x
+        if point is None:
+            return Answer(Termination.INFEASIBLE)
+        return Answer(Termination.OPTIMAL, point=point, dual_bound=best)
