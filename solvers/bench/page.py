@@ -25,6 +25,7 @@ from .conditions import describe_conditions
 from .markup import cell, choices, count_cell, ended, figure, many, numeric, table
 from .pictures import Load
 from .standing import Standing, measured_seconds, rank, who
+from .statistics import success_interval
 
 __all__ = ["write_page"]
 
@@ -69,7 +70,7 @@ def write_page(
     path : str or path-like
         The file, ``.html`` or ``.htm``.
     title : str
-        The page's title.
+        The page's title; that of the records where it is empty.
     command : str
         The command that repeats the campaign, shown at the foot.
     load : callable, optional
@@ -90,7 +91,7 @@ def write_page(
     solutions = list(records.solutions)
     if not solutions:
         raise InvalidData("records must hold an answer, got none", field="records")
-    return write_text(file, _page(solutions, title, command, load))
+    return write_text(file, _page(solutions, title or getattr(records, "title", ""), command, load))
 
 
 def _page(solutions: Sequence[Solution[Any]], title: str, command: str, load: Load | None) -> str:
@@ -234,6 +235,7 @@ def _standing(standings: Sequence[Standing]) -> str:
             "Runs",
             "Instances",
             "Solved",
+            "Rate (95 %)",
             "Best plan",
             "Fastest",
             "Typical time",
@@ -243,13 +245,21 @@ def _standing(standings: Sequence[Standing]) -> str:
     rows = [
         [
             cell(one.label),
-            *map(count_cell, (one.runs, one.instances, one.solved, one.best, one.fastest)),
+            *map(count_cell, (one.runs, one.instances, one.solved)),
+            _interval(one),
+            *map(count_cell, (one.best, one.fastest)),
             numeric(one.typical, seconds_text(one.typical)),
             numeric(one.median, seconds_text(one.median)),
         ]
         for one in standings
     ]
     return table(heads, rows, "plain", "Backends, the leading one first")
+
+
+def _interval(one: Standing) -> str:
+    """Return the cell of the rate of instances solved, by Wilson's interval."""
+    low, high = success_interval(one.solved, one.instances)
+    return numeric(one.solved / one.instances, f"{100 * low:.0f} to {100 * high:.0f} %")
 
 
 def _answer(case: Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:

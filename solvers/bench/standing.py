@@ -8,10 +8,15 @@ from collections.abc import Sequence
 from statistics import median
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...models.verification import ROUNDING
 from ..enums import Termination
 from ..solution import Solution
 from ..verdict import Outcome, Verdict
+from .profiles import performance_profile
+from .statistics import shifted_geometric_mean
 
 __all__ = ["Standing", "measured_seconds", "rank", "who"]
 
@@ -69,10 +74,10 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
     """
     answers: dict[str, list[tuple[Solution[Any], str]]] = {}
     times: dict[str, list[float]] = {}
-    ratios: dict[str, list[float]] = {}
+    measures: dict[str, dict[int, float]] = {}
     best: Counter[str] = Counter()
     fastest: Counter[str] = Counter()
-    for verdict in verdicts:
+    for index, verdict in enumerate(verdicts):
         least = verdict.best
         took: dict[str, float] = {}
         for label in dict.fromkeys(map(who, verdict.solutions)):
@@ -88,17 +93,22 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
                 best[label] += any(
                     not why and s.primal_bound == least.primal_bound for s, why in own
                 )
+            measures.setdefault(label, {})[index] = took[label]
         first = min(took.values())
-        for label, value in took.items():
-            if math.isfinite(value):
-                ratios.setdefault(label, []).append(value / first)
-                fastest[label] += value == first
-    far = max((ratio for own in ratios.values() for ratio in own), default=1.0)
+        fastest.update(label for label, value in took.items() if value == first < math.inf)
+    # What a backend did not run counts as not solved: nobody gains by staying away.
+    profiles = performance_profile(
+        {
+            label: [own.get(index, math.inf) for index in range(len(verdicts))]
+            for label, own in measures.items()
+        }
+    )
+    far = max(float(places[-1]) for places, _ in profiles.values())
     found = [
         Standing(
-            label, len(own), len(times[label]), len(ratios.get(label, ())), best[label],
-            fastest[label], _typical(times[label]), median(times[label]),
-            _profile(ratios.get(label, ()), len(verdicts), far), own,
+            label, len(own), len(times[label]), sum(map(math.isfinite, measures[label].values())),
+            best[label], fastest[label], shifted_geometric_mean(times[label]),
+            median(times[label]), _points(*profiles[label], far), own,
         )
         for label, own in answers.items()
     ]  # fmt: skip
@@ -134,19 +144,10 @@ def _failure(solution: Solution[Any], verdict: Verdict, least: Solution[Any] | N
     return f"{100 * worse / size:.2g} % above best" if worse < _FAR * size else "far above best"
 
 
-def _typical(seconds: Sequence[float]) -> float:
-    """Return the geometric mean of seconds that are shifted by 1."""
-    return math.expm1(sum(map(math.log1p, seconds)) / len(seconds))
-
-
-def _profile(ratios: Sequence[float], instances: int, far: float) -> list[tuple[float, float]]:
-    """Return Dolan and Moré's step function up to `far`."""
-    ordered = sorted(ratios)
-    if not ordered:
+def _points(
+    places: NDArray[np.float64], shares: NDArray[np.float64], far: float
+) -> list[tuple[float, float]]:
+    """Return a profile as points that end at `far`, none where nothing was solved."""
+    if not shares[-1]:
         return []
-    steps = {ratio: (i + 1) / instances for i, ratio in enumerate(ordered)}
-    return [
-        *([] if 1.0 in steps else [(1.0, 0.0)]),
-        *steps.items(),
-        (far, len(ordered) / instances),
-    ]
+    return list(zip([*places.tolist(), far], [*shares.tolist(), float(shares[-1])], strict=True))
