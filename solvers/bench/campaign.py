@@ -296,10 +296,14 @@ class Campaign:
         columns: dict[tuple[str, str], int] = {}
         row = 0
         for part in self.sets:
-            met = set()
+            met, known = set(), set()
             for model in self.models(part):
                 name = model.name or model.digest[:12]
                 turns: dict[int, int] = {}
+                step: Model[Any] | None = model
+                while step is not None:
+                    known.update(step.formulations)
+                    step = step.lower()
                 for backend, formulation in part.asked(model):
                     met.add(backend.name)
                     if part.excludes(name, backend.name):
@@ -319,6 +323,12 @@ class Campaign:
                             self._task(place, part, model, backend, formulation, seed, repeat)
                         )
                 row += 1
+            for one in part.formulations:
+                if one not in known:
+                    raise InvalidData(
+                        f"formulations: none of the instances has {one!r}{_near(one, known)}",
+                        field="formulations",
+                    )
             for asked in part.backends:
                 name = asked.partition(":")[0]
                 if name != "auto" and not any(fnmatchcase(one, name) for one in met):
