@@ -78,6 +78,8 @@ class Worker:
         self.warm: tuple[int | None, Any] = (None, None)
         #: Bytes that its process and their children may hold in memory.
         self._memory: float | None = None
+        #: When that is counted next, and what it was when it was too much.
+        self._look = self._held = 0.0
 
     def __enter__(self) -> Self:
         return self
@@ -197,12 +199,16 @@ class Worker:
             with self._closing:
                 if self._printed is not None:
                     self._printed.forward(self._level)
-            if event is None:
-                return {"event": "died"}
-            if self._memory is not None and self.pid is not None and event["event"] == "nothing":
+            # By the clock and not by silence: a backend may report without a pause.
+            now = time.monotonic()
+            if self._memory is not None and self.pid is not None and now >= self._look:
+                self._look = now + POLL
                 held = resident(self.pid)
                 if held > self._memory:
-                    return {"event": "memory", "held": held}
+                    self._held = held
+                    self.close()  # what it has told by now is still heard
+            if event is None:
+                return {"event": "memory" if self._held else "died", "held": self._held}
             if event["event"] == "log":
                 logging.getLogger(event["name"]).log(event["level"], "%s", event["text"])
             elif event["event"] != "nothing":
@@ -273,6 +279,7 @@ class Worker:
         finally:
             self._interrupt.clear()
             self._oracle = self._memory = None
+            self._held = 0.0
 
     def _solve(self, job: Job, grace: float, listener: Listener | None) -> Solution[Any]:
         begin = time.monotonic()

@@ -85,7 +85,13 @@ _RECORD: dict[str, Spec] = {
     "duals": Optional(Array(("rows",))),
 }
 #: What earlier versions did not write.
-_LATER = {"problem": "", "guarantee": None, "duals": None, "history": (), "environment": {}}
+_LATER: dict[str, Any] = {
+    "problem": "",
+    "guarantee": None,
+    "duals": None,
+    "history": (),
+    "environment": {},
+}
 _INCUMBENT: dict[str, Spec] = {"seconds": Real(), "objective": Real()}
 
 

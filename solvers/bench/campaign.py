@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from fnmatch import fnmatchcase
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -268,7 +269,13 @@ class Campaign:
             raise InvalidData(
                 f"instances: {pattern!r} must lie below the campaign's folder", field="instances"
             )
-        for file in sorted(root.glob(pattern)):
+        try:
+            files = sorted(root.glob(pattern))
+        except (ValueError, IndexError, AttributeError) as error:  # as versions of Python refuse it
+            raise InvalidData(
+                f"instances: {pattern!r} is no pattern of files: {error}", field="instances"
+            ) from None
+        for file in files:
             if not file.resolve().is_relative_to(root):
                 raise InvalidData(
                     f"instances: {str(file)!r} leads out of the campaign's folder",
@@ -289,31 +296,39 @@ class Campaign:
         columns: dict[tuple[str, str], int] = {}
         row = 0
         for part in self.sets:
-            met = set()
+            met, known = set(), set()
             for model in self.models(part):
                 name = model.name or model.digest[:12]
+                turns: dict[int, int] = {}
+                step: Model[Any] | None = model
+                while step is not None:
+                    known.update(step.formulations)
+                    step = step.lower()
                 for backend, formulation in part.asked(model):
                     met.add(backend.name)
                     if part.excludes(name, backend.name):
                         continue
                     column = columns.setdefault((backend.problem, backend.name), len(columns))
                     draws = Feature.SEED in backend.features
-                    turns = [
-                        (s, r)
-                        for s in part.seeds[: None if draws else 1]
-                        for r in range(part.repeats)
-                    ]
-                    for turn, (seed, repeat) in enumerate(turns):
-                        found.append(
-                            self._task(
-                                (row, column, turn), part, model, backend, formulation, seed, repeat
-                            )
+                    seeds = part.seeds[: None if draws else 1]
+                    if len(found) + len(seeds) * part.repeats > MOST:
+                        raise InvalidData(
+                            f"a campaign may have {MOST} jobs at most", field="instances"
                         )
-                        if len(found) > MOST:
-                            raise InvalidData(
-                                f"a campaign may have {MOST} jobs at most", field="instances"
-                            )
+                    for seed, repeat in product(seeds, range(part.repeats)):
+                        # Counted over the formulations as well: a backend's column is one.
+                        turn = turns[column] = turns.get(column, -1) + 1
+                        place = (row, column, turn)
+                        found.append(
+                            self._task(place, part, model, backend, formulation, seed, repeat)
+                        )
                 row += 1
+            for one in part.formulations:
+                if one not in known:
+                    raise InvalidData(
+                        f"formulations: none of the instances has {one!r}{_near(one, known)}",
+                        field="formulations",
+                    )
             for asked in part.backends:
                 name = asked.partition(":")[0]
                 if name != "auto" and not any(fnmatchcase(one, name) for one in met):

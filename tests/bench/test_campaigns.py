@@ -86,8 +86,10 @@ def test_formulations_run_one_after_the_other_where_programs_are_taken():
     part = Set(
         ("minimum-snap/square",), ("banded", "clarabel"), formulations=("legendre", "hermite")
     )
-    found = [(t.job.backend.name, t.job.formulation) for t in Campaign((part,)).tasks]
+    tasks = Campaign((part,)).tasks
+    found = [(t.job.backend.name, t.job.formulation) for t in tasks]
     assert found == [("banded", None), ("clarabel", "legendre"), ("clarabel", "hermite")]
+    assert len({(t.row, t.column, t.turn) for t in tasks}) == len(tasks)  # no answer hides another
 
 
 def test_files_below_the_campaign_are_instances_too(tmp_path):
@@ -143,6 +145,14 @@ def test_a_bad_file_says_what_is_wrong(tmp_path, text, words):
             'instances = ["error-correction/7"]\nbackends = ["banded"]',
             "'banded' accepts none of the instances",
         ),
+        (
+            'instances = ["error-correction/7"]\nformulations = ["papers"]',
+            "none of the instances has 'papers', did you mean 'paper'",
+        ),
+        ('instances = ["."]', "no pattern of files"),
+        ('instances = ["./"]', "no pattern of files"),
+        ('instances = ["./**x.json"]', "no pattern of files"),
+        ('instances = ["error-correction/7"]\nrepeats = 100_000_000', "1000000 jobs at most"),
     ],
 )
 def test_what_a_campaign_cannot_run_is_said_before_it_starts(tmp_path, text, words):
