@@ -7,15 +7,12 @@ import platform
 import sys
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import UnsupportedOption
 from ..version import __version__
 from .job import Job
 from .running import processors
-
-if TYPE_CHECKING:
-    from .isolation import Worker
 
 __all__ = ["GIB", "environment", "require_accounts", "resident"]
 
@@ -50,8 +47,8 @@ def _processor() -> str:
     return platform.processor()
 
 
-def environment(job: Job, worker: Worker) -> dict[str, Any]:
-    """Return where `job`, whose backend is resolved, is about to run in `worker`."""
+def environment(job: Job, *, warm: bool) -> dict[str, Any]:
+    """Return where `job`, whose backend is resolved, is about to run; `warm` is the process."""
     backend = job.resolved().backend
     assert not isinstance(backend, str)
     return {
@@ -59,7 +56,7 @@ def environment(job: Job, worker: Worker) -> dict[str, Any]:
         "backend": backend.version(),
         "threads": job.threads,
         "load": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None,
-        "warm": worker.warm[0] is not None and worker.warm[0] == worker.pid,
+        "warm": warm,
     }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InvalidData, UnsupportedOption
 from ..models.programs.base import RowProgram
+from ..models.verification import ROUNDING
 from .attempts import Clock, Ended, Meaning, limited
 from .backend import Limit, Request
 
@@ -59,6 +60,10 @@ def run_highs(
         if highs.setOptionValue(name, value) == highspy.HighsStatus.kError:
             raise UnsupportedOption(f"backend 'highs': HiGHS refuses {name} = {value!r}")
     matrix = program.matrix
+    # HiGHS was seen to leave a whole column that no row binds at 7.5, its bound.
+    whole, low, high = integral > 0, program.column_lower, program.column_upper
+    low = np.where(whole, np.ceil(low - ROUNDING), low)
+    high = np.where(whole, np.floor(high + ROUNDING), high)
     passed = highs.passModel(
         program.size,
         program.row_count,
@@ -67,8 +72,8 @@ def run_highs(
         int(highspy.ObjSense.kMinimize),
         program.offset,
         program.cost,
-        program.column_lower,
-        program.column_upper,
+        low,
+        high,
         program.row_lower,
         program.row_upper,
         matrix.indptr.astype(np.int32),

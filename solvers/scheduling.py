@@ -69,7 +69,8 @@ def _run(worker: Worker, job: Job, grace: float, warm_up: bool = False) -> Solut
         for again in (True, False):
             if warm_up:
                 _warm(worker, job, grace)
-            where = environment(job, worker)
+            warm = worker.warm[0] is not None and worker.warm[0] == worker.pid
+            where = environment(job, warm=warm)
             begin = time.monotonic()
             solution = worker.solve(job, grace=grace)
             if not (again and KILLED in solution.message):

@@ -296,7 +296,8 @@ class Campaign:
         columns: dict[tuple[str, str], int] = {}
         row = 0
         for part in self.sets:
-            met, known = set(), set()
+            met: set[str] = set()
+            known: set[str] = set()
             for model in self.models(part):
                 name = model.name or model.digest[:12]
                 turns: dict[int, int] = {}

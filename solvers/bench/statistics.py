@@ -9,6 +9,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.fields import show
@@ -23,6 +24,9 @@ __all__ = [
     "shifted_geometric_mean",
     "success_interval",
 ]
+
+#: Numbers, one a run or an instance.
+_Column = Sequence[float] | NDArray[np.float64]
 
 #: Runs of each side at least before a difference is tested: fewer cannot reach a p-value of 0.05.
 FEWEST = 5
@@ -175,7 +179,7 @@ class RankTest:
         return f"{word}: p = {self.p_value:.2g}, effect {abs(self.effect):.2f}, {self.method}"
 
 
-def compare_seeds(first: Sequence[float], second: Sequence[float]) -> RankTest:
+def compare_seeds(first: _Column, second: _Column) -> RankTest:
     """Return whether two backends that draw differ on one instance: a value a seed.
 
     Parameters
@@ -201,7 +205,7 @@ def compare_seeds(first: Sequence[float], second: Sequence[float]) -> RankTest:
     return RankTest("Mann-Whitney", p_value, effect, runs)
 
 
-def compare_pairs(first: Sequence[float], second: Sequence[float]) -> RankTest:
+def compare_pairs(first: _Column, second: _Column) -> RankTest:
     """Return whether two backends differ over instances: a pair of values an instance.
 
     Parameters
@@ -232,7 +236,7 @@ def compare_pairs(first: Sequence[float], second: Sequence[float]) -> RankTest:
 
 
 def compare_backends(
-    values: Mapping[str, Sequence[float]],
+    values: Mapping[str, _Column],
 ) -> tuple[RankTest | None, dict[tuple[str, str], RankTest]]:
     """Return whether any of several backends differs over instances, and each pair of them.
 
@@ -296,7 +300,7 @@ def _biserial(apart: np.ndarray[Any, Any]) -> float:
     return float((ranks[moved < 0].sum() - ranks[moved > 0].sum()) / ranks.sum())
 
 
-def _ranked(name: str, values: Sequence[float]) -> np.ndarray[Any, Any]:
+def _ranked(name: str, values: _Column) -> np.ndarray[Any, Any]:
     """Return numbers that may be infinite, for ranks bear that."""
     found = np.asarray(values, float)
     if found.ndim != 1 or not found.size or np.isnan(found).any():
@@ -304,7 +308,7 @@ def _ranked(name: str, values: Sequence[float]) -> np.ndarray[Any, Any]:
     return found
 
 
-def _numbers(name: str, values: Sequence[float]) -> np.ndarray[Any, Any]:
+def _numbers(name: str, values: _Column) -> np.ndarray[Any, Any]:
     found = _ranked(name, values)
     if not np.isfinite(found).all():
         raise InvalidData(f"{name} must be finite, got {show(values)}", field=name)

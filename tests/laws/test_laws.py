@@ -1,0 +1,230 @@
+"""Laws that hold for whatever is declared, whatever its problem.
+
+Instances of every kind are small ones with something done to them: numbers scaled by up to a million,
+made equal, set to nothing, taken away or twice. 100 cases in ``make test``, always the same; 10,000
+in ``make slow``, always others.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+
+import pytest
+import strange
+from hypothesis import HealthCheck, given, settings, strategies as st
+
+import crosstrack as ct
+from crosstrack.errors import CrosstrackError, InvalidData
+from crosstrack.models import Model
+from crosstrack.solvers import Feature, Solution, Termination, find_backend
+from crosstrack.solvers.registry import fitting
+
+#: How a run may end: with a verified plan, a proof, or a limit that is named.
+PLANS = {Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL, Termination.FEASIBLE}
+PROOFS = {Termination.INFEASIBLE, Termination.UNBOUNDED}
+SECONDS = 1.0
+
+EXAMPLES = [json.loads(instance) for instance, _ in strange.examples()]
+KINDS = sorted({one["model"] for one in EXAMPLES})
+
+few = settings(
+    max_examples=100, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck)
+)
+many = settings(max_examples=10_000, deadline=None, suppress_health_check=list(HealthCheck))
+numbers = st.integers(0, 2**63)
+
+
+def reworked(tree, draw):
+    """Return a part of an instance with its numbers changed in a way that keeps its shape."""
+    if isinstance(tree, dict):
+        return {key: reworked(value, draw) for key, value in tree.items()}
+    if isinstance(tree, list):
+        if tree and all(isinstance(one, int | float) for one in tree) and draw.random() < 0.3:
+            way = draw.randrange(4)
+            if way == 0:
+                return [draw.choice(tree)] * len(tree)  # ties
+            if way == 1:
+                factor = 10.0 ** draw.randint(-6, 6)
+                return [one * factor if isinstance(one, float) else one for one in tree]
+            if way == 2:
+                return [one if draw.random() < 0.5 else type(one)(0) for one in tree]
+            return draw.sample(tree, len(tree))
+        return [reworked(one, draw) for one in tree]
+    if isinstance(tree, float) and draw.random() < 0.1:
+        return tree * draw.choice([0.0, -1.0, 1e-6, 1e6, 0.5, 1.0 + 1e-9])
+    return tree
+
+
+def drawn(number):
+    """Return a drawn instance, None where it is none and says so."""
+    draw = random.Random(number)
+    whole = draw.choice(EXAMPLES)
+    data = whole["data"]
+    data = strange.mutated(data, draw) if draw.random() < 0.2 else reworked(data, draw)
+    text = strange.written({**whole, "data": data})
+    try:
+        return Model.from_json(text)
+    except InvalidData:
+        return None
+
+
+def known(model):
+    """Return whether solving the model stays within the memory and time of a test."""
+    return sum(len(str(value)) for value in model.to_dict()["data"].values()) < 20_000
+
+
+def check_the_end(number):
+    """A plan, a proof, or a limit; never anything else, and never another exception."""
+    model = drawn(number)
+    if model is None or not known(model):
+        return
+    try:
+        answer = ct.solve(model, time_limit=SECONDS)
+    except CrosstrackError:
+        return  # refused by name
+    told = (number, model.kind, str(answer))
+    assert answer.termination is not Termination.FAILED or "licence" in answer.message, told
+    if answer.termination in PLANS:
+        assert answer.verification.ok, told
+        assert ct.verify(model, answer.plan).ok, told
+        assert math.isfinite(answer.primal_bound), told
+    else:
+        assert answer.plan is None, told
+        if answer.termination not in PROOFS:
+            assert answer.limit is not None or answer.message, told
+    data = json.loads(json.dumps(answer.to_dict(), allow_nan=False))
+    again = Solution.from_dict(data, model)
+    assert again.to_dict() == answer.to_dict(), told
+
+
+@few
+@given(numbers)
+def test_whatever_is_declared_ends_in_a_plan_a_proof_or_a_limit(number):
+    check_the_end(number)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(6 * 3600)
+@many
+@given(numbers)
+def test_ten_thousand_end_in_a_plan_a_proof_or_a_limit(number):
+    check_the_end(number)
+
+
+@few
+@given(numbers)
+def test_instances_are_exact_in_json(number):
+    model = drawn(number)
+    if model is not None:
+        text = model.to_json()
+        again = Model.from_json(text)
+        assert again.digest == model.digest
+        assert again.to_json() == text
+
+
+def example(kind):
+    """Return an undamaged example of a kind."""
+    return Model.from_dict(next(one for one in EXAMPLES if one["model"] == kind))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_same_seed_gives_the_same_plan(kind):
+    """Of every native backend that draws and ends by itself: twice from one seed."""
+    model = example(kind)
+    names = [
+        name
+        for name in fitting(model)
+        if (one := find_backend(name, model)).problem and Feature.SEED in one.features
+    ]
+    for name in names[:4]:
+        first, second = (ct.solve(model, name, seed=5, time_limit=20) for _ in range(2))
+        if first.limit is None and second.limit is None:
+            assert first.plan_data == second.plan_data, name
+            assert first.primal_bound == second.primal_bound, name
+
+
+#: Kinds whose comparison of all backends takes more than a few seconds.
+LONG = {
+    "attractor", "fleet-routing", "guided-path-tour", "messenger-tour", "minimum-derivative", "nonlinear-program",
+    "optimal-control", "satellite-slew", "time-allocation", "unknown-grid", "minimum-snap", "sideslip",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param(k, marks=[pytest.mark.slow] if k in LONG else []) for k in KINDS]
+)
+def test_no_bound_is_above_a_verified_plan(kind):
+    """All backends that take a model by default, in their own processes: no contradiction."""
+    model = example(kind)
+    verdict = ct.compare(model, list(fitting(model)), time_limit=2.0)
+    assert verdict.outcome != "CONTRADICTION", str(verdict)
+
+
+#: By kind the fields that are lengths, with their power, and the power that the objective has.
+LENGTHS = {
+    "error-correction": ({"points": 1, "delta": -1, "vertical_rate": -1, "horizontal_rate": -1}, 1),
+    "guided-path-tour": ({"coordinates": 1}, 1),
+    "messenger-tour": (
+        {"positions": 1, "velocities": 1, "radius": 1, "turning_radius": 1, "speed": 1, "start": 1}, 1,
+    ),
+    "minimum-snap": ({"waypoints": 1, "derivatives": 1}, 2),
+}  # fmt: skip
+
+
+def scaled(kind, value, factor):
+    if isinstance(value, list):
+        return [scaled(kind, one, factor) for one in value]
+    return (
+        value * factor if isinstance(value, int | float) and not isinstance(value, bool) else value
+    )
+
+
+@pytest.mark.parametrize("kind", LENGTHS)
+@pytest.mark.parametrize("factor", [2.0**10, 2.0**-10, 1e3])
+def test_other_units_of_length_scale_the_answer(kind, factor):
+    fields, power = LENGTHS[kind]
+    model = example(kind)
+    whole = model.to_dict()
+    names = set(whole["data"])
+    data = {
+        name: scaled(kind, value, factor ** fields[name]) if name in fields else value
+        for name, value in whole["data"].items()
+    }
+    if kind == "messenger-tour" and "start" in names:
+        # Its third entry is a heading.
+        data["start"] = [*data["start"][:2], *whole["data"]["start"][2:]]
+    other = Model.from_dict({**whole, "data": data})
+    first, second = ct.solve(model, seed=0), ct.solve(other, seed=0)
+    assert second.termination == first.termination
+    assert second.primal_bound == pytest.approx(first.primal_bound * factor**power, rel=1e-6)
+
+
+@few
+@given(numbers)
+def test_a_further_constraint_never_improves_the_optimum(number):
+    """Of small mixed-integer programs, by two exact solvers in turn."""
+    from crosstrack.models import ProgramBuilder
+
+    draw = random.Random(number)
+    size = draw.randint(1, 6)
+    builder = ProgramBuilder()
+    cost = [draw.choice([-3.0, -1.0, 0.0, 0.5, 1e3, draw.uniform(-9, 9)]) for _ in range(size)]
+    x = builder.columns(
+        "x", size, upper=draw.choice([1.0, 3.0, 7.5]), cost=cost, integral=draw.random() < 0.7
+    )
+    for k in range(draw.randint(0, 3)):
+        row = [draw.choice([0.0, 1.0, -1.0, draw.uniform(-5, 5)]) for _ in range(size)]
+        builder.rows(f"row {k}", 1, (0, x, row), upper=draw.uniform(0, 6))
+    loose = builder.build()
+    row = [draw.uniform(-5, 5) for _ in range(size)]
+    builder.rows("one more", 1, (0, x, row), upper=draw.uniform(-4, 4))
+    tight = builder.build()
+    name = ("highs", "scipy")[number % 2]
+    first, second = (ct.solve(one, name, isolate=False) for one in (loose, tight))
+    assert first.termination == Termination.OPTIMAL
+    assert second.termination in (Termination.OPTIMAL, Termination.INFEASIBLE)
+    if second.primal_bound is not None:
+        assert second.primal_bound >= first.primal_bound - 1e-6 * max(1.0, abs(first.primal_bound))
+        assert second.dual_bound <= second.primal_bound + 1e-9 * max(1.0, abs(second.primal_bound))
