@@ -72,7 +72,13 @@ def _check_sizes(what: str, function: casadi.Function, sizes: Mapping[str, int])
     """Raise where an argument or a result of `function` has another size than what is declared."""
     for name, size in sizes.items():
         known = function.name_in()
-        have = function.numel_in(name) if name in known else function.numel_out(name)
+        shape = function.size_in(name) if name in known else function.size_out(name)
+        have = shape[0] * shape[1]
+        if shape[1] != 1 and shape != (0, 0):
+            raise InvalidData(
+                f"{what}: {name} of the function must be a column, got shape {tuple(shape)}",
+                field="function",
+            )
         if have != size:
             raise InvalidData(
                 f"{what}: {name} of the function has {have} entries, {size} are declared",

@@ -85,7 +85,9 @@ def check_the_end(number):
     except CrosstrackError:
         return  # refused by name
     told = (number, model.kind, str(answer))
-    assert answer.termination is not Termination.FAILED or "licence" in answer.message, told
+    if answer.termination is Termination.FAILED:
+        # A solver may lose its way; that something of ours raised is a fault.
+        assert answer.message and "Error" not in answer.message, told
     if answer.termination in PLANS:
         assert answer.verification.ok, told
         assert ct.verify(model, answer.plan).ok, told
@@ -102,6 +104,14 @@ def check_the_end(number):
 @few
 @given(numbers)
 def test_whatever_is_declared_ends_in_a_plan_a_proof_or_a_limit(number):
+    check_the_end(number)
+
+
+@pytest.mark.parametrize(
+    "number", [3865768805273116289, 9109827563315132698, 3550833817486121647, 3246571410964499594]
+)
+def test_functions_of_another_shape_are_refused(number):
+    """Stored functions that are no columns, or empty where a number belongs, once raised CasADi's own errors."""
     check_the_end(number)
 
 
