@@ -7,7 +7,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 INSTALL := PYTHONWARNINGS=ignore $(PIP) install --no-build-isolation -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test bare lint types check docs bench slow format pins clean
+.PHONY: help demo test bare lint types check docs pages links bench slow format pins clean
 
 help:  ## Show this list
 	@sed -n 's/^\([a-z]*\):.*  ## /\1\t/p' $(MAKEFILE_LIST) | while IFS="$$(printf '\t')" read -r name text; do \
@@ -70,6 +70,12 @@ bench: .venv/benchmark.stamp  ## Benchmarks; nothing else should run meanwhile
 
 docs: .venv/docs.stamp  ## The site, into docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -j auto -b html docs docs/_build/html
+
+pages: .venv/docs.stamp  ## The site without running the examples, in a minute or so
+	$(BIN)/sphinx-build -W --keep-going -j auto -b html -D plot_gallery=0 docs docs/_build/pages
+
+links: .venv/docs.stamp  ## Links of the site that lead elsewhere; wants a network
+	$(BIN)/sphinx-build -b linkcheck -D plot_gallery=0 docs docs/_build/links
 
 format: .venv/test.stamp  ## Format the code and apply the linter's safe fixes
 	$(BIN)/ruff check --fix .

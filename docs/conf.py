@@ -24,6 +24,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx_gallery.gen_gallery",
     "crosstrack_site",
+    "crosstrack_pages",
 ]
 
 exclude_patterns = [

@@ -1,0 +1,203 @@
+"""Pages about everything at once: the catalogue, the campaign, and what the conformance suite found.
+
+* ``crosstrack-catalogue``: every instance with its size, source and best value, a picture a problem;
+* ``crosstrack-campaign FILE``: what the records of a campaign amount to, problem by problem;
+* ``crosstrack-conformance FILE``: the backends of programs beside what the suite found of them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from crosstrack_site import Made, markdown_table
+from sphinx.application import Sphinx
+
+#: Why the leader of a problem leads, where numbers do not say it; the numbers come from the records.
+REASONS = {
+    "attractor": "Each backend estimates something else, an embedding, an exponent or a dimension, so they are "
+    "no rivals: take the one that is named after what you want, or `full-analysis` for all of it.",
+    "black-box": "Without a model of the function nobody proves anything. Take a deterministic search in few "
+    "dimensions, and run whatever draws from several seeds.",
+    "error-correction": "Label setting uses what a route is; a program has a row and a column for every leg, and "
+    "grows with the square of the points. Take a solver of programs only for what the model does not know.",
+    "fleet-mission": "The paper's pipeline optimises stage after stage and verifies nothing in between; "
+    "`staged` repairs what a later stage broke.",
+    "fleet-routing": "Exact backends prove small fleets; beyond about fifteen nodes take `fleet-search`, and the "
+    "routing solvers where the objective is the plain sum.",
+    "grid-path": "Searches on the grid need milliseconds where programs need seconds. `any-angle` answers another "
+    "question: shortest among all polylines, not among the moves of the grid.",
+    "guided-path-tour": "Both exact searches prove; the dynamic programme is quicker where the precedence is "
+    "loose, and A* where it is tight or the customers are many.",
+    "messenger-tour": "Heuristics find the tour, relaxations bound it: run both, and read the gap.",
+    "minimum-derivative": "The native solver uses the band of the system; general solvers build the program first.",
+    "minimum-snap": "Without corridors the native banded solver is exact and the quickest by far. With them, take "
+    "an active-set or interior-point solver; first-order ones stop short of the accuracy.",
+    "optimal-control": "Ipopt is the only one that solves nearly all of it. Others are worth a second opinion on "
+    "small meshes.",
+    "resource-routing": "Labels use the structure; programs are for what the model does not know.",
+    "satellite-slew": "Steering laws give a flight at once and no optimum; Ipopt gives the optimum.",
+    "sideslip": "Estimates are judged by their distance from the truth, which a backend never sees. Filters run "
+    "along with the car; smoothers and moving horizons look back.",
+    "time-allocation": "The native descent has the gradient of the banded system; transcribed, the same "
+    "problem is ten times slower.",
+    "unknown-grid": "`oracle` sees the whole map: it is what the others are measured against, and no choice. "
+    "Replanning by A* needs no training.",
+}  # fmt: skip
+
+
+class Catalogue(Made):
+    """Every instance, by problem; above each a picture of its first one."""
+
+    wide = True
+
+    def make(self) -> str:
+        from crosstrack.instances import entries
+        from crosstrack.models.problems import PROBLEMS
+
+        groups: dict[str, list[Any]] = {}
+        for entry in entries():
+            groups.setdefault(entry.name.partition("/")[0], []).append(entry)
+        folder = Path(self.env.app.srcdir) / "generated" / "catalogue"
+        folder.mkdir(parents=True, exist_ok=True)
+        parts = [
+            f"{sum(map(len, groups.values()))} instances of {len(groups)} problems: "
+            + ", ".join(f"[{name}](#{name}) ({len(found)})" for name, found in groups.items())
+            + "."
+        ]
+        pages = {problem.replace("_", "-") for problem in PROBLEMS}
+        for name, found in groups.items():
+            parts.append(f"## {name}")
+            if name in pages:
+                parts.append(f"[The problem](problems/{name}.md), with its equations and backends.")
+            rows = []
+            for entry in found:
+                model = entry.build()
+                known = entry.published.get("objective", entry.published.get("optimum"))
+                value = f"{known:.10g}" if isinstance(known, int | float) else ""
+                source = entry.published.get("source", "") if value else ""
+                rows.append(
+                    (
+                        f"`{entry.name}`",
+                        entry.title,
+                        model.describe(),
+                        entry.provenance,
+                        value,
+                        source,
+                    )
+                )
+            parts.append(self._picture(found[0], folder))
+            columns = ("instance", "", "size", "data", "best known", "from")
+            parts.append(markdown_table(columns, rows))
+        return "\n\n".join(parts)
+
+    def _picture(self, entry: Any, folder: Path) -> str:
+        """Return the picture of an instance without a plan; drawn once, for its content has a digest."""
+        import crosstrack
+
+        model = entry.build()
+        file = folder / f"{model.kind}-{model.digest[:12]}.png"
+        if not file.exists():
+            crosstrack.plot(model).savefig(file, dpi=60)
+        return f"![{entry.name}](generated/catalogue/{file.name})"
+
+
+class Campaign(Made):
+    """What the records of a campaign amount to: verdicts, and for each problem a table and a choice."""
+
+    required_arguments = 1
+    wide = True
+    #: Backends of a problem that are shown at most.
+    most = 12
+
+    def make(self) -> str:
+        from crosstrack.solvers.bench import read_records
+        from crosstrack.solvers.bench.standing import rank
+
+        path = Path(self.env.app.srcdir) / self.arguments[0]
+        self.env.note_dependency(str(path))
+        records = read_records(path)
+        counts = Counter(str(one.outcome) for one in records.verdicts)
+        words = ", ".join(f"{count} {word}" for word, count in counts.most_common())
+        where = records.solutions[0].environment
+        parts = [
+            f"{len(records.solutions)} answers of {len({s.backend for s in records.solutions})} backends on "
+            f"{len(records.verdicts)} instances: {words}. Run on {where.get('processors')} processors "
+            f"({where.get('processor')}, {where.get('memory')} GiB), Python {where.get('python')}, one thread "
+            "a job, at a relative gap and a tolerance of 1e-6."
+        ]
+        kinds = sorted({one.solutions[0].model for one in records.verdicts})
+        for kind in kinds:
+            own = [one for one in records.verdicts if one.solutions[0].model == kind]
+            parts += self._problem(kind, own, rank(own))
+        return "\n\n".join(parts)
+
+    def _problem(self, kind: str, verdicts: list[Any], standings: list[Any]) -> list[str]:
+        from crosstrack.solvers.report.tables import seconds_text
+
+        counts = Counter(str(one.outcome) for one in verdicts)
+        limits = sorted({float(s.options["time_limit"]) for v in verdicts for s in v.solutions})
+        able = [one for one in standings if one.solved and one.label != "oracle"]
+        parts = [f"## {kind}"]
+        words = ", ".join(f"{count} {word}" for word, count in counts.most_common())
+        text = f"{len(verdicts)} instances ({words}), {' or '.join(f'{one:g}' for one in limits)} s a job. "
+        if able:
+            first = able[0]
+            text += (
+                f"**Take `{first.label}`**: it solved {first.solved} of {first.instances}, typically in "
+                f"{seconds_text(first.typical)}"
+            )
+            quick = min(
+                able, key=lambda one: one.typical if one.solved >= 0.5 * first.solved else 1e9
+            )
+            if quick is not first:
+                text += (
+                    f"; `{quick.label}` solved {quick.solved} of {quick.instances}, typically in "
+                    f"{seconds_text(quick.typical)}"
+                )
+            text += ". "
+        parts.append(text + REASONS.get(kind, ""))
+        rows = [
+            (
+                f"`{one.label}`", f"{one.solved} of {one.instances}", one.best, one.fastest,
+                seconds_text(one.typical), seconds_text(one.median),
+            )
+            for one in standings[: self.most]
+        ]  # fmt: skip
+        left = len(standings) - len(rows)
+        columns = ("backend", "solved", "best plan", "fastest", "typical seconds", "median seconds")
+        parts.append(markdown_table(columns, rows))
+        if left > 0:
+            parts.append(f"{left} more solved fewer; the report shows all.")
+        return parts
+
+
+class Conformance(Made):
+    """The backends of programs, beside what the conformance suite found of each."""
+
+    required_arguments = 1
+    wide = True
+
+    def make(self) -> str:
+        path = Path(self.env.app.srcdir) / self.arguments[0]
+        self.env.note_dependency(str(path))
+        data = json.loads(path.read_text())
+        rows = [
+            (
+                f"`{one['name']}`", one["version"] or "", one["passed"], one["unsupported"],
+                one["failed"], ", ".join(one["features"]),
+            )
+            for one in data["backends"]
+        ]  # fmt: skip
+        columns = ("backend", "version", "passed", "unsupported", "failed", "declares")
+        return f"{data['words']}\n\n{markdown_table(columns, rows)}"
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the directives."""
+    app.add_directive("crosstrack-catalogue", Catalogue)
+    app.add_directive("crosstrack-campaign", Campaign)
+    app.add_directive("crosstrack-conformance", Conformance)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
