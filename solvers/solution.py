@@ -260,7 +260,10 @@ class Solution(Generic[PlanT]):
             "options": dict(self.options),
             "formulation_options": dict(self.formulation_options),
             "seed": self.seed,
-            "statistics": dict(self.statistics),
+            "statistics": {
+                name: _finite(value) if isinstance(value, float) else value
+                for name, value in self.statistics.items()
+            },
             "message": self.message,
             "rejected_plan": self.rejected_plan,
             "starts": [start.to_dict() for start in self.starts],

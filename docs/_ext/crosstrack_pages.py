@@ -122,12 +122,13 @@ class Campaign(Made):
         counts = Counter(str(one.outcome) for one in records.verdicts)
         words = ", ".join(f"{count} {word}" for word, count in counts.most_common())
         where = records.solutions[0].environment
-        parts = [
+        head = (
             f"{len(records.solutions)} answers of {len({s.backend for s in records.solutions})} backends on "
             f"{len(records.verdicts)} instances: {words}. Run on {where.get('processors')} processors "
             f"({where.get('processor')}, {where.get('memory')} GiB), Python {where.get('python')}, one thread "
             "a job, at a relative gap and a tolerance of 1e-6."
-        ]
+        )
+        parts = [head]
         kinds = sorted({one.solutions[0].model for one in records.verdicts})
         for kind in kinds:
             own = [one for one in records.verdicts if one.solutions[0].model == kind]
