@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import queue
 import threading
@@ -54,9 +55,13 @@ def _refused(task: Task) -> Solution[Any]:
 
 def _failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
     """Return the solution of a job that did not run to an answer."""
+    formulation = job.formulation
+    with contextlib.suppress(CrosstrackError):  # which is what the row says
+        written = job.target().formulation
+        formulation = written.name if written is not None else formulation
     broken = Claim(
         Termination.FAILED,
-        formulation=job.formulation,
+        formulation=formulation,
         seconds={"total": seconds},
         messages=(message,),
     )
