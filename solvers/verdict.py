@@ -311,8 +311,9 @@ def _notes(
         size = max(_scale(best), abs(best.primal_bound))
         more -= 0.0 if solution.verification is None else solution.verification.spread
         if more > WORSE * max(float(solution.options.get("tolerance") or 0.0), ROUNDING) * size:
+            far = f"{100.0 * more / size:.2g} %" if size > 0 else f"{more:.3g}"
             notes.append(
                 f"{_who(solution)}: stopped at a worse point, {solution.primal_bound:.10g}: "
-                f"{100.0 * more / size:.2g} % above {best.primal_bound:.10g} of {_who(best)}"
+                f"{far} above {best.primal_bound:.10g} of {_who(best)}"
             )
     return notes

@@ -2,11 +2,15 @@
 
 * ``crosstrack-catalogue``: every instance with its size, source and best value, a picture a problem;
 * ``crosstrack-campaign FILE``: what the records of a campaign amount to, problem by problem;
+* ``crosstrack-example``: Python that is run, with what it prints and draws;
 * ``crosstrack-conformance FILE``: the backends of programs beside what the suite found of them.
 """
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import io
 import json
 from collections import Counter
 from pathlib import Path
@@ -204,6 +208,32 @@ class Campaign(Made):
         return parts
 
 
+class Example(Made):
+    """Python that is run as it stands, with what it prints, and the last figure that it makes."""
+
+    has_content = True
+
+    def make(self) -> str:
+        from matplotlib.figure import Figure
+
+        code = "\n".join(self.content)
+        names: dict[str, Any] = {}
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            exec(compile(code, "<example>", "exec"), names)  # noqa: S102 - the page is the site's own
+        parts = [f"```python\n{code}\n```", f"```text\n{printed.getvalue().rstrip()}\n```"]
+        figures = [value for value in names.values() if isinstance(value, Figure)]
+        if figures:
+            folder = Path(self.env.app.srcdir) / "generated"
+            folder.mkdir(parents=True, exist_ok=True)
+            name = (
+                f"{Path(self.env.docname).name}-{hashlib.sha256(code.encode()).hexdigest()[:8]}.png"
+            )
+            figures[-1].savefig(folder / name, dpi=110)
+            parts.append(f"![What the example draws](generated/{name})")
+        return "\n\n".join(parts)
+
+
 class Conformance(Made):
     """The backends of programs, beside what the conformance suite found of each."""
 
@@ -230,4 +260,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("crosstrack-catalogue", Catalogue)
     app.add_directive("crosstrack-campaign", Campaign)
     app.add_directive("crosstrack-conformance", Conformance)
+    app.add_directive("crosstrack-example", Example)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

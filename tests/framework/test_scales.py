@@ -241,3 +241,18 @@ def test_a_false_bound_contradicts_a_path_however_gentle(name):
     assert best.verification.scale <= 10 * best.primal_bound
     liar = replace(best, backend="liar", dual_bound=1.01 * best.primal_bound)
     assert judge(name, [best, liar], model).outcome == "CONTRADICTION"
+
+
+def test_a_worse_plan_is_told_of_where_the_best_is_nothing_of_no_size():
+    """A percentage of nothing does not exist; the campaign met such an instance."""
+    from crosstrack.solvers import Guarantee, Solution, Termination
+    from crosstrack.solvers.verdict import judge
+
+    def answer(name, value, guarantee):
+        return Solution(
+            "grid-path", "one", "0", name, Termination.FEASIBLE, guarantee=guarantee, primal_bound=value,
+            plan=(), stored_plan=[], verification=Verification(value, (), scale=0.0),
+        )  # fmt: skip
+
+    found = judge("one", [answer("a", 0.0, Guarantee.EXACT), answer("b", 2.5, Guarantee.HEURISTIC)])
+    assert found.notes == ("b: stopped at a worse point, 2.5: 2.5 above 0 of a",)
