@@ -29,7 +29,7 @@ REASONS = {
     "grows with the square of the points. Take a solver of programs only for what the model does not know.",
     "fleet-mission": "The paper's pipeline optimises stage after stage and verifies nothing in between; "
     "`staged` repairs what a later stage broke.",
-    "fleet-routing": "Exact backends prove small fleets; beyond about fifteen nodes take `fleet-search`, and the "
+    "fleet-routing": "Exact backends prove small fleets; for others take `fleet-search`, and the "
     "routing solvers where the objective is the plain sum.",
     "grid-path": "Searches on the grid need milliseconds where programs need seconds. `any-angle` answers another "
     "question: shortest among all polylines, not among the moves of the grid.",
@@ -37,8 +37,8 @@ REASONS = {
     "loose, and A* where it is tight or the customers are many.",
     "messenger-tour": "Heuristics find the tour, relaxations bound it: run both, and read the gap.",
     "minimum-derivative": "The native solver uses the band of the system; general solvers build the program first.",
-    "minimum-snap": "Without corridors the native banded solver is exact and the quickest by far. With them, take "
-    "an active-set or interior-point solver; first-order ones stop short of the accuracy.",
+    "minimum-snap": "Without corridors the native banded solver is exact and needs no program, whose building takes "
+    "longer than its solving. With corridors, have two solvers check one another.",
     "optimal-control": "Ipopt is the only one that solves nearly all of it. Others are worth a second opinion on "
     "small meshes.",
     "resource-routing": "Labels use the structure; programs are for what the model does not know.",
@@ -46,7 +46,7 @@ REASONS = {
     "sideslip": "Estimates are judged by their distance from the truth, which a backend never sees. Filters run "
     "along with the car; smoothers and moving horizons look back.",
     "time-allocation": "The native descent has the gradient of the banded system; transcribed, the same "
-    "problem is ten times slower.",
+    "problem takes longer.",
     "unknown-grid": "`oracle`, which sees the whole map, is left out: it is what others are measured against, and "
     "no choice. Networks were trained on maps of this making and lead on them; replanning by A* needs no training "
     "and asks nothing of the map.",
@@ -174,13 +174,17 @@ class Campaign(Made):
                 f"**Take `{first.label}`**: it solved {first.solved} of {first.instances}, typically in "
                 f"{seconds_text(first.typical)}"
             )
-            quick = min(
-                able, key=lambda one: one.typical if one.solved >= 0.5 * first.solved else 1e9
-            )
-            if quick is not first:
+            # Of those that solve all that they accept, the quickest one.
+            whole = [
+                one
+                for one in able
+                if 2 * one.solved >= first.solved and one.solved == one.instances
+            ]
+            quick = min(whole, key=lambda one: one.median, default=first)
+            if quick is not first and quick.median < first.median:
                 text += (
-                    f"; `{quick.label}` solved {quick.solved} of {quick.instances}, typically in "
-                    f"{seconds_text(quick.typical)}"
+                    f"; where `{quick.label}` fits, it solved {quick.solved} of {quick.instances}, with a "
+                    f"median of {seconds_text(quick.median)} against {seconds_text(first.median)}"
                 )
             text += ". "
         parts.append(text + REASONS.get(kind, ""))

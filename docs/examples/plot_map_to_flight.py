@@ -38,6 +38,11 @@ print(best)
 print(f"{best.plan.times[-1]:.2f} s for {path.primal_bound:.2f} m")
 
 # %%
+# The native descent is only locally optimal: a general solver of nonlinear programs is a second opinion.
+
+print(ct.compare(flight, ["time-gradient", "ipopt"], time_limit=30))
+
+# %%
 # Does it keep clear?
 # -------------------
 # The model of the flight knows waypoints and limits, and no obstacles: between the corners the

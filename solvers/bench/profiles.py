@@ -83,7 +83,7 @@ def data_profile(evaluations: Mapping[str, Sequence[float]], dimensions: Sequenc
     """
     table = _table(evaluations)
     sizes = np.asarray(dimensions, float)
-    if sizes.shape != table.shape[1:] or (sizes < 1).any():
+    if sizes.shape != table.shape[1:] or not (sizes >= 1).all():
         raise InvalidData(
             f"dimensions must be {table.shape[1]} whole numbers >= 1, one an instance",
             field="dimensions",

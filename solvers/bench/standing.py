@@ -37,7 +37,7 @@ class Standing(NamedTuple):
         How many runs there were, on how many instances, how many of these were solved by more than
         half of the runs, on how many a run's plan is the best of all, and on how many it was fastest.
     typical, median : float
-        Shifted geometric mean and median of the seconds over its instances.
+        Shifted geometric mean of the seconds over all instances, and their median over its own.
     profile : sequence of (float, float)
         Its performance profile.
     answers : sequence of (Solution, str)
@@ -69,26 +69,22 @@ def measured_seconds(solution: Solution[Any]) -> float | None:
 def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
     """Return how every backend stands on the instances of one problem, the leading one first.
 
-    Most solved first, then the least typical seconds. A run's seconds are the median of its
-    repeats; what is not solved counts as its time limit.
+    Most solved first, then the least typical seconds. Repeats of a seed count as their median, and so
+    do the seeds of an instance; what is not solved, or not run, counts as the largest limit of time.
     """
     answers: dict[str, list[tuple[Solution[Any], str]]] = {}
-    times: dict[str, list[float]] = {}
     measures: dict[str, dict[int, float]] = {}
     best: Counter[str] = Counter()
     fastest: Counter[str] = Counter()
+    #: What a failure counts as on each instance, for those that did not run as well.
+    limits: list[float] = []
     for index, verdict in enumerate(verdicts):
         least = verdict.best
         took: dict[str, float] = {}
         for label in dict.fromkeys(map(who, verdict.solutions)):
             own = [(s, _failure(s, verdict, least)) for s in verdict.solutions if who(s) == label]
             answers.setdefault(label, []).extend(own)
-            seconds = [math.inf if why else measured_seconds(s) or 0.0 for s, why in own]
-            took[label] = max(median(seconds), _LEAST)
-            limit = max(
-                float(s.options.get("time_limit") or measured_seconds(s) or 0.0) for s, _ in own
-            )
-            times.setdefault(label, []).append(min(took[label], max(limit, _LEAST)))
+            took[label] = max(_usual(own), _LEAST)
             if least is not None:
                 best[label] += any(
                     not why and s.primal_bound == least.primal_bound for s, why in own
@@ -96,6 +92,9 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
             measures.setdefault(label, {})[index] = took[label]
         first = min(took.values())
         fastest.update(label for label, value in took.items() if value == first < math.inf)
+        allowed = [float(s.options.get("time_limit") or 0.0) for s in verdict.solutions]
+        spent = [measured_seconds(s) or 0.0 for s in verdict.solutions]
+        limits.append(max(*allowed, _LEAST) if any(allowed) else max(*spent, _LEAST))
     # What a backend did not run counts as not solved: nobody gains by staying away.
     profiles = performance_profile(
         {
@@ -104,15 +103,27 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
         }
     )
     far = max(float(places[-1]) for places, _ in profiles.values())
-    found = [
-        Standing(
-            label, len(own), len(times[label]), sum(map(math.isfinite, measures[label].values())),
-            best[label], fastest[label], shifted_geometric_mean(times[label]),
-            median(times[label]), _points(*profiles[label], far), own,
-        )
-        for label, own in answers.items()
-    ]  # fmt: skip
+    found = []
+    for label, own in answers.items():
+        took = measures[label]
+        times = [min(took.get(index, math.inf), limit) for index, limit in enumerate(limits)]
+        found.append(
+            Standing(
+                label, len(own), len(took), sum(map(math.isfinite, took.values())),
+                best[label], fastest[label], shifted_geometric_mean(times),
+                median(times[index] for index in took), _points(*profiles[label], far), own,
+            )
+        )  # fmt: skip
     return sorted(found, key=lambda one: (-one.solved, one.typical))
+
+
+def _usual(own: Sequence[tuple[Solution[Any], str]]) -> float:
+    """Return the median over seeds of the median over the repeats of each; inf where that failed."""
+    seeds: dict[int | None, list[float]] = {}
+    for solution, why in own:
+        seconds = math.inf if why else measured_seconds(solution) or 0.0
+        seeds.setdefault(solution.seed, []).append(seconds)
+    return median(median(one) for one in seeds.values())
 
 
 def _failure(solution: Solution[Any], verdict: Verdict, least: Solution[Any] | None) -> str:
@@ -124,7 +135,9 @@ def _failure(solution: Solution[Any], verdict: Verdict, least: Solution[Any] | N
     if least is None or least.primal_bound is None:
         if solution.termination not in claims or verdict.outcome is Outcome.INCONCLUSIVE:
             return "no plan"
-        return "contradicted" if wrong else ""
+        # Agreed is one claim; the other is wrong.
+        agreed = verdict.evidence.startswith(str(solution.termination))
+        return "" if agreed and not wrong else "contradicted"
     checked = least.verification
     # As verdicts do: relative to the objective or to its scale, beside what sampling explains.
     size = max(abs(least.primal_bound), 1.0 if checked is None else checked.scale)
