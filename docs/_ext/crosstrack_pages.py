@@ -68,9 +68,10 @@ class Catalogue(Made):
         folder = Path(self.env.app.srcdir) / "generated" / "catalogue"
         folder.mkdir(parents=True, exist_ok=True)
         parts = [
+            "## Contents",
             f"{sum(map(len, groups.values()))} instances of {len(groups)} problems: "
             + ", ".join(f"[{name}](#{name}) ({len(found)})" for name, found in groups.items())
-            + "."
+            + ".",
         ]
         pages = {problem.replace("_", "-") for problem in PROBLEMS}
         for name, found in groups.items():
@@ -133,7 +134,7 @@ class Campaign(Made):
             f"({where.get('processor')}, {where.get('memory')} GiB), Python {where.get('python')}, one thread "
             "a job, at a relative gap and a tolerance of 1e-6."
         )
-        parts = [head]
+        parts = ["## All together", head]
         kinds = sorted({one.solutions[0].model for one in records.verdicts})
         for kind in kinds:
             own = [

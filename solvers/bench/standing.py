@@ -103,15 +103,15 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
         }
     )
     far = max(float(places[-1]) for places, _ in profiles.values())
-    found = []
+    found: list[Standing] = []
     for label, own in answers.items():
-        took = measures[label]
-        times = [min(took.get(index, math.inf), limit) for index, limit in enumerate(limits)]
+        ran = measures[label]
+        times = [min(ran.get(index, math.inf), limit) for index, limit in enumerate(limits)]
         found.append(
             Standing(
-                label, len(own), len(took), sum(map(math.isfinite, took.values())),
+                label, len(own), len(ran), sum(map(math.isfinite, ran.values())),
                 best[label], fastest[label], shifted_geometric_mean(times),
-                median(times[index] for index in took), _points(*profiles[label], far), own,
+                median(times[index] for index in ran), _points(*profiles[label], far), own,
             )
         )  # fmt: skip
     return sorted(found, key=lambda one: (-one.solved, one.typical))
