@@ -39,6 +39,11 @@ class Target:
         return type(self.model) if self.formulation is None else self.formulation.program_type
 
 
+def _plain(limit: float | None) -> float | None:
+    """Return 5 for 5.0: they are one limit, and so one key in a record."""
+    return int(limit) if limit is not None and float(limit).is_integer() else limit
+
+
 @dataclass(frozen=True)
 class Job:
     """A model, a backend and all options; :func:`crosstrack.solve` and ``compare`` say what they mean."""
@@ -187,10 +192,9 @@ class Job:
         return {
             # Written where given only, so that records of earlier versions keep their keys.
             **{name: value for name, value in given.items() if value is not None},
-            # 5 and 5.0 are one limit, and so one key in a record.
-            "time_limit": None if self.time_limit is None else float(self.time_limit),
-            "gap": GAP if self.gap is None else float(self.gap),
-            "tolerance": self.verification_tolerance,
+            "time_limit": _plain(self.time_limit),
+            "gap": GAP if self.gap is None else self.gap,
+            "tolerance": TOLERANCE if self.tolerance is None else self.tolerance,
             "threads": self.threads,
             "starts": self.starts,
             "warm_start": None
