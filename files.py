@@ -14,7 +14,8 @@ from typing import Any
 from .errors import InvalidData, show
 
 __all__ = [
-    "LARGEST_FILE", "as_path", "decoded", "read_input", "read_text", "writable", "write_bytes", "write_text",
+    "LARGEST_FILE", "as_path", "decoded", "read_bytes", "read_input", "read_text", "writable", "write_bytes",
+    "write_text",
 ]  # fmt: skip
 
 #: Bytes that a file may hold, and so may all files together that an instance refers to.
@@ -36,16 +37,20 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
     The file may be a pipe; more than :data:`LARGEST_FILE` bytes raise.
     """
+    return decoded(read_bytes(path), as_path(path))
+
+
+def read_bytes(path: str | os.PathLike[str]) -> bytes:
+    """Return what a file or a pipe holds, one byte more than :data:`LARGEST_FILE` at the most."""
     file = as_path(path)
     try:
         with file.open("rb") as stream:
-            raw = stream.read(LARGEST_FILE + 1)
+            return stream.read(LARGEST_FILE + 1)
     except FileNotFoundError:
         raise InvalidData(f"{file}: no such file") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InvalidData(f"{file}: cannot be read: {reason}") from None
-    return decoded(raw, file)
 
 
 def read_input() -> str:

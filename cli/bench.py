@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from .options import INTERRUPTED, NO_ANSWER, VERIFIED, VIOLATED, as_json
 
 if TYPE_CHECKING:
+    from ..models.model import Model
     from ..solvers.bench.records import Records
     from ..solvers.bench.running import Progress
 
@@ -37,7 +39,7 @@ def bench(
     from ..solvers.report.terminal import progress, say
 
     asked = Campaign.read(campaign)
-    target = None if page is None else writable(page, (".html",))
+    target = None if page is None else apart(writable(page, (".html",)), record, campaign)
     with progress(f"{campaign}:") as news:
 
         def told(found: Progress) -> None:
@@ -46,10 +48,11 @@ def bench(
         found = running.bench(
             asked, record=record, resume=resume, workers=workers, cluster=cluster, on_progress=told
         )
-    if target is not None:
-        from ..instances.catalogue import load
+    if target is not None and found.solutions:
         from ..solvers.bench.page import write_page
 
+        # The campaign's own instances: what a record names opens no file.
+        load = {task.job.model.name: task.job.model for task in asked.tasks}.__getitem__
         again = f"crosstrack bench {campaign} --record {record} --resume"
         say(f"report: {write_page(found, target, title=found.title, command=again, load=load)}")
     return _shown(found, as_json)
@@ -59,19 +62,40 @@ def bench(
 @click.argument("record", metavar="RECORD.jsonl")
 @click.option("--output", required=True, metavar="FILE", help="Where to write the page (html).")
 @click.option("--title", default="", help="Its title (default: the record's name).")
+@click.option(
+    "--backends",
+    metavar="NAMES",
+    help="Only these, separated by commas, on the instances that all of them ran on.",
+)
 @as_json
-def report(record: str, output: str, title: str, as_json: bool) -> int:
+def report(record: str, output: str, title: str, backends: str | None, as_json: bool) -> int:
     """Write one page that shows RECORD.jsonl, and needs nothing beside it."""
     from ..files import writable
-    from ..instances.catalogue import load
+    from ..instances.catalogue import entry
     from ..solvers.bench.page import write_page
     from ..solvers.bench.records import read_records
     from ..solvers.report.terminal import say
 
-    target = writable(output, (".html",))
+    target = apart(writable(output, (".html",)), record)
     found = read_records(record, title=title)
+    if backends is not None:
+        found = found.among(*(name.strip() for name in backends.split(",")))
+
+    def load(name: str) -> Model[Any]:
+        return entry(name).build()  # what a record names opens no file
+
     say(f"report: {write_page(found, target, title=found.title, load=load)}")
     return _shown(found, as_json)
+
+
+def apart(page: Path, *files: str) -> Path:
+    """Return the path of a page, which must not be one of the files that it is made of."""
+    from ..errors import InvalidData
+
+    for file in files:
+        if page.resolve() == Path(file).resolve():
+            raise InvalidData(f"the page would replace {file}: name another file", field="output")
+    return page
 
 
 def _shown(found: Records, as_json: bool) -> int:

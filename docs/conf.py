@@ -25,6 +25,10 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "crosstrack_site",
     "crosstrack_pages",
+    "crosstrack_code",
+    "crosstrack_install",
+    "crosstrack_tables",
+    "crosstrack_api",
 ]
 
 exclude_patterns = [
@@ -47,9 +51,11 @@ autodoc_member_order = "bysource"
 autosummary_generate = False
 toc_object_entries_show_parents = "hide"
 numpydoc_show_class_members = False
-numpydoc_xref_param_type = False
+# Types in docstrings are links where they are public; `crosstrack_api` says which.
+numpydoc_xref_param_type = True
+numpydoc_xref_ignore = "all"
 
-html_math_renderer = "plain"
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"crosstrack {version}"
 html_static_path = ["_static"]

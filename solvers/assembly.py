@@ -243,7 +243,7 @@ def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:
         "formulation": claim.formulation,
         "seconds": dict(claim.seconds),
         "statistics": dict(claim.statistics),
-        "incumbents": [[one.seconds, one.objective] for one in claim.incumbents],
+        "incumbents": [[one.seconds, one.objective, one.evaluations] for one in claim.incumbents],
         "duals": None if claim.duals is None else claim.duals.tolist(),
         "messages": messages,
         "undecodable": undecodable,
@@ -270,7 +270,10 @@ def claim_from_data(job: Job, data: Mapping[str, Any]) -> Claim:
         formulation=data["formulation"],
         seconds=data["seconds"],
         statistics=data["statistics"],
-        incumbents=tuple(Incumbent(*one) for one in data["incumbents"]),
+        incumbents=tuple(
+            Incumbent(seconds, objective, evaluations=count)
+            for seconds, objective, count in data["incumbents"]
+        ),
         duals=None if data["duals"] is None else np.array(data["duals"], float),
         messages=tuple(messages),
         undecodable=undecodable,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import json
 import logging
@@ -12,7 +13,7 @@ from typing import IO, Any, Self
 
 from ..errors import InvalidData
 from ..models.fields import show
-from ..models.model import Model
+from ..models.model import Model, parse_json
 from .job import Job
 from .solution import Solution
 
@@ -21,9 +22,43 @@ try:
 except ImportError:  # Windows has no such locks
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["Record"]
+__all__ = ["LEFT_OUT", "Record", "lines_of"]
 
 log = logging.getLogger("crosstrack")
+
+
+#: What stands for a plan that whoever keeps records small has left out: there was a verified one.
+LEFT_OUT = "left out"
+#: How each line of a record begins, spaces apart.
+_BEGIN = b'{"model":'
+
+
+def lines_of(content: bytes, file: Path) -> tuple[list[tuple[int, dict[str, Any]]], bytes]:
+    """Return the answers in a record with the numbers of their lines, and a last line that was cut off.
+
+    Raises
+    ------
+    InvalidData
+        A line is no JSON object, or the last one is not the begin of an answer.
+    """
+    found: list[tuple[int, dict[str, Any]]] = []
+    *whole, last = content.removeprefix(codecs.BOM_UTF8).split(b"\n")
+    for number, line in enumerate([*whole, last], 1):
+        if not line.strip():
+            continue
+        try:
+            data = parse_json(line.decode("utf-8"))
+            if not isinstance(data, dict):
+                raise InvalidData(f"it must be an object, got {show(data)}")
+        except (UnicodeDecodeError, InvalidData) as error:
+            begun = line.replace(b" ", b"")[: len(_BEGIN)]
+            if number > len(whole) and _BEGIN.startswith(begun):
+                return found, last
+            raise InvalidData(
+                f"record {file}, line {number}: no line of a campaign: {error}", field="record"
+            ) from None
+        found.append((number, data))
+    return found, b""
 
 
 class Record:
@@ -70,9 +105,10 @@ class Record:
             ) from None
         try:
             self._lock()  # before anything is read: another campaign may be adding to it
-            whole = self._load()
-            self._file.truncate(whole)
-            self._file.seek(whole)
+            cut = self._load()
+            self._file.seek(-len(cut), os.SEEK_END)
+            self._file.truncate()
+            self._close_line()
         except BaseException:
             self._file.close()
             raise
@@ -94,27 +130,32 @@ class Record:
         except OSError as error:
             log.warning("record %s cannot be locked (%s): use it once at a time", self.path, error)
 
-    def _load(self) -> int:
-        """Read the finished lines; return the size of the file without a line cut off at its end."""
+    def _load(self) -> bytes:
+        """Read the finished lines; return the line that was cut off at the end."""
         assert self._file is not None
         content = self._file.read()
         if content and not self._resume:
             raise InvalidData(
                 f"record {self.path} exists: resume it, or name another file", field="record"
             )
-        whole = content.rfind(b"\n") + 1
-        for number, line in enumerate(content[:whole].splitlines(), 1):
-            if not line.strip():
-                continue
-            try:
-                data = json.loads(line)
-                self._done[data["key"]] = data
-            except (ValueError, KeyError, TypeError) as error:
+        answers, cut = lines_of(content, self.path)
+        for number, data in answers:
+            if not isinstance(data.get("key"), str):
                 raise InvalidData(
-                    f"record {self.path}, line {number}: no line of a campaign ({error!r})",
+                    f"record {self.path}, line {number}: no line of a campaign: it has no key",
                     field="record",
-                ) from None
-        return whole
+                )
+            self._done[data["key"]] = data
+        return cut
+
+    def _close_line(self) -> None:
+        """End the last line where it is whole and nothing ended it."""
+        assert self._file is not None
+        size = self._file.seek(0, os.SEEK_END)
+        if size:
+            self._file.seek(size - 1)
+            if self._file.read(1) != b"\n":
+                self._file.write(b"\n")
 
     def __exit__(
         self,
@@ -133,13 +174,33 @@ class Record:
     def find(self, job: Job, model: Model[Any]) -> Solution[Any] | None:
         """Return the recorded solution of `job`, None where it must be run."""
         data = self._done.get(job.key())
-        return None if data is None else Solution.from_dict(data, model)
+        if data is None:
+            return None
+        try:
+            return Solution.from_dict(data, None if data["plan"] == LEFT_OUT else model)
+        except InvalidData as error:
+            raise InvalidData(
+                f"record {self.path}, key {data['key']}: {error}", field="record"
+            ) from None
 
     def add(self, job: Job, solution: Solution[Any]) -> None:
-        """Append the solution of `job`."""
+        """Append the solution of `job`.
+
+        Raises
+        ------
+        TypeError, ValueError, RecursionError
+            The solution holds what JSON cannot; nothing is written.
+        InvalidData
+            The file cannot be written.
+        """
         assert self._file is not None, "a record is written inside a with statement"
         data = {**solution.to_dict(), "key": job.key()}
-        line = json.dumps(data, allow_nan=False, ensure_ascii=False).encode() + b"\n"
+        text = json.dumps(data, allow_nan=False, ensure_ascii=False)
+        try:
+            Solution.from_dict(parse_json(text))
+        except InvalidData as error:
+            raise ValueError(f"it could not be read again: {error}") from None
+        line = text.encode() + b"\n"
         try:
             while line:
                 line = line[self._file.write(line) :]

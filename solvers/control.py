@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import queue
 import threading
 import time
@@ -62,7 +63,9 @@ class Control:
     ) -> None:
         self.flag: NDArray[np.int8] = np.zeros(1, np.int8)
         self.reason: Limit | None = None
-        self.events: queue.SimpleQueue[tuple[float, float, Any] | None] = queue.SimpleQueue()
+        self.events: queue.SimpleQueue[tuple[float, float, Any, int | None] | None] = (
+            queue.SimpleQueue()
+        )
         self.started = time.perf_counter()
         self.evaluations = 0
         self.stages = 0
@@ -167,12 +170,19 @@ class Control:
         self._timer.daemon = True
         self._timer.start()
 
-    def incumbent(self, objective: float, point: Any) -> None:
-        """Report a better feasible point (a column vector, or a native algorithm's plan)."""
+    def incumbent(self, objective: float, point: Any, evaluations: int | None = None) -> None:
+        """Report a better feasible point (a column vector, or a native algorithm's plan).
+
+        Whoever counts evaluations says after how many of them it was found. An objective that is no
+        finite number is none, and nothing is reported.
+        """
+        if not math.isfinite(objective):
+            return
+        evaluations = None if evaluations is None else operator.index(evaluations)
         now = time.perf_counter()
         if objective < self._best:
             self._best, self._improved = float(objective), now
-        self.events.put((now - self.started, float(objective), point))
+        self.events.put((now - self.started, float(objective), point, evaluations))
         if self._forward is not None:
             self._forward(float(objective), point)
         self.check()

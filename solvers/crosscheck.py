@@ -23,7 +23,7 @@ from .execution import GRACE
 from .job import Job
 from .registry import find_backend, recommended
 from .report.tables import frame, markup, render
-from .scheduling import Task, run_by_pool, run_by_threads
+from .scheduling import Task, failed, run_by_pool, run_by_threads
 from .solution import Solution
 from .verdict import Outcome, Verdict, judge
 
@@ -184,10 +184,7 @@ def compare(
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
             raise UnsupportedOption(f"{name} must be a whole number >= 1, got {show(value)}")
     check_number("grace", grace)
-    if pool is not None and not isinstance(pool, Executor):
-        raise UnsupportedOption(
-            f"pool must be a concurrent.futures.Executor, got {type(pool).__name__}"
-        )
+    pool = checked_pool(pool)
     if resume and record is None:
         raise UnsupportedOption("resume needs a record to go on with")
     own = {
@@ -242,6 +239,15 @@ def compare(
     return Comparison(tuple(verdicts), interrupted)
 
 
+def checked_pool(pool: Any) -> Executor | None:
+    """Return what launches jobs, or None; anything but an executor raises."""
+    if pool is not None and not isinstance(pool, Executor):
+        raise UnsupportedOption(
+            f"pool must be a concurrent.futures.Executor, got {type(pool).__name__}"
+        )
+    return pool
+
+
 def run_tasks(
     tasks: Sequence[Task],
     *,
@@ -249,6 +255,7 @@ def run_tasks(
     resume: bool = False,
     workers: int = 1,
     pool: Executor | None = None,
+    room: Callable[[], int | None] | None = None,
     grace: float = GRACE,
     begun: Callable[[Sequence[Task]], None] | None = None,
     started: Callable[[Task], None] | None = None,
@@ -256,9 +263,10 @@ def run_tasks(
 ) -> tuple[dict[tuple[int, int, int], Solution[Any]], bool]:
     """Return the answers by row, column and turn, and whether Ctrl-C ended the run.
 
-    What a record holds is not run again; what is run is written to it at once. `begun` is called with
-    what will be run, `started` with what is about to (not where a pool runs it), `finished` with what
-    was; the other parameters are those of :func:`compare`.
+    What a record holds is not run again; what is run is written to it at once, but for what a pool lost,
+    which can be run again. `begun` is called with what will be run, `started` with what is about to,
+    `finished` with what was; `room` is that of :func:`run_by_pool`, and the other parameters are those of
+    :func:`compare`.
     """
     answers: dict[tuple[int, int, int], Solution[Any]] = {}
     with contextlib.ExitStack() as stack:
@@ -275,13 +283,20 @@ def run_tasks(
             begun(tuple(open_tasks))
 
         def ended(task: Task, solution: Solution[Any]) -> None:
+            if book is not None and solution.limit is not Limit.INTERRUPTED and not task.lost:
+                try:
+                    book.add(task.job, solution)
+                except CrosstrackError:
+                    raise
+                except (TypeError, ValueError, RecursionError) as error:
+                    # What a stranger's answer holds costs its own row.
+                    solution = failed(task.job, f"its answer cannot be written as JSON: {error}")
+                    book.add(task.job, solution)
             answers[task.row, task.column, task.turn] = solution
-            if book is not None and solution.limit is not Limit.INTERRUPTED:
-                book.add(task.job, solution)
             finished(task, solution)
 
         if pool is not None:
-            interrupted = run_by_pool(open_tasks, pool, grace, ended)
+            interrupted = run_by_pool(open_tasks, pool, grace, ended, started, room)
         else:
             count = min(workers, max(len(open_tasks), 1))
             interrupted = run_by_threads(open_tasks, count, grace, ended, started)

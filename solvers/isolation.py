@@ -333,7 +333,7 @@ class Worker:
             elif kind == "incumbent":
                 data = event["plan"]
                 plan = None if data is None else job.model.plan_from_data(data)
-                found = Incumbent(event["seconds"], event["objective"], plan)
+                found = Incumbent(event["seconds"], event["objective"], plan, event["evaluations"])
                 left = replace(
                     left,
                     plan=left.plan if plan is None else plan,

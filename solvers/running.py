@@ -79,7 +79,7 @@ class Run:
         formulation = self.target.formulation
         return point if formulation is None else formulation.decode(point)
 
-    def hear(self, seconds: float, objective: float, point: Any) -> None:
+    def hear(self, seconds: float, objective: float, point: Any, evaluations: int | None) -> None:
         """Keep an incumbent, and tell the listener."""
         self.last_point = point
         plan = None
@@ -91,7 +91,7 @@ class Run:
                 log.debug("incumbent %g of %s does not decode: %s", objective, name, error)
         if self.job.verbose:
             output.info("incumbent %.10g after %.2f s", objective, seconds)
-        incumbent = Incumbent(seconds, objective, plan)
+        incumbent = Incumbent(seconds, objective, plan, evaluations)
         self.incumbents.append(incumbent)
         if self.listener is not None:
             self.listener(incumbent)

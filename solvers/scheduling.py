@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import logging
 import queue
@@ -9,7 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import CancelledError, Executor, Future
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,15 +23,20 @@ from .environment import environment
 from .interrupts import on_interrupt
 from .isolation import Worker
 from .job import Job
+from .registry import find_backend
 from .running import GRACE, PATIENCE, processors
 from .solution import Solution
 
-__all__ = ["Task", "run_by_pool", "run_by_threads", "run_together"]
+__all__ = ["Task", "close_kept", "failed", "run_by_pool", "run_by_threads", "run_together"]
 
 log = logging.getLogger("crosstrack")
 
 #: Seconds of a run that warms a process up.
 WARM = 2.0
+#: Workers that wait for a next job of their backend in a process of an executor.
+KEPT = 4
+#: Seconds between two looks at how many jobs an executor runs at the same time.
+LOOK = 1.0
 #: How a worker says that somebody else has killed it.
 KILLED = "worker died: signal 9"
 
@@ -46,14 +52,16 @@ class Task:
     refusal: CrosstrackError | None = None
     #: Whether a process that has not run such a job yet runs it once unrecorded.
     warm_up: bool = False
+    #: Whether its executor lost it.
+    lost: bool = False
 
 
 def _refused(task: Task) -> Solution[Any]:
     """Return the row of a backend that cannot run the job at all."""
-    return _failed(task.job, f"{type(task.refusal).__name__}: {task.refusal}")
+    return failed(task.job, f"{type(task.refusal).__name__}: {task.refusal}")
 
 
-def _failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
+def failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
     """Return the solution of a job that did not run to an answer."""
     formulation = job.formulation
     with contextlib.suppress(CrosstrackError):  # which is what the row says
@@ -84,7 +92,7 @@ def _run(worker: Worker, job: Job, grace: float, warm_up: bool = False) -> Solut
     except Exception as error:  # whatever one row meets, the others go on
         if not isinstance(error, CrosstrackError):
             log.error("%s could not be run", job.backend, exc_info=error)
-        return _failed(job, f"{type(error).__name__}: {error}", time.monotonic() - begin)
+        return failed(job, f"{type(error).__name__}: {error}", time.monotonic() - begin)
 
 
 def _warm(worker: Worker, job: Job, grace: float) -> None:
@@ -213,8 +221,20 @@ def run_together(jobs: Sequence[Job]) -> list[Solution[Any]]:
     return [found[turn] for turn in sorted(found)]
 
 
-def run_by_pool(tasks: deque[Task], pool: Executor, grace: float, finished: Finished) -> bool:
-    """Run the tasks in an executor whose tasks only launch workers; return whether Ctrl-C ended it."""
+def run_by_pool(
+    tasks: deque[Task],
+    pool: Executor,
+    grace: float,
+    finished: Finished,
+    started: Callable[[Task], None] | None = None,
+    room: Callable[[], int | None] | None = None,
+) -> bool:
+    """Run the tasks in an executor whose tasks only launch workers; return whether Ctrl-C ended it.
+
+    `room` says how many run at the same time: no more are handed over, so that what is handed over
+    runs, and what waits is not lost with an executor that breaks. Where that is not known, all are.
+    """
+    room = room or (lambda: getattr(pool, "_max_workers", None))
     futures: dict[Future[bytes], Task] = {}
     interrupted: list[float] = []
 
@@ -223,17 +243,34 @@ def run_by_pool(tasks: deque[Task], pool: Executor, grace: float, finished: Fini
         for worker in _launched.copy():
             worker.interrupt()
 
-    with on_interrupt(interrupt):
-        for task in tasks:
-            if interrupted:
-                break
-            if task.refusal is not None:
-                finished(task, _refused(task))
-            else:
-                futures[
-                    pool.submit(_launch, cloudpickle.dumps((task.job, grace, task.warm_up)))
-                ] = task
-        while futures:
+    def lose(task: Task, error: BaseException) -> None:
+        """Give the task a row of its own, and no other; a record does not hold it."""
+        log.error("the executor lost a task: %s: %s", type(error).__name__, error)
+        log.debug("where", exc_info=error)
+        task.lost = True
+        finished(task, failed(task.job, f"executor: {type(error).__name__}: {error}"))
+
+    def submit(task: Task) -> None:
+        if task.refusal is not None:
+            finished(task, _refused(task))
+            return
+        try:
+            future = pool.submit(_launch, cloudpickle.dumps((task.job, grace, task.warm_up)))
+        except Exception as error:  # it is broken, or was shut down; each library has its own
+            lose(task, error)
+            return
+        futures[future] = task
+        if started is not None:
+            started(task)
+
+    with on_interrupt(interrupt), contextlib.ExitStack() as stack:
+        stack.callback(close_kept)
+        looked, most = 0.0, room()
+        while (tasks and not interrupted) or futures:
+            if most is not None and time.monotonic() > looked + LOOK:
+                looked, most = time.monotonic(), room()
+            while tasks and not interrupted and (most is None or len(futures) < max(most, 1)):
+                submit(tasks.popleft())
             if interrupted:
                 futures = {f: task for f, task in futures.items() if not f.cancel()}
                 if time.monotonic() - interrupted[0] > 3 * PATIENCE:
@@ -248,25 +285,48 @@ def run_by_pool(tasks: deque[Task], pool: Executor, grace: float, finished: Fini
                     data = cloudpickle.loads(future.result())
                 except KeyboardInterrupt:  # Ctrl-C reached the executor's processes as well
                     interrupted.append(time.monotonic())
-                except Exception as error:  # the executor lost the task: its row, no other
-                    log.error("the executor lost a task", exc_info=error)
-                    finished(task, _failed(task.job, f"executor: {type(error).__name__}: {error}"))
+                except (Exception, CancelledError) as error:
+                    lose(task, error)
                 else:
                     finished(task, Solution.from_dict(data, task.job.model))
     return bool(interrupted)
 
 
 def _launch(request: bytes) -> bytes:
-    """Run one job in a fresh worker; executed inside an executor's process or thread."""
+    """Run one job in a worker; executed inside an executor's process or thread."""
     job, grace, warm_up = cloudpickle.loads(request)
-    with Worker() as worker:
+    backend = find_backend(job.backend)
+    name = backend.problem, backend.name
+    with _keeping:
+        worker = _kept.pop(name, None) or Worker()
         _launched.add(worker)
-        try:
-            message = cloudpickle.dumps(_run(worker, job, grace, warm_up).to_dict())
-        finally:
+    try:
+        message = cloudpickle.dumps(_run(worker, job, grace, warm_up).to_dict())
+    except BaseException:
+        worker.close()
+        raise
+    finally:
+        with _keeping:
             _launched.discard(worker)
+    with _keeping:
+        _kept.setdefault(name, worker)
+        spare = [] if _kept[name] is worker else [worker]
+        spare += [_kept.pop(next(iter(_kept))) for _ in range(len(_kept) - KEPT)]
+    for other in spare:
+        other.close()
     return bytes(message)
 
 
-#: The workers that an executor's threads in this process have launched.
+def close_kept() -> None:
+    """Close the workers of this process that wait for a next job of an executor."""
+    with _keeping:
+        waiting = [_kept.pop(name) for name in list(_kept)]
+    for worker in waiting:
+        worker.close()
+
+
+#: The workers that an executor's threads in this process have launched, and by backend those that wait.
 _launched: set[Worker] = set()
+_kept: dict[tuple[str, str], Worker] = {}
+_keeping = threading.Lock()
+atexit.register(close_kept)

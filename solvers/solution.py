@@ -84,15 +84,22 @@ _RECORD: dict[str, Spec] = {
     "seed": Optional(Whole()),
     "duals": Optional(Array(("rows",))),
 }
-#: What earlier versions did not write.
-_LATER: dict[str, Any] = {
-    "problem": "",
-    "guarantee": None,
-    "duals": None,
-    "history": (),
+#: What stands for an entry that is absent: earlier versions did not write it, or who keeps records small
+#: has left out what says nothing.
+_ABSENT: dict[str, Any] = {
+    **dict.fromkeys(("problem", "message"), ""),
+    **dict.fromkeys(("guarantee", "formulation", "backend_version", "limit", "dual_bound"), None),
+    **dict.fromkeys(("rejected_plan", "seed", "duals"), None),
     "environment": {},
+    "formulation_options": {},
+    "statistics": {},
+    **dict.fromkeys(("incumbents", "starts", "history"), ()),
 }
-_INCUMBENT: dict[str, Spec] = {"seconds": Real(), "objective": Real()}
+_INCUMBENT: dict[str, Spec] = {
+    "seconds": Real(),
+    "objective": Real(),
+    "evaluations": Optional(Whole(1)),
+}
 
 
 @dataclass(frozen=True)
@@ -107,11 +114,14 @@ class Incumbent(Generic[PlanT]):
         As the backend claims it.
     plan : PlanT, optional
         The plan, where it could be decoded.
+    evaluations : int, optional
+        Of the objective, up to this plan, where the backend counts them.
     """
 
     seconds: float
     objective: float
     plan: PlanT | None = None
+    evaluations: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +263,9 @@ class Solution(Generic[PlanT]):
             "verification": None if self.verification is None else self.verification.to_dict(),
             "seconds": dict(self.seconds),
             "incumbents": [
-                {"seconds": i.seconds, "objective": i.objective} for i in self.incumbents
+                {"seconds": i.seconds, "objective": i.objective}
+                | ({} if i.evaluations is None else {"evaluations": i.evaluations})
+                for i in self.incumbents
             ],
             "backend_version": self.backend_version,
             "version": self.version,
@@ -288,7 +300,7 @@ class Solution(Generic[PlanT]):
         """
         if model is not None:
             model = as_model(model)
-        found = recorded("a solution", data, _RECORD, _LATER)
+        found = recorded("a solution", data, _RECORD, _ABSENT)
         if model is not None and found["digest"] != model.digest:
             raise InvalidData(
                 f"the solution is for digest {found['digest'][:12]}, the model has {model.digest[:12]}",
@@ -302,7 +314,7 @@ class Solution(Generic[PlanT]):
                 "stored_plan": plan,
                 "verification": None if checked is None else Verification.from_dict(checked),
                 "incumbents": tuple(
-                    Incumbent(**recorded("an incumbent", one, _INCUMBENT, {}))
+                    Incumbent(**recorded("an incumbent", one, _INCUMBENT, {"evaluations": None}))
                     for one in found["incumbents"]
                 ),
                 "starts": tuple(cls.from_dict(start, model) for start in found["starts"]),

@@ -241,6 +241,7 @@ def _solve(number: int, job: Any, send: Any, stops: _Stops, channel: socket.sock
                 "number": number,
                 "seconds": incumbent.seconds,
                 "objective": incumbent.objective,
+                "evaluations": incumbent.evaluations,
                 "plan": plan,
             }
         )

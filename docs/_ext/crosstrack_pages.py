@@ -1,6 +1,7 @@
 """Pages about everything at once: the catalogue, the campaign, and what the conformance suite found.
 
-* ``crosstrack-catalogue``: every instance with its size, source and best value, a picture a problem;
+* ``crosstrack-catalogue FILE``: every instance with a picture, its sizes, and its best value, which a source states
+  or the records of a campaign hold;
 * ``crosstrack-campaign FILE``: what the records of a campaign amount to, problem by problem;
 * ``crosstrack-example``: Python that is run, with what it prints and draws;
 * ``crosstrack-conformance FILE``: the backends of programs beside what the suite found of them.
@@ -12,11 +13,13 @@ import contextlib
 import hashlib
 import io
 import json
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 from crosstrack_site import Made, executes, markdown_table
+from docutils import nodes
 from sphinx.application import Sphinx
 
 #: Why the leader of a problem leads, where numbers do not say it; the numbers come from the records.
@@ -53,20 +56,104 @@ REASONS = {
 }  # fmt: skip
 
 
-class Catalogue(Made):
-    """Every instance, by problem; above each a picture of its first one."""
+#: What else the catalogue's published figures hold: a figure's key, and the words that stand before it.
+FIGURES = {
+    "optimum": "on other data",
+    "printed": "printed",
+    "final_time": "final time (s)",
+    "exponent": "exponent",
+    "exponent_bits": "exponent (bits)",
+    "correlation": "correlation dimension",
+    "delay": "delay",
+    "dimension": "embedding dimension",
+    "horizon": "horizon (s)",
+    "mean": "mean error (°)",
+    "deviation": "its deviation (°)",
+    "range": "lengths (m)",
+    "lengths": "lengths (m)",
+    "greedy": "greedy (m)",
+    "eight neighbours": "along eight neighbours",
+    "mcgn": "steps, MCGN",
+    "macn": "steps, MACN",
+}
+#: Width and height of a small picture at most, in pixels; it is shown at two fifths of that.
+SMALL = (320, 240)
 
+
+def number_text(value: Any) -> str:
+    """Return a figure, or several, as the catalogue shows them."""
+    if isinstance(value, list | tuple):
+        return " and ".join(map(number_text, value))
+    return f"{value:.10g}" if isinstance(value, int | float) else str(value)
+
+
+def sizes_of(words: str) -> tuple[dict[str, str], str]:
+    """Return the counts in a model's own words, by what is counted, and the words that are left.
+
+    >>> sizes_of("3 robots, 40 × 40 cells, any direction")
+    ({'robots': '3', 'cells': '40 × 40'}, 'any direction')
+    """
+    counts: dict[str, str] = {}
+    rest = []
+    for part in re.split(r"[,;:] ", words):
+        found = re.match(r"(\d+(?: × \d+)?) ([a-z]+)\b ?(.*)", part)
+        if found:
+            counts[found[2]] = found[1]
+        rest.append(found[3] if found else part)
+    return counts, ", ".join(filter(None, rest))
+
+
+def best_known(entry: Any, verdict: Any) -> tuple[str, str]:
+    """Return the best value of an instance, and who says so: a source, or the campaign."""
+    known = entry.published.get("objective", entry.published.get("optimum"))
+    source = entry.published.get("source", entry.published.get("formula", ""))
+    # Without a source, a value beside seeded data is the paper's, about data that it does not print.
+    if known is not None and (source or entry.provenance != "seeded"):
+        return number_text(known), source or "stated"
+    # The backends of attractors estimate different things, and have no common best.
+    if verdict is None or entry.model == "attractor":
+        return "", ""
+    if verdict.evidence.startswith("infeasible"):
+        return "infeasible", "campaign, proven"
+    if verdict.best is None:
+        return "", ""
+    proven = "proven" if verdict.evidence.startswith("optimum") else "not proven"
+    return f"{verdict.best.primal_bound:.7g}", f"campaign, `{verdict.best.backend}`, {proven}"
+
+
+def figures_of(entry: Any) -> str:
+    """Return what else is printed of an instance, with its source even where there is no figure."""
+    known = dict(entry.published)
+    parts = []
+    if "source" in known and not known.keys() & {"objective", "optimum"}:
+        parts.append(str(known["source"]))
+    elif "optimum" in known and (known.get("source") or entry.provenance != "seeded"):
+        del known["optimum"]
+    if "table" in known:
+        parts.append(f"table {known['table']}, row {known['row']}")
+    parts += [
+        f"{words} {number_text(known[key])}" for key, words in FIGURES.items() if key in known
+    ]
+    return "; ".join(parts)
+
+
+class Catalogue(Made):
+    """Every instance, by problem: a picture, its sizes, its best known value and where that is from."""
+
+    required_arguments = 1
     wide = True
 
     def make(self) -> str:
         from crosstrack.instances import entries
         from crosstrack.models.problems import PROBLEMS
+        from crosstrack.solvers.bench import read_records
 
+        path = Path(self.env.app.srcdir) / self.arguments[0]
+        self.env.note_dependency(str(path))
+        verdicts = {one.solutions[0].digest: one for one in read_records(path).verdicts}
         groups: dict[str, list[Any]] = {}
         for entry in entries():
             groups.setdefault(entry.name.partition("/")[0], []).append(entry)
-        folder = Path(self.env.app.srcdir) / "generated" / "catalogue"
-        folder.mkdir(parents=True, exist_ok=True)
         parts = [
             "## Contents",
             f"{sum(map(len, groups.values()))} instances of {len(groups)} problems: "
@@ -78,36 +165,63 @@ class Catalogue(Made):
             parts.append(f"## {name}")
             if name in pages:
                 parts.append(f"[The problem](problems/{name}.md), with its equations and backends.")
-            rows = []
-            for entry in found:
-                model = entry.build()
-                known = entry.published.get("objective", entry.published.get("optimum"))
-                value = f"{known:.10g}" if isinstance(known, int | float) else ""
-                source = entry.published.get("source", "") if value else ""
-                rows.append(
-                    (
-                        f"`{entry.name}`",
-                        entry.title,
-                        model.describe(),
-                        entry.provenance,
-                        value,
-                        source,
-                    )
-                )
-            parts.append(self._picture(found[0], folder))
-            columns = ("instance", "", "size", "data", "best known", "from")
-            parts.append(markdown_table(columns, rows))
+            parts.append(self._table(found, verdicts))
         return "\n\n".join(parts)
 
-    def _picture(self, entry: Any, folder: Path) -> str:
+    def _table(self, entries: list[Any], verdicts: dict[str, Any]) -> str:
+        """Return the table of a problem, with a column for each size that two instances have."""
+        models = [entry.build() for entry in entries]
+        sizes = [sizes_of(model.describe()) for model in models]
+        words = {word for counts, _ in sizes for word in counts}
+        # One vehicle belongs to the column of those that have several.
+        sizes = [
+            ({f"{word}s" if f"{word}s" in words else word: n for word, n in counts.items()}, rest)
+            for counts, rest in sizes
+        ]
+        count = Counter(word for counts, _ in sizes for word in counts)
+        columns = [word for word, number in count.items() if number > 1]
+        rows = []
+        for entry, model, (counts, rest) in zip(entries, models, sizes, strict=True):
+            value, source = best_known(entry, verdicts.get(model.digest))
+            unit = f" {model.objective_unit}" if value and value != "infeasible" else ""
+            left = [f"{n} {word}" for word, n in counts.items() if word not in columns]
+            rows.append(
+                {
+                    "": self._picture(entry, model),
+                    "instance": f"`{entry.name}`<br>{entry.title}",
+                    **{word: counts.get(word, "") for word in columns},
+                    "further": ", ".join([*left, rest] if rest else left),
+                    "data": entry.provenance,
+                    "best known": f"{value}{unit}<br>{source}" if value else "",
+                    "printed besides": figures_of(entry),
+                }
+            )
+        heads = [head for head in rows[0] if any(row[head] for row in rows)]
+        return markdown_table(heads, ([row[head] for head in heads] for row in rows))
+
+    def _picture(self, entry: Any, model: Any) -> str:
         """Return the picture of an instance without a plan; drawn once, for its content has a digest."""
         import crosstrack
 
-        model = entry.build()
-        file = folder / f"{model.kind}-{model.digest[:12]}.png"
+        folder = Path(self.env.app.srcdir) / "generated" / "catalogue"
+        file = folder / f"{model.kind}-{model.digest[:12]}.webp"
         if not file.exists():
-            crosstrack.plot(model).savefig(file, dpi=60)
+            folder.mkdir(parents=True, exist_ok=True)
+            figure = crosstrack.plot(model)
+            dpi = min(SMALL[0] / figure.get_figwidth(), SMALL[1] / figure.get_figheight())
+            figure.savefig(file, dpi=dpi, pil_kwargs={"quality": 75})
         return f"![{entry.name}](generated/catalogue/{file.name})"
+
+
+def _lazy(app: Sphinx, tree: nodes.document) -> None:
+    """Say how large the small pictures are, so that those out of sight wait until they come into it."""
+    from PIL import Image
+
+    for node in tree.findall(nodes.image):
+        if "generated/catalogue/" in node["uri"]:
+            with Image.open(Path(app.srcdir) / node["uri"]) as image:
+                width, height = (f"{size * 2 // 5}px" for size in image.size)
+            node.attributes.update(loading="lazy", width=width, height=height)
 
 
 class Campaign(Made):
@@ -120,7 +234,6 @@ class Campaign(Made):
 
     def make(self) -> str:
         from crosstrack.solvers.bench import read_records
-        from crosstrack.solvers.bench.standing import rank
 
         path = Path(self.env.app.srcdir) / self.arguments[0]
         self.env.note_dependency(str(path))
@@ -135,29 +248,10 @@ class Campaign(Made):
             "a job, at a relative gap and a tolerance of 1e-6."
         )
         parts = ["## All together", head]
-        kinds = sorted({one.solutions[0].model for one in records.verdicts})
-        for kind in kinds:
-            own = [
-                self._without_references(v)
-                for v in records.verdicts
-                if v.solutions[0].model == kind
-            ]
-            parts += self._problem(kind, own, rank(own))
+        for kind in records.standings:
+            own = [v for v in records.verdicts if v.solutions[0].model == kind]
+            parts += self._problem(kind, own, records.standings[kind])
         return "\n\n".join(parts)
-
-    @staticmethod
-    def _without_references(verdict: Any) -> Any:
-        """Return the verdict on those that see no more than a model shows."""
-        from crosstrack.solvers import find_backend
-        from crosstrack.solvers.verdict import judge
-
-        fair = [
-            one
-            for one in verdict.solutions
-            if not find_backend(one.backend, problem=one.problem or None).sees_hidden
-        ]
-        same = len(fair) == len(verdict.solutions)
-        return verdict if same else judge(verdict.instance, fair)
 
     def _problem(self, kind: str, verdicts: list[Any], standings: list[Any]) -> list[str]:
         from crosstrack.solvers.report.tables import seconds_text
@@ -194,6 +288,7 @@ class Campaign(Made):
                 f"`{one.label}`", len({s.instance for s, _ in one.answers if s.stored_plan is not None}),
                 f"{one.solved} of {one.instances}", one.best, one.fastest,
                 seconds_text(one.typical), seconds_text(one.median),
+                "" if one.integral is None else f"{100 * one.integral:.3g} %",
             )
             for one in standings[: self.most]
         ]  # fmt: skip
@@ -206,6 +301,7 @@ class Campaign(Made):
             "fastest",
             "typical seconds",
             "median seconds",
+            "gap over time",
         )
         parts.append(markdown_table(columns, rows))
         if left > 0:
@@ -259,13 +355,40 @@ class Conformance(Made):
             for one in data["backends"]
         ]  # fmt: skip
         columns = ("backend", "version", "passed", "unsupported", "failed", "declares")
-        return f"{data['words']}\n\n{markdown_table(columns, rows)}"
+        failures = [
+            (f"`{one['name']}`", *failure.split(": ", 2))
+            for one in data["backends"]
+            for failure in one["failures"]
+        ]
+        parts = [data["words"], markdown_table(columns, rows)]
+        if failures:
+            parts.append("What failed:")
+            parts.append(markdown_table(("backend", "programs", "case", "what came out"), failures))
+        return "\n\n".join(parts)
+
+
+def _report(app: Sphinx, error: Exception | None) -> None:
+    """Write the campaign's report beside the pages, with its pictures where examples are run."""
+    if error is not None or app.builder.format != "html":
+        return
+    import crosstrack
+    from crosstrack.solvers.bench import read_records, write_page
+
+    records = read_records(Path(app.srcdir) / "campaign" / "records.jsonl")
+    command = "crosstrack bench docs/campaign/campaign.toml --record records.jsonl --workers 2"
+    load = crosstrack.load if executes(app) else None
+    write_page(
+        records, Path(app.outdir) / "campaign-report.html",
+        title="Every problem, every backend", command=command, load=load,
+    )  # fmt: skip
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
     app.add_directive("crosstrack-catalogue", Catalogue)
     app.add_directive("crosstrack-campaign", Campaign)
+    app.connect("doctree-read", _lazy)
     app.add_directive("crosstrack-conformance", Conformance)
     app.add_directive("crosstrack-example", Example)
+    app.connect("build-finished", _report)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -7,19 +7,17 @@ Directives, all for MyST pages:
 * ``crosstrack-help [commands]``: the real ``--help`` of the command line, or of every subcommand;
 * ``crosstrack-paper-table PROBLEM/TABLE``: a paper's table from the catalogue's settings;
 * ``crosstrack-problems``: the problems, each a link to its page;
-* ``crosstrack-problem-api ROOM``: the public names of every problem's folder;
 * ``crosstrack-formulations KIND``: the formulations of a model, with the size of an instance;
 * ``crosstrack-instances PROBLEM``: the catalogue's instances of a problem;
-* ``crosstrack-published PROBLEM``: the figures that the catalogue has for them, and where from;
-* ``crosstrack-run COMMAND``: a command line, and what it prints; files are shared by a page;
-* ``crosstrack-api MODULE``: every public name of a module, except those documented elsewhere.
+* ``crosstrack-run COMMAND``: a command line, and what it prints; files are shared by a page.
 """
 
 from __future__ import annotations
 
+import html
 import importlib
-import inspect
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -28,9 +26,11 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from docutils import nodes
-from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
+from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
+
+logger = logging.getLogger(__name__)
 
 
 def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -49,8 +49,11 @@ class Made(SphinxDirective):
     wide = False
 
     def run(self) -> list[nodes.Node]:
-        made = self.parse_text_to_nodes(self.make(), allow_section_headings=True)
-        return [nodes.container("", *made, classes=["wide"])] if self.wide else made
+        text = self.make()
+        if self.wide:
+            # A container about all of it would lose what stands below headings.
+            text = re.sub(r"(?:^\|.*\n?)+", r":::{container} wide\n\g<0>\n:::\n", text, flags=re.M)
+        return self.parse_text_to_nodes(text, allow_section_headings=True)
 
     def make(self) -> str:
         raise NotImplementedError
@@ -204,41 +207,6 @@ class Instances(Made):
         return markdown_table(("instance", "", "data"), rows)
 
 
-class Published(Made):
-    """The figures that the catalogue has for the instances of a problem."""
-
-    figures = {
-        "objective": "objective",
-        "final_time": "final time (s), printed:",
-        "computing_seconds": "seconds of computing, printed:",
-        "tolerance": "tolerance, printed:",
-        "printed": "printed:",
-    }
-    required_arguments = 1
-    wide = True
-
-    def make(self) -> str:
-        from crosstrack.instances import entries
-
-        problem = self.arguments[0]
-        rows = []
-        for entry in entries():
-            if not entry.name.startswith(f"{problem}/") or not entry.published:
-                continue
-            known = entry.published
-            text = "; ".join(
-                f"{label} {known[key]:.10g}"
-                if isinstance(known[key], float)
-                else f"{label} {known[key]}"
-                for key, label in self.figures.items()
-                if key in known
-            )
-            rows.append((f"`{entry.name}`", text, known.get("source", "")))
-        if not rows:
-            raise self.error(f"the catalogue has no figures for {problem!r}")
-        return markdown_table(("instance", "figures", "from"), rows)
-
-
 class Run(Made):
     """A command line and what it printed, run in a folder that the whole page shares."""
 
@@ -271,57 +239,6 @@ class Run(Made):
         return f"```text\n$ crosstrack {line}\n{printed}{code}\n```"
 
 
-class Api(Made):
-    """Every public name of a module with its docstring, those in ``:not:`` excepted."""
-
-    required_arguments = 1
-    option_spec = {"not": directives.unchanged, "only": directives.unchanged}
-
-    def make(self) -> str:
-        left_out = set(self.options.get("not", "").replace(",", " ").split())
-        only = self.options.get("only", "").replace(",", " ").split()
-        return self.described(self.arguments[0], only, left_out)
-
-    @staticmethod
-    def described(name: str, only: Sequence[str] = (), left_out: Iterable[str] = ()) -> str:
-        """Return the documentation of a module's public names."""
-        module = importlib.import_module(name)
-        names = [
-            n for n in (only or module.__all__) if n not in left_out and not n.startswith("__")
-        ]
-        lines = ["```{eval-rst}", f".. currentmodule:: {name}", "", ".. autosummary::", ""]
-        lines += [f"   {n}" for n in names]
-        for n in names:
-            value = getattr(module, n)
-            if inspect.isclass(value):
-                lines += ["", f".. autoclass:: {n}"]
-                if value.__bases__ != (object,):
-                    lines += ["   :show-inheritance:"]
-                if not issubclass(value, BaseException):
-                    lines += ["   :members:"]
-            elif inspect.isroutine(value):
-                lines += ["", f".. autofunction:: {n}"]
-            else:
-                lines += ["", f".. autodata:: {n}"]
-        return "\n".join([*lines, "", "```"])
-
-
-class ProblemApi(Made):
-    """The public names of every problem's folder in a room: ``models``, ``instances``."""
-
-    required_arguments = 1
-
-    def make(self) -> str:
-        from crosstrack.models.problems import PROBLEMS
-
-        parts = []
-        for problem in PROBLEMS:
-            name = f"crosstrack.{self.arguments[0]}.{problem}"
-            if getattr(importlib.import_module(name), "__all__", ()):
-                parts.append(f"## `{name}`\n\n{Api.described(name)}")
-        return "\n\n".join(parts)
-
-
 class _Pictures:
     """Saves the figures that a block of an example has made.
 
@@ -348,15 +265,31 @@ class _Pictures:
 _pictures = _Pictures()
 
 
-def _formula(self: Any, node: nodes.math | nodes.math_block) -> None:
-    """Write a formula as plain HTML, which needs no script, no special font and no network."""
-    from docutils.utils.math.math2html import math2html
+#: An accented letter with an index, which docutils would write below the letter.
+_ACCENTED = re.compile(
+    r"(\\(?:bar|d?dot|hat|tilde|vec)(?![a-zA-Z]) *(?:\{[^{}]*\}|\\[a-zA-Z]+|\w))(?= *[_^])"
+)
 
-    made = math2html(node.astext()).strip()
-    if isinstance(node, nodes.math_block):
-        self.body.append(f'<div class="formula">{made}</div>')
-    else:
-        self.body.append(f'<span class="formula">{made}</span>')
+
+def _formula(self: Any, node: nodes.math | nodes.math_block) -> None:
+    """Write a formula as MathML, which browsers draw without a script and a network."""
+    from docutils.utils.math import MathError
+    from docutils.utils.math.latex2mathml import tex2mathml
+
+    block = isinstance(node, nodes.math_block)
+    latex = node.astext().strip()
+    try:
+        made = tex2mathml(_ACCENTED.sub(r"{\1{}}", latex), as_block=block)
+    except MathError as error:
+        logger.warning("formula %r: %s", latex, error, location=node)
+        made = html.escape(latex)
+    # TeX sets a thin space between the name of a function and its argument, and after operators such as max.
+    space = 'rspace="0.1667em"'
+    made = re.sub(r"<mo(?=>&ApplyFunction;</mo>(?!\s*<mo[^>]*>\())", f"<mo {space}", made)
+    # Bars stand about what they enclose, and are no relation.
+    made = re.sub(r"<mo(?=[^>]*>[|‖]<)", '<mo lspace="0" rspace="0"', made)
+    made = re.sub(r"<mo(?=[^>]*>[a-z]{2,}<)", f'<mo lspace="0" {space}', made)
+    self.body.append(f'<div class="formula">{made}</div>' if block else made)
     raise nodes.SkipNode
 
 
@@ -367,17 +300,14 @@ def _get_sg_image_scraper() -> _Pictures:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
     app.add_html_math_renderer(
-        "plain", inline_renderers=(_formula, None), block_renderers=(_formula, None)
+        "mathml", inline_renderers=(_formula, None), block_renderers=(_formula, None)
     )
     app.add_directive("crosstrack-backends", Backends)
     app.add_directive("crosstrack-options", Options)
     app.add_directive("crosstrack-help", Help)
     app.add_directive("crosstrack-paper-table", PaperTable)
     app.add_directive("crosstrack-problems", Problems)
-    app.add_directive("crosstrack-problem-api", ProblemApi)
     app.add_directive("crosstrack-formulations", Formulations)
     app.add_directive("crosstrack-instances", Instances)
-    app.add_directive("crosstrack-published", Published)
     app.add_directive("crosstrack-run", Run)
-    app.add_directive("crosstrack-api", Api)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -17,6 +17,7 @@ REFERENCES = {"messenger-tour": ".vehicles:resolve_references"}
 TABLE_FILES = {"messenger-tour": ".vehicles:read_vehicles"}
 DEMOS = {"messenger": ".demo:DEMO"}
 EXPORTS = {"samples": ".samples:SAMPLES"}
+PRINTED = {"messenger/table-4": ".printed:table_4"}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

@@ -219,7 +219,9 @@ class Campaign:
         file = as_path(path)
         try:
             data = tomllib.loads(read_text(file))
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:  # ValueError: a number of too many digits
+            if isinstance(error, InvalidData):
+                raise
             raise InvalidData(f"{file} is no TOML: {error}") from None
         try:
             title = Text().coerce("title", data.pop("title", file.stem), {})
@@ -253,7 +255,7 @@ class Campaign:
             if not found:
                 near = _near(pattern, [one.name for one in entries()])
                 raise InvalidData(
-                    f"instances: {pattern!r} matches nothing{near}", field="instances"
+                    f"instances: {show(pattern)} matches nothing{near}", field="instances"
                 )
             for source in found:
                 if str(source) not in seen:
@@ -267,13 +269,20 @@ class Campaign:
         root = Path(self.folder).resolve()
         if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
             raise InvalidData(
-                f"instances: {pattern!r} must lie below the campaign's folder", field="instances"
+                f"instances: {show(pattern)} must lie below the campaign's folder",
+                field="instances",
             )
         try:
             files = sorted(root.glob(pattern))
-        except (ValueError, IndexError, AttributeError) as error:  # as versions of Python refuse it
+        except (
+            OSError,
+            ValueError,
+            IndexError,
+            AttributeError,
+        ) as error:  # as systems and versions refuse it
             raise InvalidData(
-                f"instances: {pattern!r} is no pattern of files: {error}", field="instances"
+                f"instances: {show(pattern)} is no pattern of files: {getattr(error, 'strerror', None) or error}",
+                field="instances",
             ) from None
         for file in files:
             if not file.resolve().is_relative_to(root):
@@ -293,6 +302,8 @@ class Campaign:
             Nothing is to be run, or a backend that is named accepts no instance.
         """
         found: list[Task] = []
+        #: What sets ask for twice runs once.
+        asked_for: set[str] = set()
         columns: dict[tuple[str, str], int] = {}
         row = 0
         for part in self.sets:
@@ -320,9 +331,10 @@ class Campaign:
                         # Counted over the formulations as well: a backend's column is one.
                         turn = turns[column] = turns.get(column, -1) + 1
                         place = (row, column, turn)
-                        found.append(
-                            self._task(place, part, model, backend, formulation, seed, repeat)
-                        )
+                        task = self._task(place, part, model, backend, formulation, seed, repeat)
+                        if (key := task.job.key()) not in asked_for:
+                            asked_for.add(key)
+                            found.append(task)
                 row += 1
             for one in part.formulations:
                 if one not in known:

@@ -5,13 +5,16 @@ from __future__ import annotations
 from html import escape
 from typing import Any, NamedTuple
 
+from ..repeats import Spread
 from ..report.tables import number, seconds_text
 from ..solution import Solution
 from ..verdict import Outcome, Verdict
 from .chart import Series, draw_steps
-from .markup import cell, figure, numeric, table
+from .draws import compare_on_instance
+from .markup import cell, figure, numeric, table, tested
 from .pictures import Load, draw_plan
 from .standing import measured_seconds, who
+from .statistics import RankTest
 
 __all__ = ["OUTCOMES", "Case", "describe_instance"]
 
@@ -44,7 +47,8 @@ def describe_instance(case: Case, load: Load | None, instances: int) -> str:
         else f"<p class='soft'>{escape(what)}</p>"
     )
     return (
-        f"<details><summary>{escape(case.name)} <span class='{look}'>{sign} {word}</span></summary>"
+        f'<details data-instance="{escape(case.name)}">'
+        f"<summary>{escape(case.name)} <span class='{look}'>{sign} {word}</span></summary>"
         f"<p>{escape(case.verdict.evidence)}</p>"
         + (f"<ul>{notes}</ul>" if notes else "")
         + _repeats(case)
@@ -60,16 +64,29 @@ def _repeats(case: Case) -> str:
     heads = [("Backend", False), ("With a plan", False)]
     heads += [(f"Objective, {word}", True) for word in quartiles]
     heads += [(f"Time, {word}", True) for word in quartiles]
+    best, tests = compare_on_instance(case.verdict)
+    if tests:
+        heads += [(f"Worse than {best}", False), ("p", True), ("Effect", True)]
     rows = [
         [
             cell(spread.label),
             cell(f"{spread.successes:,} of {spread.runs:,} runs"),
             *(numeric(value, number(value)) for value in spread.objective or (None,) * 3),
             *(numeric(value, seconds_text(value)) for value in spread.seconds),
+            *(_tested(spread, best, tests) if tests else ()),
         ]
         for spread in case.verdict.spreads
     ]
     return table(heads, rows, "plain", f"Repeated runs on {case.name}") if rows else ""
+
+
+def _tested(spread: Spread, best: str, tests: dict[str, RankTest]) -> list[str]:
+    """Return the cells of the test of a backend's seeds against those of the best one."""
+    label = spread.backend + (f":{spread.formulation}" if spread.formulation else "")
+    if label in tests:
+        return tested(tests[label])
+    words = "the best" if label == best else "too few seeds to tell"
+    return [cell(words), numeric(None, ""), numeric(None, "")]
 
 
 def _progress(case: Case) -> str:

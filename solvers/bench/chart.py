@@ -82,6 +82,8 @@ def draw_steps(
     if high - low < 0.3:
         low, high = low - 0.15, high + 0.15
     ys = [y for one in drawn for _, y in one.points]
+    if not math.isfinite(2 * (max(ys) - min(ys))):
+        return ""  # farther apart than numbers reach
     base, top = (0.0, 1.0) if share else _range(min(ys), max(ys))
     tall = max(_TALL, _TOP + _BOTTOM + _LINE * len(drawn))
     right, foot = _WIDE - _RIGHT, tall - _BOTTOM

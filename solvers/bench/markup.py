@@ -9,8 +9,9 @@ from typing import Any
 
 from ..enums import Limit
 from ..solution import Solution
+from .statistics import LEVEL, RankTest
 
-__all__ = ["cell", "choices", "count_cell", "ended", "figure", "many", "numeric", "table"]
+__all__ = ["cell", "choices", "count_cell", "ended", "figure", "many", "numeric", "table", "tested"]
 
 
 def many(number: int, noun: str) -> str:
@@ -20,7 +21,8 @@ def many(number: int, noun: str) -> str:
 
 def choices(values: Iterable[str]) -> str:
     """Return the options of a list to choose from."""
-    return "".join(f"<option>{escape(value)}</option>" for value in values)
+    # With a value of its own: what is shown loses spaces.
+    return "".join(f'<option value="{escape(v)}">{escape(v)}</option>' for v in values)
 
 
 def cell(text: str, *, long: bool = False) -> str:
@@ -37,6 +39,22 @@ def numeric(value: float | None, text: str) -> str:
 def count_cell(value: int) -> str:
     """Return a cell that holds a count."""
     return numeric(value, f"{value:,}")
+
+
+def tested(test: RankTest) -> list[str]:
+    """Return the cells of a test whether a first backend's plans are better: in words, p and effect."""
+    if test.p_value is None:
+        return [
+            cell(f"{many(test.runs, 'value')}: too few to tell"),
+            numeric(None, ""),
+            numeric(None, ""),
+        ]
+    word = "no difference shown" if test.p_value >= LEVEL else "yes" if test.effect > 0 else "worse"
+    return [
+        cell(word),
+        numeric(test.p_value, f"{test.p_value:.2g}"),
+        numeric(test.effect, f"{test.effect:+.2f}"),
+    ]
 
 
 def table(

@@ -57,7 +57,7 @@
         all = all && rows.length <= MOST;
         matching = rows.filter(keep);
         show();
-        return matching.length;
+        return matching;
       },
     };
   };
@@ -67,6 +67,7 @@
     section,
     problem: section.dataset.problem,
     table: makeTable(section.querySelector("table.answers")),
+    instances: [...section.querySelectorAll("details[data-instance]")],
   }));
   const form = document.querySelector("form.filters");
   const output = form.querySelector("[data-count]");
@@ -78,8 +79,11 @@
     for (const one of answers) {
       const wanted = !problem || one.problem === problem;
       one.section.hidden = !wanted;
-      found += one.table.filter((row) => wanted && row.text.includes(text)
+      const rows = one.table.filter((row) => wanted && row.text.includes(text)
         && (!backend || row.backend === backend) && (!ended || row.ended === ended));
+      const named = new Set(rows.map((row) => row.values[0]));
+      for (const instance of one.instances) instance.hidden = !named.has(instance.dataset.instance);
+      found += rows.length;
     }
     output.textContent = `${count(found)} of ${total} match`;
   };

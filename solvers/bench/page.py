@@ -18,13 +18,14 @@ from ...errors import InvalidData
 from ...files import writable, write_text
 from ..report.tables import number, seconds_text
 from ..solution import Solution
-from ..verdict import Outcome, judge
+from ..verdict import Outcome, Verdict, judge
 from .cases import OUTCOMES, Case, describe_instance
 from .chart import Series, draw_steps
 from .conditions import describe_conditions
-from .markup import cell, choices, count_cell, ended, figure, many, numeric, table
+from .draws import ACCURACY, compare_with_leader, profile_evaluations
+from .markup import cell, choices, count_cell, ended, figure, many, numeric, table, tested
 from .pictures import Load
-from .standing import Standing, measured_seconds, rank, who
+from .standing import REFERENCE, Standing, measured_seconds, rank, who
 from .statistics import success_interval
 
 __all__ = ["write_page"]
@@ -36,7 +37,7 @@ _HEADS = (
     ("Seed", True), ("Repeat", True), ("Message", False),
 )  # fmt: skip
 #: How reasons end for which an answer is not wrong, but not good enough either.
-_SHORT = ("above best", "no plan")
+_SHORT = ("above best", "no plan", REFERENCE)
 #: Characters of a message that are shown in a table.
 _MESSAGE = 300
 #: Options that the command of a contradiction repeats, by the flag.
@@ -74,8 +75,9 @@ def write_page(
     command : str
         The command that repeats the campaign, shown at the foot.
     load : callable, optional
-        What finds an instance by its name, such as :func:`crosstrack.load`: with it the best plan of
-        every instance is drawn. An instance whose digest is not the record's is not drawn.
+        What finds an instance by its name: with it the best plan of every instance is drawn. Names are those
+        in the record: :func:`crosstrack.load` opens a file where one names a file, which a stranger's
+        record must not. An instance whose digest is not the record's is not drawn.
 
     Returns
     -------
@@ -126,13 +128,15 @@ def _page(solutions: Sequence[Solution[Any]], title: str, command: str, load: Lo
 
 def _cases(solutions: Sequence[Solution[Any]]) -> list[Case]:
     """Return the answers by instance, with the verdict on each."""
-    groups: dict[tuple[str, str, str], list[Solution[Any]]] = {}
+    groups: dict[tuple[str, str], list[Solution[Any]]] = {}
     for solution in solutions:
-        groups.setdefault((solution.model, solution.instance, solution.digest), []).append(solution)
-    # Instances that share a name but not their data are told apart by their digests.
-    shared = Counter((kind, name) for kind, name, _ in groups)
+        groups.setdefault((solution.model, solution.digest), []).append(solution)
+    # One model may have several names: the first counts. What shares a name but not its data is told apart.
+    named = {key: group[0].instance.replace("\0", "\ufffd") for key, group in groups.items()}
+    shared = Counter((kind, named[kind, digest]) for kind, digest in groups)
     cases = []
-    for (kind, name, digest), group in sorted(groups.items(), key=lambda item: item[0]):
+    for kind, digest in sorted(groups, key=lambda key: (key[0], named[key], key[1])):
+        name, group = named[kind, digest], groups[kind, digest]
         called = name or digest[:12]
         if shared[kind, name] > 1:
             called = f"{name} {digest[:12]}"
@@ -201,7 +205,7 @@ def _problem(
     own = [case for case in cases if case.kind == kind]
     anchor = f"p-{sorted({case.kind for case in cases}).index(kind)}"
     why = {id(s): reason for one in standings for s, reason in one.answers}
-    rows = [_answer(case, s, why[id(s)]) for case in own for s in case.solutions]
+    rows = [_answer(case, s, why.get(id(s), REFERENCE)) for case in own for s in case.solutions]
     used = [i for i in range(len(_HEADS)) if any(not c[i].endswith("></td>") for _, c in rows)]
     rows = [(attributes, [cells[i] for i in used]) for attributes, cells in rows]
     curves = [Series(one.label, one.profile) for one in standings if one.profile]
@@ -218,12 +222,60 @@ def _problem(
         f'<section data-problem="{escape(kind)}" id="{anchor}"><h3>{escape(kind)}</h3>'
         f"{_standing(standings)}"
         + (figure(profile, note) if profile else "<p class='soft'>No instance was solved.</p>")
+        + _evaluations(kind, own)
+        + _ranks([case.verdict for case in own], standings)
         + '<div data-table><p class="soft"><span data-shown></span> '
         '<button type="button" class="more" data-more hidden>Show all</button></p>'
         + table([_HEADS[i] for i in used], rows, "answers", f"Answers on {kind}", tall=True)
         + "</div><h4>Instances: bounds over time, and the best plan</h4>"
         + "".join(describe_instance(case, load, len(cases)) for case in own)
         + "</section>"
+    )
+
+
+def _evaluations(kind: str, own: Sequence[Case]) -> str:
+    """Return the data profile of what counts evaluations, "" where nothing does."""
+    found = profile_evaluations([case.verdict for case in own])
+    far = max((float(places[-1]) for places, _ in found.values()), default=0.0)
+    curves = [
+        Series(
+            label,
+            [
+                *((x, y) for x, y in zip(places.tolist(), shares.tolist(), strict=True) if x),
+                (far, float(shares[-1])),
+            ],
+        )
+        for label, (places, shares) in found.items()
+        if shares[-1]
+    ]
+    drawn = draw_steps(
+        curves, title=f"Data profile of {kind}", share=True,
+        across="evaluations per (variables + 1)", up="instances solved",
+    )  # fmt: skip
+    note = (
+        "Data profile (Moré and Wild 2009). A line tells the share of all instances that a backend solved "
+        "within so many evaluations of the objective, divided by the number of variables and one. Solved "
+        f"is here: {ACCURACY:g} of the way from the worst first value to the best one is left. Higher is "
+        "better."
+    )
+    return figure(drawn, note) if drawn else ""
+
+
+def _ranks(verdicts: Sequence[Verdict], standings: Sequence[Standing]) -> str:
+    """Return the tests of the leading backend against each other one, "" where nothing draws."""
+    tests = compare_with_leader(verdicts, standings)
+    if not tests:
+        return ""
+    leader = next(one.label for one in standings if one.solved)
+    rows = [[cell(label), *tested(test), count_cell(test.runs)] for label, test in tests.items()]
+    heads = [("Compared with", False), ("Better plans", False), ("p", True), ("Effect", True)]
+    heads += [("Instances of both", True)]
+    return (
+        f"<h4>Are the plans of {escape(leader)} better, or is it luck?</h4>"
+        "<p class='note'>Some of these backends draw. Wilcoxon's test over the instances that both ran on, "
+        "of the medians over seeds, with p corrected by Holm's method for the number of tests. Effect: how "
+        "much more often, by ranks, the plan of the leading backend is the better one, from −1 to 1.</p>"
+        + table(heads, rows, "plain", f"Tests of {leader} against the others")
     )
 
 
@@ -240,6 +292,7 @@ def _standing(standings: Sequence[Standing]) -> str:
             "Fastest",
             "Typical time",
             "Median time",
+            "Gap over time",
         )
     ]
     rows = [
@@ -250,6 +303,7 @@ def _standing(standings: Sequence[Standing]) -> str:
             *map(count_cell, (one.best, one.fastest)),
             numeric(one.typical, seconds_text(one.typical)),
             numeric(one.median, seconds_text(one.median)),
+            numeric(one.integral, "" if one.integral is None else f"{100 * one.integral:.3g} %"),
         ]
         for one in standings
     ]

@@ -8,10 +8,10 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from ...errors import CrosstrackError
 from ...models.model import Model
 from ...models.plots import picture_options, plot
 from ...models.verification import TOLERANCE
+from ..campaign import LEFT_OUT
 from ..solution import Solution
 
 __all__ = ["Load", "draw_plan"]
@@ -41,11 +41,13 @@ def draw_plan(best: Solution[Any] | None, load: Load | None, instances: int = 1)
     """
     if best is None:
         return "", "No picture: no backend found a plan that passed the check."
+    if best.stored_plan == LEFT_OUT:
+        return "", "No picture: there was a plan, which the record leaves out."
     if load is None:
         return "", "No picture: the page was made without a way to load instances."
     try:
         model = load(best.instance)
-    except CrosstrackError as error:
+    except Exception as error:  # the name is a stranger's, and so may be what loads it
         return "", f"No picture: the instance cannot be loaded by its name: {error}"
     if model.digest != best.digest:
         return "", (

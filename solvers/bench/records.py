@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 from ...errors import CrosstrackError, InvalidData
-from ...files import as_path, read_text
+from ...files import LARGEST_FILE, as_path, read_bytes
+from ...models.fields import show
+from ..campaign import lines_of
 from ..solution import Solution
 from ..verdict import Outcome, Verdict, judge
+from .standing import Standing, rank, standings_table, who
 
 __all__ = ["Records", "read_records"]
 
@@ -49,6 +50,15 @@ class Records:
             groups.setdefault(one.digest, []).append(one)
         return {digest: tuple(found) for digest, found in groups.items()}
 
+    @cached_property
+    def standings(self) -> dict[str, list[Standing]]:
+        """How the backends stand, by kind of model; the leading one first."""
+        kinds = sorted({one.solutions[0].model for one in self.verdicts})
+        return {
+            kind: rank([one for one in self.verdicts if one.solutions[0].model == kind])
+            for kind in kinds
+        }
+
     @property
     def outcome(self) -> Outcome:
         """The worst of the verdicts: one contradiction makes it a contradiction."""
@@ -58,8 +68,45 @@ class Records:
                 return outcome
         return Outcome.AGREED if outcomes and not self.interrupted else Outcome.INCONCLUSIVE
 
+    def among(self, *backends: str) -> Records:
+        """Return the answers of some backends alone, on the instances that all of them ran on.
+
+        Parameters
+        ----------
+        *backends : str
+            Names; ``"name:formulation"`` where one of several formulations is meant.
+
+        Raises
+        ------
+        InvalidData
+            The records have no answer of one of them, or there is no instance of all.
+        """
+        ran: dict[str, set[str]] = {name: set() for name in backends}
+        for one in self.solutions:
+            for name in {one.backend, who(one)} & ran.keys():
+                ran[name].add(one.digest)
+        for name, digests in ran.items():
+            if not digests:
+                known = sorted({who(one) for one in self.solutions})
+                raise InvalidData(
+                    f"backends: the records have no answer of {show(name)}; they have {', '.join(known)}",
+                    field="backends",
+                )
+        shared = set.intersection(*ran.values()) if ran else set()
+        if not shared:
+            raise InvalidData(
+                f"backends: no instance was run by all of {', '.join(backends) or 'none'}",
+                field="backends",
+            )
+        kept = [
+            one
+            for one in self.solutions
+            if one.digest in shared and {one.backend, who(one)} & ran.keys()
+        ]
+        return replace(self, solutions=tuple(kept))
+
     def to_dict(self) -> dict[str, Any]:
-        """Return the verdicts as JSON data, without the answers, which the record holds."""
+        """Return verdicts and standings as JSON data, without the answers, which the record holds."""
         return {
             "title": self.title,
             "verdict": str(self.outcome),
@@ -74,10 +121,14 @@ class Records:
                 }
                 for one in self.verdicts
             ],
+            "problems": [
+                {"problem": kind, "backends": [one.to_dict() for one in standings]}
+                for kind, standings in self.standings.items()
+            ],
         }
 
     def parts(self) -> list[Any]:
-        """Return what to print: the verdicts counted, and each that is a contradiction."""
+        """Return what to print: who leads each problem, the verdicts counted, each contradiction."""
         counts = Counter(one.outcome for one in self.verdicts)
         words = ", ".join(f"{counts[one]} {one}" for one in Outcome if counts[one])
         lines = [f"{len(self.solutions)} answers on {len(self.verdicts)} instances: {words}"]
@@ -88,7 +139,7 @@ class Records:
         ]
         if self.interrupted:
             lines.append("interrupted: what is missing was not run")
-        return ["\n".join(lines)]
+        return [standings_table(self.standings), "\n".join(lines)]
 
 
 def read_records(path: str | os.PathLike[str], *, title: str = "") -> Records:
@@ -102,16 +153,13 @@ def read_records(path: str | os.PathLike[str], *, title: str = "") -> Records:
         The file cannot be read, or a line is no answer; the message names it.
     """
     file = as_path(path)
-    text = read_text(file)
+    content = read_bytes(file)
+    if len(content) > LARGEST_FILE:
+        raise InvalidData(f"{file}: holds more than {LARGEST_FILE} bytes")
     found: list[Solution[Any]] = []
-    lines = text.split("\n")
-    for number, line in enumerate(lines, 1):
-        if not line.strip():
-            continue
+    for number, data in lines_of(content, file)[0]:
         try:
-            found.append(Solution.from_dict(json.loads(line)))
-        except (ValueError, CrosstrackError, RecursionError) as error:
-            if number == len(lines):
-                continue
+            found.append(Solution.from_dict(data))
+        except CrosstrackError as error:
             raise InvalidData(f"{file}, line {number}: no answer of a campaign: {error}") from None
-    return Records(tuple(found), title or Path(file).stem)
+    return Records(tuple(found), title or file.stem)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import statistics
 from collections.abc import Callable, Sequence
@@ -12,9 +13,9 @@ from typing import Any
 
 from ...errors import BackendMissing, InvalidData, UnsupportedOption
 from ...models.fields import required, show
-from ..crosscheck import run_tasks
+from ..crosscheck import checked_pool, run_tasks
 from ..enums import Limit, Termination
-from ..scheduling import Task
+from ..scheduling import Task, close_kept
 from ..solution import Solution
 from .campaign import Campaign
 from .records import Records
@@ -151,6 +152,7 @@ def bench(
         raise UnsupportedOption(f"workers must be a whole number >= 1, got {show(workers)}")
     if cluster is not None and (pool is not None or not isinstance(cluster, str)):
         raise UnsupportedOption("cluster must be an address, and there may be no pool beside it")
+    pool = checked_pool(pool)
     tasks = campaign.tasks
     if not tasks:
         raise InvalidData(
@@ -179,10 +181,25 @@ def bench(
         news.recorded, news.total = len(tasks) - len(waiting), len(waiting)
 
     with ExitStack() as stack:
+        client = None
         if cluster is not None:
-            pool = stack.enter_context(_executor(cluster))
+            client = stack.enter_context(_connected(cluster))
+            pool = client.get_executor(pure=False)
+            stack.callback(_tidy, client)
+
+        def room() -> int | None:
+            """Return how many jobs run at the same time, and note it; None where it is not known."""
+            if client is None:
+                most = getattr(pool, "_max_workers", None)
+            else:
+                most = news.workers
+                with contextlib.suppress(Exception):  # whatever it says when its scheduler is away
+                    most = sum(client.nthreads().values())
+            news.workers = news.workers if most is None else max(most, 1)
+            return most
+
         answers, interrupted = run_tasks(
-            tasks, record=record, resume=resume, workers=workers, pool=pool,
+            tasks, record=record, resume=resume, workers=workers, pool=pool, room=room,
             begun=begun, started=started, finished=finished,
         )  # fmt: skip
     found = [answers[place] for place in sorted(answers)]
@@ -190,8 +207,14 @@ def bench(
     return Records(kept, campaign.title, interrupted)
 
 
-def _executor(address: str) -> Any:
-    """Return a context that gives the executor of a Dask scheduler."""
+def _tidy(client: Any) -> None:
+    """Close the processes that wait on a cluster for a next job."""
+    with contextlib.suppress(Exception):  # a cluster that is away takes them with it
+        client.run(close_kept)
+
+
+def _connected(address: str) -> Any:
+    """Return the client of a Dask scheduler, a context."""
     try:
         from distributed import Client
     except ImportError:
@@ -199,25 +222,8 @@ def _executor(address: str) -> Any:
             "a cluster needs the extra 'cluster': pip install 'crosstrack[cluster]'"
         ) from None
     try:
-        client: Any = Client(address, set_as_default=False)  # type: ignore[no-untyped-call]
+        return Client(address, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
         raise InvalidData(
             f"cluster {address!r} cannot be reached: {error}", field="cluster"
         ) from None
-    stack = ExitStack()
-    stack.enter_context(client)
-    return _Pool(stack, client.get_executor(pure=False))
-
-
-@dataclass
-class _Pool:
-    """An executor that ends with the connection that it needs."""
-
-    stack: ExitStack
-    executor: Executor
-
-    def __enter__(self) -> Executor:
-        return self.executor
-
-    def __exit__(self, *error: Any) -> None:
-        self.stack.__exit__(*error)

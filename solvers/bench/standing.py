@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
-from statistics import median
+from collections.abc import Mapping, Sequence
+from statistics import mean, median
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import CrosstrackError
 from ...models.verification import ROUNDING
 from ..enums import Termination
+from ..registry import find_backend
+from ..report.fitting import FittedTable
+from ..report.tables import seconds_text, table
 from ..solution import Solution
-from ..verdict import Outcome, Verdict
+from ..verdict import Outcome, Verdict, judge
 from .profiles import performance_profile
-from .statistics import shifted_geometric_mean
+from .statistics import primal_integral, shifted_geometric_mean, success_interval
 
-__all__ = ["Standing", "measured_seconds", "rank", "who"]
+__all__ = ["REFERENCE", "Standing", "is_reference", "measured_seconds", "rank", "who"]
 
+#: Why an answer of a backend that sees hidden data is not counted.
+REFERENCE = "reference: sees hidden data"
 #: Seconds of a run at the least: no clock resolves less.
 _LEAST = 1e-6
 #: Share of the objective above the best from which no percentage is told.
@@ -38,6 +44,9 @@ class Standing(NamedTuple):
         half of the runs, on how many a run's plan is the best of all, and on how many it was fastest.
     typical, median : float
         Shifted geometric mean of the seconds over all instances, and their median over its own.
+    integral : float, optional
+        Mean over all instances of the primal integral, as a share of the limit of time, in [0, 1]; None
+        where no instance has a plan.
     profile : sequence of (float, float)
         Its performance profile.
     answers : sequence of (Solution, str)
@@ -52,8 +61,53 @@ class Standing(NamedTuple):
     fastest: int
     typical: float
     median: float
+    integral: float | None
     profile: Sequence[tuple[float, float]]
     answers: Sequence[tuple[Solution[Any], str]]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON data, seconds in seconds, without the answers."""
+        low, high = success_interval(self.solved, self.instances)
+        return {
+            "backend": self.label,
+            "runs": self.runs,
+            "instances": self.instances,
+            "solved": self.solved,
+            "rate": [low, high],
+            "best": self.best,
+            "fastest": self.fastest,
+            "typical": self.typical,
+            "median": self.median,
+            "gap_over_time": self.integral,
+            "profile": [list(point) for point in self.profile],
+        }
+
+
+def standings_table(standings: Mapping[str, Sequence[Standing]], most: int = 3) -> FittedTable:
+    """Return a table of the backends that lead each problem, `most` of each."""
+    rows = [
+        (
+            kind if place == 0 else "",
+            one.label,
+            f"{one.solved} of {one.instances}",
+            one.best,
+            one.fastest,
+            seconds_text(one.typical),
+            "" if one.integral is None else f"{100 * one.integral:.3g} %",
+        )
+        for kind, found in standings.items()
+        for place, one in enumerate(found[:most])
+    ]
+    columns = (
+        "problem",
+        "backend",
+        "solved",
+        "best\nplan",
+        "fastest",
+        "typical\ntime",
+        "gap over\ntime",
+    )
+    return table("", columns, rows, right=columns[2:])
 
 
 def who(solution: Solution[Any]) -> str:
@@ -69,25 +123,32 @@ def measured_seconds(solution: Solution[Any]) -> float | None:
 def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
     """Return how every backend stands on the instances of one problem, the leading one first.
 
-    Most solved first, then the least typical seconds. Repeats of a seed count as their median, and so
+    What sees hidden data, such as an oracle, is a reference and no rival: it is left out. Most solved
+    first, then the least typical seconds. Repeats of a seed count as their median, and so
     do the seeds of an instance; what is not solved, or not run, counts as the largest limit of time.
     """
+    verdicts = [fair for verdict in verdicts if (fair := _without_references(verdict)).solutions]
+    if not verdicts:
+        return []
     answers: dict[str, list[tuple[Solution[Any], str]]] = {}
     measures: dict[str, dict[int, float]] = {}
     best: Counter[str] = Counter()
     fastest: Counter[str] = Counter()
+    integrals: dict[str, dict[int, float]] = {}
     #: What a failure counts as on each instance, for those that did not run as well.
     limits: list[float] = []
     for index, verdict in enumerate(verdicts):
         least = verdict.best
         took: dict[str, float] = {}
+        top = math.inf if least is None else _value(least) + ROUNDING * _size(least)
         for label in dict.fromkeys(map(who, verdict.solutions)):
             own = [(s, _failure(s, verdict, least)) for s in verdict.solutions if who(s) == label]
             answers.setdefault(label, []).extend(own)
             took[label] = max(_usual(own), _LEAST)
             if least is not None:
                 best[label] += any(
-                    not why and s.primal_bound == least.primal_bound for s, why in own
+                    not why and s.primal_bound is not None and s.primal_bound <= top
+                    for s, why in own
                 )
             measures.setdefault(label, {})[index] = took[label]
         first = min(took.values())
@@ -95,6 +156,12 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
         allowed = [float(s.options.get("time_limit") or 0.0) for s in verdict.solutions]
         spent = [measured_seconds(s) or 0.0 for s in verdict.solutions]
         limits.append(max(*allowed, _LEAST) if any(allowed) else max(*spent, _LEAST))
+        if least is not None:
+            for label in took:
+                runs = [
+                    _integral(s, least, limits[-1]) for s in verdict.solutions if who(s) == label
+                ]
+                integrals.setdefault(label, {})[index] = median(runs)
     # What a backend did not run counts as not solved: nobody gains by staying away.
     profiles = performance_profile(
         {
@@ -104,6 +171,7 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
     )
     far = max(float(places[-1]) for places, _ in profiles.values())
     found: list[Standing] = []
+    planned = {index for own in integrals.values() for index in own}
     for label, own in answers.items():
         ran = measures[label]
         times = [min(ran.get(index, math.inf), limit) for index, limit in enumerate(limits)]
@@ -111,10 +179,48 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
             Standing(
                 label, len(own), len(ran), sum(map(math.isfinite, ran.values())),
                 best[label], fastest[label], shifted_geometric_mean(times),
-                median(times[index] for index in ran), _points(*profiles[label], far), own,
+                median(times[index] for index in ran),
+                mean(integrals.get(label, {}).get(i, 1.0) for i in planned) if planned else None, _points(*profiles[label], far), own,
             )
         )  # fmt: skip
     return sorted(found, key=lambda one: (-one.solved, one.typical))
+
+
+def is_reference(solution: Solution[Any]) -> bool:
+    """Return whether an answer's backend sees what its model hides; one that is not installed does not."""
+    try:
+        return find_backend(solution.backend, problem=solution.problem or None).sees_hidden
+    except CrosstrackError:
+        return False
+
+
+def _without_references(verdict: Verdict) -> Verdict:
+    """Return the verdict on the backends that see no more than a model shows."""
+    fair = [one for one in verdict.solutions if not is_reference(one)]
+    return verdict if len(fair) == len(verdict.solutions) else judge(verdict.instance, fair)
+
+
+def _integral(solution: Solution[Any], least: Solution[Any], limit: float) -> float:
+    """Return the primal integral of a run as a share of the limit of time; `least` is the best one."""
+    if solution.stored_plan is None or solution.primal_bound is None:
+        return 1.0
+    scale = 1.0 if least.verification is None else least.verification.scale
+    ended = min(measured_seconds(solution) or 0.0, limit)
+    # What is claimed on the way counts as far as it does not fall below what was verified.
+    course = [(i.seconds, max(i.objective, solution.primal_bound)) for i in solution.incumbents]
+    course.append((ended, solution.primal_bound))
+    return primal_integral(course, _value(least), limit, scale) / limit
+
+
+def _value(least: Solution[Any]) -> float:
+    assert least.primal_bound is not None
+    return least.primal_bound
+
+
+def _size(least: Solution[Any]) -> float:
+    """Return what differences to the best objective are relative to."""
+    scale = 1.0 if least.verification is None else least.verification.scale
+    return max(abs(_value(least)), scale)
 
 
 def _usual(own: Sequence[tuple[Solution[Any], str]]) -> float:
@@ -138,10 +244,9 @@ def _failure(solution: Solution[Any], verdict: Verdict, least: Solution[Any] | N
         # Agreed is one claim; the other is wrong.
         agreed = verdict.evidence.startswith(str(solution.termination))
         return "" if agreed and not wrong else "contradicted"
-    checked = least.verification
     # As verdicts do: relative to the objective or to its scale, beside what sampling explains.
-    size = max(abs(least.primal_bound), 1.0 if checked is None else checked.scale)
-    spread = 0.0 if checked is None else checked.spread
+    size = _size(least)
+    spread = 0.0 if least.verification is None else least.verification.spread
     asked = sum(float(solution.options.get(name) or 0.0) for name in ("gap", "tolerance"))
     slack = max(asked, ROUNDING) * size + spread
     if wrong and solution.dual_bound is not None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,19 +19,23 @@ __all__ = [
     "compare_backends",
     "compare_pairs",
     "compare_seeds",
+    "correct_tests",
     "primal_gap",
     "primal_integral",
     "shifted_geometric_mean",
     "success_interval",
 ]
 
+_Key = TypeVar("_Key")
 #: Numbers, one a run or an instance.
 _Column = Sequence[float] | NDArray[np.float64]
 
 #: Values of each side at least before a difference is tested: fewer say next to nothing.
 FEWEST = 5
-#: Pairs up to which all signs are counted.
-EXACT = 12
+#: What p must be below for a difference to be called one.
+LEVEL = 0.05
+#: Pairs up to which all signs are counted, and sizes of two samples, multiplied, up to which all ranks are.
+EXACT, EXACT_PRODUCT = 12, 2500
 
 
 def shifted_geometric_mean(values: Sequence[float], shift: float = 1.0) -> float:
@@ -68,10 +72,12 @@ def shifted_geometric_mean(values: Sequence[float], shift: float = 1.0) -> float
         raise InvalidData(f"values must be >= 0, got {times.min():g}", field="values")
     if shift == 0 and not times.all():
         return 0.0
+    most = float(times.max())
+    if shift and shift >= most:
+        # In terms of the shift: no digit of the times is lost beside it.
+        return float(shift * np.expm1(np.log1p(times / shift).mean()))
     # In terms of the largest, so that no product leaves the range of floats.
-    large = float(times.max()) + shift
-    if large == 0:
-        return 0.0
+    large = most + shift
     mean = float((np.log(times + shift) - math.log(large)).mean())
     return max(large * math.expm1(mean) + (large - shift), 0.0)
 
@@ -96,24 +102,27 @@ def success_interval(successes: int, runs: int) -> tuple[float, float]:
     return float(found.low), float(found.high)
 
 
-def primal_gap(objective: float | None, best: float) -> float:
+def primal_gap(objective: float | None, best: float, scale: float = 0.0) -> float:
     r"""Return how far an objective is from the best one known, in [0, 1].
 
-    :math:`|f - f^*| / \max(|f|, |f^*|)`; 0 where both are 0, 1 without a plan and where the two have
-    different signs.
+    :math:`|f - f^*| / \max(|f|, |f^*|, s)`, at most 1; 0 where both are 0, 1 without a plan and, for
+    :math:`s = 0`, where the two have different signs. A scale :math:`s` is what a value near zero is
+    measured against; the source has none.
 
     References
     ----------
     T. Berthold: Measuring the impact of primal heuristics, Operations Research Letters 41, 2013, (1).
     """
-    if objective is None or not math.isfinite(objective) or (objective < 0) != (best < 0):
-        return 0.0 if objective == best else 1.0
+    if objective is None or not math.isfinite(objective):
+        return 1.0
     if objective == best:
         return 0.0
-    return abs(objective - best) / max(abs(objective), abs(best))
+    return min(1.0, abs(objective - best) / max(abs(objective), abs(best), scale))
 
 
-def primal_integral(incumbents: Sequence[tuple[float, float]], best: float, limit: float) -> float:
+def primal_integral(
+    incumbents: Sequence[tuple[float, float]], best: float, limit: float, scale: float = 0.0
+) -> float:
     """Return the integral of the primal gap over time.
 
     Less is better: it is the time to the best plan known if there is nothing before it, and `limit` where
@@ -127,6 +136,8 @@ def primal_integral(incumbents: Sequence[tuple[float, float]], best: float, limi
         The best objective known.
     limit : float
         Until when the run is looked at (s), > 0.
+    scale : float
+        As in :func:`primal_gap`.
 
     Returns
     -------
@@ -145,7 +156,7 @@ def primal_integral(incumbents: Sequence[tuple[float, float]], best: float, limi
             break
         if objective < least:
             total += gap * max(seconds - since, 0.0)
-            since, gap, least = max(seconds, since), primal_gap(objective, best), objective
+            since, gap, least = max(seconds, since), primal_gap(objective, best, scale), objective
     return total + gap * (limit - since)
 
 
@@ -175,7 +186,7 @@ class RankTest:
     def __str__(self) -> str:
         if self.p_value is None:
             return f"no difference shown: {self.runs} values are too few"
-        if self.p_value >= 0.05:
+        if self.p_value >= LEVEL:
             return f"no difference shown: p = {self.p_value:.2g}, {self.method}"
         word = "less" if self.effect > 0 else "greater"
         return f"{word}: p = {self.p_value:.2g}, effect {abs(self.effect):.2f}, {self.method}"
@@ -191,8 +202,8 @@ def compare_seeds(first: _Column, second: _Column) -> RankTest:
 
     References
     ----------
-    H. B. Mann, D. R. Whitney, Annals of Mathematical Statistics 18, 1947; exact without ties, otherwise
-    with the normal approximation corrected for ties.
+    H. B. Mann, D. R. Whitney, Annals of Mathematical Statistics 18, 1947; exact without ties up to
+    :data:`EXACT_PRODUCT`, otherwise with the normal approximation corrected for ties.
     """
     from scipy.stats import mannwhitneyu
 
@@ -203,7 +214,9 @@ def compare_seeds(first: _Column, second: _Column) -> RankTest:
         return RankTest("Mann-Whitney", None, effect, runs)
     if np.unique(np.concatenate([one, two])).size == 1:
         return RankTest("Mann-Whitney", 1.0, 0.0, runs)
-    p_value = float(mannwhitneyu(one, two).pvalue)
+    apart = np.unique(np.concatenate([one, two])).size == one.size + two.size
+    method = "exact" if apart and one.size * two.size <= EXACT_PRODUCT else "asymptotic"
+    p_value = float(mannwhitneyu(one, two, method=method).pvalue)
     return RankTest("Mann-Whitney", p_value, effect, runs)
 
 
@@ -253,13 +266,12 @@ def compare_backends(
     overall : RankTest, optional
         Friedman's test; None for fewer than three backends, which it is not for.
     pairs : mapping
-        Wilcoxon's test of each pair; p-values corrected by Holm's method, so that the chance of a single
-        false difference among all of them stays below what is asked.
+        Wilcoxon's test of each pair, corrected for their number by :func:`correct_tests`.
 
     References
     ----------
     J. Demšar: Statistical comparisons of classifiers over multiple data sets, Journal of Machine Learning
-    Research 7, 2006. S. Holm, Scandinavian Journal of Statistics 6, 1979.
+    Research 7, 2006.
     """
     from scipy.stats import friedmanchisquare
 
@@ -280,16 +292,30 @@ def compare_backends(
     pairs = {
         (one, two): compare_pairs(tables[one], tables[two]) for one, two in combinations(tables, 2)
     }
+    return overall, correct_tests(pairs)
+
+
+def correct_tests(tests: Mapping[_Key, RankTest]) -> dict[_Key, RankTest]:
+    """Return tests with p-values corrected for their number.
+
+    By Holm's method: the chance of a single false difference among all of them stays below what is asked.
+
+    References
+    ----------
+    S. Holm: A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics 6,
+    1979.
+    """
+    found = dict(tests)
     tested = sorted(
-        (pair for pair in pairs if pairs[pair].p_value is not None),
-        key=lambda pair: pairs[pair].p_value or 0.0,
+        (name for name, test in tests.items() if test.p_value is not None),
+        key=lambda name: tests[name].p_value or 0.0,
     )
     least = 0.0
-    for k, pair in enumerate(tested):
-        test = pairs[pair]
+    for k, name in enumerate(tested):
+        test = tests[name]
         least = max(least, min(1.0, (len(tested) - k) * (test.p_value or 0.0)))
-        pairs[pair] = RankTest(f"{test.method}, Holm", least, test.effect, test.runs)
-    return overall, pairs
+        found[name] = RankTest(f"{test.method}, Holm", least, test.effect, test.runs)
+    return found
 
 
 def _biserial(apart: np.ndarray[Any, Any]) -> float:

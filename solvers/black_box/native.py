@@ -158,7 +158,8 @@ class Objective:
         k = int(values[:count].argmin())
         if values[k] < self.best:
             self.best, self.x = float(values[k]), x[k]
-            self.control.incumbent(self.best, BlackBoxPoint(tuple(x[k].tolist())))
+            place = self.granted - self.left - count + k + 1
+            self.control.incumbent(self.best, BlackBoxPoint(tuple(x[k].tolist())), place)
         self.control.evaluated(count)
         found: Floats = values
         return found
@@ -238,7 +239,7 @@ class BlackBoxBackend(Backend):
                 raise
             message = str(error)  # what the function raised; the points before it are not lost
         used = objective.granted - objective.left
-        counts: dict[str, Any] = {"evaluations": used}
+        counts: dict[str, Any] = {"evaluations": used, "variables": objective.dimension}
         if objective.missing:
             counts["points without a value"] = objective.missing
             lacking = f"the function has no value at {objective.missing} of {used} points"

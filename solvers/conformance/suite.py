@@ -174,7 +174,7 @@ def _run(backend: Backend, case: Case, options: Mapping[str, Any]) -> Run:
     while not request.control.events.empty():
         event = request.control.events.get()
         if event is not None:
-            incumbents.append(event)
+            incumbents.append(event[:3])
     others = [
         backend.run(case.program, replace(request, control=Control(), **other))
         for other in case.others

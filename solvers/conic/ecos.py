@@ -32,6 +32,7 @@ class Ecos(ConvexBackend):
     options: ClassVar[Mapping[str, Option]] = {
         "max_iters": Option(200, "Interior-point iterations at most.", int, lower=1)
     }
+    deterministic = True
     summary = "ECOS: interior point for second-order and exponential cones, small programs"
 
     def comparison_options(self, kind: type[Model[Any]]) -> Mapping[str, Any]:

@@ -31,6 +31,7 @@ class ScipyMilp(ProgramBackend):
     options: ClassVar[Mapping[str, Option]] = {
         "presolve": Option(True, "Whether to presolve.", bool)
     }
+    deterministic = True
     summary = "scipy.optimize.milp: the HiGHS inside SciPy"
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:

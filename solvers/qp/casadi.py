@@ -166,6 +166,7 @@ class CasadiConic(QuadraticBackend):
         "plugin": Option("qrqp", "CasADi's name of the solver.", str, tuple(_PLUGINS)),
         "max_iter": Option(None, "Iterations at most; the plugin's own default.", int, lower=1),
     }
+    deterministic = True
     summary = "CasADi's conic solvers: qrqp, qpOASES, OSQP, ProxQP, PIQP … by option"
 
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:

@@ -32,6 +32,7 @@ class Clarabel(ConvexBackend):
             "qdldl", "How the linear systems are factorised.", str, ("qdldl", "faer")
         ),
     }
+    deterministic = True
     summary = "Clarabel: interior point, sparse, finds infeasibility fast"
 
     def attempt(self, program: Convex, request: Request, clock: Clock) -> Ending:

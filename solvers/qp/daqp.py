@@ -42,6 +42,7 @@ class Daqp(QuadraticBackend):
             lower=1e-14, upper=1e-3,
         ),
     }  # fmt: skip
+    deterministic = True
     summary = "DAQP: dual active set, dense; the fastest on small programs"
 
     def refuses(self, problem: Any) -> str:

@@ -36,6 +36,7 @@ class Osqp(QuadraticBackend):
             bool,
         ),
     }
+    deterministic = True
     summary = "OSQP: operator splitting, sparse, warm starts"
 
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:

@@ -36,6 +36,7 @@ class Piqp(QuadraticBackend):
         "max_iter": Option(250, "Interior-point iterations at most.", int, lower=1),
         "linear_algebra": LINEAR_ALGEBRA,
     }
+    deterministic = True
     summary = "PIQP: proximal interior point, dense or sparse; robust to dependent rows"
 
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:

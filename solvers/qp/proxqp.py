@@ -43,6 +43,7 @@ class Proxqp(QuadraticBackend):
         ),
         "linear_algebra": LINEAR_ALGEBRA,
     }  # fmt: skip
+    deterministic = True
     summary = "ProxQP: proximal augmented Lagrangian, dense or sparse, warm starts"
 
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:

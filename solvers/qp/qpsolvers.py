@@ -41,6 +41,7 @@ class Qpsolvers(QuadraticBackend):
         "polish": POLISH,
         "solver": Option("clarabel", "Any solver that qpsolvers finds, by its name there.", str),
     }
+    deterministic = True
     summary = "qpsolvers: Clarabel, HiGHS, OSQP, ProxQP … whatever it finds, by option"
 
     @staticmethod

@@ -29,6 +29,7 @@ class Quadprog(QuadraticBackend):
     name = "quadprog"
     requires = ("quadprog",)
     extra = "qp"
+    deterministic = True
     summary = "quadprog: Goldfarb and Idnani's dual method, dense, strictly convex programs only"
 
     def refuses(self, problem: Any) -> str:

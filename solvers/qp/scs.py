@@ -36,6 +36,7 @@ class Scs(ConvexBackend):
         "scale": Option(0.1, "Initial weight of the constraints.", float, lower=1e-6, upper=1e6),
         "acceleration_lookback": Option(10, "Memory of the acceleration; 0 is none.", int, lower=0),
     }
+    deterministic = True
     summary = "SCS: first-order, sparse, warm starts; many iterations for high precision"
 
     def attempt(self, program: Convex, request: Request, clock: Clock) -> Ending:

@@ -68,6 +68,7 @@ class EigenaxisSteering(Backend):
     accepts = SatelliteSlew
     guarantee = Guarantee.HEURISTIC
     features = frozenset({Feature.INTERRUPT})
+    deterministic = True
     single_threaded = True
     options: ClassVar[Mapping[str, Option]] = {
         "peak_rate": Option(

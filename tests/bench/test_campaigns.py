@@ -1,11 +1,15 @@
 """Campaign files and their running: the same records on one process, several and a cluster."""
 
+import codecs
 import json
+import math
 import os
 import signal
 import sys
 import time
 from collections import deque
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 
 import cloudpickle
 import numpy as np
@@ -17,6 +21,7 @@ from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.models import Route
 from crosstrack.solvers import Answer, Guarantee, Limit, Termination
 from crosstrack.solvers.bench import Campaign, Progress, Set, read_records
+from crosstrack.solvers.campaign import LEFT_OUT, Record
 from crosstrack.solvers.isolation import Worker
 from crosstrack.solvers.job import Job
 from crosstrack.solvers.scheduling import Task, run_by_threads
@@ -179,25 +184,25 @@ def plain(path):
     return found
 
 
-def test_one_worker_two_and_a_cluster_give_the_same_records(tmp_path):
-    distributed = pytest.importorskip("distributed", reason="a cluster needs Dask")
-    file = written(tmp_path, SMALL)
-    heard = []
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """A campaign, its records by one worker, and what was heard of its progress."""
+    folder, heard = tmp_path_factory.mktemp("alone"), []
+    file = written(folder, SMALL)
     records = ct.bench(
-        file, record=tmp_path / "one.jsonl", on_progress=lambda news: heard.append(str(news))
+        file, record=folder / "one.jsonl", on_progress=lambda news: heard.append(str(news))
     )
-    assert records.outcome == "AGREED" and len(records.solutions) == 7
+    return file, records, plain(folder / "one.jsonl"), heard
+
+
+def test_one_worker_and_two_give_the_same_records(alone, tmp_path):
+    file, records, one, heard = alone
+    assert records.outcome == "AGREED" and len(records.solutions) == len(one) == 7
     assert heard[-1].startswith("7 of 7 done")
     where = records.solutions[0].environment
     assert where["processors"] >= 1 and where["warm"] and where["python"] and where["backend"]
     ct.bench(file, record=tmp_path / "two.jsonl", workers=2)
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, scheduler_port=0
-    ) as cluster:
-        ct.bench(file, record=tmp_path / "dask.jsonl", cluster=cluster.scheduler_address)
-    one = plain(tmp_path / "one.jsonl")
-    assert len(one) == 7
-    assert one == plain(tmp_path / "two.jsonl") == plain(tmp_path / "dask.jsonl")
+    assert one == plain(tmp_path / "two.jsonl")
     assert read_records(tmp_path / "two.jsonl").outcome == "AGREED"
 
 
@@ -247,23 +252,74 @@ def test_a_job_whose_process_was_killed_is_run_once_more(tmp_path, times, ends):
         assert "signal 9" in found[0].message
 
 
+def test_a_cluster_gives_the_same_records_with_a_worker_killed_and_shows_what_runs(alone, tmp_path):
+    distributed = pytest.importorskip("distributed", reason="a cluster needs Dask")
+    file, _, one, _ = alone
+    killed, shown = [], []
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, scheduler_port=0
+    ) as cluster:
+
+        def kill(news):
+            shown.append((news.workers, len(news.running)))
+            if news.running and not killed:
+                killed.append(cluster.workers[0].process.pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        ct.bench(
+            file,
+            record=tmp_path / "dask.jsonl",
+            cluster=cluster.scheduler_address,
+            on_progress=kill,
+        )
+    assert killed and one == plain(tmp_path / "dask.jsonl")
+    assert shown[0] == (2, 1) and (2, 2) in shown and max(n for _, n in shown) == 2
+
+
+def test_what_a_broken_executor_lost_is_run_by_the_next_campaign(tmp_path):
+    file, record = written(tmp_path, SMALL), tmp_path / "record.jsonl"
+
+    def kill(news):
+        assert news.workers == 2 and len(news.running) <= 2
+        if news.done == 2:
+            for process in list(pool._processes.values()):
+                process.kill()
+
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        found = ct.bench(file, record=record, pool=pool, on_progress=kill)
+    lost = [one for one in found.solutions if one.message.startswith("executor: BrokenProcess")]
+    kept = plain(record)
+    assert lost and len(found.solutions) == 7 and len(kept) == 7 - len(lost)
+    again = ct.bench(file, record=record, resume=True)
+    assert again.outcome == "AGREED" and len(plain(record)) == 7
+
+
 class Hungry(Fixed):
-    """Reports a plan, and takes more and more memory."""
+    """Reports a plan, and takes more and more memory; a chatty one reports without a pause."""
+
+    chatty = False
 
     def run(self, problem, request):
         request.control.incumbent(9.0, Route((0, 1, 2, 4)))
         held = []
         for _ in range(100):
             held.append(np.ones(4_000_000))
-            time.sleep(0.05)
+            until = time.monotonic() + 0.05
+            while self.chatty and time.monotonic() < until:
+                request.control.incumbent(9.0, Route((0, 1, 2, 4)))
+                time.sleep(1e-3)
+            time.sleep(max(until - time.monotonic(), 0.0))
         return Answer(Termination.OPTIMAL, point=Route(self.route))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is counted on Linux only")
-def test_a_job_that_takes_too_much_memory_is_killed_and_keeps_its_plan():
+@pytest.mark.parametrize("chatty", [False, True])
+def test_a_job_that_takes_too_much_memory_is_killed_and_keeps_its_plan(chatty):
     model = ct.load("error-correction/example-1")
+    hungry = Hungry("hungry")
+    hungry.chatty = chatty
     with Worker() as worker:
-        found = worker.solve(Job(model, Hungry("hungry"), memory_limit=0.5, time_limit=60))
+        found = worker.solve(Job(model, hungry, memory_limit=0.5, time_limit=60))
         assert found.limit is Limit.MEMORY and found.termination is Termination.FEASIBLE
         assert found.plan is not None and "GiB allowed" in found.message
         assert found.options["memory_limit"] == 0.5
@@ -291,6 +347,8 @@ def test_bad_options_are_refused(tmp_path):
         ct.bench(file, record=tmp_path / "r.jsonl", workers=0)
     with pytest.raises(UnsupportedOption, match="pool beside"):
         ct.bench(file, record=tmp_path / "r.jsonl", cluster="tcp://a:1", pool=object())
+    with pytest.raises(UnsupportedOption, match="pool must be a"):
+        ct.bench(file, record=tmp_path / "r.jsonl", pool=3)
     with pytest.raises(InvalidData, match="campaign"):
         ct.bench(3, record=tmp_path / "r.jsonl")
 
@@ -300,3 +358,107 @@ def test_a_line_that_is_no_answer_is_named(tmp_path):
     file.write_text('{"instance": 3}\n{}\n')
     with pytest.raises(InvalidData, match="line 1"):
         read_records(file)
+
+
+# -- strangers' records, numbers and answers -------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "content",
+    ['{"precious": 1}', "words", "3\n", '{"model": "x"}\n', "[" * 100_000 + "\n", '{"key": NaN}\n', '{"key": 3}\n'],
+)  # fmt: skip
+def test_what_is_no_record_is_refused_and_left_alone(tmp_path, content):
+    record = tmp_path / "r.jsonl"
+    record.write_text(content)
+    with pytest.raises(InvalidData, match=r"r.jsonl, line 1: no line of a campaign"):
+        ct.bench(written(tmp_path, SMALL), record=record, resume=True)
+    assert record.read_text() == content
+
+
+def test_a_record_cut_at_any_byte_goes_on(alone, tmp_path):
+    """A line that was cut off is dropped; a whole one that lacks its end is kept."""
+    file, _, one, _ = alone
+    whole = (
+        (file.parent / "one.jsonl")
+        .read_bytes()
+        .replace(b'"message": ""', '"message": "é"'.encode())
+    )
+    lines = whole.splitlines(keepends=True)
+    accent = len(lines[0]) - len(lines[0].split("é".encode())[1]) - 1
+    record = tmp_path / "r.jsonl"
+    for cut in (0, 1, 5, 12, accent, len(lines[0]) - 1, len(lines[0]), len(lines[0]) + 40):
+        record.write_bytes(whole[:cut])
+        kept = read_records(record).solutions
+        assert len(kept) == (cut >= len(lines[0]) - 1), cut
+        with Record(record, resume=True) as book:
+            assert len(book._done) == len(kept)
+        assert record.read_bytes() == (lines[0] if kept else b""), cut
+    with Record(record, resume=True):
+        pass
+    record.write_bytes(codecs.BOM_UTF8 + whole)
+    assert len(read_records(record).solutions) == len(one)
+
+
+class Rubbish(Fixed):
+    """Tells numbers that are none, and answers what JSON cannot hold."""
+
+    def run(self, problem, request):
+        for value in (math.nan, math.inf, -math.inf, 9.0):
+            request.control.incumbent(value, Route((0, 1, 2, 4)))
+        return Answer(Termination.FEASIBLE, point=Route(self.route), statistics=self.counts)
+
+
+@pytest.mark.parametrize(
+    ("counts", "fails"),
+    [({}, False), ({"a": [math.nan]}, True), ({"a": {1, 2}}, False), ({"a": object()}, False)],
+)
+def test_an_answer_that_json_cannot_hold_costs_its_own_row(tmp_path, counts, fails):
+    model = ct.load("error-correction/example-1")
+    backend = Rubbish("rubbish", guarantee=Guarantee.HEURISTIC)
+    backend.counts = counts
+    record = tmp_path / "r.jsonl"
+    found = ct.compare(model, [backend, "label-setting"], record=record)
+    rubbish, right = found.solutions
+    assert right.termination is Termination.OPTIMAL
+    assert len(read_records(record).solutions) == 2
+    assert (rubbish.termination is Termination.FAILED) == fails
+    if fails:
+        assert "cannot be written as JSON" in rubbish.message
+    else:
+        assert [one.objective for one in rubbish.incumbents] == [9.0]
+
+
+def test_what_sets_ask_for_twice_runs_once(tmp_path):
+    text = SMALL.replace("[0, 7]", "[0, 7, 0]") + "[[set]]\n[[set]]\n"
+    once, twice = (Campaign.read(written(tmp_path, one)) for one in (SMALL, text))
+    assert [t.job.key() for t in once.tasks] == [t.job.key() for t in twice.tasks]
+
+
+@pytest.mark.parametrize(
+    "text", [f"time_limit = {'9' * 5000}", f'instances = ["./{"a" * 5000}.json"]']
+)
+def test_numbers_and_names_beyond_all_bounds_are_refused(tmp_path, text):
+    whole = text if "instances" in text else 'instances = ["error-correction/1"]\n' + text
+    with pytest.raises(InvalidData, match=r"campaign\.toml|no pattern") as caught:
+        assert not Campaign.read(written(tmp_path, whole)).tasks
+    assert len(str(caught.value)) < 500
+
+
+def test_records_without_plans_go_on(alone, tmp_path):
+    file, _, one, _ = alone
+    record = tmp_path / "r.jsonl"
+    rows = [
+        {
+            **data,
+            "plan": data["plan"] and LEFT_OUT,
+            "seconds": {},
+            "environment": {},
+            "incumbents": [],
+        }
+        for data in one.values()
+    ]
+    record.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    before = record.read_bytes()
+    found = ct.bench(file, record=record, resume=True)
+    assert found.outcome == "AGREED" and len(found.solutions) == 7 and record.read_bytes() == before
+    assert {s.stored_plan for s in found.solutions} == {LEFT_OUT}

@@ -197,6 +197,10 @@ def test_filters_narrow_the_rows_and_count_them(opened):
     page.fill("[name=text]", "SLOW")
     assert count.inner_text() == "1 of 26 answers match"
     assert column(page, "grid-path", "Instance") == ["grid-path/two"]
+    instances = page.locator('[data-problem="grid-path"] details[data-instance]:visible')
+    assert instances.evaluate_all("all => all.map(one => one.dataset.instance)") == [
+        "grid-path/two"
+    ]
     page.fill("[name=text]", "")
     page.select_option("[name=backend]", "greedy")
     assert column(page, "grid-path", "Backend") == ["greedy", "greedy"]

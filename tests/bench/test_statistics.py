@@ -29,6 +29,8 @@ def test_the_shifted_geometric_mean_by_hand():
     assert shifted_geometric_mean([2, 4, 8], shift=0) == pytest.approx(4)
     assert shifted_geometric_mean([0, 5], shift=0) == 0
     assert shifted_geometric_mean([0, 0]) == 0
+    assert shifted_geometric_mean([1, 2], 1e308) == pytest.approx(1.5)
+    assert shifted_geometric_mean([1e308, 1e308], 1) == pytest.approx(1e308)
 
 
 @settings(deadline=None)
@@ -66,6 +68,10 @@ def test_the_primal_integral_by_hand():
     assert primal_integral([(0, 5)], -5, 10) == 10
     assert primal_gap(0, 0) == 0 and primal_gap(None, 0) == 1 and primal_gap(0, 4) == 1
     assert primal_gap(-8, -10) == pytest.approx(0.2)
+    # Beside a scale of 1, a millionth is near zero, and a sign says little.
+    assert primal_gap(1e-6, 0, 1) == primal_gap(1e-6, -1e-6, 2) == pytest.approx(1e-6)
+    assert primal_gap(5, -5, 1) == 1
+    assert primal_integral([(2, 0.5)], 0, 4, 1) == pytest.approx(3)
 
 
 @settings(deadline=None)
@@ -97,6 +103,8 @@ def test_ranks_of_two_samples_by_hand():
     found = compare_seeds([1, 2, 3, 4, 5], [6, 7, 8, 9, 10])
     assert found.p_value == pytest.approx(2 / 252) and found.effect == 1
     assert str(found).startswith("less: p = 0.0079")
+    # Ten below ten: 2 of the 184756 ways, where an approximation says 1.8e-4.
+    assert compare_seeds(range(10), range(10, 20)).p_value == pytest.approx(2 / 184756)
     few = compare_seeds([1, 2], [3, 4])
     assert few.p_value is None and "too few" in str(few)
     assert compare_seeds([1] * 6, [1] * 6).p_value == 1
@@ -209,3 +217,37 @@ def test_profiles_are_the_same_in_other_units_and_end_at_the_share_solved(rows, 
     at, shares = worse["worse"]
     first, own = worse["0"]
     assert (own[np.searchsorted(first, at, side="right") - 1] >= shares - 1e-12).all()
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    measures.map(
+        lambda rows: [[min(v, 1e5) if math.isfinite(v) else v for v in row] for row in rows]
+    )
+)
+def test_profiles_beside_a_package_of_somebody_elses(rows):
+    """``perfprof`` on PyPI, after the function of D. J. and N. J. Higham."""
+    peer = pytest.importorskip("perfprof", reason="perfprof is not installed")
+    import matplotlib.pyplot as plt
+
+    table = np.array(rows).T
+    if not np.isfinite(table).any():
+        return  # it divides by zero there
+    with np.errstate(invalid="ignore"):
+        _, lines = peer.perfprof(table, ["-"] * len(rows), thmax=1e12)
+    try:
+        ours = performance_profile({str(k): row for k, row in enumerate(rows)})
+        for k, line in enumerate(lines):
+            at, shares = ours[str(k)]
+            if line is None:
+                assert shares.tolist() == [0.0]
+                continue
+            theirs, heights = line[0].get_data()
+            # Its last point only closes the drawing; ratios that differ by rounding are one.
+            for ratio in theirs[:-1]:
+                near = ratio * (1 + 1e-12)
+                place = np.searchsorted(at, near, side="right") - 1
+                assert shares[place] == pytest.approx(heights[:-1][theirs[:-1] <= near].max())
+            assert shares[-1] == pytest.approx(heights[-1])
+    finally:
+        plt.close("all")

@@ -10,11 +10,13 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
+from datetime import UTC, datetime
 from pathlib import Path
 
 import crosstrack as ct
 from crosstrack.solvers import find_backend
 from crosstrack.solvers.conformance import cases_for, run_suite
+from crosstrack.solvers.environment import _machine
 
 
 def main(path: str) -> None:
@@ -37,13 +39,18 @@ def main(path: str) -> None:
                 "failures": [f"{one.case}: {one.reason}" for one in own if str(one.status) == "fail"],
             }
         )  # fmt: skip
+    machine = _machine()
     words = (
-        f"crosstrack {ct.__version__}, Python {sys.version.split()[0]}: {len(found)} backends, "
+        f"Run on {datetime.now(UTC):%Y-%m-%d} on {machine['processors']} processors ({machine['processor']}, "
+        f"{machine['memory']} GiB), crosstrack {ct.__version__}, Python {machine['python']}: {len(found)} backends, "
         f"{sum(one['passed'] for one in found)} cases passed, "
         f"{sum(one['failed'] for one in found)} failed. A feature that a backend does not declare makes "
         "its cases unsupported."
     )
-    Path(path).write_text(json.dumps({"words": words, "backends": found}, indent=1) + "\n")
+    Path(path).write_text(
+        json.dumps({"words": words, "processor": machine["processor"], "backends": found}, indent=1)
+        + "\n"
+    )
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
-"""Make the records of a campaign small enough to be kept: what judges and ranks them stays.
+"""Make the records of a campaign small enough to be kept: what judges, ranks and draws them stays.
 
 ::
 
     python tests/benchmarks/slim_records.py records.jsonl docs/campaign/records.jsonl
 
-Plans, courses of better plans, meshes, multipliers and counts go; so do checks that hold but for
-rounding, and the machine of all but the first, which is one. Answers are sorted, so that two campaigns differ by what they found.
+Of each instance the best plan stays where it is short, which the report draws; of a course of better
+plans those that halve what is left to the last one. Checks that hold but for rounding go, and so do the
+machine of all but the first answer, which is one, and entries that say nothing. Answers are sorted, so
+that two campaigns differ by what they found.
 """
 
 from __future__ import annotations
@@ -15,38 +17,95 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from crosstrack.solvers.bench import read_records
+from crosstrack.solvers.campaign import LEFT_OUT
+from crosstrack.solvers.solution import Solution
+from crosstrack.solvers.verdict import judge
 
-def slim(row: dict[str, Any]) -> dict[str, Any]:
-    """Return an answer without what its verdict does not need."""
-    kept = {**row, "incumbents": [], "duals": None, "starts": [], "rejected_plan": None}
-    kept.pop("history", None)
-    kept["statistics"] = {}
-    # Whether there is one decides; what it is does not.
-    kept["plan"] = None if row["plan"] is None else []
+#: Characters of a plan at the most.
+PLAN = 12_000
+#: Seconds of a part that is told at the least, and the parts that always are.
+LEAST, PARTS = 0.01, ("build", "solve", "total")
+#: Options as they are where nobody asks.
+USUAL = {"starts": 1, "warm_start": None, "backend_options": {}, "threads": None, "repeat": 0}
+
+
+def slim(row: dict[str, Any], best: bool) -> dict[str, Any]:
+    """Return an answer without what its verdict and its place do not need."""
+    kept = {name: value for name, value in row.items() if name not in ("gap", "duals", "history")}
+    # Whether there is one decides; what it is, only the picture needs.
+    if row["plan"] is not None and not (best and len(json.dumps(row["plan"])) <= PLAN):
+        kept["plan"] = LEFT_OUT
+    kept["rejected_plan"], kept["starts"] = None, []
+    kept["incumbents"] = course(row["incumbents"])
+    counts = ("evaluations", "variables")
+    kept["statistics"] = {k: v for k, v in row["statistics"].items() if k in counts}
     kept["message"] = row["message"][:300]
-    kept["seconds"] = {name: float(f"{value:.4g}") for name, value in row["seconds"].items()}
+    kept["seconds"] = {
+        name: float(f"{value:.4g}")
+        for name, value in row["seconds"].items()
+        if name in PARTS or value >= LEAST
+    }
+    kept["options"] = {k: v for k, v in row["options"].items() if USUAL.get(k, ...) != v}
     if row["verification"] is not None:
         checks = row["verification"]["checks"]
         far = [one for one in checks if not one["worst"] <= one["rounding"]]
         kept["verification"] = {**row["verification"], "checks": far}
+    always = (
+        "plan",
+        "primal_bound",
+        "verification",
+        "key",
+        "instance",
+        "version",
+        "backend",
+        "seconds",
+    )
+    return {k: v for k, v in kept.items() if k in always or v not in (None, "", [], {})}
+
+
+def course(incumbents: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the better plans that halve what is left to the last one, which is the least, and that one."""
+    if not incumbents:
+        return []
+    last = min(one["objective"] for one in incumbents)
+    kept: list[dict[str, Any]] = []
+    for one in incumbents:
+        left = one["objective"] - last
+        if not kept or left <= 0.5 * (kept[-1]["objective"] - last):
+            kept.append({**one, "seconds": float(f"{one['seconds']:.4g}")})
+        if left == 0:
+            break
     return kept
 
 
 def main(source: str, target: str) -> None:
     """Write the small records."""
-    rows = [
-        slim(json.loads(line)) for line in Path(source).read_text().splitlines() if line.strip()
-    ]
-    names = ("model", "instance", "backend", "formulation", "seed", "key")
-    machines = {row["environment"]["processor"] for row in rows}
+    rows = [json.loads(line) for line in Path(source).read_text().splitlines() if line.strip()]
+    answers: dict[str, list[tuple[Solution[Any], int]]] = {}
+    for index, row in enumerate(rows):
+        answers.setdefault(row["digest"], []).append((Solution.from_dict(row), index))
+    best = set()
+    for found in answers.values():
+        leader = judge("", [one for one, _ in found]).best
+        best.update(index for one, index in found if one is leader)
+    machines = {where for row in rows if (where := row["environment"].get("processor"))}
     assert len(machines) == 1, f"records of several machines: {machines}"
-    rows.sort(key=lambda row: [str(row[name]) for name in names])
-    for row in rows[1:]:
-        row["environment"] = {name: row["environment"][name] for name in ("load", "threads")}
+    rows = [slim(row, index in best) for index, row in enumerate(rows)]
+    names = ("model", "instance", "backend", "formulation", "seed", "key")
+    rows.sort(key=lambda row: [str(row.get(name)) for name in names])
+    whole = next(row["environment"] for row in rows if "processor" in row["environment"])
+    for row in rows:
+        where = row["environment"]
+        row["environment"] = {n: where[n] for n in ("load", "threads") if where.get(n) is not None}
+    rows[0]["environment"] = {**whole, **rows[0]["environment"]}
     lines = [
         json.dumps(row, allow_nan=False, ensure_ascii=False, separators=(",", ":")) for row in rows
     ]
     Path(target).write_text("\n".join(lines) + "\n")
+    before, after = read_records(source), read_records(target)
+    outcomes = [{one.instance: one.outcome for one in r.verdicts} for r in (before, after)]
+    assert outcomes[0] == outcomes[1], "a verdict changed with what was left out"
 
 
 if __name__ == "__main__":

@@ -17,6 +17,8 @@ PAGES = sorted(
         if not {"_build", "gallery", "generated"} & set(p.parts)
     ]
 )
+#: How a block begins that is run, and shown with what it prints, when the site is built.
+EXAMPLE = "```{crosstrack-example}"
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
 #: Examples and pages that run for five seconds and more; `make docs` runs all examples for the gallery.
 SLOW = {
@@ -37,7 +39,7 @@ SLOW = {
         "fleet-mission.md",
         "guided-path.md",
     ),
-    *("messenger.md", "optimal-control.md", "satellite-slew.md", "sideslip.md"),
+    *("cluster.md", "messenger.md", "optimal-control.md", "satellite-slew.md", "sideslip.md"),
 }
 
 
@@ -69,6 +71,16 @@ def commands():
 def test_python_on_a_page_runs(page, page_code, run_python, tmp_path):
     (tmp_path / "page.py").write_text(page_code(page), "utf-8")
     run_python("-W", "error::DeprecationWarning", "page.py", cwd=tmp_path)
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if EXAMPLE in page.read_text("utf-8")], ids=named
+)
+def test_what_a_page_runs_when_it_is_built_runs(page, run_python, tmp_path):
+    blocks = re.findall(rf"^{EXAMPLE}\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)
+    (tmp_path / "page.py").write_text("\n".join(blocks), "utf-8")
+    printed = run_python("page.py", cwd=tmp_path)
+    assert printed.strip() and ("AGREED" in printed or page.name != "index.md")
 
 
 @pytest.mark.parametrize(
@@ -117,9 +129,10 @@ def test_readme_lists_every_command():
     assert sorted(listed) == sorted(commands())
 
 
-def test_readme_names_what_make_knows():
+def test_pages_name_what_make_knows():
     makefile = (ROOT / "Makefile").read_text("utf-8")
-    text = "".join((ROOT / name).read_text("utf-8") for name in ("README.md", "CONTRIBUTING.md"))
+    pages = ("README.md", "CONTRIBUTING.md", "docs/install.md")
+    text = "".join((ROOT / name).read_text("utf-8") for name in pages)
     for target in set(re.findall(r"(?:`|\$ )make ([a-z]+)", text)):
         assert re.search(rf"^{target}:", makefile, re.M), f"no target {target!r}"
     ci = (ROOT / ".ci" / "run").read_text("utf-8")

@@ -45,7 +45,7 @@ def test_a_record_is_gone_on_with(tmp_path, options):
         ct.front(MODEL, "max", backend=first, **asked)
     assert len(record.read_text().splitlines()) == len(first.runs) == 2
     with record.open("a") as file:  # the machine went down in the middle of a line
-        file.write('{"key": "ab')
+        file.write('{"model": "ab')
     heard = []
     found = ct.front(
         MODEL,

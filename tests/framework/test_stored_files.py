@@ -48,7 +48,8 @@ def test_a_model_its_plan_and_its_solution(name, tmp_path):
     for one in (plan, solution.plan):
         found = model.verify(one, tolerance=tolerance)
         assert found.ok, found
-        assert found.objective == pytest.approx(data["primal_bound"], rel=1e-12, abs=1e-12)
+        # An integral is as exact as the integrator, and its steps follow the machine.
+        assert found.objective == pytest.approx(data["primal_bound"], rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["control", "nlp"])

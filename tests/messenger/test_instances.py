@@ -21,6 +21,7 @@ from crosstrack.instances.messenger import (
     read_vehicles,
     write_tour_samples,
 )
+from crosstrack.instances.messenger.printed import table_4
 
 PUBLIC = Path(__file__).parents[3] / "shared" / "data" / "dtspn"
 needs_public = pytest.mark.skipif(
@@ -129,6 +130,14 @@ def test_the_catalogue_has_the_papers_sizes_and_says_that_they_are_ours():
     numbers = [one.published["row"] for one in rows if "row" in one.published]
     assert len(set(numbers)) == len(numbers) == 60
     assert len({one.build().digest for one in OURS}) == len(OURS) == 65
+
+
+def test_the_printed_table():
+    columns, rows, notes = table_4()
+    assert len(columns) == len(rows[0]) == 3
+    assert [row[0] for row in rows] == [10, 20, 30, 40]
+    assert rows[0][1:] == ("205", "480")
+    assert notes
 
 
 def test_lengths_are_of_the_order_that_the_paper_prints():

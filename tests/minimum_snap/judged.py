@@ -8,6 +8,9 @@ from minimum_snap import hundred_digits
 #: What a plan may differ from the optimum where it is called optimal: relative, of the objective
 #: and of a segment's own extent.
 OBJECTIVE, SHAPE = 1e-6, 1e-6
+#: Beyond this many times the extent of what is given, the optimum runs away through free waypoints: a
+#: ten-millionth of its objective moves it by more than all that is given, and only the objective is judged.
+AWAY = 1e6
 #: What the digits of a double hide of a position, relative to it.
 ULPS = Decimal(2) ** -50
 #: Places of a segment where plans are compared.
@@ -61,7 +64,8 @@ def judge(model, solution):
         return "WRONG", f"bound {bound:.17g} above {best:.17g}"
     off = abs(objective - best) / scale
     # Where there are other optima, the plan may be any of them.
-    shape = shape_error(model, solution.plan, coefficients) if unique else 0.0
+    judged = unique and not _runs_away(model, coefficients)
+    shape = shape_error(model, solution.plan, coefficients) if judged else 0.0
     if str(solution.termination) != "optimal":
         return (
             ("feasible", f"{off:.1e} {shape:.1e}")
@@ -71,6 +75,15 @@ def judge(model, solution):
     if off > OBJECTIVE or shape > SHAPE:
         return "WRONG", f"objective off by {off:.1e}, shape by {shape:.1e}"
     return "optimal", f"{off:.1e} {shape:.1e}"
+
+
+def _runs_away(model, coefficients):
+    """Return whether the optimum leaves everything that is given far behind."""
+    given = np.where(np.isfinite(model.waypoints), model.waypoints, np.nan)
+    extent = np.nan_to_num(np.nanmax(given, axis=0) - np.nanmin(given, axis=0))
+    powers = np.array([_powers(s, coefficients.shape[1]) for s in PLACES], object)
+    path = np.array([(powers @ one).astype(float) for one in coefficients]).reshape(-1, len(extent))
+    return bool((np.ptp(path, axis=0) > AWAY * np.maximum(extent, 1e-300)).any())
 
 
 def _powers(s, count):

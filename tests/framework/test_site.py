@@ -1,0 +1,146 @@
+"""What the site makes of crosstrack: formulas, the catalogue and its filter, the reference."""
+
+import doctest
+import json
+import pkgutil
+import re
+import shutil
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from crosstrack.instances import entries
+from crosstrack.models.problems import PROBLEMS
+from crosstrack.solvers.bench import read_records
+
+nodes = pytest.importorskip("docutils.nodes", reason="the extra docs is not installed")
+pytest.importorskip("sphinx", reason="the extra docs is not installed")
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+sys.path.insert(0, str(DOCS / "_ext"))
+
+import crosstrack_api  # noqa: E402
+import crosstrack_pages  # noqa: E402
+import crosstrack_site  # noqa: E402
+
+
+def formula(latex, block=True):
+    """The markup of a formula."""
+    translator = SimpleNamespace(body=[])
+    kind = nodes.math_block if block else nodes.math
+    with pytest.raises(nodes.SkipNode):
+        crosstrack_site._formula(translator, kind(latex, latex))
+    return re.sub(r">\s+<", "><", "".join(translator.body))
+
+
+def test_a_fraction_is_stacked_and_an_inline_formula_stays_in_its_line():
+    assert "<mfrac><mi>a</mi><mi>b</mi></mfrac>" in formula(r"\frac{a}{b}")
+    assert 'display="block"' not in formula("x", block=False)
+
+
+@pytest.mark.parametrize("latex", [r"\dot q_0", r"\hat{L}_k", r"\dot\omega_r", r"\bar d^2"])
+def test_an_index_beside_an_accent_is_not_below_it(latex):
+    made = formula(latex)
+    assert "<munder" not in made
+    assert re.search("<msu[bp]>", made)
+
+
+def test_spaces_stand_after_functions_and_not_within_bars():
+    assert 'rspace="0.1667em">&ApplyFunction;' in formula(r"\ln r")
+    assert "rspace" not in formula(r"\exp(r)")
+    assert '<mo lspace="0" rspace="0" stretchy="false">|</mo>' in formula("|x|")
+
+
+def test_a_formula_that_cannot_be_read_is_a_warning(caplog):
+    assert r"\nosuch&lt;" in formula(r"\nosuch<")
+    assert "nosuch" in caplog.text
+
+
+def test_the_catalogues_helpers_do_as_they_say():
+    assert not doctest.testmod(crosstrack_pages).failed
+
+
+def test_every_published_figure_is_shown_or_left_out_on_purpose():
+    shown = {"objective", "source", "formula", "table", "row", *crosstrack_pages.FIGURES}
+    left_out = {
+        *("analytic", "chains", "example", "q", "route", "evaluations", "tolerance"),
+        *("seconds", "computing_seconds", "two_stage_seconds", "solver"),
+    }
+    assert {key for entry in entries() for key in entry.published} <= shown | left_out
+
+
+def test_best_values_are_those_of_the_instance_and_not_of_the_papers_data():
+    verdicts = {one.instance: one for one in read_records(DOCS / "campaign/records.jsonl").verdicts}
+    found = {entry.name: entry for entry in entries()}
+
+    def best(name):
+        return crosstrack_pages.best_known(found[name], verdicts[name])
+
+    paper = found["error-correction/1"].published["optimum"]
+    value, source = best("error-correction/1")
+    assert float(value) != paper
+    assert source.endswith("proven")
+    assert f"on other data {paper:g}" in crosstrack_pages.figures_of(found["error-correction/1"])
+    assert best("error-correction/example-1") == ("4.5", "stated")
+    assert best("resource-routing/errand")[1] == "two straight lines"
+    assert best("grid-path/unreachable") == ("infeasible", "campaign, proven")
+    assert best("attractor/ar1") == ("", "")
+    assert crosstrack_pages.figures_of(found["attractor/ar1"]) == "by its making"
+    assert "final time (s) 7.836" in crosstrack_pages.figures_of(found["satellite-slew/paper"])
+
+
+def asked():
+    """Modules, names and classes that the reference documents."""
+    pages = [path.read_text("utf-8") for path in sorted((DOCS / "api").glob("*.md"))]
+    return list(crosstrack_api._asked(pages + [crosstrack_api.problem_page(p) for p in PROBLEMS]))
+
+
+def test_a_class_has_one_page():
+    classes = [value for _, _, value in asked()]
+    assert len(classes) == len(set(classes)) > 100
+
+
+def test_roles_on_pages_name_classes_that_the_reference_documents():
+    known = {value for _, _, value in asked()}
+    for page in [*DOCS.glob("*.md"), *DOCS.glob("*/*.md")]:
+        text = page.read_text("utf-8")
+        for target in re.findall(r"\{class\}`(?:[^`<]*<)?~?(crosstrack[\w.]+)>?`", text):
+            assert pkgutil.resolve_name(target) in known, f"{page.name}: {target}"
+
+
+def test_the_conformance_table_says_when_and_where_it_was_made():
+    data = json.loads((DOCS / "campaign/conformance.json").read_text("utf-8"))
+    assert re.search(r"\d{4}-\d\d-\d\d", data["words"])
+    assert data["processor"] in data["words"]
+
+
+def test_the_filter_hides_headings_without_rows(tmp_path):
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    program = shutil.which("chromium")
+    if program is None:
+        pytest.skip("chromium is not installed")
+    raw = re.search(r"```\{raw\} html\n(.*?)```", (DOCS / "catalogue.md").read_text("utf-8"), re.S)
+    sections = "".join(
+        f"<section id='{name}'><h2>{name}</h2><table><thead><tr><th>instance</th></tr></thead>"
+        f"<tbody>{''.join(f'<tr><td>{name}/{row}</td></tr>' for row in rows)}</tbody></table></section>"
+        for name, rows in {"fleet": ("small", "large"), "messenger": ("small",)}.items()
+    )
+    page_file = tmp_path / "page.html"
+    page_file.write_text(f"<!doctype html><section>{raw[1]}{sections}</section>", "utf-8")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        page = browser.new_page()
+        page.goto(page_file.as_uri())
+        for wanted, fleet, messenger, left in (
+            ("LARGE", True, False, "1 left"),
+            ("small", True, True, "2 left"),
+            ("nothing", False, False, "0 left"),
+            ("", True, True, ""),
+        ):
+            page.fill("#filter", wanted)
+            assert page.locator("#fleet").is_visible() is fleet
+            assert page.locator("#messenger").is_visible() is messenger
+            assert page.locator("#left").text_content() == left
+        browser.close()
