@@ -19,7 +19,16 @@ from typing import Any, TypeVar, cast, overload
 
 log = logging.getLogger("crosstrack")
 
-__all__ = ["BUDGET", "MOST_LABELS", "Kernel", "compile_always", "interpreting", "kernel", "watched"]
+__all__ = [
+    "BUDGET",
+    "MOST_LABELS",
+    "Kernel",
+    "clock",
+    "compile_always",
+    "interpreting",
+    "kernel",
+    "watched",
+]
 
 #: Labels of one search above which it gives up rather than fill the memory: about 3 GB.
 MOST_LABELS = 50_000_000
@@ -39,6 +48,8 @@ Watcher = Callable[[], AbstractContextManager[Any]]
 
 _left = BUDGET
 _watchers: list[Watcher] = []
+#: Seconds spent compiling, in every thread of the process.
+_spent = 0.0
 _compiling = threading.RLock()
 
 
@@ -120,8 +131,10 @@ class Kernel:
 
     def _compile(self, arguments: tuple[Any, ...]) -> None:
         """Compile for the types of `arguments`, or load what was, while the watchers wait."""
+        global _spent
         with ExitStack() as stack:
             stack.enter_context(_compiling)
+            begin = perf_counter()
             for watcher in tuple(_watchers):
                 stack.enter_context(watcher())
             import numba
@@ -144,6 +157,7 @@ class Kernel:
             stack.enter_context(event.install_listener("numba:compile", Begun()))
             if hasattr(self.dispatcher, "compile"):  # not where NUMBA_DISABLE_JIT is set
                 self.dispatcher.compile(tuple(map(cast(Any, numba.typeof), arguments)))
+            _spent += perf_counter() - begin
         self._ready = True
 
     def _announce(self) -> None:
@@ -216,6 +230,11 @@ def kernel(function: Callable[..., Any] | None = None, *, interpretable: bool = 
     if function is None:
         return lambda function: Kernel(function, interpretable)
     return Kernel(function, interpretable)
+
+
+def clock() -> float:
+    """Return seconds as ``time.perf_counter`` counts them, without those spent compiling so far."""
+    return perf_counter() - _spent
 
 
 def interpreting() -> bool:

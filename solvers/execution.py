@@ -89,8 +89,10 @@ def claim(
     def compiling() -> Iterator[None]:
         if on_prepare is not None:
             on_prepare(True)
-        with control.paused(), run.clock("compile"):
+        begin = time.perf_counter()
+        with control.paused():
             yield
+        run.seconds["compile"] = run.seconds.get("compile", 0.0) + time.perf_counter() - begin
         if on_prepare is not None:
             on_prepare(False)
 
@@ -98,22 +100,15 @@ def claim(
         jit.compile_always()
     with compiling():
         backend.prepare()
-    prepared = run.seconds["compile"]
-    started = time.perf_counter()
-    problem, request = _build(run, control)
+    started = jit.clock()
+    with jit.watched(compiling):
+        problem, request = _build(run, control)
     if job.time_limit is not None:
-        left = max(job.time_limit - (time.perf_counter() - started), 1e-3)
+        left = max(job.time_limit - (jit.clock() - started), 1e-3)
         request = replace(request, time_limit=left)
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):
         with jit.watched(compiling):
             answer, problem = refine(run, problem, request)
-        # What a kernel too long to be interpreted took to compile is no part of the solving.
-        meanwhile = run.seconds["compile"] - prepared
-        if meanwhile:
-            if "solve" in answer.seconds:
-                solve = max(answer.seconds["solve"] - meanwhile, 0.0)
-                answer = replace(answer, seconds={**answer.seconds, "solve": solve})
-            run.seconds["run"] = max(run.seconds.get("run", 0.0) - meanwhile, 0.0)
         if control.reason is Limit.INTERRUPTED and answer.limit is None:
             # Asked for when all was done but this.
             answer = replace(answer, limit=Limit.INTERRUPTED)

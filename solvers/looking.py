@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from typing import Any
 
+from ..jit import clock
 from .backend import Answer, Request
 from .enums import Termination
 from .running import Run
@@ -57,7 +57,7 @@ def look_again(
         return answer, problem
     if request.control.stopped or (left is not None and left < ROOM * run.spent[-1]):
         return answer, problem
-    begin, options = time.perf_counter(), dict(request.options)
+    begin, options = clock(), dict(request.options)
     if "max_iter" in options:
         most = ITERATIONS * int(answer.statistics.get("iterations", 0)) + MORE
         options["max_iter"] = min(options["max_iter"], most)
@@ -69,7 +69,7 @@ def look_again(
         found = run.attend(other.program, asked)
     answer = replace(answer, statistics={**answer.statistics, SECOND: "no better"})
     best = found.primal_bound is not None and found.primal_bound < value - BETTER * abs(value)
-    run.spent[-1] += time.perf_counter() - begin
+    run.spent[-1] += clock() - begin
     if not best or found.termination is not Termination.LOCALLY_OPTIMAL:
         return answer, problem
     run.target = replace(run.target, formulation=other)

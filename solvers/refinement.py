@@ -8,7 +8,6 @@ proven.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidData
+from ..jit import clock
 from .backend import Answer, Request
 from .enums import PROVING, Feature, Limit, Termination
 from .job import Target
@@ -82,17 +82,17 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
         The last answer, its seconds and counts summed over all programs, and the program answered.
     """
     totals = _Totals()
-    deadline = None if request.time_limit is None else time.perf_counter() + request.time_limit
+    deadline = None if request.time_limit is None else clock() + request.time_limit
 
     def attend(program: Any, asked: Request) -> Answer:
-        begin = time.perf_counter()
+        begin = clock()
         answer = run.attend(program, asked)
-        run.spent.append(time.perf_counter() - begin)
+        run.spent.append(clock() - begin)
         totals.add(answer)
         return answer
 
     def left() -> float | None:
-        return None if deadline is None else deadline - time.perf_counter()
+        return None if deadline is None else deadline - clock()
 
     answer = attend(problem, request)
     formulation = run.target.formulation

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...jit import clock
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
@@ -110,10 +110,10 @@ class AttractorBackend(Backend):
 
     def run(self, problem: AttractorAnalysis, request: Request) -> Answer:
         """Analyse the series, and answer with the estimate."""
-        begin = time.perf_counter()
+        begin = clock()
         with np.errstate(all="ignore"):
             found = self.find(problem, request)
-        seconds = {"solve": time.perf_counter() - begin}
+        seconds = {"solve": clock() - begin}
         if found is None:
             reason = request.control.reason or Limit.TIME
             return Answer(Termination.NO_SOLUTION, reason, seconds=seconds)

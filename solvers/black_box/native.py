@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedFormulation
+from ...jit import clock
 from ...models.black_box.model import BlackBoxMinimisation
 from ...models.black_box.plan import BlackBoxPoint
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
@@ -125,9 +125,9 @@ class Objective:
         values = np.full(len(x), np.inf)
         done = 0
         while done < len(x) and not self.control.stopped:
-            begin = time.perf_counter()
+            begin = clock()
             answers = self.control.ask(x[done : done + self._several])[:, 0]
-            self._pace(time.perf_counter() - begin)
+            self._pace(clock() - begin)
             values[done : done + len(answers)] = self._counted(x[done:], answers)
             done += len(answers)
         if self.control.stopped or done < len(points):
@@ -218,7 +218,7 @@ class BlackBoxBackend(Backend):
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r}: {refusal}")
-        begin = time.perf_counter()
+        begin = clock()
         objective = Objective(problem, request)
         own: Mapping[str, Any] = {}
         limit: Limit | None = None
@@ -250,7 +250,7 @@ class BlackBoxBackend(Backend):
             limit,
             BlackBoxPoint(tuple(objective.x.tolist())) if objective.x is not None else None,
             objective.best if found else None,
-            seconds={"solve": time.perf_counter() - begin},
+            seconds={"solve": clock() - begin},
             statistics={**counts, **own},
             message=message,
         )

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...jit import clock
 from ...models.error_correction.model import ErrorCorrectionRouting, Route
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 
@@ -80,7 +80,7 @@ class Labelling(Backend):
         from .airspace import airspace
         from .grid import build
 
-        begin = time.perf_counter()
+        begin = clock()
         weight = request.options["weight"]
         space = airspace(problem)
         grid = build(space, np.ones(len(space.points), np.bool_))
@@ -100,6 +100,6 @@ class Labelling(Backend):
             (request.control.reason or Limit.INTERRUPTED) if stopped else None,
             Route(tuple(route.tolist())) if found else None,
             float(length) if found else None,
-            seconds={"solve": time.perf_counter() - begin},
+            seconds={"solve": clock() - begin},
             statistics=statistics,
         )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 import os
-import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ...jit import clock
 from ...models.fleet import Deviation, FleetPlan, FleetRouting, Objective
 from ...models.fleet.checks import loads_of, objective_of
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
@@ -215,7 +215,7 @@ class _Search:
     def answer(self) -> Answer:
         """Search, and say what was found."""
         model, request = self.model, self.request
-        begin = time.perf_counter()
+        begin = clock()
         self.data = _Data.of(model)
         seeds = np.random.SeedSequence(request.seed or 0).spawn(ABREAST)
         self.draws = [np.random.default_rng(seed) for seed in seeds]
@@ -228,7 +228,7 @@ class _Search:
         stopped = request.control.stopped
         limit = request.control.reason if stopped else Limit.TIME if request.left() == 0.0 else None
         statistics = {"steps": self.steps, "rounds": self.rounds}
-        seconds = {"solve": time.perf_counter() - begin, "bound": self.proving}
+        seconds = {"solve": clock() - begin, "bound": self.proving}
         if self.best is None:
             return Answer(
                 Termination.NO_SOLUTION, limit, None, None, self.bound, seconds=seconds,
@@ -279,10 +279,10 @@ class _Search:
 
     def prove(self) -> None:
         """Prove a lower bound."""
-        begin = time.perf_counter()
+        begin = clock()
         control = self.request.control
         self.bound = control.bound = lower_bound(self.model, control.flag)
-        self.proving = time.perf_counter() - begin
+        self.proving = clock() - begin
 
     def drawn(self, draw: np.random.Generator) -> tuple[_Routes, float, np.random.Generator]:
         """Return routes to anneal, and how hot: none yet, or two of those kept, recombined."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import time
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
+from ...jit import clock
 from ...models.fleet import FleetPlan, FleetRouting
 from ...models.fleet.checks import loads_of, objective_of
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
@@ -119,7 +119,7 @@ class FleetHeuristic(Backend):
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
-        begin = time.perf_counter()
+        begin = clock()
         best = Best(problem, request)
         own = self.search(best, request)
         limit = None
@@ -131,7 +131,7 @@ class FleetHeuristic(Backend):
             limit,
             best.plan,
             best.objective if found else None,
-            seconds={"solve": time.perf_counter() - begin},
+            seconds={"solve": clock() - begin},
             statistics=dict(own),
             message="" if found or not best.broken else f"no plan found keeps: {best.broken}",
         )

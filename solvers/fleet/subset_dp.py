@@ -15,13 +15,13 @@ them out.
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
+from ...jit import clock
 from ...models.fleet.checks import loads_of, objective_of
 from ...models.fleet.data import LEXICOGRAPHIC, Deviation, FleetData, Objective
 from ...models.fleet.model import FleetRouting
@@ -69,7 +69,7 @@ class SubsetDP(Backend):
         reason = self.refuses(problem)
         if reason:
             raise UnsupportedFormulation(f"backend {self.name!r}: {reason}")
-        begin = time.perf_counter()
+        begin = clock()
         search = _Search(problem, request)
         search.solve()
         plan, stopped = search.plan, request.control.stopped
@@ -86,7 +86,7 @@ class SubsetDP(Backend):
             plan,
             search.value if plan is not None else None,
             bound if math.isfinite(bound) else None,
-            seconds={"solve": time.perf_counter() - begin},
+            seconds={"solve": clock() - begin},
             statistics=search.statistics,
         )
 

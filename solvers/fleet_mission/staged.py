@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 import os
-import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import ClassVar
 
 import numpy as np
 
+from ...jit import clock
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
 from ...models.fleet_mission.model import FleetMission
@@ -62,7 +62,7 @@ class Staged(Backend):
 
     def run(self, problem: FleetMission, request: Request) -> Answer:
         """Carry out the stages."""
-        begin = time.perf_counter()
+        begin = clock()
         stages = Stages(problem, request)
         try:
             answer = self._carried_out(stages)
@@ -70,7 +70,7 @@ class Staged(Backend):
             answer = fault.ended(request, stages.statistics)
         return Answer(
             answer.termination, answer.limit, answer.point, answer.primal_bound,
-            seconds={"solve": time.perf_counter() - begin},
+            seconds={"solve": clock() - begin},
             statistics=stages.statistics, message=answer.message,
         )  # fmt: skip
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
+from ...jit import clock
 from ...models.grid_path.model import Connectivity, GridPath, Reach
 from ...models.grid_path.plan import GridPlan
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
@@ -125,7 +125,7 @@ class NeighbourSearch(Backend):
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
-        begin = time.perf_counter()
+        begin = clock()
         field = Field(problem)
         every = problem.reach is Reach.EACH
         groups = np.split(field.goals, len(field.goals)) if every and not self.shared else None
@@ -143,7 +143,7 @@ class NeighbourSearch(Backend):
                     paths.append(found.path(int(goals[k])))
             if len(paths) < len(costs):
                 break
-        seconds = {"solve": time.perf_counter() - begin}
+        seconds = {"solve": clock() - begin}
         statistics = {"cells expanded": expanded}
         if len(paths) < len(costs):
             return Answer(Termination.INFEASIBLE, seconds=seconds, statistics=statistics)

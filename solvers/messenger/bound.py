@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any, ClassVar
 
 import numpy as np
 
+from ...jit import clock
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import Primitive, TourPlan
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
@@ -39,7 +39,7 @@ class EuclideanBound(Backend):
         """Search over the orders, and say what is proven."""
         from .bound_search import OrderSearch
 
-        begin = time.perf_counter()
+        begin = clock()
         control = request.control
         cutoff = float("inf") if request.cutoff is None else request.cutoff * (1 + 1e-9)
         search = OrderSearch(problem, cutoff, curved=self.curved)
@@ -74,7 +74,7 @@ class EuclideanBound(Backend):
             plan,
             None if plan is None else plan.length,
             bound,
-            seconds={"solve": time.perf_counter() - begin},
+            seconds={"solve": clock() - begin},
             statistics=statistics,
             message=message,
         )

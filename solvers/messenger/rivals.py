@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
+from ...jit import clock
 from ...models.messenger.model import MessengerTour
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
@@ -124,7 +124,7 @@ class Rival(Backend):
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
-        begin = time.perf_counter()
+        begin = clock()
         flight = Flight(problem, request)
         own = self.search(flight, request)
         limit = None
@@ -136,6 +136,6 @@ class Rival(Backend):
             limit,
             flight.plan,
             flight.length if found else None,
-            seconds={"solve": time.perf_counter() - begin},
+            seconds={"solve": clock() - begin},
             statistics=dict(own),
         )

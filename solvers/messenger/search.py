@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
+from ...jit import clock
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import TourPlan
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
@@ -94,14 +94,14 @@ class _Search:
 
     def answer(self) -> Answer:
         """Search, and say what was found."""
-        begin = time.perf_counter()
+        begin = clock()
         request, options = self.request, self.request.options
         if request.warm_start is not None:
             self.offer(request.warm_start)
         self.anneal(LEAST)  # something to fall back upon
-        proven = time.perf_counter()
+        proven = clock()
         orders = self.prove() if options["bound"] else []
-        proven = time.perf_counter() - proven
+        proven = clock() - proven
         steps = options["steps"] or max(STEPS * self.problem.size, LEAST)
         for order in orders:
             if not self.ended:
@@ -114,7 +114,7 @@ class _Search:
         if limit is None and request.left() == 0.0:
             limit = Limit.TIME
         statistics = {"annealings": self.runs, "polishes": self.polishes}
-        seconds = {"solve": time.perf_counter() - begin, "bound": proven}
+        seconds = {"solve": clock() - begin, "bound": proven}
         if self.best is None:
             return Answer(
                 Termination.NO_SOLUTION, limit, None, None, self.bound, seconds=seconds,
@@ -150,7 +150,7 @@ class _Search:
         from .bound_search import OrderSearch, best_orders
 
         control, left = self.request.control, self.request.left()
-        end = math.inf if left is None else time.perf_counter() + BOUND_SHARE * left
+        end = math.inf if left is None else clock() + BOUND_SHARE * left
         search = OrderSearch(self.problem, curved=True)
 
         def rising(bound: float) -> None:
@@ -159,7 +159,7 @@ class _Search:
         def stopped() -> bool:
             # Counted where it can be, so that the same seed gives the same plan.
             many = left is None and search.chains.solved >= BOUND_PROGRAMS
-            return control.stopped or many or time.perf_counter() > end
+            return control.stopped or many or clock() > end
 
         search.run(stopped, rising, self.request.gap)
         self.bound = search.bound

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
+from ...jit import clock
 from ...models.minimum_snap.bounds import derivative_name
 from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
@@ -73,7 +72,7 @@ class Banded(Backend):
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
-        begin = time.perf_counter()
+        begin = clock()
         order = problem.order
         # Derivatives beyond the given rows are free.
         table = np.full((problem.times.size, order, problem.dimensions), np.inf)
@@ -99,7 +98,7 @@ class Banded(Backend):
             "method": found.method,
         }
         if found.outcome is not Outcome.SOLVED:
-            seconds = {"solve": time.perf_counter() - begin}
+            seconds = {"solve": clock() - begin}
             if found.outcome is Outcome.NOT_UNIQUE:
                 message = (
                     "some motion costs nothing and moves nothing that is fixed, so there is no "
@@ -112,7 +111,7 @@ class Banded(Backend):
             )
         plan = Trajectory(problem.times, jets_to_coefficients(durations, found.jets, found.moments))
         objective = float(found.objective.sum())
-        solved = time.perf_counter()
+        solved = clock()
         proof = certify(durations, values, weights, found)
         statistics["correction"] = proof.correction
         proven = proof.correction <= CERTIFIED
@@ -122,7 +121,7 @@ class Banded(Backend):
             primal_bound=objective,
             # J is a sum of squares.
             dual_bound=max(0.0, float(proof.objective.sum()) - proof.gap) if proven else 0.0,
-            seconds={"solve": solved - begin, "certify": time.perf_counter() - solved},
+            seconds={"solve": solved - begin, "certify": clock() - solved},
             statistics=statistics,
             message=_doubt(problem, plan) if proven else (
                 f"the shape of segment {proof.segment} is certain to {proof.correction:.1g} of its size "

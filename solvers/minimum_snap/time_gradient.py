@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
+from ...jit import clock
 from ...models.minimum_snap.time_allocation import TimeAllocation
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 
@@ -57,7 +57,7 @@ def _concluded(
     statistics["solves"] = inner.solves
     if inner.steps:
         statistics["newton steps"] = inner.steps
-    seconds = {"solve": time.perf_counter() - begin}
+    seconds = {"solve": clock() - begin}
     if plan is None:
         return Answer(
             Termination.NO_SOLUTION, limit, seconds=seconds, statistics=statistics,
@@ -131,9 +131,9 @@ class TimeGradient(Backend):
         from .time_merging import coarser, runs_of, subdivided
         from .time_rules import resumed, typical
 
-        begin = time.perf_counter()
+        begin = clock()
         control = request.control
-        told = [time.perf_counter()]
+        told = [clock()]
         inner = inner_problem(problem, control.flag)
         tolerance = request.options.get("gradient")
         most = request.options.get("iterations", 2000)
@@ -144,11 +144,11 @@ class TimeGradient(Backend):
         iterations = evaluations = solves = steps = 0
 
         def heard(durations: Floats, value: float) -> None:
-            if time.perf_counter() - told[0] > PAUSE:
+            if clock() - told[0] > PAUSE:
                 plan = inner.plan(durations)
                 if plan is not None:
                     control.incumbent(problem.objective(plan), plan)
-                told[0] = time.perf_counter()
+                told[0] = clock()
 
         for now, model in coarser(problem) if nested else [(runs, problem)]:
             if control.stopped:
@@ -185,7 +185,7 @@ class TimeGradient(Backend):
             return Answer(
                 Termination.NO_SOLUTION,
                 (control.reason or Limit.INTERRUPTED) if stopped else None,
-                seconds={"solve": time.perf_counter() - begin},
+                seconds={"solve": clock() - begin},
                 statistics={"solves": inner.solves, "newton steps": inner.steps},
                 message=""
                 if stopped

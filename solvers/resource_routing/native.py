@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import time
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...errors import UnsupportedFormulation
+from ...jit import clock
 from ...models.resource_routing.route import Route
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
@@ -46,10 +46,10 @@ class RouteSearch(Backend):
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
-        begin = time.perf_counter()
+        begin = clock()
         cutoff = math.inf if request.cutoff is None else request.cutoff * (1 + 1e-9)
         found, own = self.find(problem, cutoff, request)
-        seconds = {"solve": time.perf_counter() - begin}
+        seconds = {"solve": clock() - begin}
         plan = Route(tuple(found.route.tolist())) if found.route.size else None
         termination, limit, message = Termination.INFEASIBLE, None, ""
         # The legs of the route, added exactly: no bound may exceed that by what rounding does.

@@ -7,13 +7,13 @@ singularities; verification says so.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
+from ...jit import clock
 from ...models.satellite_slew.model import SatelliteSlew
 from ...models.satellite_slew.profile import EigenaxisProfile
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
@@ -90,7 +90,7 @@ class EigenaxisSteering(Backend):
 
     def run(self, problem: SatelliteSlew, request: Request) -> Answer:
         """Search for the fastest turn, fly it, and return its plan."""
-        begin = time.perf_counter()
+        begin = clock()
         own = [name for name in self.options if name not in EigenaxisSteering.options]
         law = self.law(*(request.options[name] for name in own))
         search = _Search(problem, law, request)
@@ -101,7 +101,7 @@ class EigenaxisSteering(Backend):
             limit = request.control.reason or Limit.INTERRUPTED
             return Answer(
                 Termination.NO_SOLUTION, limit,
-                seconds={"solve": time.perf_counter() - begin}, statistics=statistics,
+                seconds={"solve": clock() - begin}, statistics=statistics,
                 message="the search was stopped",
             )  # fmt: skip
         flight = found.loop.fly(search.latest, FINE)
@@ -115,7 +115,7 @@ class EigenaxisSteering(Backend):
         }
         return Answer(
             Termination.FEASIBLE, None, plan,
-            seconds={"solve": time.perf_counter() - begin}, statistics=statistics,
+            seconds={"solve": clock() - begin}, statistics=statistics,
             message=_message(problem, found.kept, flight),
         )  # fmt: skip
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
+from ...jit import clock
 from ...models.sideslip.data import UNKNOWN
 from ...models.sideslip.model import SideslipEstimation
 from ...models.sideslip.plan import SideslipEstimate
@@ -67,10 +67,10 @@ class SideslipBackend(Backend):
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r}: {refusal}")
-        begin = time.perf_counter()
+        begin = clock()
         with np.errstate(all="ignore"):  # what overflows is replaced below
             found = self.estimate(problem, request)
-        seconds = {"solve": time.perf_counter() - begin}
+        seconds = {"solve": clock() - begin}
         if found is None:
             reason = request.control.reason or Limit.TIME
             return Answer(Termination.NO_SOLUTION, reason, seconds=seconds)

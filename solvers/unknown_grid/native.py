@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar, Protocol
@@ -10,6 +9,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ...jit import clock
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.plan import ACTIONS, NavigationRuns, Outcome
 from ...models.unknown_grid.world import BLOCKED, FREE, GOING, LOOK, REACHED, TARGET, Looks
@@ -73,7 +73,7 @@ class NavigationBackend(Backend):
 
     def run(self, problem: UnknownGridNavigation, request: Request) -> Answer:
         """Lead the vehicle through all scenes, and answer with what was done."""
-        begin = time.perf_counter()
+        begin = clock()
         run = _Run(problem, request)
         for first in range(0, problem.scenes, self.together):
             scenes = np.arange(first, min(first + self.together, problem.scenes))
@@ -81,7 +81,7 @@ class NavigationBackend(Backend):
             if request.control.stopped:
                 break
         plan = NavigationRuns(tuple(map("".join, run.actions)), tuple(run.outcomes))
-        seconds = {"solve": time.perf_counter() - begin}
+        seconds = {"solve": clock() - begin}
         lost = problem.scenes - run.outcomes.count(Outcome.REACHED)
         message = f"target not reached in {lost} of {problem.scenes} scenes" if lost else ""
         statistics = {
@@ -126,9 +126,9 @@ class _Run:
             if not len(scenes):
                 return
             looks = self._perceived(looks)
-            begin = time.perf_counter()
+            begin = clock()
             chosen = np.asarray(policy.decide(looks), np.int64)
-            self.thinking += time.perf_counter() - begin
+            self.thinking += clock() - begin
             self.decisions += len(scenes)
             acts = chosen >= 0
             for row in np.flatnonzero(~acts).tolist():
@@ -154,11 +154,11 @@ class _Run:
             return looks
         from .perception import perceive
 
-        begin = time.perf_counter()
+        begin = clock()
         method, weights = (self.request.options[k] for k in PERCEPTION)
         size = (int(self.problem.view[0]), int(self.problem.view[1]))
         cells = np.where(perceive(looks.view, size, method, weights), BLOCKED, FREE).astype(float)
-        self.perceiving += time.perf_counter() - begin
+        self.perceiving += clock() - begin
         self.images += len(cells)
         # What is known besides: the vehicle stands on a free cell, and so does the target.
         for row, scene in enumerate(looks.scenes.tolist()):
