@@ -40,12 +40,12 @@ def read_text(path: str | os.PathLike[str]) -> str:
     return decoded(read_bytes(path), as_path(path))
 
 
-def read_bytes(path: str | os.PathLike[str]) -> bytes:
-    """Return what a file or a pipe holds, one byte more than :data:`LARGEST_FILE` at the most."""
+def read_bytes(path: str | os.PathLike[str], most: int = LARGEST_FILE) -> bytes:
+    """Return what a file or a pipe holds, one byte more than `most` at the most."""
     file = as_path(path)
     try:
         with file.open("rb") as stream:
-            return stream.read(LARGEST_FILE + 1)
+            return stream.read(most + 1)
     except FileNotFoundError:
         raise InvalidData(f"{file}: no such file") from None
     except (OSError, ValueError) as error:

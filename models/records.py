@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -33,11 +33,24 @@ class Sequence(Spec):
 
 @dataclass(frozen=True)
 class Table(Spec):
-    """A mapping from words to anything, as a dict."""
+    """A mapping from words to anything, as a dict.
+
+    Parameters
+    ----------
+    known : mapping of str to Spec
+        What certain entries must be, where they are there.
+    others : Spec
+        What all others must be.
+    """
+
+    known: Mapping[str, Spec] = field(default_factory=dict)
+    others: Spec = field(default_factory=Anything)
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> dict[str, Any]:
         if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
             raise InvalidData(f"{name} must be an object, got {show(value)}", field=name)
+        for key, one in value.items():  # checked, and kept as they stand
+            self.known.get(key, self.others).coerce(f"{name}.{key}", one, sizes)
         return dict(value)
 
 

@@ -201,13 +201,18 @@ class Record:
         except InvalidData as error:
             raise ValueError(f"it could not be read again: {error}") from None
         line = text.encode() + b"\n"
+        before = self._file.seek(0, os.SEEK_END)
         try:
             while line:
                 line = line[self._file.write(line) :]
             os.fsync(self._file.fileno())
         except OSError as error:
+            with contextlib.suppress(
+                OSError
+            ):  # a line that stays cut off is removed by who goes on
+                self._file.truncate(before)
             raise InvalidData(
-                f"record {self.path} cannot be written: {error}; what stands in it is whole",
+                f"record {self.path} cannot be written: {error}; every earlier answer stands in it",
                 field="record",
             ) from None
         self._done[data["key"]] = data

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..errors import CrosstrackError, InvalidData
+from ..errors import CrosstrackError, InvalidData, show
 from ..jit import clock
 from .backend import Answer, Control, Request
 from .control import GRACE
@@ -172,6 +172,8 @@ class Run:
         outcome = box[0]
         if isinstance(outcome, Answer):
             return outcome
+        if not isinstance(outcome, BaseException):
+            outcome = TypeError(f"run() must return an Answer, got {show(outcome)}")
         if isinstance(outcome, CrosstrackError) or not isinstance(outcome, Exception):
             raise outcome
         log.error("backend %s failed", backend.name, exc_info=outcome)

@@ -77,9 +77,14 @@ _RECORD: dict[str, Spec] = {
     "limit": Optional(Member(Limit)),
     **dict.fromkeys(("primal_bound", "dual_bound"), _NUMBER),
     **dict.fromkeys(("plan", "rejected_plan", "verification"), Anything()),
-    **dict.fromkeys(
-        ("seconds", "options", "formulation_options", "statistics", "environment"), _TABLE
+    "seconds": Table(others=Real()),
+    "options": Table(
+        {
+            **dict.fromkeys(("gap", "tolerance", "time_limit", "memory_limit"), _NUMBER),
+            "repeat": Optional(Whole(0)),
+        }
     ),
+    **dict.fromkeys(("formulation_options", "statistics", "environment"), _TABLE),
     **dict.fromkeys(("incumbents", "starts", "history"), Sequence()),
     "seed": Optional(Whole()),
     "duals": Optional(Array(("rows",))),

@@ -22,7 +22,14 @@ from ...models.verification import TOLERANCE
 from ..backend import Backend, Feature
 from ..crosscheck import task_of
 from ..job import GAP
-from ..registry import accepted, backend_states, find_backend, fitting, recommended
+from ..registry import (
+    accepted,
+    backend_states,
+    default_formulation,
+    find_backend,
+    fitting,
+    recommended,
+)  # fmt: skip
 from ..scheduling import Task
 
 __all__ = ["Campaign", "Set"]
@@ -96,7 +103,7 @@ class Set:
         Names or globs of installed backends, ``"name:formulation"`` for one on a certain formulation,
         ``"auto"`` for the recommended one; ``"*"`` are all that accept an instance by default.
     exclude : tuple of (str, str)
-        Globs of instances and of backends that do not run together.
+        Globs of instances and of backends, or of ``"name:formulation"``, that do not run together.
     formulations : tuple of str
         Backends that take programs run on each that the model has; without any, on the default.
     seeds : tuple of int
@@ -149,16 +156,17 @@ class Set:
                 raise UnknownName("backend in backend_options", name, sorted(installed))
             Table().coerce(f"backend_options.{name}", options, {})
 
-    def excludes(self, instance: str, backend: str) -> bool:
-        """Return whether the two do not run together."""
-        return any(
-            fnmatchcase(instance, one) and fnmatchcase(backend, two) for one, two in self.exclude
-        )
+    def excluding(self, instance: str, *names: str) -> set[tuple[str, str]]:
+        """Return the exclusions of an instance with a backend, by any of its names; none: they run."""
+        return {
+            (one, two)
+            for one, two in self.exclude
+            if fnmatchcase(instance, one) and any(fnmatchcase(name, two) for name in names)
+        }
 
-    def asked(self, model: Model[Any]) -> Iterator[tuple[Backend, str | None]]:
-        """Yield the backends that run on `model`, each with its formulation, each once."""
+    def asked(self, model: Model[Any]) -> Iterator[tuple[str, Backend, str | None]]:
+        """Yield the backends that run on `model` with the entry that asks for them, and their formulation."""
         usual = fitting(model)
-        seen = set()
         for entry in self.backends:
             name, _, formulation = entry.partition(":")
             if name == "auto":
@@ -168,10 +176,8 @@ class Set:
                 names = usual if any(sign in name for sign in "*?[") else (name,)
                 chosen = [one for one in names if fnmatchcase(one, name)]
             for one in chosen:
-                for pair in self._formulated(model, one, formulation):
-                    if (pair[0].name, pair[1]) not in seen:
-                        seen.add((pair[0].name, pair[1]))
-                        yield pair
+                for backend, how in self._formulated(model, one, formulation):
+                    yield entry, backend, how
 
     def _formulated(
         self, model: Model[Any], name: str, formulation: str
@@ -180,8 +186,10 @@ class Set:
             backend = find_backend(name, model)
         except UnknownName:
             return  # the algorithm of another problem
-        wanted = [formulation] if formulation else list(self.formulations)
-        for one in wanted if wanted and not isinstance(model, backend.accepts) else [None]:
+        wanted: list[str | None] = [formulation] if formulation else [*self.formulations]
+        if not formulation and isinstance(model, backend.accepts):
+            wanted = []  # it takes the model itself
+        for one in wanted or [None]:
             if accepted(model, backend, one) is not None:
                 yield backend, one
 
@@ -198,11 +206,14 @@ class Campaign:
         For people.
     folder : str
         Where the files lie that its sets name.
+    file : str
+        The campaign's own, which messages name; empty where there is none.
     """
 
     sets: tuple[Set, ...]
     title: str = ""
     folder: str = "."
+    file: str = ""
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Campaign:
@@ -237,7 +248,7 @@ class Campaign:
                 if "instances" not in whole:
                     raise InvalidData("key 'instances' is missing", field="instances")
                 made.append(Set(**whole))
-            return cls(tuple(made), title, str(file.resolve().parent))
+            return cls(tuple(made), title, str(file.resolve().parent), str(file))
         except (InvalidData, UnknownName) as error:
             raise InvalidData(f"{file}: {error}", field=getattr(error, "field", None)) from None
 
@@ -299,12 +310,29 @@ class Campaign:
         Raises
         ------
         InvalidData, UnsupportedOption
-            Nothing is to be run, or a backend that is named accepts no instance.
+            Nothing is to be run, a backend that is named accepts no instance, or an exclusion or a
+            formulation fits nothing.
         """
+        try:
+            return tuple(self._tasks())
+        except InvalidData as error:
+            if not self.file:
+                raise
+            raise InvalidData(f"{self.file}: {error}", field=error.field) from None
+
+    def _tasks(self) -> list[Task]:
         found: list[Task] = []
         #: What sets ask for twice runs once.
         asked_for: set[str] = set()
         columns: dict[tuple[str, str], int] = {}
+        away = [one.name for one in backend_states() if one.state != "installed"]
+        # What is not installed here may be elsewhere, and be excluded there.
+        unused = {
+            one
+            for part in self.sets
+            for one in part.exclude
+            if not any(fnmatchcase(name, one[1].partition(":")[0]) for name in away)
+        }
         row = 0
         for part in self.sets:
             met: set[str] = set()
@@ -316,9 +344,15 @@ class Campaign:
                 while step is not None:
                     known.update(step.formulations)
                     step = step.lower()
-                for backend, formulation in part.asked(model):
-                    met.add(backend.name)
-                    if part.excludes(name, backend.name):
+                seen: set[tuple[str, str | None]] = set()
+                for entry, backend, formulation in part.asked(model):
+                    met.add(entry)
+                    resolved = _resolved(model, backend, formulation)
+                    if (backend.name, resolved) in seen:
+                        continue
+                    seen.add((backend.name, resolved))
+                    if out := part.excluding(name, backend.name, f"{backend.name}:{resolved}"):
+                        unused -= out
                         continue
                     column = columns.setdefault((backend.problem, backend.name), len(columns))
                     draws = Feature.SEED in backend.features
@@ -343,12 +377,18 @@ class Campaign:
                         field="formulations",
                     )
             for asked in part.backends:
-                name = asked.partition(":")[0]
-                if name != "auto" and not any(fnmatchcase(one, name) for one in met):
+                if asked not in met:
                     raise InvalidData(
                         f"backends: {asked!r} accepts none of the instances", field="backends"
                     )
-        return tuple(found)
+        if unused:
+            raise InvalidData(
+                f"exclude: {show(list(min(unused)))} excludes nothing that would run",
+                field="exclude",
+            )
+        if not found:
+            raise InvalidData("exclude: everything is excluded", field="exclude")
+        return found
 
     def _task(
         self, place: tuple[int, int, int], part: Set, model: Model[Any], backend: Backend,
@@ -364,3 +404,11 @@ class Campaign:
         task = task_of(place, model, backend, formulation, common, None, own)
         task.warm_up = part.warm_up
         return task
+
+
+def _resolved(model: Model[Any], backend: Backend, formulation: str | None) -> str | None:
+    """Return the formulation that `backend` takes, None where it takes a model itself."""
+    step = accepted(model, backend, formulation)
+    if formulation is not None or step is None or isinstance(step, backend.accepts):
+        return formulation
+    return default_formulation(step, backend)

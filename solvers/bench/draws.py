@@ -101,7 +101,7 @@ def profile_evaluations(verdicts: Sequence[Verdict]) -> Profile:
     }
     for verdict in verdicts:
         counted = [s for s in verdict.solutions if any(i.evaluations for i in s.incumbents)]
-        known = {int(s.statistics.get("variables", 0)) for s in counted}
+        known = {_variables(s) for s in counted}
         if verdict.best is None or len(known) != 1 or not (size := known.pop()):
             continue
         least = verdict.best.primal_bound
@@ -123,6 +123,12 @@ def profile_evaluations(verdicts: Sequence[Verdict]) -> Profile:
         },
         sizes,
     )
+
+
+def _variables(solution: Solution[Any]) -> int:
+    """Return the number of variables as the run counts them, 0 where it says nothing of the kind."""
+    count = solution.statistics.get("variables")
+    return count if isinstance(count, int) and count > 0 else 0
 
 
 def _shares(verdict: Verdict) -> dict[str, list[float]]:

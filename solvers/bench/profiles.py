@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
+from ...errors import InvalidData, show
 
 __all__ = ["Profile", "data_profile", "performance_profile"]
 
@@ -52,7 +52,8 @@ def performance_profile(measures: Mapping[str, Sequence[float]]) -> Profile:
     best = table.min(axis=0, initial=math.inf)
     solved = np.isfinite(best)
     ratios = np.full(table.shape, math.inf)
-    ratios[:, solved] = table[:, solved] / best[solved]
+    with np.errstate(over="ignore"):  # a ratio beyond all floats is never reached
+        ratios[:, solved] = table[:, solved] / best[solved]
     return {name: _steps(row, 1.0) for name, row in zip(measures, ratios, strict=True)}
 
 
@@ -82,7 +83,10 @@ def data_profile(evaluations: Mapping[str, Sequence[float]], dimensions: Sequenc
     Optimization 20, 2009.
     """
     table = _table(evaluations)
-    sizes = np.asarray(dimensions, float)
+    try:
+        sizes = np.asarray(dimensions, float)
+    except (TypeError, ValueError):
+        sizes = np.empty(())
     if sizes.shape != table.shape[1:] or not (sizes >= 1).all():
         raise InvalidData(
             f"dimensions must be {table.shape[1]} whole numbers >= 1, one an instance",
@@ -102,13 +106,18 @@ def _steps(places: Floats, begin: float) -> tuple[Floats, Floats]:
 
 
 def _table(measures: Mapping[str, Sequence[float]]) -> Floats:
-    rows = [np.asarray(row, float) for row in measures.values()]
+    try:
+        rows = [np.asarray(row, float) for row in measures.values()]
+    except (AttributeError, TypeError, ValueError):
+        raise InvalidData(
+            f"measures must be numbers by backend, got {show(measures)}", field="measures"
+        ) from None
     if not rows or any(row.ndim != 1 or row.shape != rows[0].shape for row in rows):
         sizes = [row.size for row in rows]
         raise InvalidData(
             f"measures must be as many for each backend, got {sizes}", field="measures"
         )
     table = np.array(rows)
-    if not (table > 0).all():
+    if not (table > 0).all():  # NaN neither
         raise InvalidData("measures must be > 0, inf where a backend failed", field="measures")
     return table

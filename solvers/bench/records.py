@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from ...errors import CrosstrackError, InvalidData
-from ...files import LARGEST_FILE, as_path, read_bytes
+from ...files import as_path, read_bytes
 from ...models.fields import show
 from ..campaign import lines_of
 from ..solution import Solution
@@ -17,6 +17,9 @@ from ..verdict import Outcome, Verdict, judge
 from .standing import Standing, rank, standings_table, who
 
 __all__ = ["Records", "read_records"]
+
+#: Bytes that a record may hold: about a million short answers.
+LARGEST = 4 << 30
 
 
 @dataclass(frozen=True)
@@ -153,9 +156,9 @@ def read_records(path: str | os.PathLike[str], *, title: str = "") -> Records:
         The file cannot be read, or a line is no answer; the message names it.
     """
     file = as_path(path)
-    content = read_bytes(file)
-    if len(content) > LARGEST_FILE:
-        raise InvalidData(f"{file}: holds more than {LARGEST_FILE} bytes")
+    content = read_bytes(file, LARGEST)
+    if len(content) > LARGEST:
+        raise InvalidData(f"{file}: holds more than {LARGEST} bytes")
     found: list[Solution[Any]] = []
     for number, data in lines_of(content, file)[0]:
         try:

@@ -154,10 +154,6 @@ def bench(
         raise UnsupportedOption("cluster must be an address, and there may be no pool beside it")
     pool = checked_pool(pool)
     tasks = campaign.tasks
-    if not tasks:
-        raise InvalidData(
-            "the campaign has no jobs: no backend accepts an instance", field="backends"
-        )
     news = Progress(workers)
 
     def started(task: Task) -> None:

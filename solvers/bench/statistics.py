@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...models.fields import show
+from ...models.fields import Array, Real, Whole, show
 
 __all__ = [
     "RankTest",
@@ -32,6 +32,8 @@ _Column = Sequence[float] | NDArray[np.float64]
 
 #: Values of each side at least before a difference is tested: fewer say next to nothing.
 FEWEST = 5
+#: Numbers from which differences are taken of shares of the largest.
+LARGE = 1e300
 #: What p must be below for a difference to be called one.
 LEVEL = 0.05
 #: Pairs up to which all signs are counted, and sizes of two samples, multiplied, up to which all ranks are.
@@ -65,9 +67,7 @@ def shifted_geometric_mean(values: Sequence[float], shift: float = 1.0) -> float
     ----------
     T. Achterberg: Constraint integer programming, TU Berlin, 2007, appendix A.3.
     """
-    times = _numbers("values", values)
-    if not shift >= 0 or not math.isfinite(shift):
-        raise InvalidData(f"shift must be >= 0, got {show(shift)}", field="shift")
+    times, shift = _numbers("values", values), _least("shift", shift)
     if (times < 0).any():
         raise InvalidData(f"values must be >= 0, got {times.min():g}", field="values")
     if shift == 0 and not times.all():
@@ -94,6 +94,9 @@ def success_interval(successes: int, runs: int) -> tuple[float, float]:
     """
     from scipy.stats import binomtest
 
+    successes, runs = (
+        Whole().coerce(*one, {}) for one in (("successes", successes), ("runs", runs))
+    )
     if not 0 <= successes <= runs or runs < 1:
         raise InvalidData(
             f"successes must be 0 to runs, and runs >= 1, got {successes} of {runs}", field="runs"
@@ -109,10 +112,16 @@ def primal_gap(objective: float | None, best: float, scale: float = 0.0) -> floa
     :math:`s = 0`, where the two have different signs. A scale :math:`s` is what a value near zero is
     measured against; the source has none.
 
+    Raises
+    ------
+    InvalidData
+        The best one is not finite, or the scale is not >= 0 and finite.
+
     References
     ----------
     T. Berthold: Measuring the impact of primal heuristics, Operations Research Letters 41, 2013, (1).
     """
+    best, scale = Real().coerce("best", best, {}), _least("scale", scale)
     if objective is None or not math.isfinite(objective):
         return 1.0
     if objective == best:
@@ -148,10 +157,12 @@ def primal_integral(
     ----------
     T. Berthold: Measuring the impact of primal heuristics, Operations Research Letters 41, 2013, (3).
     """
-    if not limit > 0 or not math.isfinite(limit):
-        raise InvalidData(f"limit must be > 0 and finite, got {show(limit)}", field="limit")
+    limit = Real(0.0, strict=True).coerce("limit", limit, {})
     total, since, gap, least = 0.0, 0.0, 1.0, math.inf
-    for seconds, objective in sorted(incumbents):
+    course = Array(("plans", 2), infinity=1).coerce(
+        "incumbents", [*incumbents] or np.empty((0, 2)), {}
+    )
+    for seconds, objective in sorted(map(tuple, course.tolist())):
         if seconds >= limit:
             break
         if objective < least:
@@ -241,7 +252,8 @@ def compare_pairs(first: _Column, second: _Column) -> RankTest:
         raise InvalidData(
             f"second must have {one.size} values, as many as first, got {two.size}", field="second"
         )
-    apart = one - two
+    most = max(float(np.abs(one).max()), float(np.abs(two).max()), 1.0)
+    apart = one / most - two / most if most > LARGE else one - two  # which must not overflow
     moved = apart[apart != 0]
     if moved.size < FEWEST:
         p_value = 1.0 if one.size >= FEWEST and not moved.size else None
@@ -331,10 +343,18 @@ def _biserial(apart: np.ndarray[Any, Any]) -> float:
 
 def _ranked(name: str, values: _Column) -> np.ndarray[Any, Any]:
     """Return numbers that may be infinite, for ranks bear that."""
-    found = np.asarray(values, float)
+    try:
+        found = np.asarray(values, float)
+    except (TypeError, ValueError):
+        found = np.empty(0)
     if found.ndim != 1 or not found.size or np.isnan(found).any():
         raise InvalidData(f"{name} must be a list of numbers, got {show(values)}", field=name)
     return found
+
+
+def _least(name: str, value: float) -> float:
+    """Return a finite number that is not negative."""
+    return float(Real(0.0).coerce(name, value, {}))
 
 
 def _numbers(name: str, values: _Column) -> np.ndarray[Any, Any]:

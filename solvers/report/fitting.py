@@ -10,12 +10,22 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType
     from rich.text import Text
 
-__all__ = ["FittedTable"]
+__all__ = ["FittedTable", "legible"]
+
+#: Characters that steer a terminal, but for the ends of lines: a stranger's names and messages may hold them.
+_STEERING = dict.fromkeys(
+    [*range(9), *range(11, 32), *range(127, 160)], "\N{REPLACEMENT CHARACTER}"
+)
 
 #: Cells between two columns, and those that the edges take.
 GAP, EDGES = 3, 2
 #: Width below which a column of words is not folded: as long as other columns can go, and at last.
 COMFORT, WORDS = 30, 14
+
+
+def legible(text: str) -> str:
+    """Return `text` with a sign in the place of each character that would steer a terminal."""
+    return text.translate(_STEERING)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from ...errors import BackendMissing
 from ...models.problems import model_type, model_types
 from ...models.verification import Verification
 from ..enums import Limit, Termination
-from .fitting import FittedTable
+from .fitting import FittedTable, legible
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -106,9 +106,12 @@ def table(
 
     place = {name: k for k, name in enumerate(columns)}
     return FittedTable(
-        title,
+        legible(title),
         tuple(columns),
-        [[cell if isinstance(cell, Text) else Text(str(cell)) for cell in row] for row in rows],
+        [
+            [cell if isinstance(cell, Text) else Text(legible(str(cell))) for cell in row]
+            for row in rows
+        ],
         frozenset(place[name] for name in right),
         frozenset({0, *(place[name] for name in (*right, *whole))}),
         tuple(place[name] for name in drop if name in place),

@@ -13,6 +13,7 @@ from contextlib import contextmanager, redirect_stdout
 from typing import Any, TextIO
 
 from ...errors import InvalidData
+from .fitting import legible
 
 __all__ = [
     "discard",
@@ -79,8 +80,10 @@ def show(*parts: Any) -> None:
         console = Whole(file=out, width=None if out.isatty() else 160, highlight=False)
         for part in parts:
             words = isinstance(part, str)
-            if words and out.isatty():
-                part = fold(part, console.width)
+            if words:
+                part = legible(part)
+                if out.isatty():
+                    part = fold(part, console.width)
             console.print(part, markup=False, soft_wrap=words)
 
 
@@ -119,7 +122,7 @@ def write(text: str) -> None:
 def say(text: str) -> None:
     """Print a message to standard error; where even that cannot be written, nobody can be told."""
     try:
-        sys.stderr.write(text + "\n")
+        sys.stderr.write(legible(text) + "\n")
         sys.stderr.flush()
     except OSError:
         discard(sys.stderr)
@@ -156,7 +159,9 @@ def progress(text: str) -> Iterator[Callable[[str], None]]:
     console = Console(stderr=True)
 
     def line(words: str) -> str:
-        return words[: console.width - 4]  # beside the spinner; two lines of it would flicker
+        return legible(words)[
+            : console.width - 4
+        ]  # beside the spinner; two lines of it would flicker
 
     with console.status(line(text)) as status:
         yield lambda news: status.update(line(f"{text} {news}"))

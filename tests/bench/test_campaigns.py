@@ -69,7 +69,7 @@ def test_sets_take_what_stands_above_them(tmp_path):
     seeds = [4]
     [[set]]
     instances = ["minimum-snap/square"]
-    backends = ["clarabel"]
+    backends = ["clarabel", "highs"]
     exclude = [["*", "highs"]]
     [[set]]
     instances = ["minimum-snap/square"]
@@ -95,6 +95,19 @@ def test_formulations_run_one_after_the_other_where_programs_are_taken():
     found = [(t.job.backend.name, t.job.formulation) for t in tasks]
     assert found == [("banded", None), ("clarabel", "legendre"), ("clarabel", "hermite")]
     assert len({(t.row, t.column, t.turn) for t in tasks}) == len(tasks)  # no answer hides another
+
+
+def test_a_formulation_is_asked_of_programs_alone_and_runs_once():
+    def found(*backends, **options):
+        tasks = Campaign((Set(("error-correction/7",), backends, **options),)).tasks
+        return [(t.job.backend.name, t.job.formulation) for t in tasks]
+
+    assert found("highs", "highs:arc-flow", "two-stage") == [("highs", None), ("two-stage", None)]
+    every = found("*:paper")
+    assert ("highs", "paper") in every and {how for _, how in every} == {"paper"}
+    both = {"formulations": ("arc-flow", "paper"), "exclude": [("*", "highs:arc-flow")]}
+    assert found("highs", "two-stage", **both) == [("highs", "paper"), ("two-stage", None)]
+    assert found("highs", "scipy", exclude=[("*", "highs:arc-flow")]) == [("scipy", None)]
 
 
 def test_files_below_the_campaign_are_instances_too(tmp_path):
@@ -158,6 +171,18 @@ def test_a_bad_file_says_what_is_wrong(tmp_path, text, words):
         ('instances = ["./"]', "no pattern of files"),
         ('instances = ["./**x.json"]', "no pattern of files"),
         ('instances = ["error-correction/7"]\nrepeats = 100_000_000', "1000000 jobs at most"),
+        (
+            'instances = ["error-correction/7"]\nbackends = ["two-stage:nonsense"]',
+            r"campaign.toml: backends: 'two-stage:nonsense' accepts none",
+        ),
+        (
+            'instances = ["error-correction/7"]\nbackends = ["highs"]\nexclude = [["*", "highs:papers"]]',
+            r"exclude: \['\*', 'highs:papers'\] excludes nothing that would run",
+        ),
+        (
+            'instances = ["error-correction/7"]\nbackends = ["highs"]\nexclude = [["*", "h*"]]',
+            "everything is excluded",
+        ),
     ],
 )
 def test_what_a_campaign_cannot_run_is_said_before_it_starts(tmp_path, text, words):
@@ -373,6 +398,23 @@ def test_what_is_no_record_is_refused_and_left_alone(tmp_path, content):
     with pytest.raises(InvalidData, match=r"r.jsonl, line 1: no line of a campaign"):
         ct.bench(written(tmp_path, SMALL), record=record, resume=True)
     assert record.read_text() == content
+
+
+@pytest.mark.parametrize(
+    ("part", "value", "words"),
+    [
+        ("seconds", {"total": "soon"}, r"seconds.total must be a number"),
+        ("seconds", {"solve": [1.0]}, r"seconds.solve must be a number"),
+        ("options", {"time_limit": "a while"}, r"options.time_limit must be a number"),
+        ("options", {"tolerance": {}}, r"options.tolerance must be a number"),
+        ("options", {"repeat": 1.5}, r"options.repeat must be a whole number"),
+    ],
+)
+def test_a_number_that_is_none_is_named(alone, tmp_path, part, value, words):
+    line = json.loads((alone[0].parent / "one.jsonl").read_text().splitlines()[0])
+    (tmp_path / "r.jsonl").write_text(json.dumps({**line, part: {**line[part], **value}}))
+    with pytest.raises(InvalidData, match=rf"r.jsonl, line 1: .*{words}"):
+        read_records(tmp_path / "r.jsonl")
 
 
 def test_a_record_cut_at_any_byte_goes_on(alone, tmp_path):

@@ -154,6 +154,39 @@ def test_several_backends_are_corrected_for_their_number():
     assert compare_backends({"a": [1, 2], "b": [2, 3]})[0] is None
 
 
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: shifted_geometric_mean(["soon"]),
+        lambda: shifted_geometric_mean([1.0], shift="much"),
+        lambda: success_interval(1.5, 3),
+        lambda: success_interval("1", 3),
+        lambda: primal_gap(1.0, math.nan),
+        lambda: primal_gap(1.0, 2.0, math.inf),
+        lambda: primal_integral([(0.1, math.nan)], 1.0, 5.0),
+        lambda: primal_integral([(0.1,)], 1.0, 5.0),
+        lambda: primal_integral([(0.1, 2.0)], 1.0, "5"),
+        lambda: compare_seeds([1.0, "two"], [1.0]),
+        lambda: compare_pairs([1.0, math.inf], [1.0, 2.0]),
+        lambda: performance_profile({"a": ["fast"]}),
+        lambda: performance_profile([1.0, 2.0]),
+        lambda: data_profile({"a": [1.0]}, ["two"]),
+    ],
+)
+def test_what_is_no_number_is_refused(call):
+    with pytest.raises(InvalidData):
+        call()
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_near_the_end_of_the_range_overflow_nothing():
+    at, shares = performance_profile({"a": [1e308, 1.0], "b": [1e-308, 1.0]})["a"]
+    assert (at.tolist(), shares.tolist()) == ([1.0], [0.5])
+    far, near = [1e308] * 6, [-1e308] * 6
+    assert compare_pairs(far, near).effect == -1.0 and compare_pairs(near, far).effect == 1.0
+    assert primal_gap(1e308, -1e308) == 1.0
+
+
 def test_profiles_by_hand():
     # Instance by instance: ratios a = 1, 2, inf, inf; b = 2, 1, 1, inf.
     found = performance_profile({"a": [1, 4, math.inf, math.inf], "b": [2, 2, 5, math.inf]})

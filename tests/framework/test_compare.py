@@ -253,7 +253,7 @@ def test_a_record_is_a_regular_file(model):
 
 
 def test_a_full_disk_is_said_and_costs_no_line_before(model, tmp_path):
-    """What was cut off is removed at the resume."""
+    """Nothing stays of the line that did not fit."""
     record = tmp_path / "record.jsonl"
     ct.compare(model, [Fixed()], record=record)
     whole = record.read_bytes()
@@ -265,8 +265,7 @@ def test_a_full_disk_is_said_and_costs_no_line_before(model, tmp_path):
             ct.compare(model, [Fixed(), Fixed("b")], record=record, resume=True)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert record.stat().st_size == most
-    assert record.read_bytes().startswith(whole)
+    assert record.read_bytes() == whole
     ct.compare(model, [Fixed(), Fixed("b")], record=record, resume=True)
     assert len(record.read_text().splitlines()) == 2
 

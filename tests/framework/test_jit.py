@@ -4,9 +4,11 @@ import math
 import sys
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from fakes import Fixed
 from hypothesis import given, settings, strategies as st
 
 import crosstrack as ct
@@ -192,6 +194,51 @@ def test_compiling_is_timed_apart_and_no_part_of_the_time_limit(monkeypatch):
     assert answer.seconds["compile"] > 1.0
     assert answer.seconds["solve"] < 0.9
     assert told == [True, False, True, False]
+
+
+def test_what_a_proof_compiles_is_no_part_of_the_solving(monkeypatch):
+    """The seconds of solving lost all compiling of a run, and ended at zero."""
+
+    @kernel
+    def first(x):
+        return x + 1
+
+    @kernel
+    def second(x):
+        return x - 1
+
+    class Parted(Fixed):
+        def run(self, problem, request):
+            begin = jit.clock()
+            first(1)
+            time.sleep(0.05)
+            middle = jit.clock()
+            second(1)
+            parts = {"solve": middle - begin, "certify": jit.clock() - middle}
+            return replace(super().run(problem, request), seconds=parts)
+
+    for one in (first, second):
+        monkeypatch.setattr(one, "dispatcher", _Lazy(one.py_func))
+    monkeypatch.setattr(jit, "_left", 0.0)
+    from crosstrack.solvers.execution import execute
+    from crosstrack.solvers.job import Job
+
+    answer = execute(Job(ct.load("error-correction/example-1"), Parted()))
+    assert answer.seconds["compile"] >= 1.0
+    assert 0.05 <= answer.seconds["solve"] < 0.45 and answer.seconds["certify"] < 0.4
+
+
+class _Lazy:
+    """Compiles for half a second, whatever it is given."""
+
+    def __init__(self, function):
+        self.function = function
+
+    def __call__(self, *arguments):
+        return self.function(*arguments)
+
+    def compile(self, types):
+        time.sleep(0.5)
 
 
 def test_a_small_problem_loads_neither_numba_nor_scipy(run_python, tmp_path):

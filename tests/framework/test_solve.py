@@ -93,6 +93,14 @@ def test_a_bug_of_a_backend_is_a_failed_answer(model):
     assert "RuntimeError: the solver tripped" in answer.message
 
 
+@pytest.mark.parametrize("back", [None, "optimal", (1, 2)])
+def test_what_is_no_answer_is_named(model, monkeypatch, back):
+    monkeypatch.setattr(Fixed, "run", lambda self, problem, request: back)
+    answer = ct.solve(model, Fixed())
+    assert answer.termination == "failed"
+    assert f"run() must return an Answer, got {back!r}" in answer.message
+
+
 def test_a_plan_claimed_but_not_given_fails(model):
     answer = ct.solve(model, Fixed(route=None))
     assert answer.termination == "failed"

@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 from commands import run
 
+import crosstrack as ct
 from crosstrack.__main__ import cli
 from crosstrack.solvers.report import terminal
+from crosstrack.solvers.solution import Solution
 
 SMALL = "error-correction/example-1"
 COMMANDS = {
@@ -101,3 +103,24 @@ def test_long_lines_end_between_words_and_numbers():
         "what has no place to end stays whole"
     )
     assert Path(path).name == path
+
+
+def test_what_a_stranger_wrote_steers_no_terminal(tmp_path, capsys):
+    """Names and messages of a record and of a model reach the screen without their escapes."""
+    evil = "x\x1b]0;owned\x07\x1b[2J\x9b31m\r"
+    model = ct.load(SMALL)
+    solution = ct.solve(model)
+    row = {**solution.to_dict(), "instance": evil, "backend": evil, "message": evil, "key": "k"}
+    record = tmp_path / "r.jsonl"
+    record.write_text(json.dumps(row) + "\n")
+    for arguments in (
+        ["report", str(record), "--output", str(tmp_path / "r.html")],
+        ["solve", evil],
+    ):
+        result = run(*arguments, code=None)
+        said = result.stdout + result.stderr
+        assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", said), said
+        assert "owned" in said
+    answer = Solution.from_dict(row)
+    terminal.show(*answer.parts())
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", capsys.readouterr().out)
