@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ... import jit
 from ...errors import CrosstrackError, UnsupportedOption
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
@@ -81,12 +81,12 @@ class Stages:
     @contextmanager
     def clock(self, stage: str) -> Iterator[None]:
         """Add the seconds of a stage to the statistics."""
-        begin = time.perf_counter()
+        begin = jit.clock()
         try:
             yield
         finally:
             name = f"{stage} seconds"
-            spent = float(self.statistics.get(name, 0.0)) + time.perf_counter() - begin
+            spent = float(self.statistics.get(name, 0.0)) + jit.clock() - begin
             self.statistics[name] = spent
 
     def routed(

@@ -6,6 +6,7 @@ import pkgutil
 import re
 import shutil
 import sys
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,6 +23,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))
 
 import crosstrack_api  # noqa: E402
+import crosstrack_install  # noqa: E402
 import crosstrack_pages  # noqa: E402
 import crosstrack_site  # noqa: E402
 
@@ -95,6 +97,17 @@ def asked():
     """Modules, names and classes that the reference documents."""
     pages = [path.read_text("utf-8") for path in sorted((DOCS / "api").glob("*.md"))]
     return list(crosstrack_api._asked(pages + [crosstrack_api.problem_page(p) for p in PROBLEMS]))
+
+
+def test_every_extra_says_what_it_brings():
+    page = SimpleNamespace(env=SimpleNamespace(app=SimpleNamespace(srcdir=DOCS)))
+    rows = [line.split("|") for line in crosstrack_install.Extras.make(page).splitlines()[2:]]
+    declared = tomllib.loads((DOCS.parent / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = declared["optional-dependencies"].keys() - crosstrack_install.OWN
+    assert {row[1].strip(" `") for row in rows} == extras
+    for _, _, packages, brings, _ in rows:
+        assert packages.strip()
+        assert brings.strip() or "the extras" in packages
 
 
 def test_a_class_has_one_page():
