@@ -50,10 +50,8 @@ class Spread:
     @property
     def label(self) -> str:
         """The backend with its formulation and options."""
-        words = [f"{name}={value}" for name, value in self.options.items()]
-        return " ".join(
-            [self.backend, *([f": {self.formulation}"] if self.formulation else []), *words]
-        )
+        name = self.backend + (f":{self.formulation}" if self.formulation else "")
+        return " ".join([name, *(f"{name}={value}" for name, value in self.options.items())])
 
     @property
     def success_rate(self) -> float:

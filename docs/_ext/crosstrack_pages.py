@@ -266,7 +266,7 @@ class Campaign(Made):
         if able:
             first = able[0]
             text += (
-                f"**Take `{first.label}`**: it solved {first.solved} of {first.instances}, typically in "
+                f"**Take `{first.label}`**: it solved {first.solved} of {first.of}, typically in "
                 f"{seconds_text(first.typical)}"
             )
             # Of those that solve all that they accept, the quickest one.
@@ -286,7 +286,7 @@ class Campaign(Made):
         rows = [
             (
                 f"`{one.label}`", len({s.instance for s, _ in one.answers if s.stored_plan is not None}),
-                f"{one.solved} of {one.instances}", one.best, one.fastest,
+                f"{one.solved} of {one.of}", one.instances, one.proven, one.best, one.fastest,
                 seconds_text(one.typical), seconds_text(one.median),
                 "" if one.integral is None else f"{100 * one.integral:.3g} %",
             )
@@ -297,6 +297,8 @@ class Campaign(Made):
             "backend",
             "with a plan",
             "solved",
+            "ran on",
+            "proven",
             "best plan",
             "fastest",
             "typical seconds",

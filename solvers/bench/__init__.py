@@ -13,7 +13,6 @@ __getattr__, __dir__, __all__ = attach(
         "records": ("Records", "read_records"),
         "running": ("Progress", "bench"),
         "statistics": (
-            "compare_backends",
             "compare_pairs",
             "compare_seeds",
             "primal_integral",

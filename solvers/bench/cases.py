@@ -82,7 +82,7 @@ def _repeats(case: Case) -> str:
 
 def _tested(spread: Spread, best: str, tests: dict[str, RankTest]) -> list[str]:
     """Return the cells of the test of a backend's seeds against those of the best one."""
-    label = spread.backend + (f":{spread.formulation}" if spread.formulation else "")
+    label = spread.label
     if label in tests:
         return tested(tests[label])
     words = "the best" if label == best else "too few seeds to tell"

@@ -25,6 +25,13 @@ def describe_conditions(solutions: Sequence[Solution[Any]]) -> str:
     rows: list[tuple[str, str]] = []
     asked = {name: {_plain(s.options.get(name)) for s in solutions} for name in _FAIRNESS}
     rows += [(word, _several(asked[name])) for name, word in _FAIRNESS.items()]
+    alike: dict[str, set[tuple[str, ...]]] = {}
+    for s in solutions:
+        asked_of = tuple(_plain(s.options.get(name)) for name in ("time_limit", "tolerance"))
+        alike.setdefault(s.digest, set()).add(asked_of)
+    if uneven := sum(len(found) > 1 for found in alike.values()):
+        words = f"on {uneven:,} of {len(alike):,} instances limits or tolerances differ: seconds there do not compare"
+        rows.append(("Not asked for alike", words))
     repeats = max(Counter((s.model, s.instance, s.digest, who(s)) for s in solutions).values())
     rows.append(("Runs of a backend on an instance", f"1 to {repeats:,}" if repeats > 1 else "1"))
     rows.append(("Seeds", _several({_plain(s.seed) for s in solutions})))

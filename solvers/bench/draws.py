@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import combinations
 from statistics import median
 from typing import Any
 
 from ..solution import Solution
 from ..verdict import Verdict
 from .profiles import Profile, data_profile
-from .standing import Standing, who
+from .standing import Standing, is_reference, slack, who
 from .statistics import FEWEST, RankTest, compare_pairs, compare_seeds, correct_tests
 
 __all__ = ["ACCURACY", "compare_on_instance", "compare_with_leader", "profile_evaluations"]
@@ -18,6 +19,8 @@ __all__ = ["ACCURACY", "compare_on_instance", "compare_with_leader", "profile_ev
 #: How much of the way from the first to the best value is left where a data profile calls an
 #: instance solved; Moré and Wild draw 1e-1 to 1e-5.
 ACCURACY = 1e-3
+#: What no plan counts as, where the worst plan is 1.
+NOTHING = 2.0
 
 
 def compare_with_leader(
@@ -25,9 +28,11 @@ def compare_with_leader(
 ) -> dict[str, RankTest]:
     """Return whether the leading backend's plans are better than those of each other one.
 
-    Wilcoxon's test over the instances that both ran on, corrected by Holm's method. Of each the median
-    over its seeds of the objective counts, as a share of the way from the best plan to the worst one of
-    that instance: shares neither depend on units nor on where zero is. No plan counts as 1.
+    Wilcoxon's test over the instances that both ran on, corrected by Holm's method for all pairs of backends,
+    since which of them leads is read off the same runs. Of each the median over its seeds of the objective
+    counts, as a share of the way from the best plan to the worst one of that instance: shares neither
+    depend on units nor on where zero is. A plan that is as good as the best, to the gap and tolerance asked
+    for, counts as 0, and no plan as 2.
 
     Returns
     -------
@@ -43,21 +48,20 @@ def compare_with_leader(
         for label, values in _shares(verdict).items():
             shares.setdefault(label, {})[index] = median(values)
     found = {}
-    first, *rest = able
-    for label in rest:
-        both = sorted(shares[first].keys() & shares[label].keys())
+    for one, other in combinations(able, 2):
+        both = sorted(shares[one].keys() & shares[other].keys())
         if both:
-            found[label] = compare_pairs(
-                [shares[first][index] for index in both], [shares[label][index] for index in both]
+            found[one, other] = compare_pairs(
+                [shares[one][index] for index in both], [shares[other][index] for index in both]
             )
-    return correct_tests(found)
+    return {other: test for (one, other), test in correct_tests(found).items() if one == able[0]}
 
 
 def compare_on_instance(verdict: Verdict) -> tuple[str, dict[str, RankTest]]:
     """Return which backend is best on one instance, and whether its runs differ from those of the others.
 
-    Mann and Whitney's test of the objectives, a value a seed, corrected by Holm's method; a run without
-    a plan is worse than any with one.
+    Mann and Whitney's test of the objectives, a value a seed, corrected by Holm's method for all pairs of
+    backends on this instance; a run without a plan is worse than any with one.
 
     Returns
     -------
@@ -73,11 +77,13 @@ def compare_on_instance(verdict: Verdict) -> tuple[str, dict[str, RankTest]]:
     }
     if len(values) < 2:
         return "", {}
-    best = min(values, key=lambda label: (median(values[label]), label))
-    rest = {label: own for label, own in values.items() if label != best}
-    return best, correct_tests(
-        {label: compare_seeds(values[best], own) for label, own in rest.items()}
-    )
+    order = sorted(values, key=lambda label: (median(values[label]), label))
+    pairs = {
+        (one, other): compare_seeds(values[one], values[other])
+        for one, other in combinations(order, 2)
+    }
+    tests = correct_tests(pairs)
+    return order[0], {other: test for (one, other), test in tests.items() if one == order[0]}
 
 
 def profile_evaluations(verdicts: Sequence[Verdict]) -> Profile:
@@ -85,7 +91,8 @@ def profile_evaluations(verdicts: Sequence[Verdict]) -> Profile:
 
     An instance is solved from the first plan on with
     :math:`f \le f_L + \tau (f_0 - f_L)`, where :math:`f_L` is the best value of all runs, :math:`f_0`
-    the worst first one, and :math:`\tau` is :data:`ACCURACY`. Of several seeds the median counts.
+    the worst first one, and :math:`\tau` is :data:`ACCURACY`. Of several seeds the median counts. A run
+    that ends without a verified plan solves nothing, and no value counts below what was verified at its end.
 
     References
     ----------
@@ -93,26 +100,23 @@ def profile_evaluations(verdicts: Sequence[Verdict]) -> Profile:
     """
     needed: dict[str, dict[int, float]] = {}
     sizes: list[int] = []
-    counting = {
-        who(s)
-        for one in verdicts
-        for s in one.solutions
-        if any(i.evaluations for i in s.incumbents)
-    }
-    for verdict in verdicts:
-        counted = [s for s in verdict.solutions if any(i.evaluations for i in s.incumbents)]
-        known = {_variables(s) for s in counted}
+    courses = [
+        {label: [_course(s) for s in own] for label, own in _by_backend(verdict).items()}
+        for verdict in verdicts
+    ]
+    counting = {label for found in courses for label, runs in found.items() if any(map(bool, runs))}
+    for verdict, found in zip(verdicts, courses, strict=True):
+        begun = [run[0][0] for runs in found.values() for run in runs if run]
+        known = {_variables(s) for own in _by_backend(verdict).values() for s in own if _course(s)}
         if verdict.best is None or len(known) != 1 or not (size := known.pop()):
             continue
         least = verdict.best.primal_bound
         assert least is not None
-        first = max(s.incumbents[0].objective for s in counted)
-        goal = least + ACCURACY * (first - least)
-        for label, own in _by_backend(verdict).items():
-            if label in counting:  # a run without a plan is one that never gets there
-                met = ((i.evaluations for i in s.incumbents if i.objective <= goal) for s in own)
-                runs = [next((float(n) for n in one if n), math.inf) for one in met]
-                needed.setdefault(label, {})[len(sizes)] = median(runs)
+        goal = least + ACCURACY * (max(begun) - least)
+        for label, runs in found.items():
+            if label in counting:
+                met = [next((n for f, n in run if f <= goal), math.inf) for run in runs]
+                needed.setdefault(label, {})[len(sizes)] = median(met)
         sizes.append(size)
     if not needed:
         return {}
@@ -131,18 +135,36 @@ def _variables(solution: Solution[Any]) -> int:
     return count if isinstance(count, int) and count > 0 else 0
 
 
+def _course(solution: Solution[Any]) -> list[tuple[float, float]]:
+    """Return the better plans of a run that was verified, with their evaluations, where these were counted."""
+    last = _objective(solution)
+    if last is None:
+        return []
+    return [
+        (max(one.objective, last), float(one.evaluations))
+        for one in solution.incumbents
+        if one.evaluations
+    ]
+
+
 def _shares(verdict: Verdict) -> dict[str, list[float]]:
     """Return by backend, a value a run, how far from the best plan to the worst one its plan is."""
-    objectives = {
-        label: [_objective(s) for s in own] for label, own in _by_backend(verdict).items()
-    }
-    met = [value for own in objectives.values() for value in own if value is not None]
-    least, most = min(met, default=0.0), max(met, default=0.0)
-    way = most - least or 1.0
-    return {
-        label: [1.0 if value is None else (value - least) / way for value in own]
-        for label, own in objectives.items()
-    }
+    runs = _by_backend(verdict)
+    best = verdict.best
+    if best is None or best.primal_bound is None:
+        return {label: [NOTHING] * len(own) for label, own in runs.items()}
+    least = best.primal_bound
+    most = max(f for own in runs.values() for s in own if (f := _objective(s)) is not None)
+
+    def share(solution: Solution[Any]) -> float:
+        value = _objective(solution)
+        if value is None:
+            return NOTHING
+        if value - least <= slack(solution, best):
+            return 0.0
+        return (value / 2 - least / 2) / (most / 2 - least / 2)  # of halves: the way may overflow
+
+    return {label: [share(s) for s in own] for label, own in runs.items()}
 
 
 def _objective(solution: Solution[Any]) -> float | None:
@@ -150,8 +172,10 @@ def _objective(solution: Solution[Any]) -> float | None:
 
 
 def _by_backend(verdict: Verdict) -> dict[str, list[Solution[Any]]]:
-    """Return the runs of each backend, one a seed: repeats of a seed give the same plan."""
+    """Return the runs of each backend but for references, one a seed: repeats of a seed give the same plan."""
     groups: dict[str, dict[int | None, Solution[Any]]] = {}
     for solution in verdict.solutions:
+        if is_reference(solution):
+            continue
         groups.setdefault(who(solution), {}).setdefault(solution.seed, solution)
     return {label: list(own.values()) for label, own in groups.items()}

@@ -25,7 +25,7 @@ from .conditions import describe_conditions
 from .draws import ACCURACY, compare_with_leader, profile_evaluations
 from .markup import cell, choices, count_cell, ended, figure, many, numeric, table, tested
 from .pictures import Load
-from .standing import REFERENCE, Standing, measured_seconds, rank, who
+from .standing import REFERENCE, TOO_LATE, Standing, rank, who
 from .statistics import success_interval
 
 __all__ = ["write_page"]
@@ -37,7 +37,7 @@ _HEADS = (
     ("Seed", True), ("Repeat", True), ("Message", False),
 )  # fmt: skip
 #: How reasons end for which an answer is not wrong, but not good enough either.
-_SHORT = ("above best", "no plan", REFERENCE)
+_SHORT = ("above best", "no plan", REFERENCE, TOO_LATE)
 #: Characters of a message that are shown in a table.
 _MESSAGE = 300
 #: Options that the command of a contradiction repeats, by the flag.
@@ -191,7 +191,7 @@ def _leader(standings: Sequence[Standing]) -> str:
     if not able:
         return "no backend solved an instance"
     words = [
-        f"{one.label}: solved {one.solved:,} of {many(one.instances, 'instance')}, typically in "
+        f"{one.label}: solved {one.solved:,} of {many(one.of, 'instance')}, typically in "
         f"{seconds_text(one.typical)}"
         for one in able[:2]
     ]
@@ -273,7 +273,7 @@ def _ranks(verdicts: Sequence[Verdict], standings: Sequence[Standing]) -> str:
     return (
         f"<h4>Are the plans of {escape(leader)} better, or is it luck?</h4>"
         "<p class='note'>Some of these backends draw. Wilcoxon's test over the instances that both ran on, "
-        "of the medians over seeds, with p corrected by Holm's method for the number of tests. Effect: how "
+        "of the medians over seeds, with p corrected by Holm's method for all pairs of backends. Effect: how "
         "much more often, by ranks, the plan of the leading backend is the better one, from −1 to 1.</p>"
         + table(heads, rows, "plain", f"Tests of {leader} against the others")
     )
@@ -285,9 +285,10 @@ def _standing(standings: Sequence[Standing]) -> str:
         (word, True)
         for word in (
             "Runs",
-            "Instances",
+            "Ran on",
             "Solved",
             "Rate (95 %)",
+            "Proven",
             "Best plan",
             "Fastest",
             "Typical time",
@@ -300,7 +301,7 @@ def _standing(standings: Sequence[Standing]) -> str:
             cell(one.label),
             *map(count_cell, (one.runs, one.instances, one.solved)),
             _interval(one),
-            *map(count_cell, (one.best, one.fastest)),
+            *map(count_cell, (one.proven, one.best, one.fastest)),
             numeric(one.typical, seconds_text(one.typical)),
             numeric(one.median, seconds_text(one.median)),
             numeric(one.integral, "" if one.integral is None else f"{100 * one.integral:.3g} %"),
@@ -312,15 +313,15 @@ def _standing(standings: Sequence[Standing]) -> str:
 
 def _interval(one: Standing) -> str:
     """Return the cell of the rate of instances solved, by Wilson's interval."""
-    low, high = success_interval(one.solved, one.instances)
-    return numeric(one.solved / one.instances, f"{100 * low:.0f} to {100 * high:.0f} %")
+    low, high = success_interval(one.solved, one.of)
+    return numeric(one.solved / one.of, f"{100 * low:.0f} to {100 * high:.0f} %")
 
 
 def _answer(case: Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
     """Return the attributes and the cells of an answer's row."""
     repeat = s.options.get("repeat")
     gap = "" if s.gap is None else f"{s.gap:.1e}" if s.gap else "0"
-    solve, build = measured_seconds(s), s.seconds.get("build")
+    solve, build = s.seconds.get("solve"), s.seconds.get("build")
     message = s.message if len(s.message) <= _MESSAGE else s.message[: _MESSAGE - 1] + "…"
     attributes = f' data-backend="{escape(s.backend)}" data-ended="{escape(ended(s))}"'
     look, sign = (

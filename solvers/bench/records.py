@@ -14,6 +14,7 @@ from ...models.fields import show
 from ..campaign import lines_of
 from ..solution import Solution
 from ..verdict import Outcome, Verdict, judge
+from .markup import many
 from .standing import Standing, rank, standings_table, who
 
 __all__ = ["Records", "read_records"]
@@ -61,6 +62,18 @@ class Records:
             kind: rank([one for one in self.verdicts if one.solutions[0].model == kind])
             for kind in kinds
         }
+
+    @cached_property
+    def uneven(self) -> tuple[str, ...]:
+        """Instances whose answers were asked for under different limits of time or tolerances."""
+        return tuple(
+            one.instance
+            for one in self.verdicts
+            if any(
+                len({str(s.options.get(name)) for s in one.solutions}) > 1
+                for name in ("time_limit", "tolerance")
+            )
+        )
 
     @property
     def outcome(self) -> Outcome:
@@ -114,6 +127,7 @@ class Records:
             "title": self.title,
             "verdict": str(self.outcome),
             "interrupted": self.interrupted,
+            "uneven": list(self.uneven),
             "answers": len(self.solutions),
             "instances": [
                 {
@@ -134,12 +148,19 @@ class Records:
         """Return what to print: who leads each problem, the verdicts counted, each contradiction."""
         counts = Counter(one.outcome for one in self.verdicts)
         words = ", ".join(f"{counts[one]} {one}" for one in Outcome if counts[one])
-        lines = [f"{len(self.solutions)} answers on {len(self.verdicts)} instances: {words}"]
+        lines = [
+            f"{many(len(self.solutions), 'answer')} on {many(len(self.verdicts), 'instance')}: {words}"
+        ]
         lines += [
             f"{one.outcome}: {one.instance}: {one.evidence}"
             for one in self.verdicts
             if one.outcome is Outcome.CONTRADICTION
         ]
+        if self.uneven:
+            lines.append(
+                f"not asked for alike, so that seconds do not compare: {len(self.uneven)} of the instances, "
+                f"such as {self.uneven[0]}"
+            )
         if self.interrupted:
             lines.append("interrupted: what is missing was not run")
         return [standings_table(self.standings), "\n".join(lines)]

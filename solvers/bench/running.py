@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import statistics
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
@@ -57,28 +58,32 @@ class Progress:
 
     @property
     def left(self) -> tuple[float | None, bool]:
-        """Seconds left, None where nothing limits them, and whether they are a bound rather than a guess.
+        """Seconds left, None where nothing limits them, and whether they are a sum of limits alone.
 
         A job is taken to last as long as the median of those of its backend on models of its kind,
         where three of them have ended, and else as long as it may.
         """
-        seconds, bound = 0.0, False
+        usual = {
+            kind: statistics.median(told) for kind, told in self.spent.items() if len(told) >= TOLD
+        }
+        seconds, bound = 0.0, True
         for task in (*self.waiting.values(), *self.running.values()):
-            told = self.spent.get(_kind(task), ())
-            if len(told) >= TOLD:
-                seconds += statistics.median(told)
+            told = usual.get(_kind(task))
+            if told is not None:
+                seconds, bound = seconds + told, False
             elif task.refusal is None:
                 if task.job.time_limit is None:
                     return None, True
-                seconds, bound = seconds + task.job.time_limit, True
+                seconds += task.job.time_limit
         return seconds / self.workers, bound
 
     def __str__(self) -> str:
         names = ", ".join(f"{t.job.model.name} {_backend(t)}" for t in self.running.values())
         seconds, bound = self.left
-        time = (
-            "" if seconds is None else f", {'at most ' if bound else 'about '}{_span(seconds)} left"
-        )
+        time = ""
+        if seconds is not None:
+            left = _span(seconds)
+            time = f", {left} left at the limits" if bound else f", about {left} left"
         failed = f", {self.failed} failed" if self.failed else ""
         recorded = f", {self.recorded} recorded before" if self.recorded else ""
         return f"{self.done} of {self.total} done{failed}{recorded}{time}: {names}"
@@ -134,7 +139,7 @@ def bench(
     pool : concurrent.futures.Executor, optional
         Any other place that launches the jobs.
     on_progress : callable, optional
-        Called with a :class:`Progress` when a job begins or ends.
+        Called with a :class:`Progress` when a job begins or ends, by one thread at a time.
 
     Raises
     ------
@@ -154,23 +159,25 @@ def bench(
         raise UnsupportedOption("cluster must be an address, and there may be no pool beside it")
     pool = checked_pool(pool)
     tasks = campaign.tasks
-    news = Progress(workers)
+    news, turn = Progress(workers), threading.RLock()
 
     def started(task: Task) -> None:
-        news.waiting.pop(id(task), None)
-        news.running[id(task)] = task
-        if on_progress is not None:
-            on_progress(news)
+        with turn:  # called by the threads that run the jobs
+            news.waiting.pop(id(task), None)
+            news.running[id(task)] = task
+            if on_progress is not None:
+                on_progress(news)
 
     def finished(task: Task, solution: Solution[Any]) -> None:
-        news.waiting.pop(id(task), None)
-        news.running.pop(id(task), None)
-        news.spent.setdefault(_kind(task), []).append(solution.seconds.get("total", 0.0))
-        news.done += 1
-        news.failed += solution.termination in (Termination.FAILED, Termination.REJECTED)
-        news.last = solution
-        if on_progress is not None:
-            on_progress(news)
+        with turn:
+            news.waiting.pop(id(task), None)
+            news.running.pop(id(task), None)
+            news.spent.setdefault(_kind(task), []).append(solution.seconds.get("total", 0.0))
+            news.done += 1
+            news.failed += solution.termination in (Termination.FAILED, Termination.REJECTED)
+            news.last = solution
+            if on_progress is not None:
+                on_progress(news)
 
     def begun(waiting: Sequence[Task]) -> None:
         news.waiting = {id(task): task for task in waiting}

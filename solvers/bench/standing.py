@@ -22,10 +22,18 @@ from ..verdict import Outcome, Verdict, judge
 from .profiles import performance_profile
 from .statistics import primal_integral, shifted_geometric_mean, success_interval
 
-__all__ = ["REFERENCE", "Standing", "is_reference", "measured_seconds", "rank", "who"]
+__all__ = [
+    "REFERENCE", "TOO_LATE", "Standing", "is_reference", "measured_seconds", "rank", "slack", "who",
+]  # fmt: skip
 
 #: Why an answer of a backend that sees hidden data is not counted.
 REFERENCE = "reference: sees hidden data"
+#: Why an answer as good as the best is not counted.
+TOO_LATE = "past its limit of time"
+#: What says that there is no better answer.
+_PROOFS = (Termination.OPTIMAL, Termination.INFEASIBLE, Termination.UNBOUNDED)
+#: Seconds of a run as a share of its limit above which it did not keep to it.
+LATE = 1.1
 #: Seconds of a run at the least: no clock resolves less.
 _LEAST = 1e-6
 #: Share of the objective above the best from which no percentage is told.
@@ -39,9 +47,11 @@ class Standing(NamedTuple):
     ----------
     label : str
         The backend with its formulation.
-    runs, instances, solved, best, fastest : int
-        How many runs there were, on how many instances, how many of these were solved by more than
-        half of the runs, on how many a run's plan is the best of all, and on how many it was fastest.
+    runs, instances, of : int
+        How many runs there were, on how many instances, and how many instances there are.
+    solved, proven, best, fastest : int
+        How many instances more than half of the runs solved, on how many a run proved its answer, on
+        how many a run's plan is the best of all, and on how many it was fastest.
     typical, median : float
         Shifted geometric mean of the seconds over all instances, and their median over its own.
     integral : float, optional
@@ -56,7 +66,9 @@ class Standing(NamedTuple):
     label: str
     runs: int
     instances: int
+    of: int
     solved: int
+    proven: int
     best: int
     fastest: int
     typical: float
@@ -67,12 +79,14 @@ class Standing(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON data, seconds in seconds, without the answers."""
-        low, high = success_interval(self.solved, self.instances)
+        low, high = success_interval(self.solved, self.of)
         return {
             "backend": self.label,
             "runs": self.runs,
             "instances": self.instances,
+            "of": self.of,
             "solved": self.solved,
+            "proven": self.proven,
             "rate": [low, high],
             "best": self.best,
             "fastest": self.fastest,
@@ -89,7 +103,8 @@ def standings_table(standings: Mapping[str, Sequence[Standing]], most: int = 3) 
         (
             kind if place == 0 else "",
             one.label,
-            f"{one.solved} of {one.instances}",
+            f"{one.solved} of {one.of}",
+            one.proven,
             one.best,
             one.fastest,
             seconds_text(one.typical),
@@ -102,6 +117,7 @@ def standings_table(standings: Mapping[str, Sequence[Standing]], most: int = 3) 
         "problem",
         "backend",
         "solved",
+        "proven",
         "best\nplan",
         "fastest",
         "typical\ntime",
@@ -111,13 +127,22 @@ def standings_table(standings: Mapping[str, Sequence[Standing]], most: int = 3) 
 
 
 def who(solution: Solution[Any]) -> str:
-    """Return the backend with its formulation, as verdicts name it."""
-    return solution.backend + (f":{solution.formulation}" if solution.formulation else "")
+    """Return the backend with its formulation, and the options of its own that were set."""
+    own = solution.options.get("backend_options")
+    words = [f"{name}={value}" for name, value in own.items()] if isinstance(own, Mapping) else []
+    name = solution.backend + (f":{solution.formulation}" if solution.formulation else "")
+    return " ".join([name, *words])
 
 
 def measured_seconds(solution: Solution[Any]) -> float | None:
-    """Return the seconds that count: of solving, or of the whole call where they are not known."""
-    return solution.seconds.get("solve", solution.seconds.get("total"))
+    """Return the seconds that count: of building and solving, or of the whole call where they are not known.
+
+    What a native algorithm prepares is part of its solving, so the program of a solver counts as well.
+    """
+    parts = solution.seconds
+    if "solve" not in parts:
+        return parts.get("total")
+    return parts["solve"] + parts.get("build", 0.0) + parts.get("refine", 0.0)
 
 
 def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
@@ -134,6 +159,7 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
     measures: dict[str, dict[int, float]] = {}
     best: Counter[str] = Counter()
     fastest: Counter[str] = Counter()
+    proven: Counter[str] = Counter()
     integrals: dict[str, dict[int, float]] = {}
     #: What a failure counts as on each instance, for those that did not run as well.
     limits: list[float] = []
@@ -145,6 +171,7 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
             own = [(s, _failure(s, verdict, least)) for s in verdict.solutions if who(s) == label]
             answers.setdefault(label, []).extend(own)
             took[label] = max(_usual(own), _LEAST)
+            proven[label] += any(not why and s.termination in _PROOFS for s, why in own)
             if least is not None:
                 best[label] += any(
                     not why and s.primal_bound is not None and s.primal_bound <= top
@@ -177,8 +204,8 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
         times = [min(ran.get(index, math.inf), limit) for index, limit in enumerate(limits)]
         found.append(
             Standing(
-                label, len(own), len(ran), sum(map(math.isfinite, ran.values())),
-                best[label], fastest[label], shifted_geometric_mean(times),
+                label, len(own), len(ran), len(verdicts), sum(map(math.isfinite, ran.values())),
+                proven[label], best[label], fastest[label], shifted_geometric_mean(times),
                 median(times[index] for index in ran),
                 mean(integrals.get(label, {}).get(i, 1.0) for i in planned) if planned else None, _points(*profiles[label], far), own,
             )
@@ -223,6 +250,16 @@ def _size(least: Solution[Any]) -> float:
     return max(abs(_value(least)), scale)
 
 
+def slack(solution: Solution[Any], least: Solution[Any]) -> float:
+    """Return by how much an answer may be above the best plan `least` and be as good.
+
+    As verdicts do: relative to the objective or to its scale, beside what sampling explains.
+    """
+    spread = 0.0 if least.verification is None else least.verification.spread
+    asked = sum(float(solution.options.get(name) or 0.0) for name in ("gap", "tolerance"))
+    return max(asked, ROUNDING) * _size(least) + spread
+
+
 def _usual(own: Sequence[tuple[Solution[Any], str]]) -> float:
     """Return the median over seeds of the median over the repeats of each; inf where that failed."""
     seeds: dict[int | None, list[float]] = {}
@@ -244,21 +281,19 @@ def _failure(solution: Solution[Any], verdict: Verdict, least: Solution[Any] | N
         # Agreed is one claim; the other is wrong.
         agreed = verdict.evidence.startswith(str(solution.termination))
         return "" if agreed and not wrong else "contradicted"
-    # As verdicts do: relative to the objective or to its scale, beside what sampling explains.
-    size = _size(least)
-    spread = 0.0 if least.verification is None else least.verification.spread
-    asked = sum(float(solution.options.get(name) or 0.0) for name in ("gap", "tolerance"))
-    slack = max(asked, ROUNDING) * size + spread
+    size, near = _size(least), slack(solution, least)
     if wrong and solution.dual_bound is not None:
-        if solution.dual_bound > least.primal_bound + slack:
+        if solution.dual_bound > least.primal_bound + near:
             return "wrong bound"
     if wrong and solution.termination in claims:
         return f"wrong: {solution.termination}"
     if solution.stored_plan is None or solution.primal_bound is None:
         return "no plan"
     worse = solution.primal_bound - least.primal_bound
-    if worse <= slack:
-        return ""
+    if worse <= near:
+        limit = float(solution.options.get("time_limit") or math.inf)
+        return TOO_LATE if (measured_seconds(solution) or 0.0) > LATE * limit else ""
+    size = abs(least.primal_bound) or size
     return f"{100 * worse / size:.2g} % above best" if worse < _FAR * size else "far above best"
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,7 +15,6 @@ from ...models.fields import Array, Real, Whole, show
 
 __all__ = [
     "RankTest",
-    "compare_backends",
     "compare_pairs",
     "compare_seeds",
     "correct_tests",
@@ -30,8 +28,9 @@ _Key = TypeVar("_Key")
 #: Numbers, one a run or an instance.
 _Column = Sequence[float] | NDArray[np.float64]
 
-#: Values of each side at least before a difference is tested: fewer say next to nothing.
-FEWEST = 5
+#: Values of each side at least before a difference is tested, and pairs that differ: fewer say next to
+#: nothing, and with five pairs no p-value is below :data:`LEVEL`.
+FEWEST, FEWEST_PAIRS = 5, 6
 #: Numbers from which differences are taken of shares of the largest.
 LARGE = 1e300
 #: What p must be below for a difference to be called one.
@@ -186,7 +185,7 @@ class RankTest:
         Probability that a run of the first is less than one of the second, less the opposite, in
         [-1, 1]: Cliff's delta, and the rank-biserial correlation for pairs.
     runs : int
-        Values of each side, the fewer ones.
+        Values of each side, the fewer ones; where they are too few, the pairs that differ.
     """
 
     method: str
@@ -196,7 +195,7 @@ class RankTest:
 
     def __str__(self) -> str:
         if self.p_value is None:
-            return f"no difference shown: {self.runs} values are too few"
+            return f"no difference shown: too few values, {self.runs}"
         if self.p_value >= LEVEL:
             return f"no difference shown: p = {self.p_value:.2g}, {self.method}"
         word = "less" if self.effect > 0 else "greater"
@@ -255,56 +254,13 @@ def compare_pairs(first: _Column, second: _Column) -> RankTest:
     most = max(float(np.abs(one).max()), float(np.abs(two).max()), 1.0)
     apart = one / most - two / most if most > LARGE else one - two  # which must not overflow
     moved = apart[apart != 0]
-    if moved.size < FEWEST:
-        p_value = 1.0 if one.size >= FEWEST and not moved.size else None
-        return RankTest("Wilcoxon", p_value, _biserial(apart), int(one.size))
+    if moved.size < FEWEST_PAIRS:
+        p_value = 1.0 if one.size >= FEWEST_PAIRS and not moved.size else None
+        runs = one.size if p_value else moved.size
+        return RankTest("Wilcoxon", p_value, _biserial(apart), int(runs))
     every = PermutationMethod(n_resamples=2 ** (EXACT + 1), rng=np.random.default_rng(0))
     found = wilcoxon(moved, method=every if moved.size <= EXACT else "approx")
     return RankTest("Wilcoxon", float(found.pvalue), _biserial(apart), int(one.size))
-
-
-def compare_backends(
-    values: Mapping[str, _Column],
-) -> tuple[RankTest | None, dict[tuple[str, str], RankTest]]:
-    """Return whether any of several backends differs over instances, and each pair of them.
-
-    Parameters
-    ----------
-    values : mapping of str to sequence of float
-        By backend a value an instance, in the same order of instances.
-
-    Returns
-    -------
-    overall : RankTest, optional
-        Friedman's test; None for fewer than three backends, which it is not for.
-    pairs : mapping
-        Wilcoxon's test of each pair, corrected for their number by :func:`correct_tests`.
-
-    References
-    ----------
-    J. Demšar: Statistical comparisons of classifiers over multiple data sets, Journal of Machine Learning
-    Research 7, 2006.
-    """
-    from scipy.stats import friedmanchisquare
-
-    tables = {name: _numbers(name, column) for name, column in values.items()}
-    sizes = {column.size for column in tables.values()}
-    if len(sizes) > 1:
-        raise InvalidData(f"values must be as many for each, got {sorted(sizes)}", field="values")
-    overall = None
-    if len(tables) > 2:
-        count = sizes.pop()
-        p_value = None
-        if count >= FEWEST:
-            same = all(
-                np.array_equal(column, next(iter(tables.values()))) for column in tables.values()
-            )
-            p_value = 1.0 if same else float(friedmanchisquare(*tables.values()).pvalue)
-        overall = RankTest("Friedman", p_value, 0.0, count)
-    pairs = {
-        (one, two): compare_pairs(tables[one], tables[two]) for one, two in combinations(tables, 2)
-    }
-    return overall, correct_tests(pairs)
 
 
 def correct_tests(tests: Mapping[_Key, RankTest]) -> dict[_Key, RankTest]:

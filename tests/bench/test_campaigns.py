@@ -358,12 +358,28 @@ def test_the_time_left_is_a_bound_until_jobs_have_ended():
     model = ct.load("error-correction/example-1")
     tasks = {k: Task(0, 0, k, Job(model, Fixed(), time_limit=10.0)) for k in range(6)}
     news = Progress(2, total=6, waiting=tasks)
-    assert news.left == (30.0, True) and "at most 30 s left" in str(news)
+    assert news.left == (30.0, True) and "30 s left at the limits" in str(news)
     news.spent["fixed", model.kind] = [1.0, 2.0, 9.0]
     assert news.left == (6.0, False) and "about 6 s left" in str(news)
     for task in tasks.values():
         task.job = Job(model, Fixed("other"))
     assert news.left == (None, True) and "left" not in str(news)
+
+
+def test_progress_is_told_by_one_thread_at_a_time(tmp_path):
+    inside, heard = [], []
+
+    def told(news):
+        inside.append(None)
+        heard.append((len(inside), str(news)))
+        time.sleep(0.02)
+        inside.pop()
+
+    campaign = Campaign(
+        (Set(("error-correction/example-1",), ("label-setting", "two-stage", "pulse")),)
+    )
+    ct.bench(campaign, record=tmp_path / "r.jsonl", workers=3, on_progress=told)
+    assert len(heard) == 6 and {number for number, _ in heard} == {1}
 
 
 def test_bad_options_are_refused(tmp_path):

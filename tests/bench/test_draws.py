@@ -17,7 +17,7 @@ from crosstrack.solvers.bench.draws import (
     profile_evaluations,
 )
 from crosstrack.solvers.bench.records import Records, read_records
-from crosstrack.solvers.bench.standing import REFERENCE, rank
+from crosstrack.solvers.bench.standing import REFERENCE, TOO_LATE, rank
 from crosstrack.solvers.enums import Termination
 from crosstrack.solvers.solution import Incumbent, Solution
 from crosstrack.solvers.verdict import judge
@@ -83,8 +83,8 @@ def test_the_leader_is_tested_where_backends_draw():
     verdicts = judged(*solutions, *near)
     tests = compare_with_leader(verdicts, rank(verdicts))
     assert list(tests) == ["b", "c"]
-    # Two of 2^6 signs, twice by Holm.
-    assert [one.p_value for one in tests.values()] == pytest.approx([2 * 2 / 64, 2 * 2 / 64])
+    # Two of 2^6 signs, three times by Holm: b and c are a pair as well.
+    assert [one.p_value for one in tests.values()] == pytest.approx([3 * 2 / 64] * 2)
     assert tests["b"].effect == 1 and tests["b"].runs == 7
     # Neither a unit nor where zero is changes a thing.
     moved = [replace(s, primal_bound=7.0 * s.primal_bound + 1e6) for s in (*solutions, *near)]
@@ -102,6 +102,69 @@ def test_seeds_of_one_instance_are_tested_against_the_best():
     assert best == "good" and list(tests) == ["bad"]
     assert tests["bad"].p_value == pytest.approx(2 / 252) and tests["bad"].effect == 1
     assert compare_on_instance(judged(*solutions[:5])[0]) == ("", {})
+
+
+def test_no_plan_is_worse_than_the_worst_and_rounding_is_no_difference():
+    solutions = [
+        run(f"i{i}", name, value, seed=seed, seconds=seconds)
+        for i in range(8)
+        for seed in (0, 1)
+        for name, value, seconds in (("a", 1.0, 1), ("b", 1.0 + 1e-13, 2), ("worst", 5.0, 3), ("none", None, 4))
+    ]  # fmt: skip
+    easy = [run("easy", name, 3.0, seconds=s) for name, s in (("a", 1), ("worst", 3), ("none", 4))]
+    verdicts = judged(*solutions, *easy)
+    tests = compare_with_leader(verdicts, rank(verdicts))
+    assert tests["b"].effect == 0.0 and tests["b"].p_value == 1.0
+    assert tests["worst"].effect == tests["none"].effect == 1.0
+    from crosstrack.solvers.bench.draws import _shares
+
+    assert _shares(verdicts[0]) == {"a": [0, 0], "b": [0, 0], "worst": [1, 1], "none": [2, 2]}
+
+
+def test_a_rejected_run_and_a_reference_are_on_no_data_profile():
+    liar = run("one", "liar", None, steps=[(0.1, -1e9, 1)], termination=Termination.REJECTED)
+    honest = [run("one", "a", 0.0, steps=[(0.1, 4.0, 1), (0.2, 0.0, 9)])]
+    found = profile_evaluations(judged(liar, *honest))
+    assert found["a"][0].tolist() == [0, 3] and "liar" not in found
+
+
+def test_what_ends_past_its_limit_has_not_solved_and_proofs_are_counted():
+    proof = {"termination": Termination.OPTIMAL}
+    found = {
+        one.label: (one.solved, one.proven, one.answers[0][1])
+        for one in rank(
+            judged(
+                run("one", "late", 1.0, seconds=11.1),
+                run("one", "exact", 1.0, seconds=10.9, **proof),
+                run("one", "wrong", 2.0, **proof),
+            )
+        )
+    }
+    assert found == {
+        "exact": (1, 1, ""), "late": (0, 0, TOO_LATE), "wrong": (0, 0, "1e+02 % above best"),
+    }  # fmt: skip
+    # Building counts as well: what a native algorithm prepares is part of its solving.
+    built = run("one", "built", 1.0, seconds=6.0)
+    object.__setattr__(built, "seconds", {"solve": 6.0, "build": 5.5, "verify": 9.0})
+    assert rank(judged(built))[0].solved == 0
+
+
+def test_other_options_are_another_row_and_other_limits_are_told():
+    plain = run("one", "a", 1.0)
+    tuned = run(
+        "one", "a", 2.0, options={"time_limit": 10.0, "backend_options": {"presolve": "off"}}
+    )
+    assert [one.label for one in rank(judged(plain, tuned))] == ["a", "a presolve=off"]
+    assert Records((plain, tuned)).uneven == ()
+    longer = run("one", "b", 1.0, options={"time_limit": 20.0})
+    records = Records((plain, longer, run("two", "b", 1.0)))
+    assert records.uneven == ("black-box/one",)
+    assert "not asked for alike" in records.parts()[-1] and "3 answers on 2" in records.parts()[-1]
+    # Who stays away has not solved: both are ranked on both instances.
+    found = {
+        one.label: (one.solved, one.instances, one.of) for one in records.standings["black-box"]
+    }
+    assert found == {"b": (2, 2, 2), "a": (1, 1, 2)}
 
 
 def test_the_gap_over_time_counts_from_the_first_plan_on():
