@@ -56,6 +56,9 @@ class Model(Declared, ABC, Generic[PlanT]):
     agreement : float, optional
         Largest :meth:`distance` at which two plans agree, for models that no backend proves
         anything of, such as estimation; None where plans are judged by bounds alone.
+    rivals : bool
+        Whether all backends answer one question, so that one plan can be the best of all; where each
+        estimates something else, comparisons rank nobody by objectives.
     plan_type : type
         What a plan must be an instance of; anything where a model does not say.
     second_objectives : dict of str to str
@@ -74,6 +77,7 @@ class Model(Declared, ABC, Generic[PlanT]):
     default_formulation: ClassVar[str] = ""
     objective_unit: ClassVar[str] = ""
     agreement: ClassVar[float | None] = None
+    rivals: ClassVar[bool] = True
     plan_type: ClassVar[type] = object
     second_objectives: ClassVar[dict[str, str]] = {}
     second_steps: ClassVar[dict[str, float]] = {}

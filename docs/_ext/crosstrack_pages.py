@@ -110,8 +110,9 @@ def best_known(entry: Any, verdict: Any) -> tuple[str, str]:
     # Without a source, a value beside seeded data is the paper's, about data that it does not print.
     if known is not None and (source or entry.provenance != "seeded"):
         return number_text(known), source or "stated"
-    # The backends of attractors estimate different things, and have no common best.
-    if verdict is None or entry.model == "attractor":
+    from crosstrack.solvers.bench.standing import are_rivals
+
+    if verdict is None or not are_rivals(entry.model):
         return "", ""
     if verdict.evidence.startswith("infeasible"):
         return "infeasible", "campaign, proven"
@@ -254,12 +255,12 @@ class Campaign(Made):
         return "\n\n".join(parts)
 
     def _problem(self, kind: str, verdicts: list[Any], standings: list[Any]) -> list[str]:
+        from crosstrack.solvers.bench.standing import are_rivals
         from crosstrack.solvers.report.tables import seconds_text
 
         counts = Counter(str(one.outcome) for one in verdicts)
         limits = sorted({float(s.options["time_limit"]) for v in verdicts for s in v.solutions})
-        # Different estimates have no common best.
-        able = [one for one in standings if one.solved and kind != "attractor"]
+        able = [one for one in standings if one.solved and are_rivals(kind)]
         parts = [f"## {kind}"]
         words = ", ".join(f"{count} {word}" for word, count in counts.most_common())
         text = f"{len(verdicts)} instances ({words}), {' or '.join(f'{one:g}' for one in limits)} s a job. "

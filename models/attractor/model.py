@@ -78,6 +78,8 @@ class AttractorAnalysis(Model[AttractorEstimate]):
     kind: ClassVar[str] = "attractor"
     plan_type: ClassVar[type] = AttractorEstimate
     agreement: ClassVar[float | None] = 0.2
+    #: One backend estimates an exponent, another a dimension or an embedding.
+    rivals: ClassVar[bool] = False
 
     def check(self) -> None:
         """Refuse series that are too short, constant, or beyond what can be squared."""

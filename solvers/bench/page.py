@@ -25,7 +25,7 @@ from .conditions import describe_conditions
 from .draws import ACCURACY, compare_with_leader, profile_evaluations
 from .markup import cell, choices, count_cell, ended, figure, many, numeric, table, tested
 from .pictures import Load
-from .standing import REFERENCE, TOO_LATE, Standing, rank, who
+from .standing import REFERENCE, TOO_LATE, Standing, are_rivals, rank, who
 from .statistics import success_interval
 
 __all__ = ["write_page"]
@@ -36,6 +36,8 @@ _HEADS = (
     ("Objective", True), ("Bound", True), ("Gap", True), ("Solving took", True), ("Building took", True),
     ("Seed", True), ("Repeat", True), ("Message", False),
 )  # fmt: skip
+#: What stands for a leader where there can be none.
+_APART = "none: each backend estimates something else"
 #: How reasons end for which an answer is not wrong, but not good enough either.
 _SHORT = ("above best", "no plan", REFERENCE, TOO_LATE)
 #: Characters of a message that are shown in a table.
@@ -176,7 +178,7 @@ def _leading(
         rows.append(
             [
                 cell(kind),
-                cell(_leader(standings[kind]), long=True),
+                cell(_leader(standings[kind]) if are_rivals(kind) else _APART, long=True),
                 *map(count_cell, (len(own), *counts)),
             ]
         )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import CrosstrackError
+from ...models.problems import model_type
 from ...models.verification import ROUNDING
 from ..enums import Termination
 from ..registry import find_backend
@@ -23,7 +24,7 @@ from .profiles import performance_profile
 from .statistics import primal_integral, shifted_geometric_mean, success_interval
 
 __all__ = [
-    "REFERENCE", "TOO_LATE", "Standing", "is_reference", "measured_seconds", "rank", "slack", "who",
+    "REFERENCE", "TOO_LATE", "Standing", "are_rivals", "is_reference", "measured_seconds", "rank", "slack", "who",
 ]  # fmt: skip
 
 #: Why an answer of a backend that sees hidden data is not counted.
@@ -148,13 +149,15 @@ def measured_seconds(solution: Solution[Any]) -> float | None:
 def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
     """Return how every backend stands on the instances of one problem, the leading one first.
 
-    What sees hidden data, such as an oracle, is a reference and no rival: it is left out. Most solved
-    first, then the least typical seconds. Repeats of a seed count as their median, and so
-    do the seeds of an instance; what is not solved, or not run, counts as the largest limit of time.
+    What sees hidden data, such as an oracle, is a reference and no rival: it is left out. Where backends
+    answer different questions, each verified plan counts as solved, and none as the best. Most solved
+    first, then the least typical seconds. Repeats of a seed count as their median, and so do the seeds of an
+    instance; what is not solved, or not run, counts as the largest limit of time.
     """
     verdicts = [fair for verdict in verdicts if (fair := _without_references(verdict)).solutions]
     if not verdicts:
         return []
+    alone = not are_rivals(verdicts[0].solutions[0].model)
     answers: dict[str, list[tuple[Solution[Any], str]]] = {}
     measures: dict[str, dict[int, float]] = {}
     best: Counter[str] = Counter()
@@ -168,11 +171,15 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
         took: dict[str, float] = {}
         top = math.inf if least is None else _value(least) + ROUNDING * _size(least)
         for label in dict.fromkeys(map(who, verdict.solutions)):
-            own = [(s, _failure(s, verdict, least)) for s in verdict.solutions if who(s) == label]
+            own = [
+                (s, _failure(s, verdict, s if alone else least))
+                for s in verdict.solutions
+                if who(s) == label
+            ]
             answers.setdefault(label, []).extend(own)
             took[label] = max(_usual(own), _LEAST)
             proven[label] += any(not why and s.termination in _PROOFS for s, why in own)
-            if least is not None:
+            if least is not None and not alone:
                 best[label] += any(
                     not why and s.primal_bound is not None and s.primal_bound <= top
                     for s, why in own
@@ -186,7 +193,9 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
         if least is not None:
             for label in took:
                 runs = [
-                    _integral(s, least, limits[-1]) for s in verdict.solutions if who(s) == label
+                    _integral(s, s if alone else least, limits[-1])
+                    for s in verdict.solutions
+                    if who(s) == label
                 ]
                 integrals.setdefault(label, {})[index] = median(runs)
     # What a backend did not run counts as not solved: nobody gains by staying away.
@@ -211,6 +220,14 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
             )
         )  # fmt: skip
     return sorted(found, key=lambda one: (-one.solved, one.typical))
+
+
+def are_rivals(kind: str) -> bool:
+    """Return whether all backends for a kind of model answer one question; where it is unknown, they do."""
+    try:
+        return bool(model_type(kind).rivals)
+    except CrosstrackError:
+        return True
 
 
 def is_reference(solution: Solution[Any]) -> bool:

@@ -149,6 +149,15 @@ def test_what_ends_past_its_limit_has_not_solved_and_proofs_are_counted():
     assert rank(judged(built))[0].solved == 0
 
 
+def test_where_each_estimates_something_else_nobody_is_the_best():
+    one = run("one", "exponent", 0.1, model="attractor", seconds=2.0)
+    two = run("one", "dimension", 0.9, model="attractor", seconds=1.0)
+    none = run("one", "nothing", None, model="attractor")
+    found = {s.label: (s.solved, s.best, s.answers[0][1]) for s in rank(judged(one, two, none))}
+    assert found == {"dimension": (1, 0, ""), "exponent": (1, 0, ""), "nothing": (0, 0, "no plan")}
+    assert list(found) == ["dimension", "exponent", "nothing"]
+
+
 def test_other_options_are_another_row_and_other_limits_are_told():
     plain = run("one", "a", 1.0)
     tuned = run(
