@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,12 +27,13 @@ __all__ = ["bench", "report"]
     help="Append every answer to FILE at once, one JSON line each.",
 )
 @click.option("--resume", is_flag=True, help="Go on with FILE, running only what it lacks.")
+@click.option("--retry", is_flag=True, help="With --resume, run what failed again as well.")
 @click.option("--workers", type=int, default=1, show_default=True, help="Jobs at the same time.")
 @click.option("--cluster", metavar="ADDRESS", help="A Dask scheduler, such as tcp://host:8786.")
 @click.option("--report", "page", metavar="FILE", help="Write a page about the records (html).")
 @as_json
 def bench(
-    campaign: str, record: str, resume: bool, workers: int, cluster: str | None, page: str | None, as_json: bool
+    campaign: str, record: str, resume: bool, retry: bool, workers: int, cluster: str | None, page: str | None, as_json: bool
 ) -> int:  # fmt: skip
     """Run the jobs of CAMPAIGN.toml, each in a process of its own, and judge the answers."""
     from ..files import writable
@@ -46,14 +48,20 @@ def bench(
             news(str(found))
 
         found = running.bench(
-            asked, record=record, resume=resume, workers=workers, cluster=cluster, on_progress=told
+            asked,
+            record=record,
+            resume=resume,
+            retry=retry,
+            workers=workers,
+            cluster=cluster,
+            on_progress=told,
         )
     if target is not None and found.solutions:
         from ..solvers.bench.page import write_page
 
         # The campaign's own instances: what a record names opens no file.
         load = {task.job.model.name: task.job.model for task in asked.tasks}.__getitem__
-        again = f"crosstrack bench {campaign} --record {record} --resume"
+        again = shlex.join(["crosstrack", "bench", campaign, "--record", "again.jsonl"])
         say(f"report: {write_page(found, target, title=found.title, command=again, load=load)}")
     return _shown(found, as_json)
 

@@ -77,16 +77,20 @@ class Record:
         Go on with a file that exists; without it, such a file raises
         :class:`~crosstrack.errors.InvalidData` and stays as it is, as does one that another
         campaign is writing.
+    retry : bool
+        Take what failed as not run; its new line, further down, is the one that counts.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, resume: bool = False) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], *, resume: bool = False, retry: bool = False
+    ) -> None:
         try:
             self.path = Path(path)
         except TypeError:
             raise InvalidData(
                 f"record must name a file, got {show(path)}", field="record"
             ) from None
-        self._resume = resume
+        self._resume, self._retry = resume, retry
         self._done: dict[str, dict[str, Any]] = {}
         self._file: IO[bytes] | None = None
 
@@ -146,6 +150,10 @@ class Record:
                     field="record",
                 )
             self._done[data["key"]] = data
+        if self._retry:
+            again = [key for key, one in self._done.items() if one.get("termination") == "failed"]
+            for key in again:
+                del self._done[key]
         return cut
 
     def _close_line(self) -> None:

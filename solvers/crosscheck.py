@@ -253,6 +253,7 @@ def run_tasks(
     *,
     record: str | os.PathLike[str] | None = None,
     resume: bool = False,
+    retry: bool = False,
     workers: int = 1,
     pool: Executor | None = None,
     room: Callable[[], int | None] | None = None,
@@ -263,14 +264,16 @@ def run_tasks(
 ) -> tuple[dict[tuple[int, int, int], Solution[Any]], bool]:
     """Return the answers by row, column and turn, and whether Ctrl-C ended the run.
 
-    What a record holds is not run again; what is run is written to it at once, but for what a pool lost,
+    What a record holds is not run again, but for what failed where `retry` asks for it; what is run is written to it at once, but for what a pool lost,
     which can be run again. `begun` is called with what will be run, `started` with what is about to,
     `finished` with what was; `room` is that of :func:`run_by_pool`, and the other parameters are those of
     :func:`compare`.
     """
     answers: dict[tuple[int, int, int], Solution[Any]] = {}
     with contextlib.ExitStack() as stack:
-        book = stack.enter_context(Record(record, resume=resume)) if record is not None else None
+        book = None
+        if record is not None:
+            book = stack.enter_context(Record(record, resume=resume, retry=retry))
         open_tasks: deque[Task] = deque()
         for task in tasks:
             found = book.find(task.job, task.job.model) if book is not None else None

@@ -57,6 +57,7 @@ def environment(job: Job, *, warm: bool) -> dict[str, Any]:
         "threads": job.threads,
         "load": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None,
         "warm": warm,
+        "compiled": job.compiled,
     }
 
 

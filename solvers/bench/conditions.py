@@ -18,6 +18,8 @@ _FAIRNESS = {
     "time_limit": "Time limit (s)", "memory_limit": "Memory limit", "evaluations": "Evaluations granted",
     "threads": "Threads asked for",
 }  # fmt: skip
+#: What an environment repeats of its answer, of which the page tells elsewhere.
+_TOLD = {"backend", "threads", "crosstrack"}
 
 
 def describe_conditions(solutions: Sequence[Solution[Any]]) -> str:
@@ -38,8 +40,8 @@ def describe_conditions(solutions: Sequence[Solution[Any]]) -> str:
     facts: dict[str, set[str]] = {}
     for s in solutions:
         for name, value in (getattr(s, "environment", None) or {}).items():
-            if isinstance(value, Mapping):
-                continue  # versions stand below
+            if isinstance(value, Mapping) or name in _TOLD:
+                continue
             facts.setdefault(str(name), set()).add(_plain(value))
     rows += [
         (name.replace("_", " ").capitalize(), _several(found)) for name, found in facts.items()

@@ -169,7 +169,7 @@ class Records:
 def read_records(path: str | os.PathLike[str], *, title: str = "") -> Records:
     """Return the records in a JSON-lines file that a campaign or ``compare(record=…)`` wrote.
 
-    A last line that was cut off in the middle is left out.
+    A last line that was cut off in the middle is left out; where a job was run again, its last answer counts.
 
     Raises
     ------
@@ -180,10 +180,11 @@ def read_records(path: str | os.PathLike[str], *, title: str = "") -> Records:
     content = read_bytes(file, LARGEST)
     if len(content) > LARGEST:
         raise InvalidData(f"{file}: holds more than {LARGEST} bytes")
-    found: list[Solution[Any]] = []
+    found: dict[Any, Solution[Any]] = {}
     for number, data in lines_of(content, file)[0]:
+        key = data.get("key")
         try:
-            found.append(Solution.from_dict(data))
+            found[key if isinstance(key, str) else number] = Solution.from_dict(data)
         except CrosstrackError as error:
             raise InvalidData(f"{file}, line {number}: no answer of a campaign: {error}") from None
-    return Records(tuple(found), title or file.stem)
+    return Records(tuple(found.values()), title or file.stem)

@@ -111,6 +111,7 @@ def bench(
     *,
     record: str | os.PathLike[str],
     resume: bool = False,
+    retry: bool = False,
     workers: int = 1,
     cluster: str | None = None,
     pool: Executor | None = None,
@@ -131,6 +132,8 @@ def bench(
         The JSON-lines file that receives every answer.
     resume : bool
         Go on with a record that exists, running only what it lacks.
+    retry : bool
+        With `resume`, run what failed again as well: a licence or a library may be there now.
     workers : int
         Jobs at the same time, where there is no cluster.
     cluster : str, optional
@@ -157,6 +160,8 @@ def bench(
         raise UnsupportedOption(f"workers must be a whole number >= 1, got {show(workers)}")
     if cluster is not None and (pool is not None or not isinstance(cluster, str)):
         raise UnsupportedOption("cluster must be an address, and there may be no pool beside it")
+    if retry and not resume:
+        raise UnsupportedOption("retry needs resume: without it there is nothing that failed")
     pool = checked_pool(pool)
     tasks = campaign.tasks
     news, turn = Progress(workers), threading.RLock()
@@ -202,7 +207,7 @@ def bench(
             return most
 
         answers, interrupted = run_tasks(
-            tasks, record=record, resume=resume, workers=workers, pool=pool, room=room,
+            tasks, record=record, resume=resume, retry=retry, workers=workers, pool=pool, room=room,
             begun=begun, started=started, finished=finished,
         )  # fmt: skip
     found = [answers[place] for place in sorted(answers)]

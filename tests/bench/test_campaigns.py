@@ -366,6 +366,28 @@ def test_the_time_left_is_a_bound_until_jobs_have_ended():
     assert news.left == (None, True) and "left" not in str(news)
 
 
+def test_what_failed_is_run_again_where_it_is_asked_for(tmp_path):
+    campaign = Campaign((Set(("error-correction/example-1",), ("label-setting", "two-stage")),))
+    record = tmp_path / "r.jsonl"
+    ct.bench(campaign, record=record)
+    rows = [json.loads(line) for line in record.read_text().splitlines()]
+    out = {"termination": "failed", "plan": None, "primal_bound": None, "verification": None}
+    record.write_text("".join(json.dumps(row) + "\n" for row in (rows[0], {**rows[1], **out})))
+    ended = [
+        str(one.termination) for one in ct.bench(campaign, record=record, resume=True).solutions
+    ]
+    assert ended == ["optimal", "failed"] and len(record.read_text().splitlines()) == 2
+    with pytest.raises(UnsupportedOption, match="retry needs resume"):
+        ct.bench(campaign, record=record, retry=True)
+    again = ct.bench(campaign, record=record, resume=True, retry=True).solutions
+    assert [str(one.termination) for one in again] == ["optimal", "optimal"]
+    assert len(record.read_text().splitlines()) == 3  # nothing is rewritten
+    assert [str(one.termination) for one in read_records(record).solutions] == [
+        "optimal",
+        "optimal",
+    ]
+
+
 def test_progress_is_told_by_one_thread_at_a_time(tmp_path):
     inside, heard = [], []
 
