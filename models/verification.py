@@ -176,7 +176,7 @@ class Check:
     def within_tolerance(self) -> bool:
         """Whether it is accepted although it is more than rounding.
 
-        An objective may hang on such a violation, so the plan contradicts nobody.
+        An objective may depend on such a violation, so the plan contradicts nobody.
         """
         return self.ok and self.worst > self.rounding
 

@@ -39,7 +39,7 @@ def lines_of(content: bytes, file: Path) -> tuple[list[tuple[int, dict[str, Any]
     Raises
     ------
     InvalidData
-        A line is no JSON object, or the last one is not the begin of an answer.
+        A line is no JSON object, or the last one is not the start of an answer.
     """
     found: list[tuple[int, dict[str, Any]]] = []
     *whole, last = content.removeprefix(codecs.BOM_UTF8).split(b"\n")

@@ -202,7 +202,7 @@ def _threads(run: Run) -> int | None:
 
 
 def warm_objective(job: Job) -> float | None:
-    """Return the objective of the warm start where nothing of it hangs on a tolerance.
+    """Return the objective of the warm start where nothing of it depends on a tolerance.
 
     Raises
     ------

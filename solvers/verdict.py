@@ -54,7 +54,7 @@ class Verdict:
     evidence : str
         Why, with the two backends of a contradiction.
     notes : tuple of str
-        What a reader should know besides: plans that hang on a tolerance, backends that failed.
+        What a reader should know besides: plans that depend on a tolerance, backends that failed.
     solutions : tuple of Solution
         The answers.
     """
@@ -67,7 +67,7 @@ class Verdict:
 
     @property
     def best(self) -> Solution[Any] | None:
-        """The best verified answer that hangs on no tolerance (any verified one failing that)."""
+        """The best verified answer that depends on no tolerance (any verified one failing that)."""
         ranked = sorted(
             (s for s in self.solutions if s.stored_plan is not None and s.primal_bound is not None),
             key=lambda s: (not _clean(s), s.primal_bound),
@@ -142,7 +142,7 @@ def judge(
     Every verified plan that violates nothing by more than rounding bounds the optimum from above;
     every bound of an exact backend or of a relaxation claims to bound it from below. A claim above a
     plan is a contradiction, as is a claim of infeasibility beside a plan. A plan that is only within
-    tolerance contradicts nobody, and the notes name the threshold it hangs on; one whose objective
+    tolerance contradicts nobody, and the notes name the threshold it depends on; one whose objective
     is sampled contradicts nobody inside its spread. Where nobody proves a bound, plans agree when
     the model's own distance between them is within its :attr:`~crosstrack.models.Model.agreement`.
 
@@ -227,7 +227,7 @@ def judge(
         least = min(plans, key=lambda s: s.primal_bound)  # type: ignore[arg-type, return-value]
         return verdict(
             Outcome.INCONCLUSIVE,
-            f"the only plans hang on a tolerance: best {least.primal_bound:.10g} ({_who(least)}), "
+            f"the only plans depend on a tolerance: best {least.primal_bound:.10g} ({_who(least)}), "
             "no exact bound",
         )
     return verdict(Outcome.INCONCLUSIVE, "no verified plan and no proof of infeasibility")

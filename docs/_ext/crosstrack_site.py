@@ -221,7 +221,7 @@ class Run(Made):
             return f"```console\n$ crosstrack {line}\n```"
         folders = self.env.temp_data.setdefault("crosstrack-run", tempfile.TemporaryDirectory())
         environment = {**os.environ, "COLUMNS": "88", "NO_COLOR": "1"}
-        # What is printed hangs on the code, not on the page.
+        # What is printed depends on the code, not on the page.
         self.env.note_reread()
         done = subprocess.run(
             [sys.executable, "-P", "-m", "crosstrack", *shlex.split(line)],

@@ -84,7 +84,7 @@ def outline(plan: TourPlan, turning_radius: float) -> Track:
 def _advanced(
     plan: TourPlan, turning_radius: float, piece: NDArray[np.int64], rest: Floats
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Return poses and legs at lengths `rest` from the begin of primitives."""
+    """Return poses and legs at lengths `rest` from the start of primitives."""
     poses = integrated(plan, turning_radius)
     if not plan.primitives:
         return np.repeat(poses, rest.size, axis=0), np.zeros(rest.size, np.int64)

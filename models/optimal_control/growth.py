@@ -96,7 +96,7 @@ def stretches(course: Course) -> tuple[tuple[Stretch, ...], float]:
     """Return the stretches to integrate one by one, and the growth over the whole phase.
 
     The motion is linearised along the plan and the largest growth of a perturbation, measured in
-    the size of the states, is followed from the begin of a window. A window ends at the last knot
+    the size of the states, is followed from the start of a window. A window ends at the last knot
     before it exceeds :data:`GROWTH`; an interval that exceeds it alone is cut into equal parts.
     """
     knots = course.plan.states.knots

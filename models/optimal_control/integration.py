@@ -45,7 +45,7 @@ class Reintegration:
     Parameters
     ----------
     times : ndarray, shape (points,)
-        Times on a dense grid; a knot appears twice, as the end and the begin of an interval.
+        Times on a dense grid; a knot appears twice, as the end and the start of an interval.
     states : ndarray, shape (points, states)
         The integrated states; not finite from where the integration broke down to the next start.
     deviation : ndarray, shape (points, states)

@@ -259,7 +259,7 @@ class _Reader:
         made: casadi.Function = self.casadi.interpolant(name, data["method"], grid, numbers)
         if data["method"] == "bspline":
             # CasADi keeps derivatives with a spline once somebody asked for them. They are asked for
-            # here, so that a digest does not hang on what was solved before.
+            # here, so that a digest does not depend on what was solved before.
             x = self.casadi.MX.sym("x", len(grid))
             y = made(x)
             weights = self.casadi.MX.sym("weights", y.numel())

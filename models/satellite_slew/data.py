@@ -140,7 +140,7 @@ class SlewData(Declared):
                 needed = ", ".join(f"{x:.6g}" for x in self.final_momentum)
                 have = ", ".join(f"{x:.6g}" for x in self.momentum * there)
                 raise InvalidData(
-                    "final_gimbals must hold the momentum that the gyros have at the begin, seen in "
+                    "final_gimbals must hold the momentum that the gyros have at the start, seen in "
                     f"the final body axes: h = ({needed}) N m s, got ({have}); with these the "
                     "satellite would not be at rest",
                     field="final_gimbals",

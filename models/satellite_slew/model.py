@@ -72,7 +72,7 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
     initial_attitude, final_attitude : ndarray, shape (4,)
         Unit quaternions, scalar first, from body to inertial axes.
     initial_gimbals : ndarray, shape (4,)
-        Gimbal angles at the begin, rad.
+        Gimbal angles at the start, rad.
     final_gimbals : ndarray, shape (4,), optional
         Gimbal angles at the end, rad; None leaves them free.
     time_range : ndarray, shape (2,)

@@ -21,7 +21,7 @@ class EigenaxisProfile:
     Parameters
     ----------
     initial : ndarray, shape (4,)
-        The attitude at the begin.
+        The attitude at the start.
     axis : ndarray, shape (3,)
         Unit vector, in body axes; they stay the same along the way.
     angle : float

@@ -1,7 +1,7 @@
 """Images of scenes from above: boxes on textured ground, seen by a pinhole camera.
 
 The paper's images were not to be had; this is a scene of its own. All that belongs to the world (colours,
-textures, light) hangs on the seed and the place in the world alone, so that a cell looks alike in every
+textures, light) depends on the seed and the place in the world alone, so that a cell looks alike in every
 view; only the noise of the sensor changes from look to look.
 """
 

@@ -145,7 +145,7 @@ class Objective:
         """Return the answers, infinite where they are no numbers; count them and keep the best.
 
         What was asked together with a point that reaches the target, but after it, counts for nothing:
-        how points are shared out among questions hangs on the speed of the function, and no
+        how points are shared out among questions depends on the speed of the function, and no
         answer may.
         """
         bad = ~np.isfinite(answers)

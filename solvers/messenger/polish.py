@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 #: Steps of the interior-point method, and its barrier parameter at first.
 STEPS, MU = 100, 1e-2
-#: Share of a leg's length, or of the turning radius, that a primitive has at least at the begin.
+#: Share of a leg's length, or of the turning radius, that a primitive has at least at the start.
 LEAST = 1e-1
 #: Share of both in a second search, which stays nearer to its begin.
 NEAR = 1e-1

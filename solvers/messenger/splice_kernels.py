@@ -1,4 +1,4 @@
-"""Loops of the bounds: a path of which a leg is replaced, in a time that hangs on nothing else.
+"""Loops of the bounds: a path of which a leg is replaced, in a time that depends on nothing else.
 
 What a bound adds up (see :mod:`.bound_kernels`) has a part for each leg and for each stop. If a leg
 is replaced, the later parts stay, and the earlier ones change by one factor, that of the weights.

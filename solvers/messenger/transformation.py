@@ -91,7 +91,7 @@ def _on_line(dx: float, dy: float, wx: float, wy: float, radius: float, within: 
 def entry(
     poses: Floats, legs: Floats, k: int, fleet: Floats, craft: Floats, j: int, interior: bool
 ) -> tuple[float, float, float]:
-    """Return how long (s) after the begin of leg `k` the UAV crosses the boundary of `j`'s disc.
+    """Return how long (s) after the start of leg `k` the UAV crosses the boundary of `j`'s disc.
 
     inf where it does not.
 

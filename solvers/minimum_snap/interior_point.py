@@ -78,7 +78,7 @@ class InteriorPoint(Backend):
         settings = Settings(
             gap=float(np.clip(0.01 * request.gap, 1e-11, 1e-8)),
             tolerance=float(np.clip(1e-4 * request.tolerance, 1e-12, 1e-8)),
-            # Below what rounding explains, so that no verdict hangs on it.
+            # Below what rounding explains, so that no verdict depends on it.
             between=5e-4 * request.tolerance,
             samples=request.options.get("samples", 8),
             iterations=request.options.get("iterations", 100),

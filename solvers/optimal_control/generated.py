@@ -19,7 +19,7 @@ def step_function(own: Parametric, solver: Any, name: str = "step") -> Any:
 
     Its arguments are the data by their names, then ``z``, ``lam_x`` and ``lam_g``: where the search
     starts, in the solver's units, and multipliers (0 where none are known). Its results are ``u``, the
-    controls at the begin of the first phase, ``objective``, ``violation`` (the largest of a scaled row)
+    controls at the start of the first phase, ``objective``, ``violation`` (the largest of a scaled row)
     and ``z``, ``lam_x``, ``lam_g`` for the next step; their names end in ``_out``.
     """
     import casadi

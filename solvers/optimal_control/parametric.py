@@ -322,6 +322,6 @@ class Point:
 
     @property
     def u0(self) -> Floats:
-        """The controls at the begin of the first phase, (controls,), without the plan being made."""
+        """The controls at the start of the first phase, (controls,), without the plan being made."""
         at, weights, low, high = self.posed.at_begin
         return np.clip(self.columns[at] @ weights, low, high)

@@ -76,7 +76,7 @@ class ClosedLoop:
 
     The torque asked for is the controller's of the paper (eq. 24-33), T_c = -K_p q_e - K_d w_e +
     w×(I w + h) + I ẇ_d; the law turns it into gimbal rates, and null motion brings the gimbals
-    home from the begin of the braking on.
+    home from the start of the braking on.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ class ClosedLoop:
 
         Notes
         -----
-        In each step the gimbal rates are a parabola through what the law wants at the begin, in the
+        In each step the gimbal rates are a parabola through what the law wants at the start, in the
         middle and at the end, by a classical Runge-Kutta step of the closed loop; the states are
         those that the parabola gives by itself, and the next step starts where they really end.
         Steps are of a fixed length, for near a singularity the law is anything but smooth.

@@ -155,7 +155,7 @@ def test_a_warm_start_is_never_lost(name, budget):
 
 @pytest.mark.parametrize("name", EVERY)
 def test_a_target_ends_a_search_where_it_is_reached_however_points_are_asked_for(name, monkeypatch):
-    """The evaluations up to the target hang on no clock."""
+    """The evaluations up to the target depend on no clock."""
     model = box(WAVY, *SQUARE, budget=3000)
     found = []
     for slow in (False, True):

@@ -69,7 +69,7 @@ def answer(backend, primal=None, dual=None, termination="optimal", worst=0.0, sp
         ([answer("a", 10, 10), answer("h", 12, 12)], "AGREED", "bound by a"),
         ([answer("a", 10, 10), answer("b", 9.6, 9.6, worst=5e-7)], "AGREED", "plan by a"),
         ([answer("a", termination="infeasible"), answer("b", 9.6, 9.6, worst=5e-7)], "AGREED", "infeasible"),
-        ([answer("b", 9.6, 9.6, worst=5e-7)], "INCONCLUSIVE", "hang on a tolerance"),
+        ([answer("b", 9.6, 9.6, worst=5e-7)], "INCONCLUSIVE", "depend on a tolerance"),
         # A relaxation proves what an exact backend does, but not that a model is unbounded.
         ([answer("h", 10, None, "feasible"), answer("r", None, 10, "no_solution")], "AGREED", "bound by r"),
         ([answer("h", 10, None, "feasible"), answer("r", None, 11, "no_solution")], "CONTRADICTION", "r claims"),

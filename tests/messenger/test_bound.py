@@ -20,7 +20,7 @@ from crosstrack.solvers.registry import find_backend
 
 
 def drawn(seed, n=None, **fixed):
-    """A tour that is wilder than the paper's, of a kind that hangs on the seed."""
+    """A tour that is wilder than the paper's, of a kind that depends on the seed."""
     draw = np.random.default_rng(seed)
     n = n or 1 + seed % 5
     size = 10.0 ** draw.integers(-2, 5)

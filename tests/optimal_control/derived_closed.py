@@ -222,7 +222,7 @@ def tubular_reactor():
 
 
 def unicycle():
-    """A geodesic from its three costates at the begin."""
+    """A geodesic from its three costates at the start."""
 
     def motion(_, s):
         along = s[4] * math.cos(s[2]) + s[5] * math.sin(s[2])

@@ -30,7 +30,7 @@ def test_transcriptions_agree(name, value, formulations):
     assert verdict.outcome == "INCONCLUSIVE"
     assert "no exact bound" in verdict.evidence
     assert not any("worse" in note for note in verdict.notes)
-    # Whatever hangs on a tolerance is said, by the name of the row.
+    # Whatever depends on a tolerance is said, by the name of the row.
     for note in verdict.notes:
         assert "within_tolerance only" in note and note.partition(":")[0] == "ipopt"
 

@@ -155,7 +155,7 @@ REFUSED = {
     "invariant without a name": (lambda d: d.phase.invariant("", d.x), ["an invariant must have a name"]),
     # Ends, objectives.
     "control at the end": (lambda d: d.phase.final(d.u), ["control 'u' has no value at the ends"]),
-    "control at the begin": (lambda d: d.phase.initial(d.x + d.u), ["control 'u' has no value at the ends"]),
+    "control at the start": (lambda d: d.phase.initial(d.x + d.u), ["control 'u' has no value at the ends"]),
     "text at the end": (lambda d: d.phase.final("x"), ["at the ends", "'x'"]),
     "two integrands": (lambda d: d.phase.integral([d.x, d.v]), ["an integrand must be one number", "got 2"]),
     "integral of an end": (after_dynamics(lambda d: d.ocp.minimise(d.phase.integral(d.phase.final(d.x)))), ["integrand uses 'x(tf)'"]),

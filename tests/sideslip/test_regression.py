@@ -336,7 +336,7 @@ def test_units_and_the_order_of_drives_change_nothing(name):
         return replace(one, **{key: getattr(one, key) * by for key, by in factor.items()})
 
     again = estimate(name, problem(other(asked), [other(one) for one in reversed(training)])).point
-    # The width of the kernel comes from sums in single precision, which hang on the order and the machine.
+    # The width of the kernel comes from sums in single precision, which depend on the order and the machine.
     assert again.sideslip == pytest.approx(first.sideslip, abs=1e-7)
     assert again.deviation == pytest.approx(first.deviation, rel=1e-5)
 

@@ -92,7 +92,7 @@ class Guessed:
         Parameters
         ----------
         time : array_like, optional
-            Times of the samples given in `controls`, from the begin to the end of the flight.
+            Times of the samples given in `controls`, from the start to the end of the flight.
         **controls : array_like, callable or casadi expression
             By name: one value throughout, samples, a function of time, or a feedback, which is an
             expression in the phase's states, its time and parameters. Others keep their guess.
@@ -306,7 +306,7 @@ def _known_next(
     span: tuple[float, float],
     later: tuple[Floats, Floats] | None,
 ) -> tuple[Floats, Floats]:
-    """Return when and where a state is known next, from the begin of `phase` on, an entry each.
+    """Return when and where a state is known next, from the start of `phase` on, an entry each.
 
     At its ends it is known where it is fixed or guessed, and from `later` on by the phases after.
     """

@@ -354,7 +354,7 @@ class PhaseBuilder(Guessed):
     # -- the ends --------------------------------------------------------------------------------
 
     def initial(self, expression: Any) -> Symbol:
-        """Return `expression`, of states, time and parameters, at the begin of the phase."""
+        """Return `expression`, of states, time and parameters, at the start of the phase."""
         return self._at(expression, 0, self.start)
 
     def final(self, expression: Any) -> Symbol:

@@ -89,7 +89,7 @@ def _examine(definition: Definition, number: int) -> Dependence | None:
     phase = definition.phases[number]
     finals = np.flatnonzero(np.equal(*phase.bounds("states", "final"))).tolist()
     paths = np.flatnonzero(np.equal(*phase.bounds("paths"))).tolist()
-    # Boundaries of this phase alone: what links two phases hangs on both motions.
+    # Boundaries of this phase alone: what links two phases depends on both motions.
     begin = sum(one.end_size for one in definition.phases[:number])
     rows, columns = map(np.array, definition.endpoint.jac_sparsity(1, 0).get_triplet())
     inside = (begin <= columns) & (columns < begin + phase.end_size)

@@ -161,7 +161,7 @@ def radau(count: int) -> Scheme:
 
     Garg, Patterson, Hager, Rao, Benson and Huntington, "A unified framework for the numerical
     solution of optimal control problems using pseudospectral methods", Automatica 46 (2010), with
-    the nodes mirrored: the end is collocated, the begin is not.
+    the nodes mirrored: the end is collocated, the start is not.
     """
     nodes, weights = radau_points(count)
     points = np.concatenate([[-1.0], nodes])

@@ -122,7 +122,7 @@ def test_steps(case: str, backend: str, ledger: Ledger) -> None:
         last = {"x0": last["x"], "lam_x0": last["lam_x"], "lam_g0": last["lam_g"]}
         counts.append((step.iterations, int(warm.stats()["iter_count"]) if number else 0))
         assert step.ok
-        # The objective says it of both: a force at the begin is extrapolated on Radau's nodes.
+        # The objective says it of both: a force at the start is extrapolated on Radau's nodes.
         node = step.columns[solver.posed.formulation.layout.phases[0].control_columns[0]]
         np.testing.assert_allclose(node, found[first:], atol=1e-5 * sizes[1])
         assert abs(control[0]) <= sizes[1]
