@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from typing import Any, NamedTuple
 
@@ -31,7 +32,7 @@ class Case(NamedTuple):
 
     kind: str
     name: str
-    solutions: list[Solution[Any]]
+    solutions: Sequence[Solution[Any]]
     verdict: Verdict
 
 

@@ -12,21 +12,25 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from ...errors import InvalidData
 from ...files import writable, write_text
 from ..report.tables import number, seconds_text
 from ..solution import Solution
-from ..verdict import Outcome, Verdict, judge
+from ..verdict import Outcome, Verdict
 from .cases import OUTCOMES, Case, describe_instance
 from .chart import Series, draw_steps
 from .conditions import describe_conditions
 from .draws import ACCURACY, compare_with_leader, profile_evaluations
 from .markup import cell, choices, count_cell, ended, figure, many, numeric, table, tested
 from .pictures import Load
-from .standing import REFERENCE, TOO_LATE, Standing, are_rivals, rank, who
+from .records import Records
+from .standing import REFERENCE, TOO_LATE, Standing, are_rivals, who
 from .statistics import success_interval
+
+if TYPE_CHECKING:
+    from ..crosscheck import Comparison
 
 __all__ = ["write_page"]
 
@@ -49,15 +53,8 @@ _FLAGS = {
 }  # fmt: skip
 
 
-class Recorded(Protocol):
-    """What the page shows: the answers of a campaign."""
-
-    @property
-    def solutions(self) -> Sequence[Solution[Any]]: ...
-
-
 def write_page(
-    records: Recorded,
+    records: Records | Comparison,
     path: str | os.PathLike[str],
     *,
     title: str = "",
@@ -68,7 +65,7 @@ def write_page(
 
     Parameters
     ----------
-    records : Records
+    records : Records or Comparison
         The answers.
     path : str or path-like
         The file, ``.html`` or ``.htm``.
@@ -92,16 +89,16 @@ def write_page(
         There is no answer, or the file cannot be written.
     """
     file = writable(path, (".html", ".htm"))
-    solutions = list(records.solutions)
-    if not solutions:
+    if not isinstance(records, Records):
+        records = Records(tuple(records.solutions))
+    if not records.solutions:
         raise InvalidData("records must hold an answer, got none", field="records")
-    return write_text(file, _page(solutions, title or getattr(records, "title", ""), command, load))
+    return write_text(file, _page(records, title or records.title, command, load))
 
 
-def _page(solutions: Sequence[Solution[Any]], title: str, command: str, load: Load | None) -> str:
-    cases = _cases(solutions)
-    kinds = sorted({case.kind for case in cases})
-    standings = {kind: rank([c.verdict for c in cases if c.kind == kind]) for kind in kinds}
+def _page(records: Records, title: str, command: str, load: Load | None) -> str:
+    cases, standings, solutions = _cases(records), records.standings, records.solutions
+    kinds = list(standings)
     style, script = _resource("page.css"), _resource("page.js")
     wrong = [case for case in cases if case.verdict.outcome is Outcome.CONTRADICTION]
     sections = [_problem(kind, cases, standings[kind], load) for kind in kinds]
@@ -128,22 +125,18 @@ def _page(solutions: Sequence[Solution[Any]], title: str, command: str, load: Lo
     )
 
 
-def _cases(solutions: Sequence[Solution[Any]]) -> list[Case]:
+def _cases(records: Records) -> list[Case]:
     """Return the answers by instance, with the verdict on each."""
-    groups: dict[tuple[str, str], list[Solution[Any]]] = {}
-    for solution in solutions:
-        groups.setdefault((solution.model, solution.digest), []).append(solution)
     # One model may have several names: the first counts. What shares a name but not its data is told apart.
-    named = {key: group[0].instance.replace("\0", "\ufffd") for key, group in groups.items()}
-    shared = Counter((kind, named[kind, digest]) for kind, digest in groups)
+    firsts = [one.solutions[0] for one in records.verdicts]
+    shared = Counter((first.model, first.instance) for first in firsts)
     cases = []
-    for kind, digest in sorted(groups, key=lambda key: (key[0], named[key], key[1])):
-        name, group = named[kind, digest], groups[kind, digest]
-        called = name or digest[:12]
-        if shared[kind, name] > 1:
-            called = f"{name} {digest[:12]}"
-        cases.append(Case(kind, called, group, judge(called, group)))
-    return cases
+    for first, verdict in zip(firsts, records.verdicts, strict=True):
+        name = first.instance.replace("\0", "\ufffd") or first.digest[:12]
+        if shared[first.model, first.instance] > 1:
+            name = f"{name} {first.digest[:12]}"
+        cases.append(Case(first.model, name, verdict.solutions, verdict))
+    return sorted(cases, key=lambda case: (case.kind, case.name))
 
 
 def _verdict(cases: Sequence[Case], solutions: Sequence[Solution[Any]]) -> str:
@@ -345,7 +338,7 @@ def _answer(case: Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
 def _contradiction(case: Case) -> str:
     """Return a contradiction with its evidence and the command that repeats it."""
     words = case.verdict.evidence.replace(",", " ").split()
-    named = [s for s in case.solutions if who(s) in words] or case.solutions
+    named = [s for s in case.solutions if _asked(s) in words] or case.solutions
     rows = []
     for s in named:
         checks = [] if s.verification is None else s.verification.checks
@@ -361,8 +354,10 @@ def _contradiction(case: Case) -> str:
         "compare",
         named[0].instance or case.name,
         "--backends",
-        ",".join(dict.fromkeys(map(who, named))),
+        ",".join(dict.fromkeys(map(_asked, named))),
     ]
+    own = {s.backend: found for s in named if (found := s.options.get("backend_options"))}
+    options = f" with <code>backend_options={escape(repr(own))}</code> in Python" if own else ""
     for flag, option in _FLAGS.items():
         if asked.get(option) is not None:
             line += [flag, str(asked[option])]
@@ -372,8 +367,13 @@ def _contradiction(case: Case) -> str:
         f"<h3>{escape(case.name)}</h3><p><span class='bad'>✗ contradict</span>: "
         f"{escape(case.verdict.evidence)}.</p>"
         + table([(head, False) for head in heads], rows, "plain", f"Evidence on {case.name}")
-        + f"<p>To see it again:</p><pre>{escape(shlex.join(line))}</pre>"
+        + f"<p>To see it again{options}:</p><pre>{escape(shlex.join(line))}</pre>"
     )
+
+
+def _asked(solution: Solution[Any]) -> str:
+    """Return what the command line calls the backend of an answer."""
+    return solution.backend + (f":{solution.formulation}" if solution.formulation else "")
 
 
 def _resource(name: str) -> str:
