@@ -12,7 +12,10 @@ from .report.fitting import FittedTable
 from .report.tables import number, seconds_text, table
 from .solution import Solution
 
-__all__ = ["Spread", "spreads", "spreads_table"]
+__all__ = ["Spread", "own_options", "spreads", "spreads_table"]
+
+#: Options that comparisons set for whoever has them.
+_ALWAYS = {"polish": False}
 
 Quartiles = tuple[float, float, float]
 
@@ -63,9 +66,11 @@ class Spread:
         return {**asdict(self), "success_rate": self.success_rate}
 
 
-def _own(solution: Solution[Any]) -> Mapping[str, Any]:
-    """Return the backend's own options that were asked of a run."""
-    return solution.options.get("backend_options") or {}
+def own_options(solution: Solution[Any]) -> dict[str, Any]:
+    """Return the backend's own options that were asked of a run, but for what all comparisons ask."""
+    found = solution.options.get("backend_options")
+    items = found.items() if isinstance(found, Mapping) else ()
+    return {name: value for name, value in items if _ALWAYS.get(name, ...) is not value}
 
 
 def _quartiles(values: Sequence[float]) -> Quartiles:
@@ -78,7 +83,7 @@ def spreads(solutions: Sequence[Solution[Any]]) -> tuple[Spread, ...]:
     """Return the spread of every backend that ran more than once, in order of appearance."""
     groups: dict[tuple[str, str | None, str], list[Solution[Any]]] = {}
     for solution in solutions:
-        asked = repr(_own(solution))
+        asked = repr(own_options(solution))
         groups.setdefault((solution.backend, solution.formulation, asked), []).append(solution)
     found = []
     for (backend, formulation, _), runs in groups.items():
@@ -86,7 +91,7 @@ def spreads(solutions: Sequence[Solution[Any]]) -> tuple[Spread, ...]:
             values = [run.primal_bound for run in runs if run.primal_bound is not None]
             seconds = [run.seconds.get("solve", run.seconds.get("total", 0.0)) for run in runs]
             objective = _quartiles(values) if values else None
-            own = _own(runs[0])
+            own = own_options(runs[0])
             found.append(
                 Spread(
                     backend, formulation, len(runs), len(values), objective, _quartiles(seconds), own

@@ -16,6 +16,7 @@ from ...models.problems import model_type
 from ...models.verification import ROUNDING
 from ..enums import Termination
 from ..registry import find_backend
+from ..repeats import own_options
 from ..report.fitting import FittedTable
 from ..report.tables import seconds_text, table
 from ..solution import Solution
@@ -129,10 +130,8 @@ def standings_table(standings: Mapping[str, Sequence[Standing]], most: int = 3) 
 
 def who(solution: Solution[Any]) -> str:
     """Return the backend with its formulation, and the options of its own that were set."""
-    own = solution.options.get("backend_options")
-    words = [f"{name}={value}" for name, value in own.items()] if isinstance(own, Mapping) else []
     name = solution.backend + (f":{solution.formulation}" if solution.formulation else "")
-    return " ".join([name, *words])
+    return " ".join([name, *(f"{key}={value}" for key, value in own_options(solution).items())])
 
 
 def measured_seconds(solution: Solution[Any]) -> float | None:

@@ -13,6 +13,7 @@ that two campaigns differ by what they found.
 from __future__ import annotations
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ from crosstrack.solvers.verdict import judge
 PLAN = 12_000
 #: Seconds of a part that is told at the least, and the parts that always are.
 LEAST, PARTS = 0.01, ("build", "solve", "total")
+#: Share of the way from the first plan to the last below which nothing between is told.
+LEFT = 1e-4
 #: Options as they are where nobody asks.
 USUAL = {"starts": 1, "warm_start": None, "backend_options": {}, "threads": None, "repeat": 0}
 
@@ -69,11 +72,16 @@ def course(incumbents: list[dict[str, Any]]) -> list[dict[str, Any]]:
     if not incumbents:
         return []
     last = min(one["objective"] for one in incumbents)
+    way = incumbents[0]["objective"] - last
     kept: list[dict[str, Any]] = []
+    above = math.inf
     for one in incumbents:
         left = one["objective"] - last
-        if not kept or left <= 0.5 * (kept[-1]["objective"] - last):
-            kept.append({**one, "seconds": float(f"{one['seconds']:.4g}")})
+        if left == 0 or (left <= 0.5 * above and left > LEFT * way):
+            above = left
+            counted = {} if one.get("evaluations") is None else {"evaluations": one["evaluations"]}
+            seconds, objective = float(f"{one['seconds']:.3g}"), float(f"{one['objective']:.9g}")
+            kept.append({"seconds": seconds, "objective": objective, **counted})
         if left == 0:
             break
     return kept
@@ -89,15 +97,16 @@ def main(source: str, target: str) -> None:
     for found in answers.values():
         leader = judge("", [one for one, _ in found]).best
         best.update(index for one, index in found if one is leader)
-    machines = {where for row in rows if (where := row["environment"].get("processor"))}
+    machines = {where for row in rows if (where := row.get("environment", {}).get("processor"))}
     assert len(machines) == 1, f"records of several machines: {machines}"
     rows = [slim(row, index in best) for index, row in enumerate(rows)]
     names = ("model", "instance", "backend", "formulation", "seed", "key")
     rows.sort(key=lambda row: [str(row.get(name)) for name in names])
-    whole = next(row["environment"] for row in rows if "processor" in row["environment"])
+    told = (row.get("environment", {}) for row in rows)
+    whole = next(where for where in told if "processor" in where)
     for row in rows:
-        where = row["environment"]
-        row["environment"] = {n: where[n] for n in ("load", "threads") if where.get(n) is not None}
+        where = row.get("environment", {})
+        row["environment"] = {n: where[n] for n in ("load", "warm") if where.get(n) is not None}
     rows[0]["environment"] = {**whole, **rows[0]["environment"]}
     lines = [
         json.dumps(row, allow_nan=False, ensure_ascii=False, separators=(",", ":")) for row in rows

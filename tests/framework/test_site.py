@@ -157,3 +157,17 @@ def test_the_filter_hides_headings_without_rows(tmp_path):
             assert page.locator("#messenger").is_visible() is messenger
             assert page.locator("#left").text_content() == left
         browser.close()
+
+
+@pytest.mark.slow
+def test_the_campaigns_file_makes_its_records():
+    """What the file asks for today is what the records hold, but for backends that are not installed here."""
+    from crosstrack.solvers.bench import Campaign
+    from crosstrack.solvers.registry import backend_states
+
+    asked = {task.job.key() for task in Campaign.read(DOCS / "campaign" / "campaign.toml").tasks}
+    lines = (DOCS / "campaign" / "records.jsonl").read_text("utf-8").splitlines()
+    held = {row["key"]: row["backend"] for row in map(json.loads, lines)}
+    away = {one.name for one in backend_states() if one.state != "installed"}
+    assert asked - held.keys() == set()
+    assert {name for key, name in held.items() if key not in asked} <= away
