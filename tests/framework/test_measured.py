@@ -1,6 +1,8 @@
 """What scripts measured for the pages: read by one, of instances that exist, made by a script that exists."""
 
+import itertools
 import json
+import math
 import re
 from pathlib import Path
 
@@ -42,3 +44,58 @@ def test_pages_show_what_was_measured():
     for problem, table, column in columns:
         found = json.loads((ROOT / "docs" / "measured" / f"{problem}.json").read_text("utf-8"))
         assert {"instance", "seconds", column} <= set(found[table]["columns"])
+
+
+def peers(table):
+    """Return the rows of a table of ``docs/how-well.md`` in groups of what each is about, ours first."""
+    found = json.loads((ROOT / "docs" / "measured" / "peers.json").read_text("utf-8"))[table]
+    rows = [dict(zip(found["columns"], row, strict=True)) for row in found["rows"]]
+    heads = list(found["columns"])[: list(found["columns"]).index("package")]
+    groups = itertools.groupby(rows, lambda row: [row[head] for head in heads])
+    return [list(group) for _, group in groups]
+
+
+@pytest.mark.parametrize(
+    "table",
+    ["error-correction", "resource-routing", "grid-path", "minimum-snap", "fleet", "attractor"],
+)
+def test_every_peer_stands_beside_ours(table):
+    for ours, *others in peers(table):
+        assert ours["package"].startswith("crosstrack, `")
+        assert "rejected" not in ours["our check"]
+        assert others
+        for row in others:
+            if row.get("times ours") is not None:
+                assert row["times ours"] == pytest.approx(row["seconds"] / ours["seconds"])
+
+
+def test_what_is_said_of_peers_is_measured():
+    """The sentences of ``docs/how-well.md`` below its tables."""
+    for ours, cspy in [*peers("error-correction"), *peers("resource-routing")]:
+        assert cspy["our check"] == "accepted"
+        assert cspy["objective"] == pytest.approx(ours["objective"], rel=1e-9)
+        assert cspy["times ours"] > 1
+    for ours, *others in peers("minimum-snap"):
+        for row in others:
+            assert row["our check"] == "accepted"
+            assert row["objective"] == pytest.approx(ours["objective"], rel=1e-9)
+            assert (row["times ours"] < 1) == row["package"].startswith("SciPy")
+    for number, (ours, bare, *others) in enumerate(peers("grid-path")):
+        times = {row["package"]: row["times ours"] for row in others}
+        right = {row["package"] for row in others if row["our check"] == ours["our check"]}
+        assert right == {"networkx", "python-pathfinding"}
+        compiled = times.pop("pyastar2d")
+        assert compiled < 1
+        assert bare["times ours"] < min(times.values())
+        assert max(times.values()) < 1 if number < 2 else min(times.values()) > 1
+        assert (bare["times ours"] < compiled) == (number >= 2)
+    for _, pyvrp, ortools in peers("fleet"):
+        above = pyvrp["median above ours"]
+        assert above is None if "longest" in pyvrp["problem"] else -0.01 < above < 0
+        assert ortools["median above ours"] > 0
+    for ours, nolds in peers("attractor"):
+        assert nolds["times ours"] > 1
+        if ours["figure"] == "exponent":
+            assert math.isclose(nolds["value"], ours["value"], rel_tol=1e-9)
+        else:
+            assert nolds["value"] < ours["value"] < ours["known"]
