@@ -400,11 +400,27 @@ _lock = threading.Lock()
 _MOST_IDLE = 2
 
 
+#: Processes of the one that this process was forked from.
+_parents: list[Worker] = []
+
+
 @atexit.register
 def _close_idle() -> None:
     with _lock:
         while _idle:
             _idle.pop().close()
+
+
+def _leave_idle() -> None:
+    """Neither use nor end what belongs to the parent; kept, for its pipes would be closed with it."""
+    global _lock
+    _lock = threading.Lock()  # a thread that was not forked may hold the other one
+    _parents.extend(_idle)
+    _idle.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_leave_idle)
 
 
 def in_worker(job: Job, *, listener: Listener | None = None) -> Solution[Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import logging
+import os
 import queue
 import threading
 import time
@@ -330,3 +331,18 @@ _launched: set[Worker] = set()
 _kept: dict[tuple[str, str], Worker] = {}
 _keeping = threading.Lock()
 atexit.register(close_kept)
+#: Workers of the process that this one was forked from.
+_parents: list[Worker] = []
+
+
+def _leave_kept() -> None:
+    """Neither use nor end what belongs to the parent; kept, for its pipes would be closed with it."""
+    global _keeping
+    _keeping = threading.Lock()  # a thread that was not forked may hold the other one
+    _parents.extend([*_kept.values(), *_launched])
+    _kept.clear()
+    _launched.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_leave_kept)

@@ -321,3 +321,25 @@ def test_ctrl_c_between_two_starts_keeps_the_first(model):
     assert answer.limit == "interrupted"
     assert 1 <= len(answer.starts) <= 2
     assert answer.plan.route == (0, 1, 2, 4)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_forked_process_leaves_its_parents_worker_alone(run_python, tmp_path):
+    """A child that used it wrote into the parent's pipes; closing it could fail or kill the parent's."""
+    script = (
+        "import os, crosstrack as ct\n"
+        "from multiprocessing import get_context\n"
+        "from crosstrack.solvers import isolation\n"
+        "model = ct.load('error-correction/example-1')\n"
+        "def solve(_):\n"
+        "    return ct.solve(model, 'highs', isolate=True).primal_bound\n"
+        "first = solve(0)\n"
+        "[worker] = isolation._idle\n"
+        "with get_context('fork').Pool(2) as pool:\n"
+        "    assert pool.map(solve, range(4)) == [first] * 4\n"
+        "assert isolation._idle == [worker] and worker._process.poll() is None\n"
+        "before = worker.pid\n"
+        "assert solve(0) == first and isolation._idle[0].pid == before\n"
+        "print('alone')\n"
+    )
+    assert run_python("-W", "ignore", "-c", script, cwd=tmp_path).strip() == "alone"
