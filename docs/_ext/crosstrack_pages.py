@@ -287,7 +287,7 @@ class Campaign(Made):
         rows = [
             (
                 f"`{one.label}`", len({s.instance for s, _ in one.answers if s.stored_plan is not None}),
-                f"{one.solved} of {one.of}", one.instances, one.proven, one.best, one.fastest,
+                f"{one.solved}\u00a0of\u00a0{one.of}", one.instances, one.proven, one.best, one.fastest,
                 seconds_text(one.typical), seconds_text(one.median),
                 "" if one.integral is None else f"{100 * one.integral:.3g} %",
             )

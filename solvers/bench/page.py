@@ -286,8 +286,8 @@ def _standing(standings: Sequence[Standing]) -> str:
             "Proven",
             "Best plan",
             "Fastest",
-            "Typical time",
-            "Median time",
+            "Typical",
+            "Median",
             "Gap over time",
         )
     ]

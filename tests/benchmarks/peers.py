@@ -52,7 +52,7 @@ LARGEST = 20_000
 Row = tuple[Any, ...]
 Rows = Iterator[Row]
 COLUMNS = {
-    "instance": "", "package": "", "objective": ".9g", "seconds": ".2g", "times ours": ".2g",
+    "instance": "", "package": "", "objective": ".9g", "seconds": ".2g", "times ours": ".4g",
     "our check": "",
 }  # fmt: skip
 
@@ -326,7 +326,7 @@ TABLES: dict[str, tuple[Callable[[], Rows], dict[str, str], tuple[str, ...], str
     "grid-path": (
         grid_path,
         {
-            "map": "", "package": "", "length": ".7g", "seconds": ".2g", "times ours": ".2g",
+            "map": "", "package": "", "length": ".7g", "seconds": ".2g", "times ours": ".4g",
             "our check": "",
         },
         ("pyastar2d", "scikit-image", "networkx", "pathfinding"),
@@ -349,7 +349,7 @@ TABLES: dict[str, tuple[Callable[[], Rows], dict[str, str], tuple[str, ...], str
         attractor,
         {
             "instance": "", "figure": "", "known": ".4g", "package": "", "value": ".4g", "seconds": ".2g",
-            "times ours": ".2g", "our check": "",
+            "times ours": ".4g", "our check": "",
         },
         ("nolds",),
         "nolds is told the embedding, and the region that ours chose.",
