@@ -12,7 +12,7 @@ import logging
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from functools import cache, cached_property, update_wrapper
+from functools import cache, cached_property, partial, update_wrapper
 from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar, cast, overload
@@ -118,11 +118,16 @@ class Kernel:
             kept = getattr(getattr(made, "_cache", None), "_cache_file", None)
             if kept is not None:  # not where NUMBA_DISABLE_JIT is set
                 kept._source_stamp = _stamp(self)
-            return made
         except RuntimeError as error:
             # Neither beside the source nor in the user's folder may anything be written.
             log.info("compiled code is not kept: %s", error)
-            return numba.njit(**how)(self.py_func)
+            made = numba.njit(**how)(self.py_func)
+        later = getattr(made, "_compile_for_args", None)
+        if later is not None:  # what Numba calls for arguments of other types than those met before
+            made._compile_for_args = lambda *args, **kws: self._watched(
+                partial(later, *args, **kws)
+            )
+        return made
 
     @cached_property
     def _numba_type_(self) -> Any:
@@ -131,13 +136,24 @@ class Kernel:
 
     def _compile(self, arguments: tuple[Any, ...]) -> None:
         """Compile for the types of `arguments`, or load what was, while the watchers wait."""
+
+        def work() -> None:
+            import numba
+
+            if hasattr(self.dispatcher, "compile"):  # not where NUMBA_DISABLE_JIT is set
+                self.dispatcher.compile(tuple(map(cast(Any, numba.typeof), arguments)))
+
+        self._watched(work)
+        self._ready = True
+
+    def _watched(self, work: Callable[[], Any]) -> Any:
+        """Return what `work` does, which compiles, while the watchers wait."""
         global _spent
         with ExitStack() as stack:
             stack.enter_context(_compiling)
             begin = perf_counter()
             for watcher in tuple(_watchers):
                 stack.enter_context(watcher())
-            import numba
             from numba.core import event
 
             timer = threading.Timer(_SILENCE, self._announce)
@@ -155,10 +171,9 @@ class Kernel:
                     pass
 
             stack.enter_context(event.install_listener("numba:compile", Begun()))
-            if hasattr(self.dispatcher, "compile"):  # not where NUMBA_DISABLE_JIT is set
-                self.dispatcher.compile(tuple(map(cast(Any, numba.typeof), arguments)))
+            found = work()
             _spent += perf_counter() - begin
-        self._ready = True
+        return found
 
     def _announce(self) -> None:
         size = sum(len(one.py_func.__code__.co_code) // 2 for one in _called(self))

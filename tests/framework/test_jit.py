@@ -4,6 +4,7 @@ import math
 import sys
 import threading
 import time
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -239,6 +240,34 @@ class _Lazy:
 
     def compile(self, types):
         time.sleep(0.5)
+
+
+def test_what_is_compiled_for_other_types_is_watched_too(monkeypatch):
+    """Numba compiles by itself when a kernel meets an array that may not be written."""
+
+    @kernel
+    def total(values):
+        found = 0.0
+        for one in values:
+            found += one
+        return found
+
+    monkeypatch.setattr(jit, "_left", 0.0)
+    told = []
+
+    @contextmanager
+    def watcher():
+        told.append(None)
+        yield
+
+    free, fixed = np.ones(3), np.ones(3)
+    fixed.flags.writeable = False
+    with jit.watched(watcher):
+        begin, clock = time.perf_counter(), jit.clock()
+        for array, most in ((free, 1), (free, 1), (fixed, 2), (fixed, 2), (free, 2)):
+            assert total(array) == 3.0
+            assert len(told) == most
+        assert jit.clock() - clock < 0.2 * (time.perf_counter() - begin)
 
 
 def test_a_small_problem_loads_neither_numba_nor_scipy(run_python, tmp_path):
