@@ -385,7 +385,7 @@ def test_a_stage_runs_under_the_clock_the_flag_and_the_seeds_of_its_run():
     assert seen[0][0] != seen[1][0], "each stage has a seed of its own"
     assert seen[1][1] == 1.0 and 29 < seen[0][1] <= 30
     assert seen[0][2] == 1e-4
-    _, objective, point = request.control.events.get()
+    _, objective, point, _ = request.control.events.get()
     assert (objective, point) == (2.0, 6.0), "incumbents are reported as the run's own"
     request.control.stop(Limit.INTERRUPTED)
     ended = request.within(Stage(), GUESS)
