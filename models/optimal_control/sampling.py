@@ -117,7 +117,11 @@ class Course:
         x = at.states if states is None else states
         found: Any = self.phase.function(at.times[None, :], x.T, at.controls.T, self.parameters)
         names = self.phase.function.name_out()
-        return {name: part.full().T for name, part in zip(names, found, strict=True)}
+        # What has no entries at all is 0 by 0 in CasADi, wherever it is evaluated.
+        count = at.times.size
+        return {
+            name: part.full().T.reshape(count, -1) for name, part in zip(names, found, strict=True)
+        }
 
     @cached_property
     def places(self) -> tuple[Floats, ...]:
