@@ -71,7 +71,7 @@ bench: .venv/benchmark.stamp  ## Benchmarks; nothing else should run meanwhile
 docs: .venv/docs.stamp  ## The site, into docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -j auto -b html docs docs/_build/html
 
-pages: .venv/docs.stamp  ## The site without running the examples, in a minute or so
+pages: .venv/docs.stamp  ## The site without running the examples
 	$(BIN)/sphinx-build -W --keep-going -j auto -b html -D plot_gallery=0 docs docs/_build/pages
 
 links: .venv/docs.stamp  ## Links of the site that lead elsewhere; wants a network

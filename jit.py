@@ -124,9 +124,7 @@ class Kernel:
             made = numba.njit(**how)(self.py_func)
         later = getattr(made, "_compile_for_args", None)
         if later is not None:  # what Numba calls for arguments of other types than those met before
-            made._compile_for_args = lambda *args, **kws: self._watched(
-                partial(later, *args, **kws)
-            )
+            made._compile_for_args = lambda *args, **kws: self._timed(partial(later, *args, **kws))
         return made
 
     @cached_property
@@ -143,10 +141,10 @@ class Kernel:
             if hasattr(self.dispatcher, "compile"):  # not where NUMBA_DISABLE_JIT is set
                 self.dispatcher.compile(tuple(map(cast(Any, numba.typeof), arguments)))
 
-        self._watched(work)
+        self._timed(work)
         self._ready = True
 
-    def _watched(self, work: Callable[[], Any]) -> Any:
+    def _timed(self, work: Callable[[], Any]) -> Any:
         """Return what `work` does, which compiles, while the watchers wait."""
         global _spent
         with ExitStack() as stack:

@@ -12,7 +12,7 @@ from .report.fitting import FittedTable
 from .report.tables import number, seconds_text, table
 from .solution import Solution
 
-__all__ = ["Spread", "own_options", "spreads", "spreads_table"]
+__all__ = ["Spread", "name_backend", "own_options", "spreads", "spreads_table"]
 
 #: Options that comparisons set for whoever has them.
 _ALWAYS = {"polish": False}
@@ -53,8 +53,7 @@ class Spread:
     @property
     def label(self) -> str:
         """The backend with its formulation and options."""
-        name = self.backend + (f":{self.formulation}" if self.formulation else "")
-        return " ".join([name, *(f"{name}={value}" for name, value in self.options.items())])
+        return name_backend(self.backend, self.formulation, self.options)
 
     @property
     def success_rate(self) -> float:
@@ -64,6 +63,14 @@ class Spread:
     def to_dict(self) -> dict[str, Any]:
         """Return the spread as JSON data."""
         return {**asdict(self), "success_rate": self.success_rate}
+
+
+def name_backend(
+    backend: str, formulation: str | None, options: Mapping[str, Any] | None = None
+) -> str:
+    """Return what a backend is called beside others: with its formulation, and options of its own."""
+    name = backend + (f":{formulation}" if formulation else "")
+    return " ".join([name, *(f"{key}={value}" for key, value in (options or {}).items())])
 
 
 def own_options(solution: Solution[Any]) -> dict[str, Any]:

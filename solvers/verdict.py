@@ -13,7 +13,7 @@ from ..models.model import Model
 from ..models.verification import ROUNDING
 from .enums import PROVING, Guarantee, Termination
 from .registry import find_backend
-from .repeats import Spread, spreads, spreads_table
+from .repeats import Spread, name_backend, spreads, spreads_table
 from .report.tables import frame, markup, render, solutions_table
 from .solution import Solution
 
@@ -121,7 +121,7 @@ def _clean(solution: Solution[Any]) -> bool:
 
 
 def _who(solution: Solution[Any]) -> str:
-    return solution.backend + (f":{solution.formulation}" if solution.formulation else "")
+    return name_backend(solution.backend, solution.formulation)
 
 
 def _guarantee(solution: Solution[Any], model: Model[Any] | None) -> Guarantee | None:

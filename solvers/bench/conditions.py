@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any
 
-from ..solution import Solution
+from .records import Records
 from .standing import who
 
 __all__ = ["describe_conditions"]
@@ -22,17 +22,17 @@ _FAIRNESS = {
 _TOLD = {"backend", "threads", "crosstrack"}
 
 
-def describe_conditions(solutions: Sequence[Solution[Any]]) -> str:
+def describe_conditions(records: Records) -> str:
     """Return what the comparison ran on, and what was asked of every run."""
     rows: list[tuple[str, str]] = []
+    solutions = records.solutions
     asked = {name: {_plain(s.options.get(name)) for s in solutions} for name in _FAIRNESS}
     rows += [(word, _several(asked[name])) for name, word in _FAIRNESS.items()]
-    alike: dict[str, set[tuple[str, ...]]] = {}
-    for s in solutions:
-        asked_of = tuple(_plain(s.options.get(name)) for name in ("time_limit", "tolerance"))
-        alike.setdefault(s.digest, set()).add(asked_of)
-    if uneven := sum(len(found) > 1 for found in alike.values()):
-        words = f"on {uneven:,} of {len(alike):,} instances limits or tolerances differ: seconds there do not compare"
+    if records.uneven:
+        words = (
+            f"on {len(records.uneven):,} of {len(records.verdicts):,} instances limits or tolerances differ: "
+            "seconds there do not compare"
+        )
         rows.append(("Not asked for alike", words))
     repeats = max(Counter((s.model, s.instance, s.digest, who(s)) for s in solutions).values())
     rows.append(("Runs of a backend on an instance", f"1 to {repeats:,}" if repeats > 1 else "1"))

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import InvalidData
 from ...files import writable, write_text
+from ..repeats import name_backend
 from ..report.tables import number, seconds_text
 from ..solution import Solution
 from ..verdict import Outcome, Verdict
@@ -115,7 +116,7 @@ def _page(records: Records, title: str, command: str, load: Load | None) -> str:
         leading=_leading(kinds, cases, standings),
         contradictions="".join(map(_contradiction, wrong))
         or "<p>None: no proof speaks against any verified plan.</p>",
-        measured=describe_conditions(solutions),
+        measured=describe_conditions(records),
         problems=choices(kinds),
         backends=choices(sorted({s.backend for s in solutions})),
         endings=choices(sorted({ended(s) for s in solutions})),
@@ -373,7 +374,7 @@ def _contradiction(case: Case) -> str:
 
 def _asked(solution: Solution[Any]) -> str:
     """Return what the command line calls the backend of an answer."""
-    return solution.backend + (f":{solution.formulation}" if solution.formulation else "")
+    return name_backend(solution.backend, solution.formulation)
 
 
 def _resource(name: str) -> str:

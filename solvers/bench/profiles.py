@@ -86,7 +86,7 @@ def data_profile(evaluations: Mapping[str, Sequence[float]], dimensions: Sequenc
     try:
         sizes = np.asarray(dimensions, float)
     except (TypeError, ValueError):
-        sizes = np.empty(())
+        sizes = np.empty(())  # as many as for no list of instances
     if sizes.shape != table.shape[1:] or not (sizes >= 1).all():
         raise InvalidData(
             f"dimensions must be {table.shape[1]} whole numbers >= 1, one an instance",

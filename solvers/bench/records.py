@@ -70,7 +70,7 @@ class Records:
             one.instance
             for one in self.verdicts
             if any(
-                len({str(s.options.get(name)) for s in one.solutions}) > 1
+                len({s.options.get(name) for s in one.solutions}) > 1
                 for name in ("time_limit", "tolerance")
             )
         )

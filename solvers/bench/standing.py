@@ -16,7 +16,7 @@ from ...models.problems import model_type
 from ...models.verification import ROUNDING
 from ..enums import Termination
 from ..registry import find_backend
-from ..repeats import own_options
+from ..repeats import name_backend, own_options
 from ..report.fitting import FittedTable
 from ..report.tables import seconds_text, table
 from ..solution import Solution
@@ -130,8 +130,7 @@ def standings_table(standings: Mapping[str, Sequence[Standing]], most: int = 3) 
 
 def who(solution: Solution[Any]) -> str:
     """Return the backend with its formulation, and the options of its own that were set."""
-    name = solution.backend + (f":{solution.formulation}" if solution.formulation else "")
-    return " ".join([name, *(f"{key}={value}" for key, value in own_options(solution).items())])
+    return name_backend(solution.backend, solution.formulation, own_options(solution))
 
 
 def measured_seconds(solution: Solution[Any]) -> float | None:
