@@ -301,7 +301,8 @@ class Solution(Generic[PlanT]):
         """Return the solution that :meth:`to_dict` wrote.
 
         The plan comes back as an object where `model` is given, and only as :attr:`plan_data`
-        otherwise.
+        otherwise. What the data claims stands, its verification too: :meth:`load` and
+        :func:`crosstrack.verify` look at the plan anew.
         """
         if model is not None:
             model = as_model(model)
