@@ -19,10 +19,12 @@ from .backend import Backend, Feature, Guarantee
 from .registry import accepted, default_formulation, find_backend, recommended
 from .stopping import Criterion
 
-__all__ = ["GAP", "Job", "Target"]
+__all__ = ["GAP", "UNPOLISHED", "Job", "Target"]
 
 #: The relative gap that is asked of every exact backend unless another is given.
 GAP = 1e-6
+#: What comparisons ask of every solver of quadratic programs: its own precision.
+UNPOLISHED: Mapping[str, Any] = {"polish": False}
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from .job import UNPOLISHED
 from .report.fitting import FittedTable
 from .report.tables import number, seconds_text, table
 from .solution import Solution
 
 __all__ = ["Spread", "name_backend", "own_options", "spreads", "spreads_table"]
-
-#: Options that comparisons set for whoever has them.
-_ALWAYS = {"polish": False}
 
 Quartiles = tuple[float, float, float]
 
@@ -77,7 +75,7 @@ def own_options(solution: Solution[Any]) -> dict[str, Any]:
     """Return the backend's own options that were asked of a run, but for what all comparisons ask."""
     found = solution.options.get("backend_options")
     items = found.items() if isinstance(found, Mapping) else ()
-    return {name: value for name, value in items if _ALWAYS.get(name, ...) is not value}
+    return {name: value for name, value in items if UNPOLISHED.get(name, ...) is not value}
 
 
 def _quartiles(values: Sequence[float]) -> Quartiles:

@@ -34,6 +34,7 @@ from ..attempts import (
     stopped,
 )
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..job import UNPOLISHED
 from ..scaling import Scaling
 from .forms import Core
 from .polishing import polished
@@ -76,7 +77,6 @@ POLISH = Option(
     "binds; off shows the solver's own precision, and is what comparisons set.",
     bool,
 )
-UNPOLISHED: Mapping[str, Any] = {"polish": False}
 #: The option of first-order methods.
 EPS = Option(
     None,
