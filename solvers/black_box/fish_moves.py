@@ -24,7 +24,7 @@ _INERTIA = (0.2, 0.9)
 
 
 def leaders(place: Floats, value: Floats, visual: float) -> Ints:
-    """Return the best fish within the visual of each fish (eq. 1), or the fish itself if it sees none.
+    """Return the best fish within the visual of each fish (eq. 1), or the fish itself if it sees no better one.
 
     Parameters
     ----------
@@ -39,8 +39,11 @@ def leaders(place: Floats, value: Floats, visual: float) -> Ints:
     ndarray of int, shape (n,)
     """
     near = cdist(place, place) < visual
-    np.fill_diagonal(near, True)
-    return np.asarray(np.where(near, value, math.inf).argmin(axis=1))
+    best = np.where(near, value, math.inf).argmin(axis=1)
+    every = np.arange(len(value))
+    # If no fish within the visual has a value, argmin returns a fish out of sight.
+    seen = near[every, best] & (value[best] < value)
+    return np.where(seen, best, every)
 
 
 def towards(place: Floats, target: Floats, length: Floats) -> Floats:

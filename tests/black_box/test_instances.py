@@ -13,7 +13,6 @@ from crosstrack.instances.black_box import generate, path_grid
 from crosstrack.instances.black_box.generator import BOUNDS
 from crosstrack.instances.black_box.listing import LENGTHS
 from crosstrack.instances.black_box.paths import PATHS
-from crosstrack.instances.black_box.printed import functions, paths
 from crosstrack.models import BlackBoxMinimisation
 from crosstrack.models.black_box import BlackBoxPoint
 from crosstrack.models.black_box.functions import Landscape
@@ -176,21 +175,6 @@ def test_export(tmp_path):
     with pytest.raises(InvalidData, match="x must have 3 entries, got 1"):
         export_plan(model, BlackBoxPoint((1.0,)), tmp_path / "b.csv")
     assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]
-
-
-def test_the_printed_table():
-    columns, rows, _ = functions()
-    assert len(columns) == len(rows[0]) == 4
-    assert [row[0] for row in rows] == [
-        f"`{one.name.partition('/')[2]}`"
-        for one in sorted(REPRODUCED, key=lambda e: e.published["row"])
-        if one.published["table"] == 2
-    ]
-    assert rows[1] == ("`easom`", 2, "-100 … 100", "-1")
-    columns, rows, _ = paths()
-    assert {len(row) for row in rows} == {len(columns)}
-    assert rows[0] == ("`path-open`", "Across 20 × 20 free cells", 3, "26.870", "26.870", "1.000")
-    assert rows[-1][3:] == ("", "", "")
 
 
 # -- diagnosis -----------------------------------------------------------------------------------
