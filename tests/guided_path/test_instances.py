@@ -124,14 +124,6 @@ def test_the_plain_search_of_these_tests_finds_the_best_order():
         assert shortest(model) == pytest.approx(best(model), rel=1e-12, abs=1e-12)
 
 
-def test_what_is_said_of_greedy_insertion():
-    lengths = [ct.solve(generate(10, 5, seed), "greedy").primal_bound for seed in range(100, 200)]
-    said = f"{np.mean(lengths):.1f} m on average and {max(lengths):g} m at most"
-    assert any(said in note for note in table_1()[2])
-    assert f"{max(lengths):g} at most and {np.mean(lengths):.1f} on average" in TABLES.note
-    assert max(lengths) < 2309
-
-
 # -- supersequences ------------------------------------------------------------------------------
 
 
