@@ -28,7 +28,7 @@ _COMMON = {
         0.1, "largest move of a fish, as a share of the ranges; 0.1 in the paper", lower=0, upper=1
     ),
     "tries": Option(
-        3, "tries of a fish that preys; not printed, chosen by the paper's results", int, lower=1, upper=1000
+        3, "tries of a fish that preys; not printed in the paper", int, lower=1, upper=1000
     ),
     "iterations": Option(
         0, "iterations T of the run; 0: until the evaluations are used up, with their share for t/T", int,

@@ -9,7 +9,6 @@ import pytest
 from guided_path.enumerated import best, random_tour
 from hypothesis import given, settings, strategies as st
 
-import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.instances import entries, entry
 from crosstrack.instances.guided_path import (
