@@ -16,7 +16,7 @@ from .paper import FUNCTIONS as NAMES, PAPER, RIVALS, SEARCHES, WALKERS
 
 __all__ = ["equal_evaluations", "paths", "table_2", "table_3", "table_4", "table_5"]
 
-#: Distance from the optimum that counts as 0.
+#: Distance from the optimum that is shown as 0.
 _SAME = 1e-9
 #: Evaluations at least as many as any swarm of the paper uses in 200 iterations.
 _AMPLE = 10**6

@@ -35,7 +35,7 @@ _COMMON = {
         lower=0, upper=10**6,
     ),
 }  # fmt: skip
-#: Part of the decrease of the best value after which a swarm counts as converged.
+#: Part of the decrease of the best value after which a swarm has converged.
 _CONVERGED = 0.99
 
 

@@ -114,14 +114,14 @@ class Swarm:
         ]
 
     def moved(self, who: Ints, target: Floats, step: float) -> Points:
-        """Return where fish come to that move towards targets (eq. 3, 5 and 6), and the values there."""
+        """Return new positions and values of fish that move towards targets (eq. 3, 5 and 6)."""
         return self.evaluated(
             self.place[who]
             + towards(self.place[who], target, step * self.generator.random(len(who)))
         )
 
     def prey(self, who: Ints, visual: float, step: float) -> Points:
-        """Return where fish come to that look for a better point, and the values there.
+        """Return new positions and values of fish that look for a better point.
 
         A fish moves towards the first better point in its visual (eq. 2 and 3). It leaps if all tries fail (eq. 7).
         """
@@ -220,12 +220,12 @@ class ImprovedSwarm(Swarm):
         return start
 
     def moved(self, who: Ints, target: Floats, step: float) -> Points:
-        """Return where fish come to that move towards targets (eq. 17 and 18), and the values there."""
+        """Return new positions and values of fish that move towards targets (eq. 17 and 18)."""
         length = inertia(self.progress) * step * self.generator.random(len(who))
         return self.evaluated(self.shrunk(who) + towards(self.place[who], target, length))
 
     def prey(self, who: Ints, visual: float, step: float) -> Points:
-        """Return the better points that fish find (eq. 15 and 16), or where they leap to, with the values there."""
+        """Return new positions and values: a better point (eq. 15 and 16), or else a leap (eq. 7)."""
         reach = inertia(self.progress) * step
         seen, worth = self.sought(who, self.shrunk(who), np.full(self.options["tries"], reach))
         lost = ~(worth < self.value[who])

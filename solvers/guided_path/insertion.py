@@ -5,8 +5,8 @@ Mathematical Problems in Engineering 2016, article 5040513. Algorithm 6 treats t
 next chain into it by the dynamic program for two chains, so each merge is optimal. The greedy insertion of section 5
 visits the nearest available customer.
 
-Any relation is covered by the fewest chains, and no merge violates the pairs between them: the tour so far keeps the relation
-with everything that it implies, and so does the chain. An order of both that keeps all three always exists.
+Any relation is covered by the fewest chains, and no merge violates the pairs between them: the tour so far and the chain keep
+the relation with everything that it implies. An order of both that keeps all three always exists.
 """
 
 from __future__ import annotations

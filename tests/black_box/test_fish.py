@@ -1,4 +1,4 @@
-"""Swarms of artificial fish: any budget and function, and where they are pulled."""
+"""Swarms of artificial fish: any budget and function, and the pull to the origin."""
 
 from __future__ import annotations
 
