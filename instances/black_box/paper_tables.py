@@ -7,9 +7,8 @@ from dataclasses import replace
 from statistics import fmean, median, stdev
 from typing import Any
 
-from ...models.black_box import BlackBoxMinimisation
 from ..catalogue import load
-from ..paper import Trials
+from ..paper import Run, Trials
 from .generator import generate
 from .listing import FUNCTIONS, LENGTHS
 from .paper import FUNCTIONS as NAMES, PAPER, RIVALS, SEARCHES, WALKERS
@@ -24,10 +23,10 @@ _AMPLE = 10**6
 
 def _runs(
     row: tuple[str, ...], trials: Trials, iterations: int, ending: str = "", dimension: int = 0
-) -> Sequence[Any]:
+) -> Sequence[Run]:
     """Return the runs of a swarm over the iterations of the paper."""
     name, algorithm = row
-    model: BlackBoxMinimisation = load(f"black-box/{NAMES[name]}{ending}")
+    model: Any = load(f"black-box/{NAMES[name]}{ending}")
     if dimension:
         formula = next(entry[1] for entry in FUNCTIONS if entry[0] == NAMES[name])
         model = generate(formula, dimension)
@@ -35,10 +34,15 @@ def _runs(
     return trials.run(replace(model, budget=_AMPLE), SEARCHES[algorithm], options=options)
 
 
-def _above(row: tuple[str, ...], runs: Sequence[Any]) -> list[float]:
+def _above(row: tuple[str, ...], runs: Sequence[Run]) -> list[float]:
     """Return the distances from the optimum."""
     least = next(entry[3] for entry in FUNCTIONS if entry[0] == NAMES[row[0]])
-    return [max(run.primal_bound - least, 0.0) for run in runs]
+    return [max(value - least, 0.0) for value in _values(runs)]
+
+
+def _values(runs: Sequence[Run]) -> list[float]:
+    """Return the best values of runs, all of which have one."""
+    return [value for run in runs if (value := run.primal_bound) is not None]
 
 
 def table_2(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
@@ -97,7 +101,7 @@ def equal_evaluations(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]
     cells: dict[str, Any] = {"runs": trials.runs}
     for backend in RIVALS:
         runs = trials.run(model, backend, evaluations=10_000)
-        value = median(run.primal_bound for run in runs) - least
+        value = median(_values(runs)) - least
         cells[backend] = value if value > _SAME else 0.0
     return cells
 
@@ -114,5 +118,5 @@ def paths(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     }
     for backend in WALKERS:
         runs = trials.run(model, backend, evaluations=10_000)
-        cells[backend] = median(run.primal_bound for run in runs)
+        cells[backend] = median(_values(runs))
     return cells
