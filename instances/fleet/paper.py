@@ -33,7 +33,7 @@ PAPER = Paper(
         different(
             "eq. 20", "condition under which a centre takes a sample", f"{_KERNELS}:reclassify",
             "The text lacks it. Here the energies R_i of the samples of a centre stay within R / m. Of "
-            "ten readings on bayg29 this one has the printed optimum as its least sum and the "
+            "nine readings on bayg29 this one has the printed optimum as its least sum and the "
             "printed worst value as its second basin; equal numbers of nodes, as coded until now, never "
             "give 10403.2 m. A centre takes at least one sample, and the last takes the rest.",
         ),

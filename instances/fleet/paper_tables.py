@@ -89,7 +89,11 @@ _PRINTED: dict[str, tuple[tuple[float, ...], ...]] = {
         (292.34, 33603.5, 31271.1, 32723.6, 547.5),
     ),
 }
-_LEAST, _BOUND, _EVEN = "least sum, best known", "least sum, proven bound", "equal nodes, best known"
+_LEAST, _BOUND, _EVEN = (
+    "least sum, best known",
+    "least sum, proven bound",
+    "equal nodes, best known",
+)
 
 TABLE_2 = ResultTable(
     "table-2",

@@ -160,10 +160,10 @@ def test_a_swarm_improves_and_stops() -> None:
     found = moved(15)
     assert (found.iterations, found.evaluations) == (15, 16 * 8)
     assert found.fitness == min(best) < 0.98 * min(best[:8])
-    assert sorted(sum(found.routes, [])) == list(range(1, 41))
+    assert sorted(itertools.chain(*found.routes)) == list(range(1, 41))
     stopped = moved(15, np.ones(1, np.int8))
     assert stopped.iterations == 0
-    assert sorted(sum(stopped.routes, [])) == list(range(1, 41))
+    assert sorted(itertools.chain(*stopped.routes)) == list(range(1, 41))
 
 
 def test_distances_of_a_plane_are_embedded_exactly() -> None:
