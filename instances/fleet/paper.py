@@ -67,8 +67,9 @@ PAPER = Paper(
         printed("Algorithm 3, lines 24-27", "best of each particle and of the swarm", f"{_SWARM}:swarm"),
         different(
             "Algorithm 3, parallel", "CUDA kernels over particles and ants", f"{_SWARM}:Colonies.each",
-            "Particles are evaluated on threads of the processor; each has random numbers of its own, so "
-            "the plan does not depend on the number of threads. No graphics card was available.",
+            "By default on threads of the processor; each particle has random numbers of its own, so the "
+            "plan does not depend on the number of threads. device='gpu' runs the colonies of all "
+            "particles as array code of PyTorch. It is tested with NumPy; no graphics card was available.",
         ),
         printed(
             "section 4.2, parameters", "1.97, alpha = 1 and beta = 3", f"{_ROUTES}:PsoAntColony",
