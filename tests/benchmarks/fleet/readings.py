@@ -21,7 +21,7 @@ from crosstrack.instances.fleet.paper_tables import table_2_model, tsplib_file  
 from crosstrack.solvers.fleet.clustering_kernels import move_centres, reclassify  # noqa: E402
 
 BEST, WORST = 10403.2, 10706.1
-STARTS, STEPS, MOST = 60, 250, 13
+STARTS, STEPS, MOST = 40, 250, 13
 
 
 @numba.njit
