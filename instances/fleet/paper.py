@@ -38,7 +38,7 @@ PAPER = Paper(
             "give 10403.2 m. A centre takes at least one sample, and the last takes the rest.",
         ),
         different(
-            "eq. 21", "move of a cluster centre", f"{_KERNELS}:move_centres",
+            "eq. 21", "move of a cluster centre", "solvers.fleet.clustering:move_centres",
             "The text lacks it. Here a centre moves to the mean of its samples, as in k-means.",
         ),
         different(
@@ -58,7 +58,7 @@ PAPER = Paper(
         ),
         printed(
             "Algorithm 3, lines 12-23", "fitness by an ant colony in each cluster",
-            "solvers.fleet.colony_kernels:tours",
+            f"{_SWARM}:Colonies.tours",
             "The pheromone rule is not printed; ours is the elitist ant system. Until now the fitness was "
             "the distance of the nodes to their centres, and a colony ran once at the end. Mean sums "
             "for three robots changed from 9,325 m to the value in Table 2 on berlin52, from 892 m on "

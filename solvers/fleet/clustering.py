@@ -7,9 +7,9 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from ...models.fleet import FleetRouting, Metric
-from .clustering_kernels import move_centres, reclassify
+from .clustering_kernels import reclassify
 
-__all__ = ["assigned", "k_means", "positions"]
+__all__ = ["assigned", "k_means", "move_centres", "positions"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -75,8 +75,16 @@ def k_means(
         if np.array_equal(labels, previous):
             break
         previous = labels.copy()
-        move_centres(points, labels, centres)
+        centres = move_centres(points, labels, centres)
     return labels
+
+
+def move_centres(points: Floats, labels: Ints, centres: Floats) -> Floats:
+    """Return each centre moved to the mean of its points (eq. 21); one without points stays."""
+    m = len(centres)
+    counts = np.bincount(labels, minlength=m)[:, None]
+    sums = np.column_stack([np.bincount(labels, x, minlength=m) for x in points.T])
+    return np.where(counts > 0, sums / np.maximum(counts, 1), centres)
 
 
 def assigned(model: FleetRouting, labels: Ints) -> Ints:

@@ -1,4 +1,4 @@
-"""Reclassification of the samples by cluster centres (Algorithm 3, lines 5-11)."""
+"""Loop of the reclassification of samples by cluster centres (Algorithm 3, lines 5-11)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["move_centres", "reclassify"]
+__all__ = ["reclassify"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -18,7 +18,7 @@ Ints = NDArray[np.int64]
 ROUNDING = 1e-12
 
 
-@kernel
+@kernel(interpretable=True)
 def reclassify(
     points: Floats, centres: Floats, weights: Floats, share: float, labels: Ints
 ) -> None:
@@ -62,18 +62,3 @@ def reclassify(
             labels[near] = k
             count += 1
             free -= 1
-
-
-@kernel
-def move_centres(points: Floats, labels: Ints, centres: Floats) -> None:
-    """Move each centre to the mean of its samples (eq. 21); one without samples stays."""
-    for k in range(centres.shape[0]):
-        count = 0
-        for i in range(points.shape[0]):
-            count += labels[i] == k
-        for j in range(points.shape[1] if count else 0):
-            total = 0.0
-            for i in range(points.shape[0]):
-                if labels[i] == k:
-                    total += points[i, j]
-            centres[k, j] = total / count

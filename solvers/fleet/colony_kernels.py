@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["colony", "measure", "nearest", "tours"]
+__all__ = ["colony", "measure", "nearest"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -139,60 +139,3 @@ def colony(
                 _mark(trail, ways[a], best / lengths[a] / ants, symmetric)
         _mark(trail, order, 1.0, symmetric)
     return best, iterations
-
-
-@kernel
-def tours(
-    d: Floats, symmetric: bool, nodes: Ints, homes: Ints, labels: Ints, settings: Floats,
-    rng: Generator, flag: NDArray[np.int8], loads: Floats, stops: Ints,
-) -> int:  # fmt: skip
-    """Fill the length of each cluster's tour and its stops, found by an ant colony; return its iterations.
-
-    Parameters
-    ----------
-    d : ndarray, shape (size, size)
-        Distances between all nodes, the largest about 1.
-    symmetric : bool
-        Whether both ways are equally long.
-    nodes : ndarray of int, shape (n,)
-        The nodes to visit.
-    homes : ndarray of int, shape (m,)
-        The depot of each cluster.
-    labels : ndarray of int, shape (n,)
-        The cluster of each node to visit, 0 … m - 1.
-    settings : ndarray, shape (5,)
-        Ants, iterations, alpha, beta and evaporation of :func:`colony`.
-    rng : Generator
-    flag : ndarray of int8, shape (1,)
-        Stops the ants; then the tours are those of the nearest neighbour.
-    loads : ndarray, shape (m,)
-    stops : ndarray of int, shape (n,)
-        The stops of all tours, one cluster after the other.
-    """
-    done, first = 0, 0
-    for k in range(len(homes)):
-        count = 0
-        for i in range(len(nodes)):
-            count += labels[i] == k
-        members = np.empty(count + 1, np.int64)
-        members[0] = homes[k]
-        at = 1
-        for i in range(len(nodes)):
-            if labels[i] == k:
-                members[at] = nodes[i]
-                at += 1
-        part = np.empty((count + 1, count + 1))
-        for i in range(count + 1):
-            for j in range(count + 1):
-                part[i, j] = d[members[i], members[j]]
-        order = np.empty(count, np.int64)
-        nearest(part, order)
-        loads[k], steps = colony(
-            part, symmetric, int(settings[0]), int(settings[1]), settings[2], settings[3], settings[4],
-            rng, flag, order,
-        )  # fmt: skip
-        done += steps
-        for i in range(count):
-            stops[first + i] = members[order[i]]
-        first += count
-    return done

@@ -98,24 +98,35 @@ class Colonies:
         draws : list of Generator
             Random numbers of each particle.
         """
-        from .colony_kernels import tours
+        from .colony_kernels import colony
 
-        model = self.model
-        loads = np.zeros((len(labels), model.vehicles))
-        stops, done = np.zeros_like(labels), np.zeros(len(labels), np.int64)
+        ants, iterations, *more = self.settings.tolist()
+        loads = np.zeros((len(labels), self.model.vehicles))
+        routes: list[Routes] = [[] for _ in labels]
+        done = np.zeros(len(labels), np.int64)
 
         def find(p: int) -> None:
-            done[p] = tours(
-                self.scaled, model.symmetric, model.customers, model.homes, labels[p], self.settings,
-                draws[p], self.flag, loads[p], stops[p],
-            )  # fmt: skip
+            for k in range(self.model.vehicles):
+                nodes, d, order = self.part(labels[p], k)
+                loads[p, k], steps = colony(
+                    d, self.model.symmetric, int(ants), int(iterations), *more, draws[p], self.flag, order
+                )  # fmt: skip
+                routes[p].append(nodes[order].tolist())
+                done[p] += steps
 
         self.each(find, len(labels))
-        routes = []
-        for row, found in zip(labels, stops, strict=True):
-            ends = np.cumsum(np.bincount(row, minlength=model.vehicles))[:-1]
-            routes.append([part.tolist() for part in np.split(found, ends)])
         return np.ldexp(loads, self.exponent), routes, int(done.sum())
+
+    def part(self, labels: Ints, k: int) -> tuple[Ints, Floats, Ints]:
+        """Return depot and nodes of cluster `k`, their distances, and the tour of the nearest neighbour."""
+        from .colony_kernels import nearest
+
+        model = self.model
+        nodes = np.concatenate([model.homes[k : k + 1], model.customers[labels == k]])
+        d = np.ascontiguousarray(self.scaled[np.ix_(nodes, nodes)])
+        order = np.empty(len(nodes) - 1, np.int64)
+        nearest(d, order)
+        return nodes, d, order
 
 
 @dataclass
@@ -160,7 +171,8 @@ def swarm(
         Called with the routes of each new best particle.
     seeds : SeedSequence
     """
-    from .clustering_kernels import move_centres, reclassify
+    from .clustering import move_centres
+    from .clustering_kernels import reclassify
 
     own_seed, *each_seed = seeds.spawn(1 + particles)
     rng = np.random.default_rng(own_seed)
@@ -174,7 +186,7 @@ def swarm(
 
     def classify(p: int) -> None:
         reclassify(points, place[p], weights, share, labels[p])
-        move_centres(points, labels[p], place[p])
+        place[p] = move_centres(points, labels[p], place[p])
 
     for step in range(iterations + 1):
         if step:

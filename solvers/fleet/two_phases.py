@@ -252,17 +252,13 @@ class TwoPhase(ClusterFirst):
     ) -> tuple[list[list[int]], dict[str, int]]:
         """Return tours by a genetic algorithm, the clusters shared among threads."""
         from .breeding_kernels import breed
-        from .colony_kernels import nearest
 
         model, own = stage.problem, stage.request.options
         draws, routes = rng.spawn(model.vehicles), [list[int]()] * model.vehicles
         done = np.zeros(model.vehicles, np.int64)
 
         def find(k: int) -> None:
-            nodes = np.concatenate([model.homes[k : k + 1], model.customers[labels == k]])
-            d = np.ascontiguousarray(stage.colonies.scaled[np.ix_(nodes, nodes)])
-            order = np.empty(len(nodes) - 1, np.int64)
-            nearest(d, order)
+            nodes, d, order = stage.colonies.part(labels, k)
             done[k] = breed(
                 d, model.symmetric, own["population"], own["generations"], own["mutation"], draws[k],
                 stage.request.control.flag, order,

@@ -19,8 +19,8 @@ from crosstrack.models.fleet.checks import objective_of
 from crosstrack.solvers import Request
 from crosstrack.solvers.fleet.array_colonies import ArrayColonies, torch_colonies
 from crosstrack.solvers.fleet.breeding_kernels import _cross, _move, breed, polish
-from crosstrack.solvers.fleet.clustering import assigned, k_means, positions
-from crosstrack.solvers.fleet.clustering_kernels import move_centres, reclassify
+from crosstrack.solvers.fleet.clustering import assigned, k_means, move_centres, positions
+from crosstrack.solvers.fleet.clustering_kernels import reclassify
 from crosstrack.solvers.fleet.colony_kernels import _mark, colony, measure, nearest
 from crosstrack.solvers.fleet.rivals import Best
 from crosstrack.solvers.fleet.swarm import Colonies, energies, swarm
@@ -64,7 +64,7 @@ def test_one_particle_of_algorithm_3_by_hand(
     points, found = np.array(model.points[1:]), np.empty(4, np.int64)
     reclassify(points, place, weights, weights.sum() / 2, found)
     assert found.tolist() == labels
-    move_centres(points, found, place)
+    place = move_centres(points, found, place)
     assert place[:, 0].tolist() == pytest.approx(means)
     for kind in KINDS:
         own = colonies(model, kind=kind)

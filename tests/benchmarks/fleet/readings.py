@@ -18,7 +18,8 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[2])]
 from benchmarks.measured import write  # noqa: E402
 
 from crosstrack.instances.fleet.paper_tables import table_2_model, tsplib_file  # noqa: E402
-from crosstrack.solvers.fleet.clustering_kernels import move_centres, reclassify  # noqa: E402
+from crosstrack.solvers.fleet.clustering import move_centres  # noqa: E402
+from crosstrack.solvers.fleet.clustering_kernels import reclassify  # noqa: E402
 
 BEST, WORST = 10403.2, 10706.1
 STARTS, STEPS, MOST = 40, 250, 13
@@ -74,7 +75,7 @@ def row(d, points, classify, weights, whole, moved):
             place = trial.copy()
             classify(points, place, weights, whole / 3, labels)
             if moved:
-                move_centres(points, labels, place)
+                place = move_centres(points, labels, place)
                 classify(points, place, weights, whole / 3, labels)
             total = 0.0
             for k in range(3):
