@@ -26,8 +26,8 @@ Routes = list[list[int]]
 #: Inertia of the first and of the last iteration: Y. Shi and R. Eberhart, "A modified particle swarm
 #: optimizer", 1998. The paper's text has no value.
 INERTIA = (0.9, 0.4)
-#: Longest step of a centre along one axis: the side of the square that holds the samples. With 0.2 the
-#: swarm settles early: the mean sum of berlin52 over 4 seeds is 8,661 instead of 8,545.
+#: Longest step of a centre along one axis: the side of the square that holds the samples. With 0.5 the
+#: swarm settles earlier: the mean sum of berlin52 over 4 seeds is 8,603 instead of 8,545.
 STRIDE = 1.0
 
 
