@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ...models.fleet.data import Objective
 from ...models.fleet_mission.model import FleetMission
 from ..paper import ResultTable, Run, Trials
 from .generator import random_mission
@@ -116,7 +117,7 @@ def table_3_mission(q: float = 0.1, seed: int = 28) -> FleetMission:
         75, 28, 4, seed, bounds=(0.0, 0.0, 500.0, 500.0), cell=10.0, radius=0.0, size=0.8,
         depot=(15.0, 15.0),
     )  # fmt: skip
-    return replace(mission, q=q, continuity=2)
+    return replace(mission, objective=Objective.VARIANCE, q=q, continuity=2)
 
 
 #: Answers by q and settings, of the last call only: both rows of one q come from the same runs.
@@ -141,7 +142,7 @@ def measure_table_3(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         )
         for kind in ("grid", "smoothed")
     )
-    best = int(np.argmin(grid.sum(axis=1) + float(q) * grid.var(axis=1, ddof=1)))
+    best = int(np.argmin(grid.sum(axis=1) + float(q) * grid.var(axis=1)))
     lengths = grid if path == GRID else smoothed
     sums, deviations = lengths.sum(axis=1), lengths.std(axis=1, ddof=1)
     free = np.mean([one.plan is not None for one in answers])

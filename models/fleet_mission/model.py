@@ -56,12 +56,13 @@ class FleetMission(MissionData, Model[MissionPlan]):
     depot_radius : float, optional
         Robots no further than this from the depot do not count for `separation`, m; by default a cell
         more than the separation or two radii, whichever is greater.
-    objective : {"sum-deviation", "sum", "max", "range", "max-sum"}
-        What is minimised of the lengths L_k, as in :class:`~crosstrack.models.FleetRouting`.
+    objective : {"sum-deviation", "sum-variance", "sum", "max", "range", "max-sum"}
+        Objective of the lengths L_k, as in :class:`~crosstrack.models.FleetRouting`. The paper's is
+        "sum-variance".
     q : float
-        Weight of the deviation; it counts for the objective "sum-deviation" only.
+        Weight of the deviation or of the variance, for the objectives that have one.
     deviation : {"sample", "population"}
-        Whether the deviation divides by m - 1, as the paper's table 3, or by m, as its eq. 16.
+        Divisor in the standard deviation: m - 1, as in Table 3 of the paper, or m.
     ids : sequence of int or str, optional
         Names of the nodes.
     continuity : {3, 2}
