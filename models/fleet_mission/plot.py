@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedOption
 from ..fields import required
-from ..fleet import Deviation, Objective
+from ..fleet import Deviation
 from ..grid_path import trail
 from ..plots.curves import Curve, Limit, Panel, Span
 from ..plots.labels import write_names

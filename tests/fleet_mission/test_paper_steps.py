@@ -87,7 +87,10 @@ def test_sums_and_deviations_of_table_3_are_those_of_its_rows():
 
 def test_table_3_is_measured_on_the_run_with_the_least_fitness():
     """Two runs with sums 80 and 78: q = 0.1 times their variances, 0 and 20.75, decides for the first."""
-    kinds = {"grid": ((20, 20, 20, 20), (15, 25, 15, 23)), "smoothed": ((9, 9, 9, 13), (1, 1, 1, 1))}
+    kinds = {
+        "grid": ((20, 20, 20, 20), (15, 25, 15, 23)),
+        "smoothed": ((9, 9, 9, 13), (1, 1, 1, 1)),
+    }
     answers = [
         SimpleNamespace(
             plan=None,
@@ -98,7 +101,9 @@ def test_table_3_is_measured_on_the_run_with_the_least_fitness():
         for run in (0, 1)
     ]  # fmt: skip
     calls = []
-    trials = SimpleNamespace(runs=2, seed=0, time_limit=1.0, run=lambda *a, **k: calls.append(a) or answers)
+    trials = SimpleNamespace(
+        runs=2, seed=0, time_limit=1.0, run=lambda *a, **k: calls.append(a) or answers
+    )
     before = measure_table_3(("0.1", GRID), trials)
     assert (before["Total distance"], before["Standard deviation"]) == (80, 0)
     assert (before["runs"], before["mean total"], before["curves free"]) == (2, 79, 0)

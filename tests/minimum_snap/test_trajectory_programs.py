@@ -148,7 +148,9 @@ def test_equations_11_and_23_to_25_by_hand(backend):
     # Eq. 25 leaves the jerk free, which jumps from 21 - 315 + 420 - 157.5 to the opposite.
     begin, end = found.plan.at_ends(3)
     assert (end[0, 0], begin[1, 0]) == pytest.approx((-31.5, 31.5), rel=1e-4)
-    (check,) = MinimumSnap([[0], [1], [0]], [0, 1, 2], start=rest, end=rest).verify(found.plan).violated
+    (check,) = (
+        MinimumSnap([[0], [1], [0]], [0, 1, 2], start=rest, end=rest).verify(found.plan).violated
+    )
     assert check.name == "continuity of jerk"
 
 
