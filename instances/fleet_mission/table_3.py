@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...models.fleet.data import Objective
+from ...models.fleet.model import FleetRouting
 from ...models.fleet_mission.model import FleetMission
+from ...models.grid_path import distances
 from ..paper import ResultTable, Run, Trials
 from .generator import random_mission
 
@@ -87,12 +89,16 @@ TABLE_3 = ResultTable(
         for q, both in _PRINTED.items()
         for path, cells in zip((GRID, SMOOTHED), both, strict=True)
     },
-    ours={"runs": "d", "mean total": ".6g", "mean deviation": ".4g", "curves free": ".0%"},
+    ours={
+        "runs": "d", "mean total": ".6g", "mean deviation": ".4g", "fitness": ".6g",
+        "best known fitness": ".6g", "curves free": ".0%",
+    },
     note=(
         "The paper prints neither map nor nodes: ours are drawn by seed with its numbers, so only the "
-        "shape compares. Energies are lengths of grid paths. Robots, total and deviation belong to the "
-        "run with the least sum plus q times variance of the grid paths; the means are over all runs. "
-        "The last column is the share of runs whose minimum-snap curves keep off the obstacles."
+        "shape compares. Energies are lengths of grid paths. Fitness is the sum plus q times the variance "
+        "of the grid paths. Robots, total and deviation belong to the run with the least fitness; the "
+        "means are over all runs. The best known fitness is that of fleet-search. The last column is the "
+        "share of runs whose minimum-snap curves keep off the obstacles."
     ),
 )  # fmt: skip
 
@@ -120,20 +126,33 @@ def table_3_mission(q: float = 0.1, seed: int = 28) -> FleetMission:
     return replace(mission, objective=Objective.VARIANCE, q=q, continuity=2)
 
 
+#: Seconds of the search for the best known fitness.
+SECONDS = 5.0
 #: Answers by q and settings, of the last call only: both rows of one q come from the same runs.
-_LATEST: dict[tuple[Any, ...], list[Run]] = {}
+_LATEST: dict[tuple[Any, ...], tuple[list[Run], Any]] = {}
+
+
+def _measured(q: str, trials: Trials) -> tuple[list[Run], Any]:
+    """Return the runs of the pipeline that found routes, and the best known fitness."""
+    key = (q, trials.runs, trials.seed, trials.time_limit)
+    if key not in _LATEST:
+        model = table_3_mission(float(q)).renamed(f"table 3, q = {q}")
+        answers = trials.run(model, "paper-pipeline", options={"energies": "paths"})
+        routing = FleetRouting(
+            model.vehicles, costs=distances(model.map, model.cells, diagonal=False),
+            depots=0, objective=model.objective, q=model.q,
+        ).renamed(f"routes of table 3, q = {q}")  # fmt: skip
+        (best,) = trials.run(routing, "fleet-search", runs=1, time_limit=SECONDS)
+        routed = [one for one in answers if "grid path of robot 3" in one.statistics]
+        _LATEST.clear()
+        _LATEST[key] = routed, best.primal_bound
+    return _LATEST[key]
 
 
 def measure_table_3(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     """Return our values of one row of Table 3."""
     q, path = row
-    key = (q, trials.runs, trials.seed, trials.time_limit)
-    if key not in _LATEST:
-        model = table_3_mission(float(q)).renamed(f"table 3, q = {q}")
-        answers = trials.run(model, "paper-pipeline", options={"energies": "paths"})
-        _LATEST.clear()
-        _LATEST[key] = [one for one in answers if "grid path of robot 3" in one.statistics]
-    answers = _LATEST[key]
+    answers, known = _measured(q, trials)
     if not answers:
         return dict.fromkeys(TABLE_3.columns, "no routes within the time")
     grid, smoothed = (
@@ -142,7 +161,8 @@ def measure_table_3(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         )
         for kind in ("grid", "smoothed")
     )
-    best = int(np.argmin(grid.sum(axis=1) + float(q) * grid.var(axis=1)))
+    fitness = grid.sum(axis=1) + float(q) * grid.var(axis=1)
+    best = int(np.argmin(fitness))
     lengths = grid if path == GRID else smoothed
     sums, deviations = lengths.sum(axis=1), lengths.std(axis=1, ddof=1)
     free = np.mean([one.plan is not None for one in answers])
@@ -154,4 +174,5 @@ def measure_table_3(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         "mean total": sums.mean(),
         "mean deviation": deviations.mean(),
         "curves free": free,
+        **({"fitness": fitness[best], "best known fitness": known} if path == GRID else {}),
     }

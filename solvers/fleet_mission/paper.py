@@ -29,10 +29,10 @@ class PaperPipeline(Backend):
     """Algorithm 1: energies, PSO-AC, A* over four neighbours, Algorithm 4 and minimum snap.
 
     Unit energies (eq. 17) apply to the pairs of places that do not see each other. The curves are
-    continuous up to the derivative `continuity` of the model; 2 is the paper's (eq. 23-25). Between
-    its points a curve may enter obstacles. The check of the model then rejects the plan and names the
-    place. The paper gives neither times nor limits: here times follow a trapezoidal speed profile,
-    and each curve is slowed down until it keeps the limits.
+    continuous up to the derivative `continuity` of the model; 2 is the paper's (eq. 23-25). A curve
+    may enter obstacles between its points. The check of the model then rejects the plan and names
+    the place. The paper gives neither times nor limits: here times follow a trapezoidal speed
+    profile, and each curve is slowed down until it keeps the limits.
 
     The statistics hold the length of each robot's grid path and smoothed path, as in Table 3.
     """

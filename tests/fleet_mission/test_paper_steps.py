@@ -93,7 +93,7 @@ def test_table_3_is_measured_on_the_run_with_the_least_fitness():
     }
     answers = [
         SimpleNamespace(
-            plan=None,
+            plan=None, primal_bound=78.0,
             statistics={
                 f"{kind} path of robot {k}": float(rows[run][k]) for kind, rows in kinds.items() for k in range(4)
             },
@@ -102,15 +102,19 @@ def test_table_3_is_measured_on_the_run_with_the_least_fitness():
     ]  # fmt: skip
     calls = []
     trials = SimpleNamespace(
-        runs=2, seed=0, time_limit=1.0, run=lambda *a, **k: calls.append(a) or answers
+        runs=2,
+        seed=0,
+        time_limit=1.0,
+        run=lambda *a, **k: calls.append(a) or answers[: k.get("runs", 2)],
     )
     before = measure_table_3(("0.1", GRID), trials)
     assert (before["Total distance"], before["Standard deviation"]) == (80, 0)
     assert (before["runs"], before["mean total"], before["curves free"]) == (2, 79, 0)
+    assert (before["fitness"], before["best known fitness"]) == (80, 78)
     after = measure_table_3(("0.1", SMOOTHED), trials)
     assert [after[f"Robot {k}"] for k in (1, 2, 3, 4)] == [9, 9, 9, 13]
     assert after["Standard deviation"] == pytest.approx(2)
-    assert len(calls) == 1, "both rows of one q come from the same runs"
+    assert len(calls) == 2, "both rows of one q come from the same runs"
     model = calls[0][0]
     assert (model.q, model.vehicles, len(model.nodes), len(model.obstacles)) == (0.1, 4, 75, 28)
 
