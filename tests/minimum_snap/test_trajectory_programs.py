@@ -154,17 +154,6 @@ def test_equations_11_and_23_to_25_by_hand(backend):
     assert check.name == "continuity of jerk"
 
 
-def test_the_papers_program_is_right_for_few_segments():
-    model = walk(3)
-    plan = brute_force(model)
-    best = model.objective(plan)
-    written = model.formulate("paper")
-    assert written.program.objective(written.encode(plan)) == pytest.approx(best, rel=1e-4)
-    answer = ct.solve(model, "piqp", formulation="paper")
-    assert answer.termination == "optimal", answer
-    assert answer.primal_bound == pytest.approx(best, rel=1e-6)
-
-
 @pytest.mark.parametrize("backend", ["piqp", "clarabel"])
 def test_the_papers_program_breaks_down_and_is_rejected(backend):
     model = walk(100)
