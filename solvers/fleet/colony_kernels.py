@@ -1,4 +1,4 @@
-"""Closed tours by an ant colony; node 0 of the distances is the depot."""
+"""Closed tours by an ant colony (Algorithm 3, lines 13-22); node 0 of the distances is the depot."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["colony", "measure", "nearest"]
+__all__ = ["colony", "measure", "nearest", "tours"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -108,6 +108,10 @@ def colony(
     n = len(order)
     best = measure(d, order)
     trail, choice = np.ones((n + 1, n + 1)), np.empty((n + 1, n + 1))
+    shine = np.empty((n + 1, n + 1))
+    for i in range(n + 1):
+        for j in range(n + 1):
+            shine[i, j] = (d[i, j] + NEAR) ** -beta
     ways, lengths = np.empty((ants, n), np.int64), np.empty(ants)
     # The best tour leaves 1 each time, and all ants as much at the most.
     floor = FAINT * 2.0 / (evaporation * (n + 1))
@@ -116,7 +120,8 @@ def colony(
             return best, step
         for i in range(n + 1):
             for j in range(n + 1):
-                choice[i, j] = trail[i, j] ** alpha * (d[i, j] + NEAR) ** -beta
+                faded = trail[i, j] if alpha == 1.0 else trail[i, j] ** alpha
+                choice[i, j] = faded * shine[i, j]
         for a in range(ants):
             if flag[0]:
                 return best, step
@@ -134,3 +139,60 @@ def colony(
                 _mark(trail, ways[a], best / lengths[a] / ants, symmetric)
         _mark(trail, order, 1.0, symmetric)
     return best, iterations
+
+
+@kernel
+def tours(
+    d: Floats, symmetric: bool, nodes: Ints, homes: Ints, labels: Ints, settings: Floats,
+    rng: Generator, flag: NDArray[np.int8], loads: Floats, stops: Ints,
+) -> int:  # fmt: skip
+    """Fill the length of each cluster's tour and its stops, found by an ant colony; return its iterations.
+
+    Parameters
+    ----------
+    d : ndarray, shape (size, size)
+        Distances between all nodes, the largest about 1.
+    symmetric : bool
+        Whether both ways are equally long.
+    nodes : ndarray of int, shape (n,)
+        The nodes to visit.
+    homes : ndarray of int, shape (m,)
+        The depot of each cluster.
+    labels : ndarray of int, shape (n,)
+        The cluster of each node to visit, 0 … m - 1.
+    settings : ndarray, shape (5,)
+        Ants, iterations, alpha, beta and evaporation of :func:`colony`.
+    rng : Generator
+    flag : ndarray of int8, shape (1,)
+        Stops the ants; then the tours are those of the nearest neighbour.
+    loads : ndarray, shape (m,)
+    stops : ndarray of int, shape (n,)
+        The stops of all tours, one cluster after the other.
+    """
+    done, first = 0, 0
+    for k in range(len(homes)):
+        count = 0
+        for i in range(len(nodes)):
+            count += labels[i] == k
+        members = np.empty(count + 1, np.int64)
+        members[0] = homes[k]
+        at = 1
+        for i in range(len(nodes)):
+            if labels[i] == k:
+                members[at] = nodes[i]
+                at += 1
+        part = np.empty((count + 1, count + 1))
+        for i in range(count + 1):
+            for j in range(count + 1):
+                part[i, j] = d[members[i], members[j]]
+        order = np.empty(count, np.int64)
+        nearest(part, order)
+        loads[k], steps = colony(
+            part, symmetric, int(settings[0]), int(settings[1]), settings[2], settings[3], settings[4],
+            rng, flag, order,
+        )  # fmt: skip
+        done += steps
+        for i in range(count):
+            stops[first + i] = members[order[i]]
+        first += count
+    return done
