@@ -19,7 +19,9 @@ ROUNDING = 1e-12
 
 
 @kernel
-def reclassify(points: Floats, centres: Floats, weights: Floats, share: float, labels: Ints) -> None:
+def reclassify(
+    points: Floats, centres: Floats, weights: Floats, share: float, labels: Ints
+) -> None:
     """Fill `labels` with the cluster of each sample (Algorithm 3, lines 6-10; eq. 20).
 
     Each centre in turn sorts the samples that are still free by their distance and takes them in this
