@@ -66,7 +66,8 @@ PAPER = Paper(
             "times and limits of the curves", "the print has neither",
             "solvers.fleet_mission.flight:times_along",
             "Times follow a trapezoidal speed profile, and each curve is slowed down until it keeps "
-            "the limits of velocity and acceleration.",
+            "the limits of velocity and acceleration. With these times the curves of Table 3's mission swing "
+            "off the map; the page states how far.",
         ),
         different(
             "Figure 2", "map with depot, nodes and obstacles", _MISSION,
@@ -79,9 +80,8 @@ PAPER = Paper(
             "Pictures of the map that is not printed; the text has no number of theirs.",
         ),
         different(
-            "sections 4.1 and 4.2, start; Figure 12", "platform and parameters", _PIPELINE,
-            "The available text lacks these paragraphs. Known are one factor of 1.97, alpha = 1 and "
-            "beta = 3, which belong to GPSO-AC.",
+            "Figure 12", "simulation platform", _PIPELINE,
+            "Picture; the available text lacks section 4.1. The backend stands in for the platform.",
         ),
         different(
             "section 4.3, Figures 13-18", "three robots, stage by stage",
