@@ -50,7 +50,7 @@ class Metric(StrEnum):
 
     EUCLIDEAN = "euclidean"  #: straight line
     ROUNDED = "rounded"  #: straight line, rounded to a whole number as TSPLIB's EUC_2D
-    PAPER = "paper"  #: Manhattan, which eq. 17 cancels to: obstacles do not count
+    PAPER = "paper"  #: Manhattan: eq. 14 with the unit energy of eq. 17 for every pair
     GRID = "grid"  #: shortest path on the map, along eight neighbours
 
 

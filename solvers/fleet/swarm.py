@@ -20,6 +20,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flag = NDArray[np.int8]
 
+#: The stops of each vehicle.
+Routes = list[list[int]]
+
 #: Inertia of the first and of the last iteration: Y. Shi and R. Eberhart, "A modified particle swarm
 #: optimizer", 1998. The paper's text has no value.
 INERTIA = (0.9, 0.4)
@@ -60,43 +63,59 @@ class Colonies:
     def __post_init__(self) -> None:
         model = self.model
         # Scaled by a power of two, so that scaled problems have the same tours.
-        exponent = int(np.frexp(float(model.distances.max()))[1])
-        self._d = np.ascontiguousarray(np.ldexp(model.distances, -exponent))
-        self._exponent = exponent
+        self.exponent = int(np.frexp(float(model.distances.max()))[1])
+        self.scaled = np.ascontiguousarray(np.ldexp(model.distances, -self.exponent))
+        self._compiled: set[str] = set()
 
-    def each(self, work: Callable[[int], None], first: int, last: int) -> None:
-        """Call `work` with `first` … `last` - 1, in as many parts as there are threads."""
+    def each(self, work: Callable[[int], None], count: int) -> None:
+        """Call `work` with 0 … `count` - 1, in as many parts as there are threads."""
+        first = 0
+        if work.__name__ not in self._compiled:  # compiled here, before threads run it
+            self._compiled.add(work.__name__)
+            work(0)
+            first = 1
 
         def part(first: int, last: int) -> None:
             for one in range(first, last):
                 work(one)
 
-        parts = max(min(self.threads, last - first), 1)
-        ends = np.linspace(first, last, parts + 1).astype(int).tolist()
+        parts = max(min(self.threads, count - first), 1)
+        ends = np.linspace(first, count, parts + 1).astype(int).tolist()
         others = [] if self.pool is None else [
             self.pool.submit(part, *pair) for pair in itertools.pairwise(ends[1:])
         ]  # fmt: skip
-        part(first, ends[1] if others else last)
+        part(first, ends[1] if others else count)
         for one in others:
             one.result()
 
-    def distances(self, nodes: Ints) -> Floats:
-        """Return the scaled distances between some nodes."""
-        return np.ascontiguousarray(self._d[np.ix_(nodes, nodes)])
+    def tours(self, labels: Ints, draws: list[Generator]) -> tuple[Floats, list[Routes], int]:
+        """Return the lengths and the stops of the routes of each particle, and the ant iterations.
 
-    def tours(self, labels: Ints, rng: Generator) -> tuple[Floats, list[list[int]], int]:
-        """Return the lengths and the stops of all routes, and the iterations of the colonies."""
+        Parameters
+        ----------
+        labels : ndarray of int, shape (particles, n)
+            The cluster of each customer.
+        draws : list of Generator
+            Random numbers of each particle.
+        """
         from .colony_kernels import tours
 
         model = self.model
-        loads, stops = np.zeros(model.vehicles), np.zeros(len(labels), np.int64)
-        done = tours(
-            self._d, model.symmetric, model.customers, model.homes, labels, self.settings, rng,
-            self.flag, loads, stops,
-        )  # fmt: skip
-        ends = np.cumsum(np.bincount(labels, minlength=model.vehicles))[:-1]
-        routes = [part.tolist() for part in np.split(stops, ends)]
-        return np.ldexp(loads, self._exponent), routes, int(done)
+        loads = np.zeros((len(labels), model.vehicles))
+        stops, done = np.zeros_like(labels), np.zeros(len(labels), np.int64)
+
+        def find(p: int) -> None:
+            done[p] = tours(
+                self.scaled, model.symmetric, model.customers, model.homes, labels[p], self.settings,
+                draws[p], self.flag, loads[p], stops[p],
+            )  # fmt: skip
+
+        self.each(find, len(labels))
+        routes = []
+        for row, found in zip(labels, stops, strict=True):
+            ends = np.cumsum(np.bincount(row, minlength=model.vehicles))[:-1]
+            routes.append([part.tolist() for part in np.split(found, ends)])
+        return np.ldexp(loads, self.exponent), routes, int(done.sum())
 
 
 @dataclass
@@ -104,7 +123,7 @@ class Found:
     """The best plan of a swarm and the work behind it."""
 
     fitness: float
-    routes: list[list[int]]
+    routes: Routes
     iterations: int
     evaluations: int
     ant_iterations: int
@@ -113,7 +132,7 @@ class Found:
 def swarm(
     points: Floats, clusters: int, particles: int, iterations: int, learning: float, share: float,
     weights: Floats, colonies: Colonies, fitness: Callable[[Floats], float],
-    offer: Callable[[list[list[int]]], Any], seeds: np.random.SeedSequence,
+    offer: Callable[[Routes], Any], seeds: np.random.SeedSequence,
 ) -> Found:  # fmt: skip
     """Move a swarm of cluster centres and return its best plan (Algorithm 3).
 
@@ -150,20 +169,12 @@ def swarm(
     place = np.stack([points[rng.choice(n, clusters, replace=False)] for _ in range(particles)])
     speed = rng.uniform(-STRIDE, STRIDE, place.shape)
     own, own_worth = place.copy(), np.full(particles, np.inf)
-    worth, routes = np.full(particles, np.inf), [list[list[int]]()] * particles
-    done = np.zeros(particles, np.int64)
+    labels = np.zeros((particles, n), np.int64)
     best, found = place[0].copy(), Found(np.inf, [], 0, 0, 0)
 
-    def evaluate(p: int) -> None:
-        if colonies.flag[0] and found.routes:
-            worth[p] = np.inf
-            return
-        labels = np.empty(n, np.int64)
-        reclassify(points, place[p], weights, share, labels)
-        move_centres(points, labels, place[p])
-        loads, routes[p], steps = colonies.tours(labels, draws[p])
-        worth[p] = fitness(loads)
-        done[p] += steps
+    def classify(p: int) -> None:
+        reclassify(points, place[p], weights, share, labels[p])
+        move_centres(points, labels[p], place[p])
 
     for step in range(iterations + 1):
         if step:
@@ -174,9 +185,9 @@ def swarm(
             speed = inertia * speed + pull[0] * (own - place) + pull[1] * (best - place)
             np.clip(speed, -STRIDE, STRIDE, out=speed)
             place = np.clip(place + speed, 0.0, 1.0)
-        else:
-            evaluate(0)  # compiled here, before threads run it
-        colonies.each(evaluate, step == 0, particles)
+        colonies.each(classify, particles)
+        loads, routes, done = colonies.tours(labels, draws)
+        worth = np.array([fitness(one) for one in loads])
         better = worth < own_worth
         own[better], own_worth[better] = place[better], worth[better]
         lead = int(worth.argmin())
@@ -184,5 +195,5 @@ def swarm(
             best, found.fitness, found.routes = place[lead].copy(), float(worth[lead]), routes[lead]
             offer(found.routes)
         found.iterations, found.evaluations = step, found.evaluations + particles
-    found.ant_iterations = int(done.sum())
+        found.ant_iterations += done
     return found

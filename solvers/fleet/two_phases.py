@@ -71,6 +71,10 @@ class TwoPhases(FleetHeuristic):
     def once(self, stage: Stage, best: Best, seeds: SeedSequence) -> None:
         """Run the algorithm once and offer its plans to `best`."""
 
+    def colonies(self, request: Request) -> type[Colonies]:
+        """Return the implementation of the ant colonies."""
+        return Colonies
+
     def search(self, best: Best, request: Request) -> Mapping[str, Any]:
         """Run the algorithm once, or until the time limit with the option ``restarts``."""
         from .clustering import positions
@@ -83,7 +87,8 @@ class TwoPhases(FleetHeuristic):
         counts = {"runs": 0}
         with ExitStack() as stack:
             pool = stack.enter_context(ThreadPoolExecutor(threads)) if threads > 1 else None
-            colonies = Colonies(model, settings, threads, pool, request.control.flag)
+            kind = self.colonies(request)
+            colonies = kind(model, settings, threads, pool, request.control.flag)
             clusters = min(model.vehicles, len(points))
             stage = Stage(model, request, points, clusters, colonies, counts)
             while True:
@@ -103,7 +108,8 @@ class PsoAntColony(TwoPhases):
     cluster finds a tour. The fitness is the objective of the model at the lengths of these tours:
     eq. 15 for "sum", eq. 15 plus q times eq. 16 for "sum-variance". Particles are evaluated in
     parallel on threads; each draws from a generator of its own, so the plan does not depend on their
-    number.
+    number. With ``device="gpu"`` the colonies of all particles run at once as array code of PyTorch,
+    with other random numbers.
 
     From the paper: swarms of 32 to 256, 1.97 for both acceleration coefficients, α = 1 and β = 3. The
     text lacks eq. 20-22 and all other parameters. These are ours: the inertia falls from 0.9 to 0.4; the
@@ -120,8 +126,20 @@ class PsoAntColony(TwoPhases):
         ),
         **_colony(10, 50),
         "restarts": _RESTARTS,
+        "device": Option(
+            "cpu", "Device of the ant colonies; 'gpu' needs the extra 'gpu' and CUDA.", str,
+            ("cpu", "gpu"),
+        ),
     }  # fmt: skip
     summary = "the paper's particle swarm and ant colony, evaluated in parallel (GPSO-AC)"
+
+    def colonies(self, request: Request) -> type[Colonies]:
+        """Return the compiled loops, or the array code on a graphics card."""
+        if request.options.get("device", "cpu") == "cpu":
+            return Colonies
+        from .array_colonies import torch_colonies
+
+        return torch_colonies()
 
     def once(self, stage: Stage, best: Best, seeds: SeedSequence) -> None:
         """Move a swarm and offer the plan of each better particle."""
@@ -145,6 +163,9 @@ class PsoAntColonySerial(PsoAntColony):
     name = "pso-ac-serial"
     features = FleetHeuristic.features
     single_threaded = True
+    options: ClassVar[Mapping[str, Option]] = {
+        name: option for name, option in PsoAntColony.options.items() if name != "device"
+    }
     summary = "the paper's particle swarm and ant colony, on one thread (PSO-AC)"
 
 
@@ -198,8 +219,8 @@ class KMeansAntColony(ClusterFirst):
         self, stage: Stage, labels: Ints, rng: Generator
     ) -> tuple[list[list[int]], dict[str, int]]:
         """Return the tours of ant colonies."""
-        _, routes, done = stage.colonies.tours(labels, rng)
-        return routes, {"ant_iterations": done}
+        _, routes, done = stage.colonies.tours(labels[None], [rng])
+        return routes[0], {"ant_iterations": done}
 
 
 class TwoPhase(ClusterFirst):
@@ -239,7 +260,7 @@ class TwoPhase(ClusterFirst):
 
         def find(k: int) -> None:
             nodes = np.concatenate([model.homes[k : k + 1], model.customers[labels == k]])
-            d = stage.colonies.distances(nodes)
+            d = np.ascontiguousarray(stage.colonies.scaled[np.ix_(nodes, nodes)])
             order = np.empty(len(nodes) - 1, np.int64)
             nearest(d, order)
             done[k] = breed(
@@ -248,6 +269,5 @@ class TwoPhase(ClusterFirst):
             )[1]  # fmt: skip
             routes[k] = nodes[order].tolist()
 
-        find(0)  # compiled here, before threads run it
-        stage.colonies.each(find, 1, model.vehicles)
+        stage.colonies.each(find, model.vehicles)
         return routes, {"generations": int(done.sum())}

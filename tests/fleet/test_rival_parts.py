@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import itertools
 import math
 from typing import Any
@@ -11,10 +12,12 @@ import pytest
 from scipy.spatial.distance import cdist, pdist, squareform
 
 import crosstrack as ct
+from crosstrack.errors import BackendMissing, UnsupportedOption
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan
 from crosstrack.models.fleet.checks import objective_of
 from crosstrack.solvers import Request
+from crosstrack.solvers.fleet.array_colonies import ArrayColonies, torch_colonies
 from crosstrack.solvers.fleet.breeding_kernels import _cross, _move, breed, polish
 from crosstrack.solvers.fleet.clustering import assigned, k_means, positions
 from crosstrack.solvers.fleet.clustering_kernels import move_centres, reclassify
@@ -23,6 +26,10 @@ from crosstrack.solvers.fleet.rivals import Best
 from crosstrack.solvers.fleet.swarm import Colonies, energies, swarm
 
 GO = np.zeros(1, np.int8)
+#: Colonies as loops, and as array code on NumPy and on PyTorch if it is installed.
+KINDS = [Colonies, ArrayColonies]
+if importlib.util.find_spec("torch") is not None:
+    KINDS.append(torch_colonies("cpu"))
 
 
 def on_a_line(**more: Any) -> FleetRouting:
@@ -30,9 +37,9 @@ def on_a_line(**more: Any) -> FleetRouting:
     return FleetRouting(2, points=[[0, 0], [1, 0], [2, 0], [4, 0], [8, 0]], **more)
 
 
-def colonies(model: FleetRouting, flag: Any = GO) -> Colonies:
+def colonies(model: FleetRouting, flag: Any = GO, kind: type[Colonies] = Colonies) -> Colonies:
     """Return colonies of 10 ants and 30 iterations on one thread."""
-    return Colonies(model, np.array([10, 30, 1.0, 3.0, 0.1]), 1, None, flag)
+    return kind(model, np.array([10, 30, 1.0, 3.0, 0.1]), 1, None, flag)
 
 
 @pytest.mark.parametrize(
@@ -59,13 +66,15 @@ def test_one_particle_of_algorithm_3_by_hand(
     assert found.tolist() == labels
     move_centres(points, found, place)
     assert place[:, 0].tolist() == pytest.approx(means)
-    lengths, routes, _ = colonies(model).tours(found, np.random.default_rng(0))
-    assert lengths.tolist() == pytest.approx(loads)
-    assert [sorted(route) for route in routes] == [
-        [i + 1 for i in range(4) if labels[i] == k] for k in range(2)
-    ]
-    # Eq. 15 plus q times eq. 16: the mean is 10 or 12, the differences to it 6 or 4.
-    assert objective_of(model, lengths) == pytest.approx(fitness)
+    for kind in KINDS:
+        own = colonies(model, kind=kind)
+        lengths, routes, _ = own.tours(found[None], [np.random.default_rng(0)])
+        assert lengths[0].tolist() == pytest.approx(loads)
+        assert [sorted(route) for route in routes[0]] == [
+            [i + 1 for i in range(4) if labels[i] == k] for k in range(2)
+        ]
+        # Eq. 15 plus q times eq. 16: the mean is 10 or 12, the differences to it 6 or 4.
+        assert objective_of(model, lengths[0]) == pytest.approx(fitness)
 
 
 def clouds() -> list[tuple[Any, int]]:
@@ -133,6 +142,42 @@ def test_rivals_find_the_tours_of_their_clusters() -> None:
         assert found.primal_bound == pytest.approx(16)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_colonies_find_good_tours_of_every_cluster(kind: type[Colonies]) -> None:
+    rng = np.random.default_rng(14)
+    points = rng.random((22, 2))
+    costs = cdist(points, points) + np.triu(rng.random((22, 22)), 1)
+    models = [FleetRouting(3, points=points, depots=[0, 0, 1]), FleetRouting(2, costs=costs)]
+    for model in models:
+        n, m = len(model.customers), model.vehicles
+        labels = rng.integers(0, m, (3, n))
+        labels[0] = m - 1  # clusters without nodes
+        draws = [np.random.default_rng(p) for p in range(3)]
+        lengths, routes, done = colonies(model, kind=kind).tours(labels, draws)
+        assert done > 0
+        for p, k in itertools.product(range(3), range(m)):
+            assert sorted(routes[p][k]) == model.customers[labels[p] == k].tolist()
+            stops = [int(model.homes[k]), *routes[p][k], int(model.homes[k])]
+            nodes = np.array(stops[:-1])
+            d = np.ascontiguousarray(model.distances[np.ix_(nodes, nodes)])
+            order = np.arange(1, len(nodes))
+            assert lengths[p, k] == pytest.approx(measure(d, order))
+            polish(d, model.symmetric, GO, order)
+            assert lengths[p, k] <= 1.2 * measure(d, order)
+
+
+def test_a_missing_card_is_named() -> None:
+    if importlib.util.find_spec("torch") is None:
+        with pytest.raises(BackendMissing, match="torch"):
+            ct.solve(on_a_line(), "pso-ac", backend_options={"device": "gpu"})
+        return
+    import torch
+
+    if not torch.cuda.is_available():
+        with pytest.raises(UnsupportedOption, match="CUDA"):
+            ct.solve(on_a_line(), "pso-ac", backend_options={"device": "gpu"})
+
+
 def test_ants_leave_pheromone_along_their_tour() -> None:
     trail = np.zeros((4, 4))
     _mark(trail, np.array([2, 1, 3]), 0.5, False)
@@ -160,10 +205,10 @@ def test_a_swarm_improves_and_stops() -> None:
     found = moved(15)
     assert (found.iterations, found.evaluations) == (15, 16 * 8)
     assert found.fitness == min(best) < 0.98 * min(best[:8])
-    assert sorted(sum(found.routes, [])) == list(range(1, 41))
+    assert sorted(itertools.chain(*found.routes)) == list(range(1, 41))
     stopped = moved(15, np.ones(1, np.int8))
     assert stopped.iterations == 0
-    assert sorted(sum(stopped.routes, [])) == list(range(1, 41))
+    assert sorted(itertools.chain(*stopped.routes)) == list(range(1, 41))
 
 
 def test_distances_of_a_plane_are_embedded_exactly() -> None:

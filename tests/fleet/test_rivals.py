@@ -297,6 +297,8 @@ def test_what_no_plan_keeps_has_none(name: str) -> None:
     [
         ("pso-ac", {"swarm": 0}),
         ("pso-ac", {"ants": 0}),
+        ("pso-ac", {"device": "tpu"}),
+        ("pso-ac-serial", {"device": "gpu"}),
         ("pso-ac", {"learning": float("nan")}),
         ("kmeans-ac", {"evaporation": 0.0}),
         ("kmeans-ac", {"swarm": 3}),
