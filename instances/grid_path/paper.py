@@ -36,8 +36,8 @@ PAPER = Paper(
             "it sees. Table 3 and Figure 17 have no other step between grid path and smoothed path.",
         ),
         different(
-            "section 3.2.4, start", "introduction of the smoothing", "solvers.grid_path.smoothing:smooth",
-            "The available text lacks the paragraphs before Algorithm 3 and Figures 7-11. Algorithm 4 and "
+            "section 3.2.4, start; Figures 7-11", "introduction of the smoothing", "solvers.grid_path.smoothing:smooth",
+            "The available text lacks these paragraphs; the figures are pictures. Algorithm 4 and "
             "eq. 23-25 were taken without them.",
         ),
         different(

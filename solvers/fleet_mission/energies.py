@@ -33,7 +33,8 @@ def unit_energies(places: Floats) -> Floats:
     step = np.abs(places[:, None] - places[None])
     straight = np.hypot(step[..., 0], step[..., 1])
     units: Floats = np.ones_like(straight)
-    return np.divide(step.sum(axis=-1), straight, out=units, where=straight > 0)
+    np.divide(step.sum(axis=-1), straight, out=units, where=straight > 0)
+    return units
 
 
 def leg_energies(problem: MissionData, reading: Reading) -> Floats:
