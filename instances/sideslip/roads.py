@@ -85,7 +85,7 @@ def road_of(kind: RoadKind, length: float = 0.0) -> Road:
     rest = (length - (BEFORE + AFTER) * speed) / distance
     count = max(DISTANCES, int(np.ceil(rest)))
     along = BEFORE * speed + distance * np.arange(count + 1)
-    # Zero at both ends; equation 7 ends with a piece from -2H to 0 after an odd number of distances.
+    # With five distances the last piece leads from -2H to 0, as equation 7 prints.
     aside = SWING * np.where(np.arange(count + 1) % 2, 1.0, -1.0)
     aside[0] = aside[-1] = 0.0
     along = np.concatenate([[0.0], along, [along[-1] + AFTER * speed]])

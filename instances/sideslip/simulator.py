@@ -166,9 +166,7 @@ def _rates(
 
 
 @kernel
-def _aside(
-    along: Floats, aside: Floats, sine: bool, at: float, piece: int
-) -> tuple[float, int]:  # fmt: skip
+def _aside(along: Floats, aside: Floats, sine: bool, at: float, piece: int) -> tuple[float, int]:
     """Return the lateral position of the course at a place, and the piece, searched from the one before."""
     last = len(along) - 2
     while piece < last and along[piece + 1] < at:
