@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...models.attractor.model import AttractorAnalysis
+from ...models.attractor.plan import AttractorEstimate
 from ..catalogue import load
 from ..paper import Run, Trials
 from .hunting import Hunt, simulate_hunt
@@ -27,17 +29,25 @@ class _Figure(NamedTuple):
 
     backend: str
     options: Mapping[str, Any]
-    read: Callable[[Any], float | None]
+    read: Callable[[AttractorEstimate], float | None]
     other: str
     truth: float | None = None
 
 
-def _exponent(plan: Any) -> float | None:
-    return plan.exponent and plan.exponent.value
+def _exponent(plan: AttractorEstimate) -> float | None:
+    return None if plan.exponent is None else plan.exponent.value
 
 
-def _dimension(plan: Any) -> float | None:
-    return plan.correlation and plan.correlation.value
+def _dimension(plan: AttractorEstimate) -> float | None:
+    return None if plan.correlation is None else plan.correlation.value
+
+
+def _smallest(plan: AttractorEstimate) -> float | None:
+    return None if plan.variables is None else plan.variables[0]
+
+
+def _largest(plan: AttractorEstimate) -> float | None:
+    return None if plan.variables is None else plan.variables[1]
 
 
 _TRUE = HUNT_EXPONENTS["hunt"]
@@ -50,15 +60,8 @@ _FIGURES = {
     "forecast period, s": _Figure(
         "small-data-sets", _PAPERS, lambda plan: plan.horizon, "rosenstein", 1.0 / _TRUE
     ),
-    **{
-        f"{which} number of variables": _Figure(
-            "g-p",
-            _LINE,
-            lambda plan, place=place: plan.variables and plan.variables[place],
-            "correlation-dimension",
-        )
-        for place, which in enumerate(("smallest", "largest"))
-    },
+    "smallest number of variables": _Figure("g-p", _LINE, _smallest, "correlation-dimension"),
+    "largest number of variables": _Figure("g-p", _LINE, _largest, "correlation-dimension"),
 }
 
 
@@ -106,6 +109,7 @@ def systems(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     """Return exponent, dimension and window of a series of the catalogue by several backends."""
     name = row[0]
     model, known = load(f"attractor/{name}"), SYSTEMS[System(name)]
+    assert isinstance(model, AttractorAnalysis)
 
     def run(backend: str) -> Run:
         return trials.run(model, backend, runs=1)[0]

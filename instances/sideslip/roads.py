@@ -84,7 +84,7 @@ def road_of(kind: RoadKind, length: float = 0.0) -> Road:
     distance = POLE_SECONDS * speed
     rest = (length - (BEFORE + AFTER) * speed) / distance
     count = max(DISTANCES, int(np.ceil(rest)))
-    along = BEFORE * speed + distance * np.arange(count + 1)
+    along = np.asarray(BEFORE * speed + distance * np.arange(count + 1), dtype=np.float64)
     # With five distances the last piece leads from -2H to 0, as equation 7 prints.
     aside = SWING * np.where(np.arange(count + 1) % 2, 1.0, -1.0)
     aside[0] = aside[-1] = 0.0

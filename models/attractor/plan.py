@@ -191,7 +191,7 @@ class AttractorEstimate(Declared):
         """Seconds in which a small error grows e-fold, ``1 / λ``; None without a positive exponent.
 
         The paper's maximum forecast period is the inverse of the exponent too. If its exponent of 0.12 is in bits
-        a second, as its unit states, 8.3 s is the time in which an error doubles (:attr:`doubling_time`). If it is in
+        a second, as its unit states, 8.3 s is the doubling time of an error (:attr:`doubling_time`). If it is in
         nats a second, as the natural logarithm of its equation 14 states, 8.3 s is this time.
         """
         if self.exponent is None or not self.exponent.value > 0:

@@ -30,7 +30,7 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-#: Share of the curve's range by which a peak must stand out.
+#: Minimum prominence of a peak, as a share of the curve's range.
 _PEAK = 0.3
 _DIMENSION: Mapping[str, Option] = {name: one for name, one in EMBEDDING.items() if name != "delay"}
 

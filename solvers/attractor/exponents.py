@@ -244,7 +244,7 @@ class Rosenstein(AttractorBackend):
     }
 
     def embedding(self, problem: AttractorAnalysis, request: Request) -> Embedding:
-        """Return the embedding in which neighbours are followed."""
+        """Return the embedding for the curve of distances."""
         return embed(problem, request.options)
 
     def region(

@@ -80,7 +80,7 @@ def slope_of(states: Floats, size: float, method: Method, stopped: Any) -> Slope
     Returns
     -------
     Slope or str, optional
-        A text states why there is no slope. None if the run was stopped.
+        The slope, or a text with the reason for its absence. None if the run was stopped.
     """
     largest = _SHARE * size
     radii = np.geomspace(_SPAN * largest, largest, _FINE)

@@ -74,7 +74,7 @@ def test_noise_has_no_slope_in_high_dimensions():
 
 
 def test_the_embedding_of_a_sine_by_hand():
-    """Steps 1 and 2 for a sine of 25 samples a turn."""
+    """Steps 1 and 2 for a sine with a period of 25 samples."""
     _, answer = analysed("small-data-sets", np.sin(2 * np.pi * np.arange(1000) / 25))
     plan = answer.point
     # cos(2 pi k / 25) first falls below 1 - 1 / e at k = 25 acos(0.632) / (2 pi) = 3.5.
@@ -92,7 +92,7 @@ def test_the_exponent_of_maps(series, known):
 
 
 def test_noise_has_a_positive_exponent():
-    """A line through the beginning of the curve has a positive slope, whatever the series is."""
+    """A line through the beginning of the curve has a positive slope for every series."""
     noise = np.random.default_rng(1).normal(size=1000)
     _, answer = analysed("small-data-sets", noise, delay=8, dimension=10)
     assert answer.point.exponent.value > 0.1

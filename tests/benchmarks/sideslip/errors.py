@@ -31,7 +31,7 @@ NAMES = ("rts-smoother", "kalman-filter", "kalman-grnn", "grnn", "linear-regress
 LEARN = ("grnn", "linear-regression")
 ROADS = ("lane-change", "serpentine")
 STOPS = ((0, 22), (4, 10), (7, 0), (9, 0), (14, 15), (24, 22))
-#: Shares by which mass is believed too large and stiffness too small.
+#: Relative errors of the mass (too large) and of the stiffness (too small).
 SHARES = (0.0, 0.01, 0.02, 0.05, 0.1)
 
 
@@ -142,7 +142,7 @@ def learning() -> None:
 
 
 def mismatch() -> None:
-    """Write the mismatch from which on grnn has a smaller error than kalman-filter."""
+    """Write the smallest mismatch with which grnn has a smaller error than kalman-filter."""
     rows = []
     for road in ROADS:
         least = np.median(figures(seeded(FEW, road=road), ["grnn"])[..., 0])
