@@ -12,8 +12,8 @@ Arrays that all kernels of the paper's algorithms share:
 fleet : float64, shape (n, 5)
     Position (m), velocity (m/s) and radius (m) of each vehicle.
 craft : float64, shape (6,)
-    x, y (m), heading (rad), speed (m/s) and turning radius (m) of the UAV, and the margin ε (m) by which
-    a leg may be too short.
+    x, y (m), heading (rad), speed (m/s) and turning radius (m) of the UAV, and the margin ε (m): a leg
+    may be too short by ε.
 genes : float64, shape (n, 2)
     θ and Δt of each vehicle, in the order of `fleet`.
 poses : float64, shape (n + 1, 4)
@@ -52,7 +52,7 @@ Ints = NDArray[np.int64]
 KAPPA = 1e9
 #: Time (s, relative to that of a straight flight) within which Algorithm 1 ends (paper: ε_b, not given).
 CLOSE = 1e-9
-#: Length (relative) by which a leg of Algorithm 1 can be too short or too long.
+#: Error (relative) of the length of a leg that Algorithm 1 leaves.
 ROUNDING = 1e-8
 #: Steps of Algorithm 1 and of the repair at most (paper, Table I: 1 / ε_r for the repair, ε_r not given).
 STEPS, REPAIRS = 100, 100
@@ -99,7 +99,7 @@ def bisect(
     x: float, y: float, h: float, t: float, px: float, py: float, vx: float, vy: float,
     speed: float, r: float,
 ) -> float:  # fmt: skip
-    """Return the shortest time (s) from `t` on in which the UAV meets a moving point: Algorithm 1.
+    """Return the time (s) that the UAV needs from `t` on to meet a moving point: Algorithm 1.
 
     The bisection looks for a root of δ(τ) = D_min / v - τ between the bounds of Lemma 1. Corrected: as
     D_min jumps, the signs of δ at these bounds can be wrong. Then the lower bound becomes 0, or the

@@ -55,7 +55,7 @@ def build(
     horizon : int
         Vehicles of the receding horizon, 1 or 2.
     samples : int
-        Samples of each boundary, of which the one is taken that is reached in the shortest time.
+        Samples of each boundary; the UAV flies to the one that it reaches first.
     """
     x, y = craft[0], craft[1]
     for k in range(len(order)):

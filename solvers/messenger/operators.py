@@ -28,7 +28,7 @@ def shuffle(order: Ints, rng: Rng) -> None:
 
 @kernel
 def other(k: int, count: int, rng: Rng) -> int:
-    """Return a random index below `count` that is not `k`; `k` if there is no other."""
+    """Return a random index below `count` that is not `k`; `k` if `count` is 1."""
     m = int(rng.random() * (count - 1))
     return m + 1 if m >= k and count > 1 else m
 

@@ -24,7 +24,7 @@ __all__ = ["Flight", "RandomRival", "Rival"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Share of a radius by which discs are smaller, against rounding.
+#: Share of a radius that is kept free against rounding.
 MARGIN = 1e-9
 #: Relative gain of a new incumbent.
 GAIN = 1e-12

@@ -19,8 +19,8 @@ __all__ = ["DirectSampling"]
 class DirectSampling(Rival):
     """All orders, with all combinations of sampled times and boundary points, by branch and bound.
 
-    The lengths that the paper prints for DS are even numbers of metres, except where a table rounds: at
-    10 m/s its trajectories have a sample every 0.2 s. The number of boundary samples is not printed.
+    All lengths that the paper prints for DS are even numbers of metres: at 10 m/s, its trajectories have
+    a sample every 0.2 s. The number of boundary samples is not printed.
     """
 
     name = "direct-sampling"

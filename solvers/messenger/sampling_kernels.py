@@ -48,7 +48,7 @@ def search_samples(
     step : float
         Step of time (s).
     ceiling : float
-        Time (s) before which the tour must end; the result is inf if there is none.
+        Time (s) before which the tour must end; the result is inf if no tour does.
     flag : ndarray of int8
         Stop flag; the result is then the best tour so far.
     """
