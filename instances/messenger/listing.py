@@ -40,9 +40,9 @@ def catalogue_entries() -> tuple[CatalogueEntry, ...]:
 
 def paper_instance(name: str) -> MessengerTour:
     """Return the instance that the paper calls `name`, such as ``"B-2-01"``, by its number and sparsity."""
-    sparsity = (TABLE_3.rows.get((name,)) or TABLE_4.rows[name,])[0]
+    sparsity: Any = (TABLE_3.rows.get((name,)) or TABLE_4.rows[name,])[0]
     _, size, row = name.split("-")
-    return generate(int(size), float(sparsity), 100 * int(size) + int(row), name=name)
+    return generate(int(size), sparsity, 100 * int(size) + int(row), name=name)
 
 
 def _paper_entry(table: int, key: tuple[str, ...], cells: Sequence[Any]) -> CatalogueEntry:

@@ -25,7 +25,8 @@ def _soonest(poses: Floats, k: int, i: int, fleet: Floats, craft: Floats, t: flo
     dx = fleet[i, 0] + fleet[i, 2] * t - poses[k, 0]
     dy = fleet[i, 1] + fleet[i, 3] * t - poses[k, 1]
     gap = math.hypot(dx, dy) - fleet[i, 4]
-    return t + max(gap, 0.0) / (craft[3] + math.hypot(fleet[i, 2], fleet[i, 3]))
+    soonest: float = t + max(gap, 0.0) / (craft[3] + math.hypot(fleet[i, 2], fleet[i, 3]))
+    return soonest
 
 
 @kernel
