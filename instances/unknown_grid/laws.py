@@ -43,6 +43,9 @@ class SceneLaw(StrEnum):
     RECTANGLES = "rectangles"
     #: Each obstacle is of one of the forms above, all equally likely.
     MIXED = "mixed"
+    #: The paper's: blocks of different sizes, each side from one cell to a third of the map's; start and target are
+    #: any two free cells.
+    PAPER = "paper"
 
 
 class SceneArrays(NamedTuple):
@@ -173,7 +176,7 @@ def _checked(
             field="obstacles",
         )
     if clear is None:
-        clear = -(-min(rows, columns) // 4)
+        clear = 0 if kind is SceneLaw.PAPER else -(-min(rows, columns) // 4)
     return kind, (rows, columns), (low, high), Whole(0).coerce("clear", clear, {})
 
 
@@ -187,7 +190,8 @@ def _draw(
     """Return the map, start and target of one scene."""
     for _ in range(_TRIES):
         r, c, row, column = rng.integers(0, sides + sides).tolist()
-        if 2 * (abs(r - row) + abs(c - column)) < sum(sides):
+        apart = abs(r - row) + abs(c - column)
+        if apart == 0 or (law is not SceneLaw.PAPER and 2 * apart < sum(sides)):
             continue
         kept = np.zeros(sides, bool)
         kept[max(row - clear, 0) : row + clear + 1, max(column - clear, 0) : column + clear + 1] = 1
@@ -211,7 +215,7 @@ def _place(law: SceneLaw, blocked: Truths, kept: Truths, rng: np.random.Generato
     for _ in range(_PLACES):
         form = law
         if law is SceneLaw.MIXED:
-            form = list(SceneLaw)[rng.integers(0, len(_FORMS))]
+            form = list(SceneLaw)[rng.integers(0, 4)]
         cells = _FORMS[form](sides, rng)
         at = rng.integers(0, np.subtract(sides, cells.shape) + 1).tolist()
         here = slice(at[0], at[0] + cells.shape[0]), slice(at[1], at[1] + cells.shape[1])
@@ -256,9 +260,14 @@ def _block(sides: tuple[int, ...], rng: np.random.Generator) -> Truths:
     return np.ones([_length(side, (1, 8), (1, 3), rng) for side in sides], bool)
 
 
+def _any_block(sides: tuple[int, ...], rng: np.random.Generator) -> Truths:
+    return np.ones([_length(side, (1, side), (1, 3), rng) for side in sides], bool)
+
+
 _FORMS: dict[SceneLaw, Callable[[tuple[int, ...], np.random.Generator], Truths]] = {
     SceneLaw.WALLS: _wall,
     SceneLaw.L_SHAPES: _corner,
     SceneLaw.U_TRAPS: _trap,
     SceneLaw.RECTANGLES: _block,
+    SceneLaw.PAPER: _any_block,
 }

@@ -20,6 +20,7 @@ TRAININGS = {
     "small-vin": ".small_vin:TRAINING",
     "vin": ".vin:TRAINING",
     "macn": ".macn:TRAINING",
-    "mcgn": ".mcgn:TRAINING",
+    "mcgn-1": ".mcgn:TRAINING_1",
+    "mcgn-2": ".mcgn:TRAINING_2",
     "gmgn": ".gmgn:TRAINING",
 }

@@ -227,7 +227,7 @@ def imitation_loss(logits: torch.Tensor, best: torch.Tensor) -> torch.Tensor:
 
 
 def judge_network(
-    network: torch.nn.Module, examples: Any, law: str, seed: int, count: int = 128
+    network: torch.nn.Module, examples: Any, law: str, seed: int, count: int = 128, *, part: int = 0
 ) -> dict[str, float]:
     """Return the figures of a network that leads vehicles through scenes of the paper's three tasks.
 
@@ -243,17 +243,23 @@ def judge_network(
         state: Any = None
         before = walk.going
 
+        ways = shortest_ways(scenes.blocked, scenes.targets)
+
         def choose(observed: Observation, rows: Ints) -> Ints:
             nonlocal state, before
             if state is not None:
                 kept = np.searchsorted(before, rows)
                 state = tuple(one[kept] for one in state)
-            logits, state = network(observed.tensors(), state)
+            given = observed.tensors()
+            logits, state = network(given.in_view() if part == 2 else given, state)
             before = rows
-            return choose_actions(logits.numpy())[0]
+            actions = choose_actions(logits.numpy())[0]
+            if not part:
+                return actions
+            expert = first_of(best_actions(ways[rows], observed.positions))
+            return np.where(observed.seen == (part == 2), actions, expert)
 
         walk_through(walk, choose)
-        ways = shortest_ways(scenes.blocked, scenes.targets)
         fewest = ways[np.arange(len(ways)), *scenes.starts.T]
         reached.append(walk.reached)
         collisions.append(walk.collisions)
