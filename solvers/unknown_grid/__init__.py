@@ -15,7 +15,6 @@ BACKENDS = {
     "oracle": ".oracle:Oracle",
 }
 DIAGNOSES = {"unknown-grid": ".diagnosis:diagnose_unknown_grid"}
-PAPER_TABLES = {"unknown-grid": ".paper_tables:TABLES"}
 TRAININGS = {
     "small-vin": ".small_vin:TRAINING",
     "vin": ".vin:TRAINING",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..gradient import GradientTrainer
 from ..option import Option
 from ..trainer import Course
+from ..weights import Weights
 from .imitation import (
     IMITATION,
     TASKS,
@@ -42,6 +43,8 @@ EPISODES: Mapping[str, Option] = {
     "rate": replace(IMITATION["rate"], default=1e-4),
     "judged": replace(IMITATION["judged"], default=64),
 }
+#: Entries of an array above which it is rounded.
+_LARGE = 10_000
 
 
 class Episodes(NamedTuple):
@@ -123,12 +126,25 @@ class _EpisodeTrainer(GradientTrainer):
                 first = np.unique(found.runs)[: asked["batch"]]
                 return found.take(np.isin(found.runs, first))
 
+    def weights(self) -> Weights:
+        """Return the weights, large arrays rounded to about 25 values, so that their file is small."""
+        found = super().weights()
+        arrays = {name: _rounded(one) for name, one in found.arrays.items()}
+        return Weights(found.kind, arrays, found.architecture)
+
     def judge(self) -> Mapping[str, float]:
         asked = self.course.options
         return judge_network(
             self.network, self.course.examples, asked["law"], self.course.seed, asked["judged"],
             part=self.part,
         )  # fmt: skip
+
+
+def _rounded(weights: Any) -> Any:
+    if weights.size < _LARGE:
+        return weights
+    step = 2.0 ** (np.floor(np.log2(weights.std())) - 2.0)
+    return (np.round(weights / step) * step).astype(weights.dtype)
 
 
 class DecisionTrainer(_EpisodeTrainer):
@@ -156,10 +172,7 @@ class RunTrainer(_EpisodeTrainer):
         from torch.nn import functional
 
         found = self.draw(batch, generator)
-        # Maps of more than 64 steps at once do not fit into the cache.
-        count = len(found.actions)
-        parts = [found.take(slice(k, k + 64)).observed.tensors() for k in range(0, count, 64)]
-        inputs = torch.cat([self.network.read(one) for one in parts])
+        inputs = self.network.read(found.observed.tensors())
         state: Any = None
         before: Ints = np.zeros(0, np.int64)
         logits = []

@@ -43,7 +43,7 @@ def refuse_size(shape: tuple[int, int], view: tuple[int, int]) -> str:
 
 def build_network(
     side: int, hidden: int, iterations: int, units: int, words: int, width: int, heads: int,
-    *, reads_map: bool = False, preset: bool = True,
+    *, reads_map: bool = False,
 ) -> torch.nn.Module:  # fmt: skip
     """Return the network with its first weights; the sizes are those of :data:`ARCHITECTURE`.
 
@@ -53,8 +53,6 @@ def build_network(
         Rows and columns of the canvas, channels of the ConvNet, K, LSTM, memory and read heads.
     reads_map : bool
         Whether the controller reads O_g beside V (MCGN-I), else R (MACN).
-    preset : bool
-        See :func:`~.value_iteration.build_planner`.
     """
     import torch
     from torch import nn
@@ -66,10 +64,11 @@ def build_network(
     class Macn(nn.Module):
         def __init__(self) -> None:
             super().__init__()
-            self.planner = build_planner(hidden, iterations, preset)
+            self.planner = build_planner(hidden, iterations)
             self.computer = build_computer(
                 2 * side * side, 4, units=units, words=words, width=width, heads=heads
             )
+            self.without = "nothing"
 
         def read(self, observed: Observation) -> torch.Tensor:
             """Return the controller's input, shape (n, 2·side²)."""
@@ -79,13 +78,16 @@ def build_network(
             maps = functional.pad(observed.current, frame, value=float(BLOCKED))
             rewards, values, _ = self.planner(maps, observed.targets + torch.tensor([up, left]))
             other = maps if reads_map else rewards
+            if self.without == "values":
+                values = torch.zeros_like(values)
             return torch.cat([other.flatten(1), values.flatten(1)], dim=1)
 
         def decide(
             self, inputs: torch.Tensor, state: tuple[torch.Tensor, ...] | None
         ) -> tuple[torch.Tensor, tuple[torch.Tensor, ...]]:
             """Return logits of one step and the new state."""
-            record = self.computer.start(len(inputs)) if state is None else Record(*state)
+            new = state is None or self.without == "memory"
+            record = self.computer.start(len(inputs)) if new else Record(*state)
             logits, record = self.computer(inputs, record)
             return logits, tuple(record)
 

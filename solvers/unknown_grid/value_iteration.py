@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from ...models.unknown_grid.plan import STEPS
+import numpy as np
+
+from .value_kernels import iterate, pass_back
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
@@ -13,11 +15,12 @@ __all__ = ["GOAL", "build_planner"]
 
 #: Value of the target's cell in the initial reward map; the other cells are 0.
 GOAL = 10.0
-#: First weights: discount of a step, worth of the reward map and of an obstacle.
-_DISCOUNT, _REWARD, _OBSTACLE = 0.95, 1.0, -4.7
+#: Standard deviation of the first weights, which the paper does not print. It is that of the implementation of MACN that
+#: Table II follows, see :mod:`~.macn`.
+_SPREAD = 0.01
 
 
-def build_planner(hidden: int = 150, iterations: int = 30, preset: bool = True) -> nn.Module:
+def build_planner(hidden: int = 150, iterations: int = 30) -> nn.Module:
     """Return the ConvNet and the value iteration module.
 
     The call ``planner(maps, targets)`` takes maps, shape (n, rows, columns), and the row and column of each
@@ -33,13 +36,32 @@ def build_planner(hidden: int = 150, iterations: int = 30, preset: bool = True) 
         Channels of the first layer.
     iterations : int
         K.
-    preset : bool
-        Whether the first weights are value iteration: four moves with a discount, a reward at the target, a penalty
-        on obstacles. Otherwise they are normal with standard deviation 0.01.
     """
     import torch
     from torch import nn
     from torch.nn import functional
+
+    class Iteration(torch.autograd.Function):
+        """V_K of R(s, a) and gamma P by compiled loops; much faster backwards than convolutions."""
+
+        @staticmethod
+        def forward(context: Any, fixed: Tensor, moves: Tensor) -> Tensor:
+            count, _, rows, columns = fixed.shape
+            values = np.zeros((iterations + 1, count, rows + 2, columns + 2), np.float32)
+            best = np.empty((iterations + 1, count, rows, columns), np.uint8)
+            kernel = moves.detach().numpy()[:, 0]
+            iterate(fixed.detach().contiguous().numpy(), kernel, values, best)
+            context.left = kernel, values, best
+            return torch.from_numpy(values[-1, :, None, 1:-1, 1:-1].copy())
+
+        @staticmethod
+        def backward(context: Any, *gradients: Any) -> tuple[Tensor, Tensor]:
+            kernel, values, best = context.left
+            padded = functional.pad(gradients[0][:, 0], (1, 1, 1, 1)).numpy()
+            fixed = np.zeros((best.shape[1], 4, *best.shape[2:]), np.float32)
+            moved = np.zeros_like(kernel)
+            pass_back(padded, kernel, values, best, fixed, moved)
+            return torch.from_numpy(fixed), torch.from_numpy(moved[:, None])
 
     class Planner(nn.Module):
         def __init__(self) -> None:
@@ -51,14 +73,7 @@ def build_planner(hidden: int = 150, iterations: int = 30, preset: bool = True) 
             with torch.no_grad():
                 self.reading.bias.zero_()
                 for layer in (self.reading, self.pooling, self.rewarding, self.moving):
-                    layer.weight.normal_(0.0, 0.01)
-                if preset:
-                    self.reading.weight[0] = 0.0
-                    self.reading.weight[0, :, 1, 1] = torch.tensor([_OBSTACLE, _REWARD])
-                    self.pooling.weight[0, 0] = 1.0
-                    for action, (down, across) in enumerate(STEPS):
-                        self.rewarding.weight[action, 0, 1, 1] += 1.0
-                        self.moving.weight[action, 0, 1 + down, 1 + across] += _DISCOUNT
+                    layer.weight.normal_(0.0, _SPREAD)
 
         def forward(self, maps: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, Tensor]:
             goals = torch.zeros_like(maps)
@@ -68,10 +83,12 @@ def build_planner(hidden: int = 150, iterations: int = 30, preset: bool = True) 
             bias = (pooling @ self.reading.bias)[None]
             rewards = functional.conv2d(torch.stack([maps, goals], dim=1), kernel, bias, padding=1)
             fixed = self.rewarding(rewards)
-            worth = fixed
-            for _ in range(iterations):
-                worth = fixed + self.moving(worth.amax(dim=1, keepdim=True))
-            values = worth.amax(dim=1, keepdim=True)
-            return rewards, values, worth
+            if torch.is_grad_enabled():
+                values = Iteration.apply(fixed, self.moving.weight)
+            else:
+                values = fixed.amax(dim=1, keepdim=True)
+                for _ in range(iterations):
+                    values = (fixed + self.moving(values)).amax(dim=1, keepdim=True)
+            return rewards, values, fixed + self.moving(values)
 
     return Planner()

@@ -34,7 +34,7 @@ def refuse_size(shape: tuple[int, int], view: tuple[int, int]) -> str:
     return ""
 
 
-def build_network(hidden: int = 150, iterations: int = 30, preset: bool = True) -> torch.nn.Module:
+def build_network(hidden: int = 150, iterations: int = 30) -> torch.nn.Module:
     """Return the network with its first weights; the sizes are those of :data:`ARCHITECTURE`."""
     import torch
     from torch import nn
@@ -44,11 +44,8 @@ def build_network(hidden: int = 150, iterations: int = 30, preset: bool = True) 
     class Vin(nn.Module):
         def __init__(self) -> None:
             super().__init__()
-            self.planner = build_planner(hidden, iterations, preset)
+            self.planner = build_planner(hidden, iterations)
             self.output = nn.Linear(4, 4, bias=False)
-            with torch.no_grad():
-                if preset:
-                    self.output.weight.copy_(torch.eye(4))
 
         def forward(self, observed: Observation, state: None = None) -> tuple[torch.Tensor, None]:
             _, _, worth = self.planner(observed.current, observed.targets)
