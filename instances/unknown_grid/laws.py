@@ -1,7 +1,8 @@
-"""The laws that scenes are drawn from: obstacles of a few forms between a start and a target far from it.
+"""The laws that scenes are drawn from: the paper's, and harder ones of our own.
 
-The paper does not say how its scenes are drawn; these laws are ours. Only ``Generator.integers`` is drawn
-from, so that a seed means the same scenes wherever it is used.
+The paper draws obstacles of different sizes, and start and target at random, and drops scenes without a way; it does not
+print the sizes. Our laws have obstacles of a few forms between a start and a target far from it. All randomness comes
+from ``Generator.integers``, so that a seed means the same scenes wherever it is used.
 """
 
 from __future__ import annotations
@@ -81,8 +82,8 @@ def draw_scenes(
 ) -> UnknownGridNavigation:
     """Return scenes that are drawn from a law, all of them solvable.
 
-    Start and target are any two cells that are at least half the sum of both sides apart, in steps on an empty
-    map. Then come the obstacles, one after the other, each anywhere on the map; they may touch and cross. An
+    By the law ``"paper"`` start and target are any two cells. Otherwise they are at least half the sum of both sides
+    apart, in steps on an empty map. Then come the obstacles, one after the other, each anywhere on the map; they may touch and cross. An
     obstacle that would cover the start, or come within a quarter of the shorter side of the target in rows and in
     columns, is drawn again, up to 50 times. The whole scene is drawn again where no place or no way is left.
 
@@ -92,7 +93,7 @@ def draw_scenes(
 
     Parameters
     ----------
-    law : {"walls", "l-shapes", "u-traps", "rectangles", "mixed"}
+    law : {"walls", "l-shapes", "u-traps", "rectangles", "mixed", "paper"}
         See :class:`SceneLaw`.
     shape : array-like of int, shape (2,)
         Rows and columns.
@@ -103,8 +104,8 @@ def draw_scenes(
     seed : int
         Same law, shape, obstacles, clear and seed: same scenes.
     clear : int, optional
-        Cells of open ground around the target in each direction, in place of a quarter of the side. With
-        less than half the view, a UAV that stays once it has seen the target may stay where no way to it is
+        Cells of open ground around the target in each direction, by default a quarter of the side, and none by the
+        law ``"paper"``. With less than half the view, a UAV that stays once it has seen the target may stay where no way to it is
         in sight.
     **fields
         The other fields of the model, such as `view`.
@@ -116,10 +117,8 @@ def draw_scenes(
 
     Notes
     -----
-    The quarters of the walls law were chosen, on the sizes of the paper's tasks, such that what remembers its
-    map nearly always arrives within 40 steps, while the paper's baselines fall to about the figures of its MACN
-    (table VI). The open ground is there so that the way is in sight when the target comes into a view that
-    reaches no farther than that ground, and a UAV that hovers from then on misses nothing.
+    The open ground is there so that the way is in sight when the target comes into a view that reaches no farther than
+    that ground, and a UAV that hovers from then on misses nothing.
     """
     kind, sides, numbers, open_ground = _checked(law, shape, obstacles, clear)
     scenes = Whole(1).coerce("scenes", scenes, {})

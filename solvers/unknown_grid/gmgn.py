@@ -159,9 +159,7 @@ def build_network(channels: int = 32, inner: int = 64, cells: int = 24) -> torch
             self, images: torch.Tensor, view: tuple[int, int]
         ) -> tuple[torch.Tensor, torch.Tensor]:
             pixels = self.enet(4.0 * (images - 0.5))
-            down, across = (
-                torch.from_numpy(overlaps(side).astype(np.float32)) for side in view
-            )
+            down, across = (torch.from_numpy(overlaps(side).astype(np.float32)) for side in view)
             shares = 2.0 * (down @ pixels.sigmoid() @ across.T) - 1.0
             return self.scale * shares[:, 0] + self.ppn(shares)[:, 0], pixels[:, 0]
 

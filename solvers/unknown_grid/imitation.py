@@ -233,7 +233,8 @@ def judge_network(
 
     ``score`` is the share of targets reached, percent, ``collisions`` are those in a scene, and ``ratio`` is
     that of steps to the fewest. The `count` scenes of each task are always the same, none of those that are learned from. The
-    network may remember: its state is passed on as :mod:`~.learned` says.
+    network may remember: its state is passed on as :mod:`~.learned` says. With `part` 1 or 2 the network leads only before or
+    after the target was in the view, on O_g or O_p, and the expert leads the rest.
     """
     reached, collisions, ratios = [], [], []
     for number, task in enumerate(TASKS):
@@ -245,7 +246,7 @@ def judge_network(
 
         ways = shortest_ways(scenes.blocked, scenes.targets)
 
-        def choose(observed: Observation, rows: Ints) -> Ints:
+        def choose(observed: Observation, rows: Ints, ways: Lengths = ways) -> Ints:
             nonlocal state, before
             if state is not None:
                 kept = np.searchsorted(before, rows)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from .memory import Observation
 
-__all__ = ["First", "Second", "TRAINING_1", "TRAINING_2", "combine", "refuse_size"]
+__all__ = ["TRAINING_1", "TRAINING_2", "First", "Second", "combine", "refuse_size"]
 
 refuse_size = macn.refuse_size
 
