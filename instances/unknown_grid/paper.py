@@ -1,4 +1,4 @@
-"""What the paper on unknown grids contains, and how each part is implemented."""
+"""Declaration of the paper on unknown grids: items, result tables and the policies compared on them."""
 
 from __future__ import annotations
 

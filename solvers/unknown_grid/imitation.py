@@ -276,12 +276,6 @@ def judge_network(
 #: The options of all trainings that imitate.
 IMITATION: Mapping[str, Option] = {
     "law": Option("walls", "the law that scenes are drawn from", str),
-    "expert": Option(
-        "truth",
-        "whose shortest way is imitated: that of truth, the true map, or of what is known, unknown cells free",
-        str,
-        ("truth", "known"),
-    ),
     "scenes": Option(192, "scenes of each task that an epoch is drawn from", int, lower=1),
     "batches": Option(40, "steps of Adam in an epoch", int, lower=1),
     "batch": Option(256, "decisions of a batch", int, lower=1),
@@ -296,23 +290,13 @@ class StepTrainer(GradientTrainer):
     An epoch draws scenes, and leads the vehicles through them half by the expert and half by the network as
     it is, so that it learns what to do where its own errors lead (S. Ross, G. Gordon, D. Bagnell,
     "DAgger", AISTATS 2011). The expert labels every decision.
-
-    Parameters
-    ----------
-    course, kind, network, architecture
-        As for the base.
-    once : bool
-        Whether to learn from a cell of a run only once. What sees no more than the current view goes round in
-        circles, whose cells would else be most of the examples.
     """
 
     _groups: list[tuple[Observation, torch.Tensor]]
 
     def __init__(
-        self, course: Course, kind: str, network: torch.nn.Module, architecture: Mapping[str, int],
-        *, once: bool = False,
-    ) -> None:  # fmt: skip
-        self._once = once
+        self, course: Course, kind: str, network: torch.nn.Module, architecture: Mapping[str, int]
+    ) -> None:
         asked = course.options
         super().__init__(
             course, kind, network, architecture, batches=asked["batches"], rate=asked["rate"]
@@ -344,17 +328,11 @@ class StepTrainer(GradientTrainer):
         labels: list[Truths] = []
         ways = shortest_ways(scenes.blocked, scenes.targets)
         led = generator.random(len(scenes.starts)) < 0.5
-        visited = np.zeros(ways.shape, bool)
 
         def choose(observed: Observation, rows: Ints) -> Ints:
-            known = self.course.options["expert"] == "known"
-            here = shortest_ways(observed.known == 1, observed.targets) if known else ways[rows]
-            best = best_actions(here, observed.positions)
-            cells = (rows, *observed.positions.T)
-            new = ~(visited[cells] & self._once)
-            visited[cells] = True
-            looks.append(Observation._make(one[new] for one in observed))
-            labels.append(best[new])
+            best = best_actions(ways[rows], observed.positions)
+            looks.append(observed)
+            labels.append(best)
             with torch.inference_mode():
                 logits, _ = self.network(observed.tensors(), None)
             return np.where(led[rows], first_of(best), choose_actions(logits.numpy())[0])

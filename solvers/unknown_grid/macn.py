@@ -8,7 +8,7 @@ ICLR 2018, arXiv 1709.05706. The paper on unknown grids names MACN as its baseli
 repeats the names and most values of the settings of a public implementation (github.com/didibear/macn-gym-pathfinding),
 whose controller reads R and V; that is what is built here.
 
-Maps of fewer than 17 × 17 cells lie in the middle of a canvas of that size, with obstacles around them: the
+Maps of fewer than 17 × 17 cells are centred on a canvas of that size, with obstacles around them: the
 controller has one input per cell.
 """
 

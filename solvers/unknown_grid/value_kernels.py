@@ -67,7 +67,7 @@ def pass_back(
     moves, values, best
         As :func:`iterate` left them.
     fixed, moved : ndarray of float32, shapes (n, 4, rows, columns) and (4, 3, 3)
-        What is added to.
+        Arrays that the gradients are added to.
     """
     count, actions, rows, columns = fixed.shape
     before = np.empty((rows + 2, columns + 2), np.float32)

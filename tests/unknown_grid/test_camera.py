@@ -50,7 +50,7 @@ def test_each_transform_has_its_inverse(pinhole, seed):
 
 
 def test_equations_5_to_9_by_hand():
-    """A lens 18 m above (4.5, -4.5) and the point (1, -2, 0), which lies in row 2 and column 1."""
+    """A lens 18 m above (4.5, -4.5) and the point (1, -2, 0); its cell is in row 2 and column 1."""
     pinhole = Pinhole((9, 9), (0, 0))
     point = np.array([1.0, -2.0, 0.0, 1.0])
     # -x + 4.5, y + 4.5 and -z + 18; then -y + 4.5, -x + 4.5 and -z + 18 of these.
