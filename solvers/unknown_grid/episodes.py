@@ -141,7 +141,8 @@ class _EpisodeTrainer(GradientTrainer):
 
 
 def _rounded(weights: Any) -> Any:
-    if weights.size < _LARGE:
+    """Return an array rounded to multiples of a quarter of its standard deviation, or less."""
+    if weights.size < _LARGE or not 0.0 < weights.std() < np.inf:
         return weights
     step = 2.0 ** (np.floor(np.log2(weights.std())) - 2.0)
     return (np.round(weights / step) * step).astype(weights.dtype)
