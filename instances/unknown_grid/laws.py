@@ -105,8 +105,8 @@ def draw_scenes(
         Same law, shape, obstacles, clear and seed: same scenes.
     clear : int, optional
         Cells of open ground around the target in each direction, by default a quarter of the side, and none by the
-        law ``"paper"``. With less than half the view, a UAV that stays once it has seen the target may stay at a cell from which no way to it is
-        in sight.
+        law ``"paper"``. With less than half the view, a UAV that stays once it has seen the target may stay at a cell without a way to it in
+        sight.
     **fields
         The other fields of the model, such as `view`.
 

@@ -225,7 +225,7 @@ TASKS = [f"task-{task}-{obstacles}" for task in (1, 2, 3) for obstacles in (2, 3
 
 
 def test_the_papers_figures():
-    """What the text says of Tables V and VI: 14 points between the methods, and observation ratios."""
+    """The text states 14 points between the methods of Table VI, and three observation ratios."""
     rows = PAPER.table("table-6").rows
     means = {name: np.mean([rows[task, name] for task in "123"]) for name in ("MACN", "MCGN")}
     assert round(means["MCGN"] - means["MACN"]) == 14

@@ -1,6 +1,6 @@
 """Measure how many cells and whole views k-means and GMGN read from images, and what a planner makes of them.
 
-Scenes and looks are none that the network was trained on. ``python tests/benchmarks/unknown_grid/perception.py
+The network was trained on other scenes and looks. ``python tests/benchmarks/unknown_grid/perception.py
 [IMAGES]`` writes the tables ``perception`` and ``led-by-images`` to ``docs/measured/unknown-grid.json``.
 """
 
