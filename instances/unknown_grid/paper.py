@@ -180,7 +180,8 @@ PAPER = Paper(
                 "models.unknown_grid.checks:replay"),
         printed("Section IV.C, MACN", "the baseline", "solvers.unknown_grid.macn:build_network",
                 "Cited, not described. Ours is the network of MCGN-I whose controller reads R and V, used for the whole "
-                "run, as in the public implementation whose settings Table II repeats."),
+                "run, as in the public implementation whose settings Table II repeats. The UAV hovers for MACN too, although O_g then "
+                "does not show the vehicle; the paper does not say so, and its MACN reaches far more targets than ours."),
         different("Figure 7", "runs of MCGN and both baselines in one trap", f"{_BASELINES}:BaselineOne",
                   "The map is only in the picture. A test follows both baselines through a trap of the same kind."),
     ),

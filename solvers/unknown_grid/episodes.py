@@ -75,7 +75,9 @@ def lead_expert(scenes: Scenes, task: Task, steps: int = 40) -> Episodes:
     """Return the runs of A* on the true maps; of equal actions the first of up, down, left and right."""
     ways = shortest_ways(scenes.blocked, scenes.targets)
     looks: list[Observation] = []
-    actions, runs, times = [], [], []
+    actions: list[Ints] = []
+    runs: list[Ints] = []
+    times: list[Ints] = []
 
     def choose(observed: Observation, rows: Ints) -> Ints:
         chosen = first_of(best_actions(ways[rows], observed.positions))
@@ -112,7 +114,7 @@ class _EpisodeTrainer(GradientTrainer):
         )
 
     def draw(self, batch: int, generator: np.random.Generator) -> Episodes:
-        """Return the steps to learn from of 64 episodes; scenes without such a step are drawn again."""
+        """Return the steps to learn from; each episode has at least one."""
         asked, task = self.course.options, TASKS[batch % len(TASKS)]
         count = 2 * asked["batch"] if self.part else asked["batch"]
         while True:

@@ -130,7 +130,7 @@ def build_network(channels: int = 32, inner: int = 64, cells: int = 24) -> torch
 
     def middle() -> list[nn.Module]:
         """Return stage 3, which repeats stage 2 without its first block."""
-        kinds: list[dict[str, int]] = [
+        kinds: list[dict[str, Any]] = [
             {}, {"dilation": 2}, {"long": 5}, {"dilation": 4}, {}, {"dilation": 8}, {"long": 5}, {"dilation": 16}
         ]  # fmt: skip
         return [Bottleneck(inner, inner, **kind) for kind in kinds]
