@@ -100,9 +100,7 @@ class Labelling(FactorSearch):
         from .airspace import airspace
 
         begin = clock()
-        found = label_with_factors(
-            airspace(problem), request.options["threshold_factor"], request
-        )
+        found = label_with_factors(airspace(problem), request.options["threshold_factor"], request)
         stopped = request.control.stopped
         return Answer(
             Termination.FEASIBLE if found.route.size else Termination.NO_SOLUTION,

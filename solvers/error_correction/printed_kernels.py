@@ -56,9 +56,7 @@ def first_tags(start: int, room: int) -> Tags:
 
 
 @kernel
-def is_dominated(
-    tags: Tags, first: int, length: float, vertical: float, horizontal: float
-) -> bool:
+def is_dominated(tags: Tags, first: int, length: float, vertical: float, horizontal: float) -> bool:
     """Return whether a label of the list that begins with `first` dominates these values."""
     label = first
     while label >= 0:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+from ...jit import clock
 from ..backend import Request
 from .labelling import FactorSearch, label_with_factors
 from .native import PrintedSearch
@@ -32,9 +32,9 @@ class TwoStage(PrintedSearch, FactorSearch):
         from .outcomes import FOUND, NOTHING
         from .printed_kernels import send_pulses
 
-        begin = perf_counter()
+        begin = clock()
         first = label_with_factors(space, request.options.get("threshold_factor"), request)
-        between = perf_counter()
+        between = clock()
         has_route = first.route.size > 0 and first.length <= ceiling
         bound = first.length if has_route else ceiling
         found = Found(*send_pulses(space, bound, request.control.flag))
@@ -43,7 +43,7 @@ class TwoStage(PrintedSearch, FactorSearch):
             found = replace(found, status=status, route=first.route, length=first.length)
         own = {
             "stage1_seconds": between - begin,
-            "stage2_seconds": perf_counter() - between,
+            "stage2_seconds": clock() - between,
             "stage1 length": float(first.length) if first.route.size else "none",
             "stage1 labels": first.made,
             "threshold factor": first.factor,

@@ -61,7 +61,9 @@ class RouteSearch(Backend):
         elif found.status in (STOPPED, FULL, OPEN):
             termination = Termination.NO_SOLUTION if plan is None else Termination.FEASIBLE
             if found.status == OPEN:
-                message = "the search ended without a proof: a walk that visits points twice is shorter"
+                message = (
+                    "the search ended without a proof: a walk that visits points twice is shorter"
+                )
             else:
                 limit = request.control.reason or Limit.INTERRUPTED
             if found.status == FULL:
