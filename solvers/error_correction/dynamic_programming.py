@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from ...jit import clock
 from ..backend import Request
 from .native import PrintedSearch
 
@@ -33,4 +34,6 @@ class DynamicProgramming(PrintedSearch):
         from .elementary import Found
         from .printed_kernels import correct_labels
 
-        return Found(*correct_labels(space, ceiling, request.control.flag)), {}
+        begin = clock()
+        found = Found(*correct_labels(space, ceiling, request.control.flag))
+        return found, {"search_seconds": clock() - begin}

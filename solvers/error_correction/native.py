@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ...jit import clock
 from ...models.error_correction.model import ErrorCorrectionRouting, Route
 from ..backend import Request
 from ..resource_routing.native import RouteSearch
@@ -56,7 +55,7 @@ class PrintedSearch(RoutingBackend):
     Their dominance check does not compare the points of the routes, so it may drop the only label that the
     shortest route extends. The result is therefore compared with the shortest walk, which may visit points
     twice and is a lower bound: equal lengths are a proof. Otherwise the answer is a feasible route and that
-    bound. The comparison takes milliseconds and is not part of the seconds in the statistics.
+    bound. The comparison takes milliseconds and is not part of ``search_seconds`` in the statistics.
     """
 
     def refuses(self, problem: ErrorCorrectionRouting) -> str:
@@ -73,9 +72,7 @@ class PrintedSearch(RoutingBackend):
         from .elementary import Found
         from .outcomes import FOUND, NOTHING, OPEN, STOPPED
 
-        begin = clock()
         found, own = self.find_as_printed(space, ceiling, request)
-        own = {"search_seconds": clock() - begin, **own}
         if found.status not in (FOUND, NOTHING):
             return found, own
         least = min(ceiling, found.length) * (1 + 1e-12)

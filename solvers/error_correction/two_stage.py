@@ -44,6 +44,7 @@ class TwoStage(PrintedSearch, FactorSearch):
         own = {
             "stage1_seconds": between - begin,
             "stage2_seconds": clock() - between,
+            "search_seconds": clock() - begin,
             "stage1 length": float(first.length) if first.route.size else "none",
             "stage1 labels": first.made,
             "threshold factor": first.factor,
