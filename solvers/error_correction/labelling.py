@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FACTORS", "FactorSearch", "Labelling", "Labels", "label_with_factors"]
 
-#: Values of the paper's λ in the order in which they are tried; the paper recommends the first one.
+#: Values of the paper's λ, tried in this order; the paper recommends the first one.
 FACTORS = tuple(k / 20 for k in range(10, 21))
 
 

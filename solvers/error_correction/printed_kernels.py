@@ -128,7 +128,7 @@ def mark_route(tags: Tags, label: int, marks: NDArray[np.bool_], value: bool) ->
 def send_pulses(space: Airspace, bound: float, flag: NDArray[np.int8]) -> Result:
     """Return the best route shorter than `bound` that the paper's pulse algorithm finds.
 
-    Section 3.2: a depth-first search from A, in the order in which the points are listed. A pulse ends at a
+    Section 3.2: a depth-first search from A, points in the order of the list. A pulse ends at a
     point of its own route, by the feasibility check, by the bound check (its length and the straight line
     to B reach the best length), or by the dominance check.
 

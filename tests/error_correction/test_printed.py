@@ -24,7 +24,7 @@ def on_a_line():
 
 @pytest.mark.parametrize(("factor", "made"), [(0.5, 4), (1.0, 6)])
 def test_stage_1_follows_steps_1_to_4(factor, made):
-    """Labels [length, horizontal, vertical, father] in the order in which they become permanent.
+    """Labels [length, horizontal, vertical, father] as they become permanent.
 
     λ = 0.5, vertical errors up to 2: A [0, 0, 0, -]; V2 [2, 2, 2, A]; H3 is refused from A with vertical error 3 and
     labelled [3, 3, 1, V2]; V5 is refused from each point; B [6, 3, 4, H3]. Four labels.
