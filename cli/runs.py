@@ -296,36 +296,65 @@ def _values(text: str) -> list[float]:
         raise click.BadParameter(f"{text!r} is no list of numbers such as 1,2.5") from None
 
 
-@click.command(short_help="Set a paper's tables beside our runs.")
+@click.command(short_help="Show a paper's result tables beside our values.")
 @click.argument("problem")
-@click.option("--rows", help="Instances to run, such as 1-6,9 (default: all).")
+@click.option(
+    "--table",
+    "names",
+    multiple=True,
+    metavar="NAME",
+    help="A table, such as table-2 (default: all).",
+)
+@click.option("--rows", help="Positions of rows in each table, such as 1-6,9 (default: all).")
+@click.option(
+    "--runs",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Runs per cell, from different seeds.",
+)
 @click.option(
     "--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run."
 )
 @as_json
-def reproduce(problem: str, rows: str | None, time_limit: float, as_json: bool) -> int:
-    """Print the paper's tables beside ours for PROBLEM, such as error-correction."""
-    from ..instances.catalogue import entries
+def reproduce(
+    problem: str,
+    names: Sequence[str],
+    rows: str | None,
+    runs: int,
+    time_limit: float,
+    as_json: bool,
+) -> int:
+    """Print each cell of the paper's result tables beside our value, for PROBLEM such as error-correction."""
+    from ..instances.paper import measurement, paper_of
+    from ..models.verification import check_number
     from ..solvers.report import reproduction
     from ..solvers.report.terminal import emit, progress, show
 
-    found = [e for e in entries() if e.name.startswith(f"{problem}/") and "table" in e.published]
-    if rows is not None:
-        wanted = numbers(rows)
-        found = [e for e in found if e.published.get("row") in wanted]
-        if not found:
-            raise click.BadParameter(
-                f"no row of {problem!r} is among {rows!r}", param_hint="--rows"
-            )
+    check_number("time_limit", time_limit)
+    paper = paper_of(problem)
+    tables = [paper.table(name) for name in names] if names else paper.tables
+    positions = None if rows is None else numbers(rows)
+    if positions is not None and not any(
+        k <= len(t.rows) for t in tables for k in positions if k > 0
+    ):
+        raise click.BadParameter(f"no row of {problem!r} is among {rows!r}", param_hint="--rows")
     with progress(f"{problem}: ") as news:
         result = reproduction.reproduce(
             problem,
-            [(e.build(), e.published) for e in found],
+            [(one, measurement(problem, one.name)) for one in tables],
+            rows=positions,
+            runs=runs,
             time_limit=time_limit,
             on_solution=lambda s: news(f"{s.instance} {s.backend} {s.termination}"),
         )
+    counts = {str(status): count for status, count in paper.counts.items()}
     if as_json:
-        emit(result.to_dict())
+        emit({**result.to_dict(), "paper": paper.reference, "items": counts})
     else:
-        show(*reproduction.reproduction_parts(result))
+        words = ", ".join(f"{count} {status}" for status, count in counts.items())
+        show(paper.reference, *reproduction.reproduction_parts(result))
+        show(f"{len(paper.items)} items of the paper: {words}")
+    if not result.comparison.verdicts and not result.interrupted:
+        return VERIFIED
     return compare_code(result.comparison)

@@ -26,6 +26,7 @@ extensions = [
     "crosstrack_site",
     "crosstrack_pages",
     "crosstrack_code",
+    "crosstrack_papers",
     "crosstrack_install",
     "crosstrack_tables",
     "crosstrack_api",

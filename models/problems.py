@@ -10,7 +10,6 @@ folder                    table         keys and objects
 ``models/<problem>``      PICTURES      model kind: function ``(model, plan, **options)``
 ``solvers/<problem>``     BACKENDS      name: native backend, in order of preference
 ``solvers/<problem>``     DIAGNOSES     model kind: function ``(model, time_limit) -> Diagnosis``
-``solvers/<problem>``     PAPER_TABLES  catalogue prefix: a ``PaperTables``
 ``solvers/<problem>``     TRAININGS     name of a backend that learns: a ``Training``
 ``instances/<problem>``   CATALOGUE     catalogue prefix: function that returns the entries
 ``instances/<problem>``   REFERENCES    model kind: function that reads the files it refers to
@@ -19,7 +18,8 @@ folder                    table         keys and objects
 ``instances/<problem>``   EXPORTS       format: an ``ExportFormat``
 ``instances/<problem>``   DEMOS         name: a ``Demo``
 ``instances/<problem>``   EXAMPLES      any: function that draws what trainings learn from
-``instances/<problem>``   PRINTED       ``<prefix>/<table>``: function that returns a paper's table
+``instances/<problem>``   PAPERS        catalogue prefix: a ``Paper``, its items and result tables
+``instances/<problem>``   PAPER_TABLES  ``<prefix>/<table>``: function that measures a row of a result table
 ========================= ============= =====================================================
 
 A string that begins with a dot is relative to the package that declares it. Another distribution
@@ -69,8 +69,9 @@ KITS = ("programs",)
 
 #: The tables that a problem may have; the docstring above says what each holds.
 TABLES = (
-    *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "PAPER_TABLES", "TRAININGS"),
-    *("CATALOGUE", "REFERENCES", "TABLE_FILES", "HINTS", "EXPORTS", "DEMOS", "EXAMPLES", "PRINTED"),
+    *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "TRAININGS"),
+    *("CATALOGUE", "REFERENCES", "TABLE_FILES", "HINTS", "EXPORTS", "DEMOS", "EXAMPLES"),
+    *("PAPERS", "PAPER_TABLES"),
 )
 
 #: Model types that a user registered in this session, by kind.

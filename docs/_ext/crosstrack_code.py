@@ -41,6 +41,23 @@ def located(target: str) -> tuple[str, Path, int]:
     return value.__module__, Path(inspect.getfile(value)), inspect.getsourcelines(value)[1]
 
 
+def source_link(env: BuildEnvironment, target: str) -> nodes.Node:
+    """Return a link to the source of the object that ``module:object`` names.
+
+    Raises
+    ------
+    ImportError, AttributeError, TypeError, ValueError, OSError
+        The object does not exist or has no source.
+    """
+    module, file, line = located(target)
+    env.note_dependency(str(file))
+    env.metadata[env.docname].setdefault(NOTED, set()).add(module)
+    name = target.removeprefix("crosstrack.")
+    link = addnodes.pending_xref("", nodes.literal(name, name), reftype=NOTED, refdomain="")
+    link.attributes.update(reftarget=target, refdoc=env.docname, module=module, line=line)
+    return link
+
+
 class Equation(SphinxDirective):
     """A displayed formula and the object that writes it."""
 
@@ -52,16 +69,11 @@ class Equation(SphinxDirective):
         self.assert_has_content()
         target = self.arguments[0]
         try:
-            module, file, line = located(target)
+            link = source_link(self.env, target)
         except (ImportError, AttributeError, TypeError, ValueError, OSError) as error:
             raise self.error(f"{self.env.docname}: no source of {target!r}: {error}") from error
-        self.env.note_dependency(str(file))
-        self.env.metadata[self.env.docname].setdefault(NOTED, set()).add(module)
         latex = "\n".join(self.content)
         formula = nodes.math_block(latex, latex, docname=self.env.docname, number=None, label=None)
-        name = target.removeprefix("crosstrack.")
-        link = addnodes.pending_xref("", nodes.literal(name, name), reftype=NOTED, refdomain="")
-        link.attributes.update(reftarget=target, refdoc=self.env.docname, module=module, line=line)
         number = self.options.get("number")
         verb = "checked by " if "check" in self.options else "written by "
         said = f"Equation {number}, {verb}" if number else verb.capitalize()

@@ -26,6 +26,8 @@ def write(
     said: str = "",
     *,
     merge: bool = False,
+    keys: int = 1,
+    order: Sequence[tuple[Any, ...]] = (),
 ) -> None:
     """Write one table of a problem, and leave the others in its file as they are.
 
@@ -38,9 +40,14 @@ def write(
     found = json.loads(path.read_text("utf-8")) if path.exists() else {}
     kept = list(map(list, rows))
     if merge and found.get(table, {}).get("columns") == dict(columns):
-        firsts = {row[0] for row in kept}
-        kept += [row for row in found[table]["rows"] if row[0] not in firsts]
-        kept.sort(key=lambda row: (isinstance(row[0], str), row[0]))
+        firsts = {tuple(row[:keys]) for row in kept}
+        kept += [row for row in found[table]["rows"] if tuple(row[:keys]) not in firsts]
+        if order:
+            places = {key: place for place, key in enumerate(order)}
+            kept = [row for row in kept if tuple(row[:keys]) in places]
+            kept.sort(key=lambda row: places[tuple(row[:keys])])
+        else:
+            kept.sort(key=lambda row: (isinstance(row[0], str), row[0]))
     found[table] = {
         "script": str(Path(script).resolve().relative_to(ROOT)),
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),

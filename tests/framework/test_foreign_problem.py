@@ -105,8 +105,8 @@ def test_every_command_works_on_it(installed, place):
     assert [one["model"] for one in both] == ["covering", "error-correction"]
     assert [one["termination"] for one in both] == ["optimal", "optimal"]
     assert data("both")["verdict"] == "AGREED"
-    assert "Nobody's figures." in done["reproduce"].stdout
-    assert "1.5 s" in done["reproduce"].stdout
+    assert "The paper's machine is another one." in done["reproduce"].stdout
+    assert "1.5" in done["reproduce"].stdout
     assert "item chosen" in done["check"].stdout or "demand" in done["check"].stdout
     assert (place / "plan.txt").read_text() == "1\n3\n"
     assert not (place / "poor.txt").exists()
@@ -161,7 +161,7 @@ MODELS = {"hollow": "hollow:Nothing"}
 PICTURES = {"hollow": "hollow:draw"}
 BACKENDS = {"hollow": "hollow:Nothing", "dynamic-programming": "hollow_parts:Nothing"}
 DIAGNOSES = {"hollow": "hollow:diagnose"}
-PAPER_TABLES = {"hollow": "hollow:TABLES"}
+PAPERS = {"hollow": "hollow:PAPER"}
 CATALOGUE = {"hollow": "hollow:entries"}
 REFERENCES = {"hollow": "hollow:references"}
 HINTS = {"hollow": "hollow:describe"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from crosstrack.instances import CatalogueEntry, ExportFormat, write_text
 from crosstrack.instances.demos import Demo, DemoOption
-from crosstrack.solvers.report.layout import Column, PaperTable, PaperTables
+from crosstrack.instances.paper import Paper, ResultTable, printed
 
 from .model import Covering
 
@@ -24,7 +24,7 @@ def catalogue_entries():
         )
 
     return (
-        entry("small", small, table=1, row=1, optimum=9.0, seconds={"theirs": 1.5}),
+        entry("small", small, optimum=9.0, seconds={"theirs": 1.5}),
         entry("heavy", heavy),
     )
 
@@ -45,14 +45,29 @@ def write_list(plan, path, *, first=0):
 
 
 LIST = ExportFormat("one item a line", ".txt", write_list)
-TABLES = PaperTables(
-    {
-        1: PaperTable(
-            "Their table", (Column("dynamic-programming", "theirs"), Column("highs:paper"))
-        )
-    },
-    note="Nobody's figures.",
+PAPER = Paper(
+    "covering",
+    "A. Nobody, 2020",
+    items=(printed("eq. 2", "demand", "models.model:Model.verify"),),
+    tables=(
+        ResultTable(
+            "table-1",
+            "Table 1: seconds of the dynamic programme",
+            keys=("instance",),
+            columns={"optimum": "g", "seconds": ".1f"},
+            rows={("small",): (9.0, 1.5)},
+            note="The paper's machine is another one.",
+        ),
+    ),
 )
+
+
+def measure(row, trials):
+    (answer,) = trials.run(small(), "dynamic-programming")
+    trials.run(small(), "highs:paper")
+    return {"optimum": answer.primal_bound, "seconds": answer.seconds["solve"]}
+
+
 DEMO = Demo(
     "covering/small",
     {"demand": DemoOption("The weight to reach.", default=12, type=int)},

@@ -1,0 +1,110 @@
+"""What the papers contain and how the project implements it, from the declarations of the problems.
+
+* ``crosstrack-as-printed PROBLEM``: every equation, algorithm, parameter table and figure of the paper with its
+  status, each with a link to the code;
+* ``crosstrack-papers``: one row per paper with the number of items by status, and the cells of its result tables
+  that have a value of ours in ``docs/measured``;
+* the role ``crosstrack-code``: a link to the source of ``module:object``.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from crosstrack_code import source_link
+from crosstrack_site import Made, markdown_table
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxRole
+
+
+class Code(SphinxRole):
+    """A link to the source of a function or class."""
+
+    def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
+        return [source_link(self.env, f"crosstrack.{self.text}")], []
+
+
+def measured_cells(folder: Path, problem: str, table: Any) -> int:
+    """Return how many printed cells of a result table have a value of ours in the measured file.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of measured files.
+    problem : str
+        The problem.
+    table : ResultTable
+        The table.
+    """
+    path = folder / f"{problem}.json"
+    data = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    stored = data.get(table.name)
+    if stored is None:
+        return 0
+    rows = {
+        tuple(row[: len(table.keys)]): dict(zip(stored["columns"], row, strict=True))
+        for row in stored["rows"]
+    }
+    return sum(
+        cell is not None and rows.get(key, {}).get(name) is not None
+        for key, cells in table.rows.items()
+        for name, cell in zip(table.columns, cells, strict=True)
+    )
+
+
+class AsPrinted(Made):
+    """The items of a problem's paper with their status."""
+
+    required_arguments = 1
+    wide = True
+
+    def make(self) -> str:
+        from crosstrack.instances.paper import paper_of
+
+        paper = paper_of(self.arguments[0])
+        counts = ", ".join(f"{count} {status}" for status, count in paper.counts.items())
+        rows = [
+            (one.label, one.about, one.status, f"{{crosstrack-code}}`{one.code}`", one.reason)
+            for one in paper.items
+        ]
+        columns = ("paper", "content", "status", "code", "reason or reading")
+        head = f"{paper.reference}. {len(paper.items)} items: {counts}."
+        return f"{head}\n\n{markdown_table(columns, rows)}"
+
+
+class Papers(Made):
+    """One row per paper."""
+
+    wide = True
+
+    def make(self) -> str:
+        from crosstrack.instances.paper import Status, papers
+
+        folder = Path(self.env.app.srcdir) / "measured"
+        groups: dict[str, list[tuple[str, Any]]] = {}
+        for problem, paper in papers().items():
+            groups.setdefault(paper.name, []).append((problem, paper))
+        rows: list[list[Any]] = []
+        for name, parts in groups.items():
+            tables = [(problem, table) for problem, paper in parts for table in paper.tables]
+            printed = sum(table.printed_cells for _, table in tables)
+            ours = sum(measured_cells(folder, problem, table) for problem, table in tables)
+            pages = ", ".join(f"[{problem}](problems/{problem}.md)" for problem, _ in parts)
+            counts = [sum(paper.counts[status] for _, paper in parts) for status in Status]
+            rows.append([name, pages, sum(counts), *counts, f"{ours} of {printed}"])
+            for problem, _ in parts:
+                self.env.note_dependency(str(folder / f"{problem}.json"))
+        total = [sum(row[k] for row in rows) for k in range(2, 6)]
+        columns = ("paper", "problems", "items", *Status, "cells with a value of ours")
+        return markdown_table(columns, [*rows, ["**all**", "", *total, ""]])
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the directives and the role."""
+    app.add_directive("crosstrack-as-printed", AsPrinted)
+    app.add_directive("crosstrack-papers", Papers)
+    app.add_role("crosstrack-code", Code())
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,96 @@
+"""The runs behind a paper's result tables, kept for the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...models.model import Model
+from ..crosscheck import compare
+from ..solution import Solution
+from ..verdict import Verdict, judge
+
+__all__ = ["RecordedTrials"]
+
+
+@dataclass
+class RecordedTrials:
+    """Run backends for the cells of result tables and record their answers.
+
+    Each run has a worker process of its own, one after the other, so that seconds compare.
+
+    Parameters
+    ----------
+    runs : int
+        Number of runs per cell, from different seeds.
+    time_limit : float, optional
+        Seconds for each run.
+    seed : int
+        The first seed.
+    on_solution : callable, optional
+        Called with every answer.
+    """
+
+    runs: int = 1
+    time_limit: float | None = 60.0
+    seed: int = 0
+    on_solution: Callable[[Solution[Any]], None] | None = None
+    _answers: dict[str, tuple[Model[Any], list[Solution[Any]]]] = field(default_factory=dict)
+
+    def run(
+        self,
+        model: Model[Any],
+        backend: str,
+        *,
+        runs: int | None = None,
+        time_limit: float | None = None,
+        options: Mapping[str, Any] | None = None,
+        **limits: Any,
+    ) -> list[Solution[Any]]:
+        """Run a backend on a model and return one answer per seed.
+
+        Parameters
+        ----------
+        model : Model
+            The model to solve.
+        backend : str
+            Name of the backend, ``"name:formulation"`` for a certain formulation.
+        runs : int, optional
+            Number of runs instead of `self.runs`; a deterministic backend runs once.
+        time_limit : float, optional
+            Seconds instead of `self.time_limit`.
+        options : mapping, optional
+            Options of the backend.
+        **limits
+            Further limits of :func:`~crosstrack.compare`.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            The user interrupted the runs.
+        """
+        part = compare(
+            model,
+            [backend],
+            time_limit=self.time_limit if time_limit is None else time_limit,
+            seed=self.seed,
+            repeats=self.runs if runs is None else runs,
+            backend_options={backend.partition(":")[0]: options or {}},
+            compiled=True,
+            on_solution=self.on_solution,
+            **limits,
+        )
+        answers = list(part.solutions)
+        self._answers.setdefault(model.digest, (model, []))[1].extend(answers)
+        if part.interrupted:
+            raise KeyboardInterrupt
+        return answers
+
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Return the verdict on the answers to each model since the last call."""
+        answers, self._answers = self._answers, {}
+        return tuple(
+            judge(model.name or digest[:12], found, model)
+            for digest, (model, found) in answers.items()
+        )
