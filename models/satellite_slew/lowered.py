@@ -86,7 +86,9 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
                 upper=square, name=name, equation="23", unit=unit, scale=square,
             )  # fmt: skip
     else:
-        phase.path(torque, lower=-most, upper=most, name="control torque", equation="23", unit="N m")
+        phase.path(
+            torque, lower=-most, upper=most, name="control torque", equation="23", unit="N m"
+        )
     phase.invariant("norm of the quaternion", casadi.dot(q, q), equation="23", scale=1.0)
     phase.invariant(
         "total momentum", _inertial(casadi, q, momentum),
