@@ -1,4 +1,4 @@
-"""How long the paper's slew takes: mesh by mesh, and from several starts.
+"""How long the slew with limits of components takes: mesh by mesh, and from several starts.
 
 The paper took 4.1 minutes; a prototype of ours 0.6 s for 20 nodes and 11 s to 1e-6. Run with
 ``make bench``, or::
@@ -83,7 +83,7 @@ TOLERANCE_SEEN = 1e-6
 
 def by_hand(tolerance: float, **options: Any) -> list[Mesh]:
     """Refine as ``solve`` does, with a clock at each step."""
-    problem = ct.load("satellite-slew/paper").lower()
+    problem = ct.load("satellite-slew/paper-components").lower()
     backend, meshes = Ipopt(), []
     own = backend.checked_options({})
     formulation: Any = problem.formulate(problem.default_formulation, **options)
@@ -127,7 +127,7 @@ def shown(title: str, meshes: list[Mesh], capsys: Any) -> None:
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6])
 def test_refined(tolerance: float, capsys: Any) -> None:
     meshes = by_hand(tolerance)
-    shown(f"satellite-slew/paper to {tolerance:g}", meshes, capsys)
+    shown(f"satellite-slew/paper-components to {tolerance:g}", meshes, capsys)
     last = meshes[-1].seen
     assert worst(last, "motion") <= tolerance
     assert between(last) <= tolerance
@@ -139,19 +139,23 @@ def test_refined(tolerance: float, capsys: Any) -> None:
 def test_one_mesh(intervals: int, degree: int, capsys: Any) -> None:
     rounds = [by_hand(1e-6, intervals=intervals, degree=degree, refine=False)[0] for _ in range(5)]
     median = sorted(rounds, key=lambda one: one.solve)[len(rounds) // 2]
-    shown(f"satellite-slew/paper on {intervals} x {degree}, median of 5", [median], capsys)
+    shown(
+        f"satellite-slew/paper-components on {intervals} x {degree}, median of 5", [median], capsys
+    )
 
 
 def test_starts(capsys: Any) -> None:
     """The values that sixteen starts end at, at a coarse tolerance."""
     begin = time.perf_counter()
-    found = ct.solve(ct.load("satellite-slew/paper"), "ipopt", tolerance=1e-3, starts=16)
+    found = ct.solve(ct.load("satellite-slew/paper-components"), "ipopt", tolerance=1e-3, starts=16)
     spent = time.perf_counter() - begin
     values = [one.primal_bound for one in found.starts if one.primal_bound is not None]
     first = found.starts[0].primal_bound
     lost = [one for one in found.starts if one.primal_bound is None]
     with capsys.disabled():
-        print(f"\nsatellite-slew/paper from {len(found.starts)} starts to 1e-3: {spent:.1f} s")
+        print(
+            f"\nsatellite-slew/paper-components from {len(found.starts)} starts to 1e-3: {spent:.1f} s"
+        )
         print("  " + "  ".join(f"{value:.5f}" for value in sorted(values)))
         print(f"  the standard guess: {first}; without a plan: {len(lost)}")
     assert found.termination is not Termination.REJECTED
