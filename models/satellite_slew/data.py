@@ -191,10 +191,9 @@ class SlewData(Declared):
             The magnitudes of the components, or the norm (`vector_limits`).
         """
         given = np.asarray(vectors, float)
-        if self.vector_limits == VectorLimits.NORM:
-            found: Floats = np.linalg.norm(given, axis=-1, keepdims=True)
-            return found
-        return np.abs(given)
+        norm = self.vector_limits == VectorLimits.NORM
+        found: Floats = np.linalg.norm(given, axis=-1, keepdims=True) if norm else np.abs(given)
+        return found
 
     def bounded_names(self, vector: str) -> tuple[str, ...]:
         """Return the names of the entries of :meth:`magnitudes` for a vector called `vector`."""

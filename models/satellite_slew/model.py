@@ -83,7 +83,7 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
         the controller that tracks the plan; at least 0, less than 1.
     vector_limits : {"components", "norm"}
         Whether `rate_limit` and `torque_limit` bound each component, the default, or the Euclidean
-        norm. See :class:`~.data.VectorLimits`.
+        norm, ``VectorLimits``.
 
     Raises
     ------

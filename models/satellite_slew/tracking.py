@@ -97,7 +97,7 @@ def track(
         Largest angle from the final attitude (rad), and largest body rate (rad/s), at the end.
     law : {"inertia", "paper"}
         "paper" is the printed K_p = k1 q_e0, a scalar, with k1 = 2 ω_n² tr(I) / 3; "inertia" is
-        ours, K_p = 2 ω_n² I. See :class:`~.controller.TrackingLaw`.
+        ours, K_p = 2 ω_n² I.
 
     Returns
     -------

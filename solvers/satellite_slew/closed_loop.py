@@ -74,8 +74,8 @@ class Flight:
 class ClosedLoop:
     """A satellite, a turn to follow and a law that steers the gyros.
 
-    The torque asked for is the controller's of the paper (eq. 24-33), T_c = -K_p q_e - K_d w_e +
-    w×(I w + h) + I ẇ_d; the law turns it into gimbal rates, and null motion brings the gimbals
+    The torque is that of eq. 32 with K_p = 2 ω_n² I and without disturbance, T_c = -K_p q_e - K_d w_e
+    + w×(I w + h) + I ẇ_d. The law turns it into gimbal rates, and null motion brings the gimbals
     home from the start of the braking on.
 
     Parameters

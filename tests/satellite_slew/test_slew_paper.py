@@ -103,7 +103,7 @@ def test_lyapunov_function_falls_as_the_proof_says():
         gain * difference[0] * np.eye(3), damping, difference[1:], w - wanted, outer, gyration,
         INERTIA @ push,
     )  # fmt: skip
-    # The gimbals rest: what they would give enters beside the outer torque.
+    # The gimbals rest, and T_c enters with the outer torque.
     x = np.concatenate([q, w, np.zeros(4)])
     rate = MOTION.rate(x, np.zeros(4), torque + outer)
     turned = product(conjugate(desired), rate[:4])
