@@ -5,7 +5,6 @@ Directives, all for MyST pages:
 * ``crosstrack-backends``: the tables of :func:`crosstrack.backends`;
 * ``crosstrack-options``: the backends' own options;
 * ``crosstrack-help [commands]``: the real ``--help`` of the command line, or of every subcommand;
-* ``crosstrack-paper-table PROBLEM/TABLE``: a paper's table from the catalogue's settings;
 * ``crosstrack-problems``: the problems, each a link to its page;
 * ``crosstrack-formulations KIND``: the formulations of a model, with the size of an instance;
 * ``crosstrack-instances PROBLEM``: the catalogue's instances of a problem;
@@ -139,20 +138,6 @@ class Help(Made):
         command = [sys.executable, "-P", "-m", "crosstrack", *arguments, "--help"]
         done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
         return f"```text\n{done.stdout.rstrip()}\n```"
-
-
-class PaperTable(Made):
-    """A table as a paper prints it, from what the problem's instances declare as ``PRINTED``."""
-
-    required_arguments = 1
-
-    def make(self) -> str:
-        from crosstrack.models.problems import resolve, table
-
-        columns, rows, notes = resolve(
-            table("crosstrack.instances", "PRINTED")[self.arguments[0]]
-        )()
-        return "\n\n".join([markdown_table(columns, rows), *notes])
 
 
 class Problems(Made):
@@ -305,7 +290,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("crosstrack-backends", Backends)
     app.add_directive("crosstrack-options", Options)
     app.add_directive("crosstrack-help", Help)
-    app.add_directive("crosstrack-paper-table", PaperTable)
     app.add_directive("crosstrack-problems", Problems)
     app.add_directive("crosstrack-formulations", Formulations)
     app.add_directive("crosstrack-instances", Instances)
