@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 CATALOGUE = {"error-correction": ".listing:catalogue_entries"}
 REFERENCES = {"error-correction": ".files:resolve_references"}
 TABLE_FILES = {"error-correction": ".files:points_of_table"}
-PRINTED = {f"error-correction/{k}": f".printed:table_{k}" for k in (1, 2, 3)}
+PAPERS = {"error-correction": ".paper:PAPER"}
+PAPER_TABLES = {f"error-correction/table-{k}": f".paper_tables:table_{k}" for k in (1, 2, 3)}
 DEMOS = {"error-correction": ".demo:DEMO"}
 
 __getattr__, __dir__, __all__ = attach(

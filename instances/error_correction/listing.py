@@ -92,11 +92,14 @@ def _row_entry(setting: Setting) -> CatalogueEntry:
     notes = [_OURS]
     if setting.contest_optimum is not None:
         notes.append(
-            "The paper's points are those of a public contest; on them the optimum is "
+            "A public contest has points of these numbers of kinds; on them the optimum is "
             f"{setting.contest_optimum:.3f} m."
         )
-    if setting.misprint:
-        notes.append(setting.misprint)
+    if setting.printed_vertical != setting.vertical:
+        notes.append(
+            f"Table 1 prints {setting.printed_vertical} vertical points, which do not add up to {setting.n}: "
+            f"{setting.vertical} are taken."
+        )
     return CatalogueEntry(
         name=f"error-correction/{setting.row}",
         model="error-correction",

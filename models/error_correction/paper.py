@@ -1,8 +1,8 @@
 """The paper's mixed-integer program of an error-correction route, equation for equation.
 
-The bilinear (12) and (15) are linearised exactly: at a vertical point that is used ``T_j = 0``,
-and where the point is not used no arc leaves it, so ``T_j`` meets nothing. The numbers of the
-zeros at the start and of the domains follow their order in the paper's list.
+The bilinear (12) and (15) are linearised exactly: at a vertical point that is used ``T_j = 0``. No arc leaves
+a point that is not used, so its ``T_j`` enters no other row. ``y_1`` and ``y_n`` are 1 by (2) to (5) and have no
+columns.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
     """Eq. 1-24 of the paper, for any number of points.
 
     Columns: x_ij (arc used), y_j (point used), l_j (distance on arrival), g_j, h_j (horizontal
-    and vertical error on arrival), S_j, T_j (the same on leaving). At B, l_j is at least the distance
-    from A, of which big M alone tells a relaxation nothing.
+    and vertical error on arrival), S_j, T_j (the same on leaving). A lower bound on l_n, the straight line from A
+    to B, is added: with big M alone the bound of the relaxation is 0.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
             len(arcs),
             upper=1,
             integral=True,
-            equation="22",
+            equation="23",
             template="arc {0}-{1}",
             index=index,
         )
@@ -125,17 +125,21 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
             len(corrections),
             upper=1,
             integral=True,
-            equation="23",
+            equation="24",
             template="at point {0}",
             index=corrections,
         )
-        at: dict[str, Any] = {"template": "at point {0}", "equation": "24"}
+        at: dict[str, Any] = {"template": "at point {0}", "equation": "22"}
         least = np.where(points == model.end, to_end[model.start], 0.0)
         l = b.columns(  # noqa: E741
             "distance on arrival", n, lower=least, cost=cost, unit="m", index=points, **at
         )
-        g = b.columns("horizontal error on arrival", n, unit="error", index=points, **at)
-        h = b.columns("vertical error on arrival", n, unit="error", index=points, **at)
+        # No row mentions the errors on arrival at A.
+        most = np.where(points == model.start, 0.0, np.inf)
+        g = b.columns(
+            "horizontal error on arrival", n, upper=most, unit="error", index=points, **at
+        )
+        h = b.columns("vertical error on arrival", n, upper=most, unit="error", index=points, **at)
         s = np.full(n, -1)
         t = np.full(n, -1)
         s[leaving] = b.columns(
@@ -241,20 +245,12 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
                 equation=equation,
                 unit="error",
             )
-        for name, equation, parts in (
-            ("no distance at A", "19", [l]),
-            ("no error on arrival at A", "20", [g, h]),
-            ("no error on leaving A", "21", [s, t]),
+        for name, equation, column in (
+            ("no horizontal error on leaving A", "19", s),
+            ("no vertical error on leaving A", "20", t),
+            ("no distance at A", "21", l),
         ):
-            entry = np.arange(len(parts))
-            b.rows(
-                name,
-                len(parts),
-                (entry, [p[model.start] for p in parts], 1.0),
-                lower=0,
-                upper=0,
-                equation=equation,
-            )
+            b.rows(name, 1, (0, column[model.start], 1.0), lower=0, upper=0, equation=equation)
         return b.build(name=f"{model.name}:paper" if model.name else "paper")
 
     def encode(self, plan: Route) -> NDArray[np.float64]:

@@ -8,4 +8,3 @@ BACKENDS = {
     "labelling": ".labelling:Labelling",
 }
 DIAGNOSES = {"error-correction": ".diagnosis:diagnose_routing"}
-PAPER_TABLES = {"error-correction": ".paper_tables:TABLES"}

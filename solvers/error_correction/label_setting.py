@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...jit import clock
 from ..backend import Request
 from .native import RoutingBackend
 
@@ -44,4 +45,6 @@ class LabelSetting(RoutingBackend):
                 return Found(*climb(space, ceiling, flag))
             return simple_below(space, critical, bound, ceiling, flag, best_first)
 
-        return elementary(searched, revisits=revisits), {}
+        begin = clock()
+        found = elementary(searched, revisits=revisits)
+        return found, {"search_seconds": clock() - begin}

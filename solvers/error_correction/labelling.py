@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...jit import clock
 from ...models.error_correction.model import ErrorCorrectionRouting, Route
@@ -12,54 +14,77 @@ from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Reques
 
 if TYPE_CHECKING:
     from .airspace import Airspace
-    from .grid import Grid
 
-__all__ = ["WEIGHTS", "Labelling", "sweep"]
+__all__ = ["FACTORS", "FactorSearch", "Labelling", "Labels", "label_with_factors"]
 
-#: The weights of a sweep: small ones miss fewer routes, large ones find shorter ones.
-WEIGHTS = tuple(k / 20 for k in range(10, 21))
+#: Values of the paper's λ, tried in this order; the paper recommends the first one.
+FACTORS = tuple(k / 20 for k in range(10, 21))
 
 
-def sweep(
-    space: Airspace, grid: Grid, weights: tuple[float, ...], request: Request
-) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], float, int, int, float | None]:
-    """Return the shortest route that labelling finds with any of `weights`.
+@dataclass(frozen=True)
+class Labels:
+    """Result of stage 1.
 
-    Returns
-    -------
+    Parameters
+    ----------
     route : ndarray of int64
-        Points from A to B, empty without one.
+        Points from A to B, empty if no route was found.
     length : float
-        Its length (m), inf without one.
-    made, hits : int
-        Labels made, and weights that gave a route.
-    weight : float, optional
-        The weight of the best route.
+        Length of the route (m), inf if no route was found.
+    made : int
+        Number of temporary labels written, over all factors.
+    factor : float
+        The last factor tried, which gave the route.
     """
-    from .labelling_kernels import label_once
 
-    route, length = np.empty(0, np.int64), float("inf")
-    made, hits, best = 0, 0, None
-    for weight in weights:
-        status, found, total, count = label_once(space, grid, weight, request.control.flag)
+    route: NDArray[np.int64]
+    length: float
+    made: int
+    factor: float
+
+
+def label_with_factors(space: Airspace, factor: float | None, request: Request) -> Labels:
+    """Return the route of stage 1.
+
+    Parameters
+    ----------
+    space : Airspace
+        The problem.
+    factor : float, optional
+        The paper's λ; without it, the first of :data:`FACTORS` with a route.
+    request : Request
+        The stop flag.
+    """
+    from .labelling_kernels import label_points
+
+    route, length, made, last = np.empty(0, np.int64), np.inf, 0, 0.0
+    for last in FACTORS if factor is None else (factor,):
+        _, route, length, count = label_points(space, last, request.control.flag)
         made += count
-        hits += status == 1
-        if total < length:
-            route, length, best = found, total, weight
-        if request.control.stopped:
+        if route.size or request.control.stopped:
             break
-    return route, length, made, hits, best
+    return Labels(route, length, made, last)
 
 
-class Labelling(Backend):
-    """Labels of length and errors, one kept at each point, in the order of a weighted sum.
+class FactorSearch(Backend):
+    """Base of the backends with the option of stage 1."""
 
-    As we read the paper's stage 1: points are labelled for good in the order of
-    ``weight * length + (1 - weight) * metres flown since the surviving error was 0``. One label a
-    point makes it quick and its routes simple, and lets it miss routes. Small weights miss fewer,
-    large ones find shorter routes where they find any, and none is best everywhere; so by default
-    all of 0.5, 0.55, …, 1 are tried and the shortest route is kept.
-    (The paper's text of this stage swaps the thresholds of the two kinds of points.)
+    options = {
+        "threshold_factor": Option(
+            None,
+            "The paper's λ, from 0.5 to 1; without it, the first of 0.5, 0.55, …, 1 with a route.",
+            float,
+            lower=0.5,
+            upper=1.0,
+        )
+    }
+
+
+class Labelling(FactorSearch):
+    """Dijkstra's search by length with one label per point, section 3.1 of the paper.
+
+    A correction point accepts a label only if the vertical error uses at most the share λ of its threshold.
+    A shorter label replaces the label of a point even if its errors are larger, so routes may be missed.
     """
 
     name = "labelling"
@@ -68,38 +93,20 @@ class Labelling(Backend):
     features = frozenset({Feature.INTERRUPT})
     deterministic = True
     single_threaded = True
-    options = {
-        "weight": Option(
-            None, "The paper's λ, from 0.5 to 1; without it, a sweep.", float, lower=0.5, upper=1.0
-        )
-    }
-    summary = "the paper's stage 1: one label a point, by a weighted sum; a heuristic"
+    summary = "the paper's stage 1: Dijkstra by length, one label per point; a heuristic"
 
     def run(self, problem: ErrorCorrectionRouting, request: Request) -> Answer:
-        """Sweep over the weights."""
+        """Label the points and return the route to B."""
         from .airspace import airspace
-        from .grid import build
 
         begin = clock()
-        weight = request.options["weight"]
-        space = airspace(problem)
-        grid = build(space, np.ones(len(space.points), np.bool_))
-        weights = WEIGHTS if weight is None else (weight,)
-        route, length, made, hits, best = sweep(space, grid, weights, request)
-        found = route.size > 0
+        found = label_with_factors(airspace(problem), request.options["threshold_factor"], request)
         stopped = request.control.stopped
-        statistics: dict[str, float | int | str] = {
-            "labels made": made,
-            "weights tried": len(weights),
-            "weights with a route": hits,
-        }
-        if best is not None:
-            statistics["best weight"] = best
         return Answer(
-            Termination.FEASIBLE if found else Termination.NO_SOLUTION,
+            Termination.FEASIBLE if found.route.size else Termination.NO_SOLUTION,
             (request.control.reason or Limit.INTERRUPTED) if stopped else None,
-            Route(tuple(route.tolist())) if found else None,
-            float(length) if found else None,
+            Route(tuple(found.route.tolist())) if found.route.size else None,
+            float(found.length) if found.route.size else None,
             seconds={"solve": clock() - begin},
-            statistics=statistics,
+            statistics={"labels made": found.made, "threshold factor": found.factor},
         )

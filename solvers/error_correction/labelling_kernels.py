@@ -1,98 +1,112 @@
-"""The paper's first stage: labels of length and errors, one kept at each point."""
+"""The paper's stage 1: a Dijkstra search by length that keeps one label per point."""
 
 from __future__ import annotations
-
-from heapq import heappop, heappush
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
-from .grid import Grid, near
 from .outcomes import FOUND, NOTHING, STOPPED
-from .steps import REFUSED, arrive, distances_to, radius_of, trace
 
-__all__ = ["label_once"]
+__all__ = ["arrival", "label_points", "leg"]
 
 
-@kernel(interpretable=True)
-def label_once(
-    space: Airspace, grid: Grid, weight: float, flag: NDArray[np.int8]
-) -> tuple[int, NDArray[np.int64], float, int]:
-    """Return the route that a single sweep finds, or none.
+@kernel
+def leg(space: Airspace, tail: int, head: int) -> float:
+    """Return the straight-line distance between two points, in metres."""
+    square = 0.0
+    for axis in range(3):
+        difference = space.points[tail, axis] - space.points[head, axis]
+        square += difference * difference
+    return float(np.sqrt(square))
 
-    Points are labelled for good in the order of ``weight * length + (1 - weight) * e / rate``,
-    where e is the surviving error and ``e / rate`` the metres flown since it was 0. One label is
-    kept at a point, so a route has no point twice, and a route may be missed.
+
+@kernel
+def arrival(
+    space: Airspace, kind: int, vertical: float, horizontal: float, length: float
+) -> tuple[float, float]:
+    """Return the vertical and the horizontal error at the end of a leg.
 
     Parameters
     ----------
-    space, grid : Airspace, Grid
+    space : Airspace
         The problem.
-    weight : float
-        The paper's λ.
+    kind : int
+        Kind of the point at which the leg begins; it corrects one of the errors.
+    vertical, horizontal : float
+        Errors on arrival at that point.
+    length : float
+        Length of the leg (m).
+    """
+    if kind == VERTICAL:
+        vertical = 0.0
+    elif kind == HORIZONTAL:
+        horizontal = 0.0
+    return vertical + space.rates[0] * length, horizontal + space.rates[1] * length
+
+
+@kernel(interpretable=True)
+def label_points(
+    space: Airspace, factor: float, flag: NDArray[np.int8]
+) -> tuple[int, NDArray[np.int64], float, int]:
+    """Return the route of the paper's stage 1, section 3.1, steps 1 to 4.
+
+    Parameters
+    ----------
+    space : Airspace
+        The problem.
+    factor : float
+        The paper's λ: share of a correction point's threshold that the vertical error may use.
     flag : ndarray of int8, shape (1,)
-        Nonzero stops the sweep.
+        A nonzero entry stops the search.
 
     Returns
     -------
     status : int
         ``FOUND``, ``NOTHING`` or ``STOPPED``.
-    route : ndarray
-        Points from A to B, empty without one.
+    route : ndarray of int64
+        Points from A to B, empty if no route was found.
     length : float
-        Its length (m), inf without one.
+        Length of the route (m), inf if no route was found.
     made : int
-        Labels made.
+        Number of temporary labels written.
     """
-    count = len(grid.x)
-    start, end = count - 2, count - 1
-    to_end = distances_to(grid, end)
-    key_of = np.full(count, np.inf)
-    length_of = np.full(count, np.inf)
-    error_of = np.zeros(count)
-    parent = np.full(count, -1)
-    done = np.zeros(count, np.bool_)
-    found = np.empty(count, np.int64)
-    away = np.empty(count)
+    n = len(space.points)
+    lengths, father = np.full(n, np.inf), np.full(n, -1)
+    vertical, horizontal = np.zeros(n), np.zeros(n)
+    permanent = np.zeros(n, np.bool_)
     nothing = np.empty(0, np.int64)
-    key_of[start], length_of[start] = 0.0, 0.0
-    heap = [(0.0, start)]
+    lengths[space.start] = 0.0
     made = 1
-    best, last = np.inf, -1
-    while len(heap) > 0:
-        _, here = heappop(heap)
-        if done[here]:
-            continue
-        if flag[0] != 0:
-            return STOPPED, nothing, np.inf, made
-        done[here] = True
-        kind, error, length = grid.kinds[here], error_of[here], length_of[here]
-        # Any label that reaches B gives a route; the shortest of them is kept.
-        if (
-            length + to_end[here] < best
-            and arrive(space, kind, END, error, to_end[here]) != REFUSED
-        ):
-            best, last = length + to_end[here], here
-        for head in (HORIZONTAL, VERTICAL):
-            rate = space.rates[0] if head == HORIZONTAL else space.rates[1]
-            k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
-            for m in range(k):
-                there = found[m]
-                if done[there]:
-                    continue
-                left = arrive(space, kind, head, error, away[m])
-                if left == REFUSED:
-                    continue
-                flown = left / rate if rate > 0.0 else 0.0
-                key = weight * (length + away[m]) + (1.0 - weight) * flown
-                if key < key_of[there]:
-                    key_of[there], length_of[there] = key, length + away[m]
-                    error_of[there], parent[there] = left, here
-                    heappush(heap, (key, there))
-                    made += 1
-    if last < 0:
-        return NOTHING, nothing, np.inf, made
-    route = np.append(trace(np.arange(count), parent, grid.ids, last), grid.ids[end])
-    return FOUND, route, best, made
+    while True:
+        here = -1
+        for i in range(n):
+            if not permanent[i] and lengths[i] < (np.inf if here < 0 else lengths[here]):
+                here = i
+        if here < 0 or flag[0] != 0:
+            return NOTHING if here < 0 else STOPPED, nothing, np.inf, made
+        permanent[here] = True
+        if here == space.end:
+            break
+        for j in range(n):
+            if permanent[j]:
+                continue
+            d = leg(space, here, j)
+            total, kind = lengths[here] + d, space.kinds[j]
+            # As printed: an equal length replaces a label, except that of B.
+            if total > lengths[j] or (kind == END and total == lengths[j]):
+                continue
+            v, h = arrival(space, space.kinds[here], vertical[here], horizontal[here], d)
+            share = 1.0 if kind == END else factor
+            if v <= share * space.limits[kind, 0] and h <= space.limits[kind, 1]:
+                lengths[j], vertical[j], horizontal[j], father[j] = total, v, h, here
+                made += 1
+    count, at = 0, space.end
+    while at >= 0:
+        count, at = count + 1, father[at]
+    route, at = np.empty(count, np.int64), space.end
+    while at >= 0:
+        count -= 1
+        route[count], at = at, father[at]
+    return FOUND, route, lengths[space.end], made

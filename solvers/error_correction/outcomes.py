@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-__all__ = ["DEAR", "FOUND", "FULL", "NOTHING", "STOPPED"]
+__all__ = ["DEAR", "FOUND", "FULL", "NOTHING", "OPEN", "STOPPED"]
 
-#: A route; no route; stopped from outside; out of room for labels; more labels than were allowed.
-FOUND, NOTHING, STOPPED, FULL, DEAR = 1, 0, -1, -2, -3
+from ..resource_routing.outcomes import FOUND, FULL, NOTHING, OPEN, STOPPED
+
+#: More labels than were allowed.
+DEAR = -4

@@ -1,14 +1,13 @@
-"""``pulse``: the depth-first algorithm that the paper compares with."""
+"""``pulse``: the paper's pulse algorithm without a route from stage 1."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from ...jit import clock
 from ..backend import Request
-from .native import RoutingBackend
+from .native import PrintedSearch
 
 if TYPE_CHECKING:
     from .airspace import Airspace
@@ -17,37 +16,22 @@ if TYPE_CHECKING:
 __all__ = ["Pulse"]
 
 
-class Pulse(RoutingBackend):
-    """Depth-first search with three prunings: by infeasibility, by bound, by dominance.
+class Pulse(PrintedSearch):
+    """Depth-first search with the paper's three checks: feasibility, dominance and bound.
 
-    The bound on what remains is the shortest way to B over arcs that the thresholds alone allow.
-    Dominance that ignores visited points is exact only where revisits are allowed; where they are
-    not, points that a walk repeats become critical (see :mod:`.elementary`).
+    Section 3.2. The bound on the rest of a route is the straight line to B.
     """
 
     name = "pulse"
-    summary = "depth-first pulses pruned by infeasibility, bound and dominance"
+    summary = "the paper's pulse algorithm: depth first, straight line to B as bound"
 
-    def search(
-        self, space: Airspace, revisits: bool, ceiling: float, request: Request
+    def find_as_printed(
+        self, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
-        """Send pulses from A."""
-        from .elementary import Found, elementary, simple_below
-        from .grid import build
-        from .pulse_kernels import pulse
-        from .slots import critical_bits, shortest_ways
-        from .way_kernels import plain_ways
+        """Send pulses from A without a known route."""
+        from .elementary import Found
+        from .printed_kernels import send_pulses
 
-        flag = request.control.flag
-        grid = build(space, np.ones(len(space.points), np.bool_))
-        ahead = shortest_ways(space, grid, flag)
-        if not np.isfinite(ahead[-2]):
-            return Found(0, np.empty(0, np.int64), np.inf, np.inf, 0, 0), {}
-
-        def searched(critical: np.ndarray[Any, np.dtype[np.int64]], bound: float) -> Found:
-            if critical.size:
-                return simple_below(space, critical, bound, ceiling, flag, pulse)
-            bits, words = critical_bits(grid, critical)
-            return Found(*pulse(space, grid, plain_ways(ahead), bits, words, ceiling, flag))
-
-        return elementary(searched, revisits=revisits), {}
+        begin = clock()
+        found = Found(*send_pulses(space, ceiling, request.control.flag))
+        return found, {"search_seconds": clock() - begin}

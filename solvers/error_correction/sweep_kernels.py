@@ -1,8 +1,6 @@
-"""Exact label searches that remember critical points: best-first, and first-in-first-out.
+"""An exact best-first label search that remembers critical points.
 
-Both extend a label to every point that it may reach, within the radius of a spatial grid, and keep
-below a ceiling. They differ in the order, and in that :func:`first_in` does not lower the ceiling to
-the routes that it finds.
+It extends a label to every point within its reach, which a spatial grid finds, and drops labels above a ceiling.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ from .outcomes import FOUND, FULL, NOTHING, STOPPED
 from .steps import REFUSED, arrive, distances_to, radius_of, trace
 from .way_kernels import Ways, forget, least, rest
 
-__all__ = ["best_first", "first_in"]
+__all__ = ["best_first"]
 
 
 Result = tuple[int, NDArray[np.int64], float, float, int, int]
@@ -123,83 +121,3 @@ def best_first(
                 heappush(heap, (key, used))
                 used += 1
     return NOTHING, nothing, np.inf, ceiling, used, settled
-
-
-@kernel(interpretable=True)
-def first_in(
-    space: Airspace,
-    grid: Grid,
-    ways: Ways,
-    bits: NDArray[np.int64],
-    words: int,
-    ceiling: float,
-    flag: NDArray[np.int8],
-) -> Result:
-    """Return the shortest route by label correcting; see :func:`best_first`.
-
-    The state of the dynamic program is a point with a surviving error; the efficiency test keeps
-    the labels of a point that no other dominates. Nothing bounds the search but dominance and the
-    ceiling.
-    """
-    count = len(grid.x)
-    start, end = count - 2, count - 1
-    heads = np.full(count, -1)
-    found = np.empty(count, np.int64)
-    away = np.empty(count)
-    to_end = distances_to(grid, end)
-    room = 2 * count + 1024
-    labels = make(room, words)
-    add(labels, 0, start, -1, 0.0, 0.0, -1)
-    used, settled, label = 1, 0, 0
-    best, last = np.inf, -1
-    marked = np.flatnonzero(bits >= 0)
-    nothing = np.empty(0, np.int64)
-    # Labels are made in the order in which they are extended: the columns are the queue.
-    while label < used:
-        if flag[0] != 0 or used > MOST_LABELS:
-            status = STOPPED if flag[0] != 0 else FULL
-            bound = min(best, ceiling, least(ways, start))
-            if last < 0:
-                return status, nothing, np.inf, bound, used, settled
-            return (
-                status,
-                trace(labels.slot, labels.parent, grid.ids, last),
-                best,
-                bound,
-                used,
-                settled,
-            )
-        here, error, length = labels.slot[label], labels.error[label], labels.length[label]
-        if here == end or error == np.inf:
-            label += 1
-            continue
-        settled += 1
-        if used + count >= room:
-            room = 2 * (used + count)
-            labels = grown(labels, used, room)
-        kind = grid.kinds[here]
-        if length + to_end[here] < best and length + to_end[here] <= ceiling:
-            if arrive(space, kind, END, error, to_end[here]) != REFUSED:
-                best, last = length + to_end[here], used
-                add(labels, used, end, label, best, 0.0, -1)
-                used += 1
-        for head in (HORIZONTAL, VERTICAL):
-            k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
-            for m in range(k):
-                there = found[m]
-                total = length + away[m]
-                if total + least(ways, there) > ceiling or visited(labels, label, bits[there]):
-                    continue
-                left = arrive(space, kind, head, error, away[m])
-                if left == REFUSED or total + rest(ways, there, left) > ceiling:
-                    continue
-                add(labels, used, there, label, total, left, bits[there])
-                forget(labels, used, grid, ways, bits, marked, ceiling)
-                if dominated(labels, heads[there], used):
-                    continue
-                link(labels, heads, used)
-                used += 1
-        label += 1
-    if last < 0:
-        return NOTHING, nothing, np.inf, ceiling, used, settled
-    return FOUND, trace(labels.slot, labels.parent, grid.ids, last), best, best, used, settled

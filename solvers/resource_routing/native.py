@@ -41,7 +41,7 @@ class RouteSearch(Backend):
 
     def run(self, problem: Any, request: Request) -> Answer:
         """Search, and say what the end of the search proves."""
-        from .outcomes import FOUND, FULL, STOPPED
+        from .outcomes import FOUND, FULL, OPEN, STOPPED
 
         refusal = self.refuses(problem)
         if refusal:
@@ -58,9 +58,14 @@ class RouteSearch(Backend):
         bound = least if math.isfinite(least) else None
         if found.status == FOUND:
             termination = Termination.OPTIMAL
-        elif found.status in (STOPPED, FULL):
+        elif found.status in (STOPPED, FULL, OPEN):
             termination = Termination.NO_SOLUTION if plan is None else Termination.FEASIBLE
-            limit = request.control.reason or Limit.INTERRUPTED
+            if found.status == OPEN:
+                message = (
+                    "the search ended without a proof: a walk that visits points twice is shorter"
+                )
+            else:
+                limit = request.control.reason or Limit.INTERRUPTED
             if found.status == FULL:
                 limit, message = Limit.MEMORY, "no room for more labels"
         elif request.cutoff is not None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-__all__ = ["FOUND", "FULL", "NOTHING", "STOPPED"]
+__all__ = ["FOUND", "FULL", "NOTHING", "OPEN", "STOPPED"]
 
-#: A route; no route; stopped from outside; out of room for labels.
-FOUND, NOTHING, STOPPED, FULL = 1, 0, -1, -2
+#: A proven route; proof that no route exists; stopped from outside; out of room for labels; ended without a
+#: proof.
+FOUND, NOTHING, STOPPED, FULL, OPEN = 1, 0, -1, -2, -3

@@ -22,10 +22,11 @@ from crosstrack.solvers.error_correction.grid import build, near
 from crosstrack.solvers.error_correction.reachability import reachable, refusals
 from crosstrack.solvers.error_correction.slots import critical_bits
 from crosstrack.solvers.error_correction.steps import distances_to, remaining
-from crosstrack.solvers.error_correction.sweep_kernels import best_first, first_in
+from crosstrack.solvers.error_correction.sweep_kernels import best_first
 from crosstrack.solvers.error_correction.way_kernels import plain_ways
 
-EXACT = ["label-setting", "two-stage", "pulse", "dynamic-programming"]
+PRINTED = ["two-stage", "pulse", "dynamic-programming"]
+EXACT = ["label-setting", *PRINTED]
 
 #: Shortest walk visits point 1 twice, so that searches for simple routes run too.
 TINY = {
@@ -43,7 +44,7 @@ from crosstrack.instances.error_correction.generator import random_small
 answers = []
 for seed in range(24):
     model = random_small(3 + seed % 6, seed, revisits=seed % 2 == 0)
-    for name in {names}:
+    for name in {names}[: 5 if seed % 2 else 1]:
         answer = ct.solve(model, name, isolate=False)
         answers.append([answer.termination, answer.plan and answer.plan.route, answer.primal_bound, dict(answer.statistics)])
 for answer in answers:
@@ -66,7 +67,7 @@ def test_compiled_and_interpreted_are_the_same():
     ]  # fmt: skip
     compiled, interpreted = map(json.loads, outputs)
     assert compiled == interpreted
-    assert len(compiled) == 24 * 5
+    assert len(compiled) == 12 * 5 + 12
 
 
 def test_same_instance_same_plan():
@@ -77,20 +78,13 @@ def test_same_instance_same_plan():
         assert first.statistics["labels made"] == second.statistics["labels made"]
 
 
-def test_no_weight_of_labelling_is_best_everywhere():
-    """What the sweep is for: each weight misses a route, or the best one of the sweep, somewhere."""
-    rows = [ct.load(f"error-correction/{row}") for row in range(1, 13)]
-    best = [ct.solve(model, "labelling").primal_bound for model in rows]
-    exact = [ct.solve(model).primal_bound for model in rows]
-    assert all(found >= optimum - 1e-6 for found, optimum in zip(best, exact, strict=True))
-    for weight in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0):
-        single = [
-            ct.solve(model, "labelling", backend_options={"weight": weight}).primal_bound
-            for model in rows
-        ]
-        assert any(
-            one is None or one > swept + 1e-6 for one, swept in zip(single, best, strict=True)
-        ), weight
+def test_labelling_takes_the_first_factor_with_a_route():
+    model = ct.load("error-correction/9")
+    found = ct.solve(model, "labelling")
+    factor = found.statistics["threshold factor"]
+    for value, expected in ((factor - 0.05, None), (factor, found.plan), (1.0, None)):
+        single = ct.solve(model, "labelling", backend_options={"threshold_factor": value})
+        assert single.plan == expected
 
 
 @pytest.mark.parametrize("name", [*EXACT, "labelling"])
@@ -127,7 +121,7 @@ def test_coinciding_points_and_thresholds_met_exactly(revisits):
         alpha1=0.3, alpha2=0.3, beta1=0.3, beta2=0.3, theta=0.3, delta=0.1, revisits=revisits,
     )  # fmt: skip
     assert shortest_length(model) == 9
-    for name in EXACT:
+    for name in EXACT[:1] if revisits else EXACT:
         answer = ct.solve(model, name)
         assert answer.primal_bound == 9, name
         assert not answer.verification.within_tolerance
@@ -272,8 +266,7 @@ def test_the_grid_finds_what_is_near(seed):
                 assert np.allclose(np.sort(away[:count]), np.sort(distance[sorted(near_points)]))
 
 
-@pytest.mark.parametrize("search", ["best first", "first in"])
-def test_more_critical_points_than_bits_in_a_word(search):
+def test_more_critical_points_than_bits_in_a_word():
     """With every point critical, masks of several words: the same simple route."""
     model = uniform_slab(150, (25, 20, 25, 25, 30), seed=5)
     space = airspace(model)
@@ -283,17 +276,8 @@ def test_more_critical_points_than_bits_in_a_word(search):
     assert words == 3
     assert sorted(bits[bits >= 0]) == list(range(len(critical)))
     flag = np.zeros(1, np.int8)
-    if search == "best first":
-        ways = plain_ways(distances_to(grid, len(grid.x) - 1))
-        found = Found(*best_first(space, grid, ways, bits, words, np.inf, flag))
-    else:
-        # Only the shortest prefixes matter, so a small ceiling keeps the exhaustive search short.
-        small = random_small(9, 12)
-        space = airspace(small)
-        grid = build(space, np.ones(len(small.points), np.bool_))
-        bits, words = critical_bits(grid, np.flatnonzero((small.codes == 1) | (small.codes == 2)))
-        ways = plain_ways(np.zeros(len(grid.x)))
-        found, model = Found(*first_in(space, grid, ways, bits, 2, np.inf, flag)), small
+    ways = plain_ways(distances_to(grid, len(grid.x) - 1))
+    found = Found(*best_first(space, grid, ways, bits, words, np.inf, flag))
     best = ct.solve(model)
     assert found.length == pytest.approx(best.primal_bound)
     assert len(set(found.route.tolist())) == len(found.route)

@@ -1,0 +1,78 @@
+"""Measurement of the result tables of the paper on error-correction routes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..paper import Run, Trials
+from .listing import setting_model
+
+__all__ = ["table_1", "table_2", "table_3"]
+
+
+def _seconds(found: Run) -> float | str:
+    """Return the seconds of the search, without imports and proofs, or the limit that ended it."""
+    if found.limit is not None:
+        return f"{found.limit} limit"
+    return found.statistics.get("search_seconds", found.seconds["solve"])
+
+
+def _length(found: Run) -> float | str:
+    """Return the length of the plan of a run, in metres."""
+    return "no route" if found.primal_bound is None else found.primal_bound
+
+
+def _is_optimal(found: Run) -> bool:
+    return str(found.termination) == "optimal"
+
+
+def table_1(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
+    """Return sizes and parameters of our instance for a row of table 1."""
+    model = setting_model(int(row[0]))
+    counts = {kind: int((model.kinds == kind).sum()) for kind in ("horizontal", "vertical")}
+    names = {"α1": "alpha1", "α2": "alpha2", "β1": "beta1", "β2": "beta2", "θ": "theta"}
+    limits = {name: getattr(model, field) for name, field in names.items()}
+    return {"points": len(model.points), **counts, **limits, "δ": model.horizontal_rate}
+
+
+def table_2(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
+    """Return seconds and lengths of the paper's program and of the two-stage algorithm."""
+    model = setting_model(int(row[0]))
+    names = ("label-setting", "two-stage", "highs:arc-flow", "highs:paper")
+    best, stages, flow, program = (trials.run(model, name)[0] for name in names)
+    return {
+        "program (s)": _seconds(program),
+        "program (m)": _length(program),
+        "two-stage (s)": _seconds(stages),
+        "two-stage (m)": _length(stages),
+        "optimal": "yes" if _is_optimal(stages) else "no",
+        "proven optimum (m)": best.primal_bound if _is_optimal(best) else "not proven",
+        "arc-flow (s)": _seconds(flow),
+        "label-setting (s)": _seconds(best),
+    }
+
+
+def table_3(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
+    """Return seconds and numbers of labels of the three algorithms."""
+    model = setting_model(int(row[0]))
+    names = ("label-setting", "two-stage", "pulse", "dynamic-programming")
+    best, stages, pulse, dynamic = (trials.run(model, name)[0] for name in names)
+    values: dict[str, Any] = {
+        "label-setting": _seconds(best),
+        "λ": stages.statistics["threshold factor"],
+    }
+    for name, found, key in (
+        ("T1", stages, "stage1_seconds"),
+        ("T2", stages, "stage2_seconds"),
+    ):
+        ended = found.limit is None or name == "T1"
+        values[name] = found.statistics[key] if ended else f"{found.limit} limit"
+    values |= {"T": _seconds(stages), "pulse": _seconds(pulse), "DP": _seconds(dynamic)}
+    for name, found in (("T2", stages), ("pulse", pulse), ("DP", dynamic)):
+        values[f"labels of {name}"] = found.statistics["labels extended"]
+    first = stages.statistics["stage1 length"]
+    if best.primal_bound is not None and not isinstance(first, str):
+        values["stage 1 over optimum"] = first / best.primal_bound
+    values["proven optimum (m)"] = best.primal_bound if _is_optimal(best) else "not proven"
+    return values
