@@ -321,12 +321,12 @@ class Trials(Protocol):
         options: Mapping[str, Any] | None = None,
         **limits: Any,
     ) -> Sequence[Run]:
-        """Run a backend on a model and return one answer per seed.
+        """Run a backend and return one answer per seed, for one model or for several models in turn.
 
         Parameters
         ----------
-        model : Model
-            The model to solve.
+        model : Model or sequence of Model
+            The models to solve. Several models in one call share the start of the worker process.
         backend : str
             Name of the backend, ``"name:formulation"`` for a certain formulation.
         runs : int, optional

@@ -60,7 +60,7 @@ tour = ct.plot(model, best)
 # %%
 # Beside others
 # -------------
-# Two exact methods, the paper's merging of chains, and insertion one by one.
+# Two exact methods, and the paper's two heuristics: merging of chains and greedy insertion.
 
 comparison = ct.compare(
     [model], ["a-star", "dynamic-programming", "insert-nearest", "greedy"], time_limit=20

@@ -12,9 +12,10 @@ of the field beside it, and flies the plan with the paper's controller, disturbe
 # The problem
 # -----------
 # Eleven states: the quaternion, the body rates and the gimbal angles. The controls are the gimbal
-# rates. The paper prints neither the wheels' momentum nor the weight of the gimbal rates; with the
-# defaults its final time comes out to a hundredth of a second.
+# rates. The limits of rate and torque bound the norms. The paper prints neither the momentum of the wheels
+# nor the weight of the gimbal rates; with those of this instance its final time results.
 
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -22,7 +23,7 @@ import numpy as np
 
 import crosstrack as ct
 from crosstrack.instances import entries
-from crosstrack.models import SatelliteSlew, track
+from crosstrack.models import track
 from crosstrack.models.satellite_slew.gyros import singularity_measure
 from crosstrack.models.satellite_slew.plot import (
     PAPER_QUATERNION_ERROR,
@@ -65,8 +66,8 @@ print(
 assert abs(best.plan.end - published["final_time"]) < 0.02
 
 # %%
-# The paper's pictures. Time is bought with everything there is: a body rate, gimbal rates and torque
-# run along their limits, and the singularity measure touches its own.
+# The paper's pictures. The norm of the body rates, the gimbal rates and the norm of the torque run along
+# their limits, and the singularity measure touches its own.
 
 figure = ct.plot(model, best, tolerance=TOLERANCE)
 
@@ -101,12 +102,12 @@ for solution in comparison.verdicts[0].solutions:
     print(f"{solution.backend:24} {plan.end:7.3f} s, least measure of singularity {least:.3f}")
 
 # %%
-# Nobody proves a global bound here, so the verdict stays inconclusive. The laws take half as long again.
+# No backend proves a global bound here, so the verdict stays inconclusive. The laws take much longer.
 # The other transcription may have stopped elsewhere: a solver that reports success is at *a* local
 # optimum, and this problem has several. ``starts=`` draws more starts by seed, and keeps them all.
 
 law = comparison.verdicts[0].solutions[1]
-assert law.plan.end > 1.3 * best.plan.end
+assert law.plan.end > 1.2 * best.plan.end
 steered = ct.plot(model, law, tolerance=TOLERANCE)
 
 several = ct.solve(model, formulation="radau", tolerance=TOLERANCE, starts=2, seed=1)
@@ -119,9 +120,10 @@ print(
 # %%
 # Tracking
 # --------
-# The plan is flown by the paper's controller, fifty times a second, while a torque pushes that it does
-# not know. At the actuators' limits little is left to correct with. A sample is *saturated* where a
-# limit cut what the controller asked for.
+# A controller with the torque of the paper's eq. 32 flies the plan, fifty times a second, under a
+# disturbance that it does not know. At the limits of the actuators little is left for corrections. A
+# sample is *saturated* if a limit cut the command. ``law="paper"`` has the printed gain, and knows the
+# disturbance.
 
 push = (-0.1, -0.1, -0.1)
 at_the_limits = track(model, best, disturbance=push, after=2.0)
@@ -131,7 +133,7 @@ tight = ct.plot(model, best, tracking=at_the_limits, tolerance=TOLERANCE)
 # %%
 # So plan with a reserve. It costs little time,
 
-careful = ct.load("satellite-slew/margin-10")
+careful = replace(model, margin=0.1)
 reserved = ct.solve(careful, formulation="gauss", tolerance=TOLERANCE)
 print(reserved)
 print(f"10 % in reserve cost {reserved.plan.end / best.plan.end - 1:.1%} of time")
@@ -154,9 +156,7 @@ tracked = ct.plot(careful, reserved, tracking=flight, tolerance=TOLERANCE)
 # A plan that keeps farther away from singularities, for a satellite that may go as near as before, leaves
 # room for that.
 
-wary = ct.solve(
-    SatelliteSlew(margin=0.1, singularity_limit=0.4), formulation="gauss", tolerance=TOLERANCE
-)
+wary = ct.solve(replace(careful, singularity_limit=0.4), formulation="gauss", tolerance=TOLERANCE)
 print(f"keeping away costs {wary.plan.end / reserved.plan.end - 1:.1%} of time")
 sure = track(careful, wary, disturbance=push, after=2.0)
 print(sure)

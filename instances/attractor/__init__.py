@@ -16,7 +16,12 @@ CATALOGUE = {"attractor": ".listing:catalogue_entries"}
 TABLE_FILES = {"attractor": ".readers:table_file"}
 DEMOS = {"attractor": ".demo:DEMO"}
 EXPORTS = {"csv": ".exports:CSV"}
-PRINTED = {"attractor/systems": ".printed:systems"}
+PAPERS = {"attractor": ".paper:PAPER"}
+PAPER_TABLES = {
+    "attractor/figures": ".paper_tables:figures",
+    "attractor/slopes": ".paper_tables:slopes",
+    "attractor/systems": ".paper_tables:systems",
+}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

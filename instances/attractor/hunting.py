@@ -1,8 +1,8 @@
 """A multirobot hunt by a seed: predators that close in on an evader among round obstacles, as equations.
 
-The paper records the orbit of a robot in such a hunt; its data are lost, so this stands in for them. The
-equations are smooth and do not depend on time, hence the motion has a largest exponent that
-:func:`~crosstrack.instances.attractor.motions.largest_exponent` computes, to compare estimates with.
+The paper records the orbit of a robot in such a hunt. It prints neither the record nor equations of motion, so these
+equations are ours. They are smooth and do not depend on time, so the motion has a largest exponent that
+:func:`~crosstrack.instances.attractor.motions.largest_exponent` computes as a reference for estimates.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ _FOUND = {
     "delay": 8, "dimension": 10, "exponent_bits": 0.12, "correlation": 5.5, "horizon": 8.3,
 }  # fmt: skip
 _LOST = (
-    "The paper's record is lost. This hunt is ours, and its strengths were chosen for an exponent like the paper's; "
+    "The paper does not print its record. This hunt is ours, and its strengths were chosen for an exponent like the paper's; "
     "the true one is computed from the equations (Benettin), "
 )
 _SPECIAL = "Ours: the paper has no such instance."
@@ -62,9 +62,9 @@ def _hunts() -> tuple[CatalogueEntry, ...]:
     cases: tuple[tuple[str, str, int, dict[str, Any]], ...] = (
         (
             "hunt", "a predator's way, three of which hunt among three obstacles", 1000,
-            {"table": 1, "row": 1, **_FOUND},
+            _FOUND,
         ),
-        ("hunt-long", "the same hunt, 10 times as long", 10_000, {"table": 1, "row": 2}),
+        ("hunt-long", "the same hunt, 10 times as long", 10_000, {}),
         ("hunt-pair", "one predator behind an evader among three obstacles", 2000, {}),
         ("hunt-calm", "three predators behind a quick evader, no obstacles: it repeats itself", 2000, {}),
     )  # fmt: skip
@@ -83,25 +83,23 @@ def _hunts() -> tuple[CatalogueEntry, ...]:
 
 def _known() -> tuple[CatalogueEntry, ...]:
     cases = (
-        (System.LOGISTIC, 2000, 11),
-        (System.HENON, 2000, 12),
-        (System.LORENZ, 5000, 13),
-        (System.ROSSLER, 5000, 14),
-        (System.MACKEY_GLASS, 5000, 15),
-        (System.SINE, 1000, None),
-        (System.TWO_SINES, 2000, None),
-        (System.SAWTOOTH, 1000, None),
-        (System.WHITE_NOISE, 1000, None),
-        (System.AR1, 1000, None),
-        (System.AR2, 1000, None),
-        (System.RANDOM_WALK, 1000, None),
+        (System.LOGISTIC, 2000),
+        (System.HENON, 2000),
+        (System.LORENZ, 5000),
+        (System.ROSSLER, 5000),
+        (System.MACKEY_GLASS, 5000),
+        (System.SINE, 1000),
+        (System.TWO_SINES, 2000),
+        (System.SAWTOOTH, 1000),
+        (System.WHITE_NOISE, 1000),
+        (System.AR1, 1000),
+        (System.AR2, 1000),
+        (System.RANDOM_WALK, 1000),
     )
     found = []
-    for system, count, row in cases:
+    for system, count in cases:
         known = SYSTEMS[system]
         published: dict[str, Any] = {"source": known.source}
-        if row is not None:
-            published |= {"table": 2, "row": row}
         if known.exponent is not None:
             published["exponent"] = known.exponent
         if known.dimension is not None:

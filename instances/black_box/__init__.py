@@ -14,7 +14,15 @@ if TYPE_CHECKING:
 CATALOGUE = {"black-box": ".listing:catalogue_entries"}
 DEMOS = {"black-box": ".demo:DEMO"}
 EXPORTS = {"csv": ".exports:CSV"}
-PRINTED = {"black-box/functions": ".printed:functions", "black-box/paths": ".printed:paths"}
+PAPERS = {"black-box": ".paper:PAPER"}
+PAPER_TABLES = {
+    "black-box/table-2": ".paper_tables:table_2",
+    "black-box/table-3": ".paper_tables:table_3",
+    "black-box/table-4": ".paper_tables:table_4",
+    "black-box/table-5": ".paper_tables:table_5",
+    "black-box/equal-evaluations": ".paper_tables:equal_evaluations",
+    "black-box/paths": ".paper_tables:paths",
+}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

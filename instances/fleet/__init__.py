@@ -21,7 +21,11 @@ REFERENCES = {"fleet-routing": ".nodes:resolve_references"}
 TABLE_FILES = {"fleet-routing": ".nodes:read_nodes"}
 DEMOS = {"fleet": ".demo:DEMO"}
 EXPORTS = {"csv": ".exports:CSV", "geojson": ".exports:GEOJSON", "vrplib": ".exports:VRPLIB"}
-PRINTED = {"fleet/table-2": ".printed:table_2"}
+PAPERS = {"fleet": ".paper:PAPER"}
+PAPER_TABLES = {
+    "fleet/table-1": ".paper_tables:table_1",
+    "fleet/table-2": ".paper_tables:table_2",
+}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

@@ -13,8 +13,11 @@ if TYPE_CHECKING:
         write_mission_samples as write_mission_samples,
     )
     from .generator import random_mission as random_mission
+    from .table_3 import table_3_mission as table_3_mission
 
 CATALOGUE = {"fleet-mission": ".listing:catalogue_entries"}
+PAPERS = {"fleet-mission": ".paper:PAPER"}
+PAPER_TABLES = {"fleet-mission/table-3": ".table_3:measure_table_3"}
 REFERENCES = {"fleet-mission": ".files:resolve_references"}
 DEMOS = {"fleet-mission": ".demo:DEMO"}
 EXPORTS = {
@@ -28,5 +31,6 @@ __getattr__, __dir__, __all__ = attach(
     {
         "exports": ("write_mission_geojson", "write_mission_poly7", "write_mission_samples"),
         "generator": ("random_mission",),
+        "table_3": ("table_3_mission",),
     },
 )

@@ -1,4 +1,4 @@
-"""Seeded missions in the paper's manner: irregular polygons, nodes that can be reached."""
+"""Seeded missions with the paper's numbers: irregular polygons, and nodes that can be reached."""
 
 from __future__ import annotations
 
@@ -26,40 +26,49 @@ def random_mission(
     acceleration_limit: float = 2.0,
     separation: float = 0.0,
     size: float = 1.0,
+    depot: ArrayLike | None = None,
 ) -> FleetMission:
-    """Return a mission over nodes that are drawn among irregular polygons, from the bounds' middle.
+    """Return a mission over nodes drawn at random among irregular polygons.
 
     Parameters
     ----------
     nodes, obstacles : int
-        Their numbers (paper: 75 and 28).
+        Their numbers (section 4.4 of the paper: 75 and 28).
     vehicles : int
-        The number of robots (paper: 4).
+        Number of robots (section 4.4 of the paper: 4).
     seed : int
-        Same seed, same mission.
+        Seed of the polygons and the nodes.
     bounds : array-like, shape (4,)
         Least x and y, greatest x and y, m.
     cell, radius, velocity_limit, acceleration_limit, separation
         Those of :class:`~crosstrack.models.FleetMission`.
     size : float
         Factor on the size of polygons, which otherwise cover about 15 % of the map.
+    depot : array-like, shape (2,), optional
+        x, y, m; by default the middle of the bounds. Figure 2 of the paper has it at the bottom left.
+
+    Returns
+    -------
+    FleetMission
 
     Raises
     ------
     InvalidData
-        There is no room for so many polygons or nodes.
+        The map has no room for so many polygons or nodes.
     """
     corners = Array((4,)).coerce("bounds", bounds, {})
-    depot = 0.5 * (corners[:2] + corners[2:])
+    place = 0.5 * (corners[:2] + corners[2:])
+    if depot is not None:
+        place = Array((2,)).coerce("depot", depot, {})
     # A robot passes between any two polygons, wherever the lines of the grid are.
     gap = 2.0 * radius + 2.0 * cell
-    polygons = random_polygons(obstacles, seed, corners, keep=[depot], gap=gap, size=size)
+    polygons = random_polygons(obstacles, seed, corners, keep=[place], gap=gap, size=size)
     grid = GridMap.from_polygons(polygons, corners, cell, radius)
     return FleetMission(
         obstacles=polygons,
         bounds=corners,
-        nodes=random_nodes(grid, depot, nodes, seed),
-        depot=np.asarray(depot),
+        nodes=random_nodes(grid, place, nodes, seed),
+        depot=np.asarray(place),
         vehicles=vehicles,
         cell=cell,
         radius=radius,

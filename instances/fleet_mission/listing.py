@@ -27,7 +27,8 @@ def catalogue_entries() -> tuple[CatalogueEntry, ...]:
             "paper",
             "4 robots, 75 nodes and 28 irregular polygons on 200 m × 200 m",
             partial(random_mission, 75, 28, 4, 28),
-            "The paper prints no coordinates: polygons and nodes are ours by seed, with its numbers.",
+            "The paper prints no coordinates: polygons and nodes are ours by seed, with its numbers. The "
+            "depot is in the middle; Figure 2 has it at the bottom left.",
             seeded,
         ),
         _entry(

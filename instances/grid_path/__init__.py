@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     )
 
 CATALOGUE = {"grid-path": ".listing:catalogue_entries"}
+PAPERS = {"grid-path": ".paper:PAPER"}
 REFERENCES = {"grid-path": ".maps:resolve_references"}
 DEMOS = {"grid-path": ".demo:DEMO"}
 EXPORTS = {"csv": ".paths:CSV", "geojson": ".paths:GEOJSON"}

@@ -21,7 +21,11 @@ REFERENCES = {"guided-path-tour": ".stops:resolve_references"}
 TABLE_FILES = {"guided-path-tour": ".stops:read_stops"}
 DEMOS = {"guided-path": ".demo:DEMO"}
 EXPORTS = {"csv": ".exports:CSV", "tsplib": ".exports:TSPLIB"}
-PRINTED = {"guided-path/table-1": ".printed:table_1"}
+PAPERS = {"guided-path": ".paper:PAPER"}
+PAPER_TABLES = {
+    "guided-path/table-1a": ".paper_tables:table_1a",
+    "guided-path/table-1b": ".paper_tables:table_1b",
+}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

@@ -17,7 +17,11 @@ REFERENCES = {"messenger-tour": ".vehicles:resolve_references"}
 TABLE_FILES = {"messenger-tour": ".vehicles:read_vehicles"}
 DEMOS = {"messenger": ".demo:DEMO"}
 EXPORTS = {"samples": ".samples:SAMPLES"}
-PRINTED = {"messenger/table-4": ".printed:table_4"}
+PAPERS = {"messenger": ".paper:PAPER"}
+PAPER_TABLES = {
+    f"messenger/{name}": f".paper_tables:{name.replace('-', '_')}"
+    for name in ("table-3", "table-4", "table-5", "table-6", "figure-5", "figure-7")
+}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

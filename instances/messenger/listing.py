@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -12,8 +12,9 @@ import numpy as np
 from ...models.messenger.model import MessengerTour
 from ..catalogue import CatalogueEntry, Provenance
 from .generator import generate
+from .printed import TABLE_3, TABLE_4
 
-__all__ = ["PAPER", "SIZES", "SPARSITY", "TABLE_4", "catalogue_entries"]
+__all__ = ["PAPER", "catalogue_entries", "paper_instance"]
 
 PAPER = (
     "A Memetic Algorithm for Curvature-Constrained Path Planning of Messenger UAV in Air-Ground "
@@ -21,45 +22,38 @@ PAPER = (
     "10.1109/TASE.2021.3135044"
 )
 
-#: Numbers of vehicles in the paper's instances (paper: N).
-SIZES = (2, 3, 10, 20, 30, 40)
-#: Least and greatest sparsity of the paper's instances (paper: κ_P), and how many of a size are here.
-SPARSITY, EACH = (-1.4, 17.0), 10
-#: Shortest and longest mean length (m) that table IV prints for the memetic algorithm, by size.
-TABLE_4 = {10: (205.0, 480.0), 20: (1770.0, 3194.0), 30: (0.96e4, 2.96e4), 40: (8.3e4, 2.4e5)}
-
 _OURS = (
     "The paper does not publish its instances: this one is ours by seed, with the paper's number of "
-    "vehicles and range of sparsity, so lengths are not comparable with the paper's."
+    "vehicles and sparsity, so lengths compare with the paper's by magnitude only."
 )
 _SPECIAL = "Ours: the paper has no such instance."
 
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the instances."""
-    papers = (_paper_entry(size, row) for size in SIZES for row in range(1, EACH + 1))
+    tables = {3: TABLE_3, 4: TABLE_4}
+    papers = (
+        _paper_entry(number, *one) for number, table in tables.items() for one in table.rows.items()
+    )
     return (*papers, *_special())
 
 
-def _paper_entry(size: int, row: int) -> CatalogueEntry:
-    low, high = SPARSITY
-    sparsity = round(low + (high - low) * (row - 1) / (EACH - 1), 2)
-    name = f"B-{size:02}-{row:02}"
-    published: dict[str, Any] = {"table": 3, "row": 100 * size + row}
-    if size in TABLE_4:
-        published = {
-            "table": 4,
-            "row": 100 * size + row,
-            "range": list(TABLE_4[size]),
-            "source": f"table IV: memetic algorithm, means of 25 runs over all instances of {size}",
-        }
+def paper_instance(name: str) -> MessengerTour:
+    """Return the instance that the paper calls `name`, such as ``"B-2-01"``, by its number and sparsity."""
+    sparsity: Any = (TABLE_3.rows.get((name,)) or TABLE_4.rows[name,])[0]
+    _, size, row = name.split("-")
+    return generate(int(size), sparsity, 100 * int(size) + int(row), name=name)
+
+
+def _paper_entry(table: int, key: tuple[str, ...], cells: Sequence[Any]) -> CatalogueEntry:
+    _, size, row = key[0].split("-")
     return _entry(
-        name,
-        f"{size} vehicles, sparsity {sparsity:g}",
-        partial(generate, size, sparsity, 100 * size + row),
+        f"B-{int(size):02}-{row}",
+        f"{size} vehicles, sparsity {cells[0]:g}",
+        partial(paper_instance, key[0]),
         _OURS,
         Provenance.SEEDED,
-        published,
+        {"table": table, "row": 100 * int(size) + int(row)},
     )
 
 

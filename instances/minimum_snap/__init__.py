@@ -42,6 +42,7 @@ CATALOGUE = {
     "minimum-snap": ".listing:snap_entries",
     "time-allocation": ".listing:allocation_entries",
 }
+PAPERS = {"minimum-snap": ".paper:PAPER"}
 REFERENCES = {
     "minimum-derivative": ".tables:resolve_references",
     "minimum-snap": ".tables:resolve_references",

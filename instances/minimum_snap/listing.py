@@ -163,9 +163,8 @@ def snap_entries() -> tuple[CatalogueEntry, ...]:
             partial(random_walk, count, seed=count),
             paper=_RICHTER,
             provenance=seeded,
-            published={"table": 2, "row": row},
         )
-        for row, count in enumerate((10, 100, 1000), start=len(_PAPERS) + 1)
+        for count in (10, 100, 1000)
     ]
     papers = [
         _entry(
@@ -174,14 +173,13 @@ def snap_entries() -> tuple[CatalogueEntry, ...]:
             partial(paper_walk, count, start),
             paper=PAPER,
             provenance=seeded,
-            published={"table": 1, "row": row},
             note=(
                 "The paper publishes neither coordinates nor times: ours are seeded. Its eq. 25 "
                 "keeps acceleration but not jerk continuous, so this is not the minimum-snap "
                 f"spline: the jerk jumps at the waypoints.{more}"
             ),
         )
-        for row, (name, what, count, start, more) in enumerate(_PAPERS, start=1)
+        for name, what, count, start, more in _PAPERS
     ]
     corridors = [
         _entry(

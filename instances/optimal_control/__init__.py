@@ -65,6 +65,7 @@ if TYPE_CHECKING:
 
 CATALOGUE = {"optimal-control": ".listing:catalogue_entries"}
 EXPORTS = {"samples": ".tables:SAMPLES"}
+PAPERS = {"optimal-control": ".paper:PAPER"}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

@@ -15,7 +15,8 @@ CATALOGUE = {"sideslip": ".listing:catalogue_entries"}
 TABLE_FILES = {"sideslip": ".readers:table_file"}
 DEMOS = {"sideslip": ".demo:DEMO"}
 EXPORTS = {"csv": ".exports:CSV"}
-PRINTED = {"sideslip/errors": ".printed:errors"}
+PAPERS = {"sideslip": ".paper:PAPER"}
+PAPER_TABLES = {f"sideslip/table-{number}": f".paper_tables:table_{number}" for number in (1, 2, 3)}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

@@ -1,4 +1,4 @@
-"""Drivers who look ahead, and the uniform design that picks those whose drives estimators learn from."""
+"""Drivers with preview, and the uniform design of those whose drives estimators learn from."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 from ...models.declaration import Declared
 from ...models.fields import Real, declared
 
-__all__ = ["HELD_OUT", "Design", "Driver", "design_drivers", "uniform_design"]
+__all__ = ["FIXED", "HELD_OUT", "RANGES", "Design", "Driver", "design_drivers", "uniform_design"]
 
-#: Rows, and what the columns of the design table U15(15^8) are multiplied with: the numbers below 15 that have no
-#: divisor in common with it.
+#: Rows of the design table U15(15^8) of the paper's Table 1, and the factors of its columns: the numbers below 15
+#: that are coprime to it.
 ROWS, FACTORS = 15, (1, 2, 4, 7, 8, 11, 13, 14)
-#: Columns of that table for the five parameters: of all fives those with the least centred discrepancy.
-COLUMNS = (0, 1, 2, 3, 6)
-#: Least and greatest value of each parameter, in the order of :class:`Driver`. The paper's are lost.
-RANGES = ((0.75, 1.2), (0.05, 0.25), (0.85, 1.05), (0.05, 0.15), (0.05, 0.15))
+#: Columns of that table for three factors, from the paper's Table 2.
+COLUMNS = (0, 2, 3)
+#: Minimum and maximum of the factors in the order of the paper's text: T_d, T_h and T. The paper does not print them.
+RANGES = {"delay": (0.05, 0.15), "lag": (0.05, 0.15), "preview": (0.75, 1.2)}
+#: The other parameters of the drivers to learn from, which the paper does not vary and does not print.
+FIXED = {"correction": 0.15, "gain": 0.95}
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,27 +65,28 @@ class Design(StrEnum):
 
 
 def uniform_design() -> NDArray[np.int64]:
-    """Return the table U15(15^8): row i of column j is ``i h_j`` modulo 15, and 15 where that is 0."""
+    """Return the table U15(15^8) of the paper's Table 1: row i of column j is ``i h_j`` modulo 15, or 15 for 0."""
     found: NDArray[np.int64] = np.outer(np.arange(1, ROWS + 1), FACTORS) % ROWS
     return np.where(found == 0, ROWS, found)
 
 
 def design_drivers(count: int, design: Design, rng: np.random.Generator) -> tuple[Driver, ...]:
-    """Return drivers within :data:`RANGES`.
+    """Return drivers whose three factors are within :data:`RANGES`.
 
     Parameters
     ----------
     count : int
-        Their number. A uniform design of fewer than 15 is the table's beginning; those beyond the 15th are drawn.
+        Number of drivers. A uniform design of fewer than 15 takes the first rows of the table; from the 16th driver on
+        the factors are random.
     design : Design
-        How they are picked.
+        Uniform or random.
     rng : Generator
-        For those at random.
+        Draws the random factors.
     """
-    low, high = np.array(RANGES).T
+    low, high = np.array(list(RANGES.values())).T
     shares = rng.random((count, len(RANGES)))
     if design is Design.UNIFORM:
         levels = uniform_design()[:count, COLUMNS]
         shares[: len(levels)] = (levels - 1.0) / (ROWS - 1)
     parts: Any = np.round(low + (high - low) * shares, 6).tolist()
-    return tuple(Driver(*one) for one in parts)
+    return tuple(Driver(**dict(zip(RANGES, one, strict=True)), **FIXED) for one in parts)

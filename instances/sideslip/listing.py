@@ -8,7 +8,7 @@ from typing import Any
 
 from ..catalogue import CatalogueEntry, Provenance
 from .generator import generate
-from .settings import TABLE_3
+from .paper import TABLE_3
 
 __all__ = ["MISMATCH", "PAPER", "catalogue_entries"]
 
@@ -20,12 +20,12 @@ PAPER = (
 #: What the parameters that estimators believe in are multiplied by where they are wrong: a heavier car on
 #: softer tyres.
 MISMATCH = {"mass": 1.3, "cornering_front": 0.7, "cornering_rear": 0.7}
-#: Numbers under which ``reproduce`` runs them: as the paper has it, and with a wrong vehicle.
-PRINTED_TABLE, MISMATCH_TABLE = 3, 4
+#: The roads with their speed, km/h, and row of Table 3.
+_ROADS = {"lane-change": (80, "double lane"), "serpentine": (65, "serpentine line")}
 
 _LOST = (
-    "The paper's vehicle, its drivers and the coefficients of its roads are lost: a textbook's vehicle and "
-    "drivers of ours stand for them, so its figures are a band and no target."
+    "The road is the paper's. Its car, the ranges of its drivers and its records are not printed: a textbook's car, "
+    "drivers with ranges of ours and simulated sensors replace them, so the errors are not comparable."
 )
 _SPECIAL = "Ours: the paper has no such drive."
 
@@ -67,10 +67,10 @@ _WILD: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the instances."""
     found = []
-    for road, printed in TABLE_3.items():
-        words = f"{road.replace('-', ' ')} at {printed.speed:g} km/h"
-        figures = {"mean": printed.mean, "deviation": printed.deviation, "source": "table 3"}
-        published = {"table": PRINTED_TABLE, "row": printed.row, **figures}
+    for road, (speed, row) in _ROADS.items():
+        words = f"{road.replace('-', ' ')} at {speed} km/h"
+        mean, deviation = TABLE_3.rows[(row,)]
+        published = {"mean": mean, "deviation": deviation, "source": "table 3"}
         found.append(_entry(road, words, {"road": road}, _LOST, Provenance.COMPLETED, published))
         found.append(
             _entry(
@@ -79,7 +79,7 @@ def catalogue_entries() -> tuple[CatalogueEntry, ...]:
                 {"road": road, "mismatch": MISMATCH},
                 f"{_SPECIAL} The drives are those of {road}.",
                 Provenance.SEEDED,
-                {"table": MISMATCH_TABLE, "row": 10 + printed.row},
+                {},
             )
         )
     found += [

@@ -1,6 +1,7 @@
-"""Roads that drivers follow: the course of their middle, smoothed by cubics.
+"""The paper's two roads: the course of the centre line, equations 4-7.
 
-The paper's coefficients are lost. Each shift of the lane is the cubic ``3 s² - 2 s³``, whose slope is zero at both ends.
+The lane change consists of cubics with a continuous derivative, which determines the coefficients of equations 4 and 5:
+each shift is ``3 s² - 2 s³``. The serpentine consists of the sines of equation 7.
 """
 
 from __future__ import annotations
@@ -15,17 +16,16 @@ __all__ = ["Road", "RoadKind", "road_of"]
 
 Floats = NDArray[np.float64]
 
-#: Segments of the double lane change, in metres for each m/s of its speed, and where each ends sideways, in lanes.
-#: The paper gives the lengths; that its second and fifth shift the lane is taken from the shape of ISO 3888-1.
-LANE_CHANGE = ((2, 0), (2, 1), (2, 1), (1, 1), (2, 0), (5, 0), (3, 0))
+#: Segments s0 … s6 of the double lane change: length in multiples of the speed u, and lateral position at the end in
+#: lanes. The car is in its lane on s1, changes on s2, stays on s3 and returns on s4 (equation 4, Figure 3).
+LANE_CHANGE = ((2, 0), (2, 0), (2, 1), (1, 1), (2, 0), (5, 0), (3, 0))
 #: Width of a lane, m.
 LANE = 3.5
-#: Distance of the poles of the serpentine, m, and their number: those for cars in GB/T 6323.1-1994, whose speed is
-#: that of the paper.
-POLE_DISTANCE, POLES = 30.0, 10
-#: Width of the serpentine, m. The course swings by half of it to either side.
-POLE_WIDTH = 2.46
-#: Seconds of straight road before the first pole, and after the last.
+#: Seconds from one pole of the serpentine to the next, L = 2u, and the number of such distances, 5L.
+POLE_SECONDS, DISTANCES = 2.0, 5
+#: The course swings to both sides by 2H, which is the pole width B = 2.46 m, since H = B / 2 in equation 7.
+SWING = 2.46
+#: Seconds of straight road before the first pole, s0 = 2u, and after the last one, s = 3u.
 BEFORE, AFTER = 2.0, 3.0
 
 
@@ -46,14 +46,18 @@ class Road(NamedTuple):
     along : ndarray, shape (k,)
         Where its pieces begin and end, m, rising.
     aside : ndarray, shape (k,)
-        How far it is to the left there, m. In between it follows ``3 s² - 2 s³``, beyond the ends it is straight.
+        Lateral position there, m, positive to the left. Between two places it follows the cubic ``3 s² - 2 s³`` or
+        the sine ``(1 - cos π s) / 2``; before the first and after the last place it is straight.
     speed : float
-        Speed that it is made for, m/s.
+        Design speed, m/s.
+    sine : bool
+        Whether the pieces are sines, else cubics.
     """
 
     along: Floats
     aside: Floats
     speed: float
+    sine: bool = False
 
     @property
     def length(self) -> float:
@@ -69,7 +73,7 @@ def road_of(kind: RoadKind, length: float = 0.0) -> Road:
     kind : RoadKind
         Which.
     length : float
-        How long it must be at least, m: the serpentine gets more poles, the lane change ends straight.
+        Minimum length, m: the serpentine gets more poles, the lane change ends straight.
     """
     if kind is RoadKind.LANE_CHANGE:
         speed = 80.0 / 3.6
@@ -77,10 +81,12 @@ def road_of(kind: RoadKind, length: float = 0.0) -> Road:
         along = speed * np.concatenate([[0.0], np.cumsum(lengths)])
         return Road(along, LANE * np.concatenate([[0.0], lanes]), speed)
     speed = 65.0 / 3.6
-    rest = (length - (BEFORE + AFTER) * speed) / POLE_DISTANCE
-    poles = max(POLES, int(np.ceil(rest)) + 1)
-    at = BEFORE * speed + POLE_DISTANCE * np.arange(poles)
-    side = 0.5 * POLE_WIDTH * np.where(np.arange(poles) % 2, -1.0, 1.0)
-    ends = (at[0] - POLE_DISTANCE, at[-1] + POLE_DISTANCE, at[-1] + AFTER * speed)
-    along = np.concatenate([[0.0, ends[0]], at, ends[1:]])
-    return Road(along, np.concatenate([[0.0, 0.0], side, [0.0, 0.0]]), speed)
+    distance = POLE_SECONDS * speed
+    rest = (length - (BEFORE + AFTER) * speed) / distance
+    count = max(DISTANCES, int(np.ceil(rest)))
+    along = np.asarray(BEFORE * speed + distance * np.arange(count + 1), dtype=np.float64)
+    # With five distances the last piece leads from -2H to 0, as equation 7 prints.
+    aside = SWING * np.where(np.arange(count + 1) % 2, 1.0, -1.0)
+    aside[0] = aside[-1] = 0.0
+    along = np.concatenate([[0.0], along, [along[-1] + AFTER * speed]])
+    return Road(along, np.concatenate([[0.0], aside, [0.0]]), speed, sine=True)

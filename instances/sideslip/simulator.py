@@ -123,7 +123,7 @@ def simulate(
     found = np.zeros((7, len(speed)))
     wanted = np.zeros(steps * (len(speed) - 1) + 1)
     _drive(
-        parameters, road.along, road.aside, who, np.asarray(speed, dtype=float), limits, shocks,
+        parameters, road.along, road.aside, road.sine, who, np.asarray(speed, dtype=float), limits, shocks,
         period / steps, steps, wanted, found,
     )  # fmt: skip
     if not (np.abs(found[3]) < 0.5 * math.pi).all():
@@ -166,8 +166,8 @@ def _rates(
 
 
 @kernel
-def _aside(along: Floats, aside: Floats, at: float, piece: int) -> tuple[float, int]:
-    """Return how far the course is to the left, and the piece, found from the one before."""
+def _aside(along: Floats, aside: Floats, sine: bool, at: float, piece: int) -> tuple[float, int]:
+    """Return the lateral position of the course at a place, and the piece, searched from the one before."""
     last = len(along) - 2
     while piece < last and along[piece + 1] < at:
         piece += 1
@@ -176,12 +176,14 @@ def _aside(along: Floats, aside: Floats, at: float, piece: int) -> tuple[float, 
     share = (at - along[piece]) / (along[piece + 1] - along[piece])
     share = min(max(share, 0.0), 1.0)
     rise = share * share * (3.0 - 2.0 * share)
+    if sine:
+        rise = 0.5 - 0.5 * math.cos(math.pi * share)
     return float(aside[piece] + (aside[piece + 1] - aside[piece]) * rise), piece
 
 
 @kernel(interpretable=True)
 def _drive(
-    p: Row, along: Floats, aside: Floats, who: Row, speeds: Floats, limits: Floats,
+    p: Row, along: Floats, aside: Floats, sine: bool, who: Row, speeds: Floats, limits: Floats,
     shocks: Floats, h: float, steps: int, wanted: Floats, found: Floats,
 ) -> None:  # fmt: skip
     """Fill `wanted` with the driver's steering before delay and lag, and `found` with the drive.
@@ -201,7 +203,7 @@ def _drive(
                 u0 = begin + growth * j
                 u1 = u0 + 0.5 * growth
                 u2 = u0 + growth
-                goal, piece = _aside(along, aside, x + preview * u0, piece)
+                goal, piece = _aside(along, aside, sine, x + preview * u0, piece)
                 drift = u0 * math.sin(heading + sideslip)
                 least = max(u0, SLOW)
                 factor = gain * ((p[2] + p[3]) / (least * least) + p[6])

@@ -28,7 +28,13 @@ REFERENCES = {"unknown-grid": ".readers:resolve_references"}
 DEMOS = {"unknown-grid": ".demo:DEMO"}
 EXAMPLES = {"unknown-grid": ".laws:draw_scene_arrays"}
 EXPORTS = {"csv": ".exports:CSV"}
-PRINTED = {"unknown-grid/success": ".printed:successes"}
+PAPERS = {"unknown-grid": ".paper:PAPER"}
+PAPER_TABLES = {
+    "unknown-grid/table-6": ".paper_tables:table_6",
+    "unknown-grid/figure-8": ".paper_tables:figure_8",
+    "unknown-grid/times": ".paper_tables:times",
+    "unknown-grid/policies": ".paper_tables:policies",
+}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

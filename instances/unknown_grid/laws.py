@@ -1,7 +1,8 @@
-"""The laws that scenes are drawn from: obstacles of a few forms between a start and a target far from it.
+"""The laws that scenes are drawn from: the paper's, and harder ones of our own.
 
-The paper does not say how its scenes are drawn; these laws are ours. Only ``Generator.integers`` is drawn
-from, so that a seed means the same scenes wherever it is used.
+The paper draws obstacles of different sizes, and start and target at random, and drops scenes without a way; it does not
+print the sizes. Our laws have obstacles of a few forms between a start and a target far from it. All randomness comes
+from ``Generator.integers``, so that a seed means the same scenes wherever it is used.
 """
 
 from __future__ import annotations
@@ -43,6 +44,9 @@ class SceneLaw(StrEnum):
     RECTANGLES = "rectangles"
     #: Each obstacle is of one of the forms above, all equally likely.
     MIXED = "mixed"
+    #: The paper's: blocks of different sizes, each side from one cell to a third of the map's; start and target are
+    #: any two free cells.
+    PAPER = "paper"
 
 
 class SceneArrays(NamedTuple):
@@ -78,8 +82,8 @@ def draw_scenes(
 ) -> UnknownGridNavigation:
     """Return scenes that are drawn from a law, all of them solvable.
 
-    Start and target are any two cells that are at least half the sum of both sides apart, in steps on an empty
-    map. Then come the obstacles, one after the other, each anywhere on the map; they may touch and cross. An
+    By the law ``"paper"`` start and target are any two cells. Otherwise they are at least half the sum of both sides
+    apart, in steps on an empty map. Then come the obstacles, one after the other, each anywhere on the map; they may touch and cross. An
     obstacle that would cover the start, or come within a quarter of the shorter side of the target in rows and in
     columns, is drawn again, up to 50 times. The whole scene is drawn again where no place or no way is left.
 
@@ -89,7 +93,7 @@ def draw_scenes(
 
     Parameters
     ----------
-    law : {"walls", "l-shapes", "u-traps", "rectangles", "mixed"}
+    law : {"walls", "l-shapes", "u-traps", "rectangles", "mixed", "paper"}
         See :class:`SceneLaw`.
     shape : array-like of int, shape (2,)
         Rows and columns.
@@ -100,9 +104,9 @@ def draw_scenes(
     seed : int
         Same law, shape, obstacles, clear and seed: same scenes.
     clear : int, optional
-        Cells of open ground around the target in each direction, in place of a quarter of the side. With
-        less than half the view, a UAV that stays once it has seen the target may stay where no way to it is
-        in sight.
+        Cells of open ground around the target in each direction, by default a quarter of the side, and none by the
+        law ``"paper"``. With less than half the view, a UAV that stays once it has seen the target may stay at a cell without a way to it in
+        sight.
     **fields
         The other fields of the model, such as `view`.
 
@@ -113,10 +117,8 @@ def draw_scenes(
 
     Notes
     -----
-    The quarters of the walls law were chosen, on the sizes of the paper's tasks, such that what remembers its
-    map nearly always arrives within 40 steps, while the paper's baselines fall to about the figures of its MACN
-    (table VI). The open ground is there so that the way is in sight when the target comes into a view that
-    reaches no farther than that ground, and a UAV that hovers from then on misses nothing.
+    The open ground is there so that the way is in sight when the target comes into a view that reaches no farther than
+    that ground, and a UAV that hovers from then on misses nothing.
     """
     kind, sides, numbers, open_ground = _checked(law, shape, obstacles, clear)
     scenes = Whole(1).coerce("scenes", scenes, {})
@@ -173,7 +175,7 @@ def _checked(
             field="obstacles",
         )
     if clear is None:
-        clear = -(-min(rows, columns) // 4)
+        clear = 0 if kind is SceneLaw.PAPER else -(-min(rows, columns) // 4)
     return kind, (rows, columns), (low, high), Whole(0).coerce("clear", clear, {})
 
 
@@ -187,7 +189,8 @@ def _draw(
     """Return the map, start and target of one scene."""
     for _ in range(_TRIES):
         r, c, row, column = rng.integers(0, sides + sides).tolist()
-        if 2 * (abs(r - row) + abs(c - column)) < sum(sides):
+        apart = abs(r - row) + abs(c - column)
+        if apart == 0 or (law is not SceneLaw.PAPER and 2 * apart < sum(sides)):
             continue
         kept = np.zeros(sides, bool)
         kept[max(row - clear, 0) : row + clear + 1, max(column - clear, 0) : column + clear + 1] = 1
@@ -211,7 +214,7 @@ def _place(law: SceneLaw, blocked: Truths, kept: Truths, rng: np.random.Generato
     for _ in range(_PLACES):
         form = law
         if law is SceneLaw.MIXED:
-            form = list(SceneLaw)[rng.integers(0, len(_FORMS))]
+            form = list(SceneLaw)[rng.integers(0, 4)]
         cells = _FORMS[form](sides, rng)
         at = rng.integers(0, np.subtract(sides, cells.shape) + 1).tolist()
         here = slice(at[0], at[0] + cells.shape[0]), slice(at[1], at[1] + cells.shape[1])
@@ -256,9 +259,14 @@ def _block(sides: tuple[int, ...], rng: np.random.Generator) -> Truths:
     return np.ones([_length(side, (1, 8), (1, 3), rng) for side in sides], bool)
 
 
+def _any_block(sides: tuple[int, ...], rng: np.random.Generator) -> Truths:
+    return np.ones([_length(side, (1, side), (1, 3), rng) for side in sides], bool)
+
+
 _FORMS: dict[SceneLaw, Callable[[tuple[int, ...], np.random.Generator], Truths]] = {
     SceneLaw.WALLS: _wall,
     SceneLaw.L_SHAPES: _corner,
     SceneLaw.U_TRAPS: _trap,
     SceneLaw.RECTANGLES: _block,
+    SceneLaw.PAPER: _any_block,
 }

@@ -12,7 +12,7 @@ from .laws import SceneLaw, draw_scenes
 from .settings import OBSTACLES, STEPS, TASKS
 from .wild import clutter, enclosed, maze, spiral
 
-__all__ = ["PAPER", "SCENES", "TABLE", "catalogue_entries"]
+__all__ = ["PAPER", "SCENES", "catalogue_entries"]
 
 PAPER = (
     "Motion Planning for Heterogeneous Unmanned Systems under Partial Observation from UAV, IROS 2020, "
@@ -20,13 +20,10 @@ PAPER = (
 )
 #: Scenes of a task, for intervals of about 2 points (the paper has 100), and of other entries that are drawn.
 SCENES, FEW = 400, 20
-#: Number under which ``reproduce`` runs the tasks: table VI.
-TABLE = 6
 
 _LAW = (
-    "Sizes, view and steps are the paper's. It does not say how its scenes are drawn: these follow the walls law of "
-    f"crosstrack.instances.unknown_grid.draw_scenes, seed 0, {SCENES} scenes where the paper has 100. Its figures are "
-    "those of its own scenes, and no target."
+    "Sizes, view and steps are the paper's. The scenes are harder than the paper's: they follow the walls law of "
+    f"crosstrack.instances.unknown_grid.draw_scenes, seed 0, {SCENES} scenes."
 )
 _OURS = "Ours: the paper has no such instance."
 _DRAWN = (
@@ -58,32 +55,19 @@ def catalogue_entries() -> tuple[CatalogueEntry, ...]:
 
 
 def _tasks() -> list[CatalogueEntry]:
-    found = []
-    for number, task in TASKS.items():
-        for column, (obstacles, mcgn, macn) in enumerate(
-            zip(OBSTACLES, task.mcgn, task.macn, strict=True)
-        ):
-            row = len(OBSTACLES) * (number - 1) + column + 1
-            title = (
-                f"task {number}: {task.side} × {task.side} cells, view {task.view} × {task.view}"
-            )
-            found.append(
-                _entry(
-                    f"task-{number}-{obstacles}",
-                    f"{title}, {obstacles} walls",
-                    partial(
-                        draw_scenes,
-                        shape=(task.side,) * 2,
-                        obstacles=obstacles,
-                        scenes=SCENES,
-                        view=(task.view,) * 2,
-                        steps=STEPS,
-                    ),
-                    _LAW,
-                    {"table": TABLE, "row": row, "mcgn": mcgn, "macn": macn},
-                )
-            )
-    return found
+    return [
+        _entry(
+            f"task-{number}-{obstacles}",
+            f"task {number}: {task.side} × {task.side} cells, view {task.view} × {task.view}, {obstacles} walls",
+            partial(
+                draw_scenes, shape=(task.side,) * 2, obstacles=obstacles, scenes=SCENES,
+                view=(task.view,) * 2, steps=STEPS,
+            ),
+            _LAW,
+        )
+        for number, task in TASKS.items()
+        for obstacles in OBSTACLES
+    ]  # fmt: skip
 
 
 def _laws() -> list[CatalogueEntry]:
@@ -144,9 +128,7 @@ def _wild() -> list[CatalogueEntry]:
     return [_entry(name, title, build, _OURS) for name, title, build in cases]
 
 
-def _entry(
-    name: str, title: str, build: Builder, note: str, published: Mapping[str, Any] | None = None
-) -> CatalogueEntry:
+def _entry(name: str, title: str, build: Builder, note: str) -> CatalogueEntry:
     return CatalogueEntry(
         name=f"unknown-grid/{name}",
         model="unknown-grid",
@@ -154,6 +136,5 @@ def _entry(
         paper=PAPER,
         provenance=Provenance.OURS if name in _BY_FORMULA else Provenance.SEEDED,
         builder=build,
-        published=published or {},
         note=note,
     )

@@ -88,15 +88,20 @@ class Sample:
         What it may be off by is the standard error where not all states are taken, or where neighbours are
         equally near, of which any may be taken; else 0. The slope is not a number where the region holds nothing.
         """
-        if slope.method is Method.CORRELATION:
-            radii = np.geomspace(slope.low, slope.high, RADII)
-            x, rows, tied = np.log(radii), self._counts(radii), False
+        if not slope.method.is_exponent:
+            count = 2 if slope.method is Method.TWO_POINTS else RADII
+            radii = np.geomspace(slope.low, slope.high, count)
+            x, tied = np.log(radii), False
+            if slope.method is Method.CORRELATION:
+                rows = self._counts(radii)
+            else:  # equations 15 and 16: each state has itself within any radius, and theta(0) = 0
+                rows = self._counts(np.nextafter(radii, 0.0)) + 1.0
         else:
             low, high = int(slope.low), int(slope.high)
             ahead = np.arange(low, high + 1)
             x = ahead * period
             rows, tied = self._partings(slope, ahead)
-        read = np.log if slope.method is Method.CORRELATION else np.asarray
+        read = np.asarray if slope.method.is_exponent else np.log
         width = float(x[-1] - x[0])
         rows = rows[np.isfinite(rows).any(axis=1)]
         if not len(rows):

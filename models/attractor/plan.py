@@ -25,6 +25,15 @@ class Method(StrEnum):
     KANTZ = "kantz"
     #: Logarithm of the correlation sum over that of the radius (Grassberger and Procaccia 1983).
     CORRELATION = "correlation"
+    #: The same between two radii, with pairs of a state with itself (equations 15 and 17 of the paper).
+    TWO_POINTS = "two-points"
+    #: The same as a line through 16 radii, with pairs of a state with itself (Figure 4 of the paper).
+    LINE = "line"
+
+    @property
+    def is_exponent(self) -> bool:
+        """Whether the slope is an exponent, else it is a correlation dimension."""
+        return self in (Method.ROSENSTEIN, Method.KANTZ)
 
 
 class Judgement(StrEnum):
@@ -76,7 +85,7 @@ class Slope(Declared):
                 f"radius belongs to the method kantz, got {show(self.radius)} with {self.method}",
                 field="radius",
             )
-        if self.method is Method.CORRELATION:
+        if not self.method.is_exponent:
             if not self.low > 0:
                 raise InvalidData(f"low must be a radius > 0, got {self.low:g}", field="low")
             return
@@ -153,9 +162,9 @@ class AttractorEstimate(Declared):
 
     def check(self) -> None:
         """Refuse slopes of the wrong curve."""
-        if self.exponent is not None and self.exponent.method is Method.CORRELATION:
+        if self.exponent is not None and not self.exponent.method.is_exponent:
             raise InvalidData("exponent must not be a slope of a correlation sum", field="exponent")
-        if self.correlation is not None and self.correlation.method is not Method.CORRELATION:
+        if self.correlation is not None and self.correlation.method.is_exponent:
             raise InvalidData(
                 "correlation must be a slope of a correlation sum", field="correlation"
             )
@@ -181,8 +190,9 @@ class AttractorEstimate(Declared):
     def horizon(self) -> float | None:
         """Seconds in which a small error grows e-fold, ``1 / λ``; None without a positive exponent.
 
-        Equation 18 of the paper says ``1 / λ`` too, but its λ is in bits, so what it gives is the time
-        in which an error doubles, ``ln 2 / λ`` in nats (:attr:`doubling_time`).
+        The paper's maximum forecast period is the inverse of the exponent too. If its exponent of 0.12 is in bits
+        a second, as its unit states, 8.3 s is the doubling time of an error (:attr:`doubling_time`). If it is in
+        nats a second, as the natural logarithm of its equation 14 states, 8.3 s is this time.
         """
         if self.exponent is None or not self.exponent.value > 0:
             return None
@@ -195,14 +205,14 @@ class AttractorEstimate(Declared):
 
     @property
     def variables(self) -> tuple[int, int] | None:
-        """The least number of variables that can span the attractor, and one that always suffices.
+        """The smallest number of variables that can span the attractor, and one that always suffices.
 
-        ``⌈D⌉`` and ``⌊2 D⌋ + 1`` (Sauer, Yorke and Casdagli 1991); None without a correlation dimension.
+        ``INT(D + 1)`` and ``INT(2 D + 1)``, equation 18; None without a correlation dimension.
         """
         if self.correlation is None:
             return None
         dimension = max(self.correlation.value, 0.0)
-        return max(math.ceil(dimension), 1), math.floor(2.0 * dimension) + 1
+        return int(dimension + 1.0), int(2.0 * dimension + 1.0)
 
     def __str__(self) -> str:
         parts = [f"delay {self.delay}, dimension {self.dimension}"]

@@ -13,7 +13,7 @@ from ..verification import Check, Verification, check_tolerance
 from .data import LEXICOGRAPHIC, Deviation, FleetData, Objective
 from .plan import FleetPlan
 
-__all__ = ["deviation_of", "loads_of", "objective_of", "verify_routes"]
+__all__ = ["deviation_of", "loads_of", "objective_of", "variance_of", "verify_routes"]
 
 Floats = NDArray[np.float64]
 
@@ -29,20 +29,30 @@ def loads_of(model: FleetData, plan: FleetPlan) -> Floats:
     return loads
 
 
+def variance_of(loads: Floats) -> float:
+    """Return the variance Y of the lengths of all routes (eq. 16), which divides by their number."""
+    return float(np.var(loads))
+
+
 def deviation_of(model: FleetData, loads: Floats) -> float:
-    """Return the standard deviation of the lengths of all routes (eq. 16), 0 for one vehicle."""
+    """Return the standard deviation of the lengths of all routes, 0 for one vehicle.
+
+    The field `deviation` of `model` selects the divisor: m - 1, or m for the root of eq. 16.
+    """
     if loads.size < 2:
         return 0.0
     return float(np.std(loads, ddof=1 if model.deviation is Deviation.SAMPLE else 0))
 
 
 def objective_of(model: FleetData, loads: Floats) -> float:
-    """Return what is minimised."""
+    """Return the objective of `model` for routes of the lengths `loads`."""
     total, most = float(loads.sum()), float(loads.max())
     if model.objective is Objective.SUM:
         return total
     if model.objective is Objective.MAX:
         return most
+    if model.objective is Objective.VARIANCE:
+        return total + model.q * variance_of(loads)
     if model.objective is Objective.DEVIATION:
         return total + model.q * deviation_of(model, loads)
     if model.objective is Objective.RANGE:
@@ -99,8 +109,7 @@ def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verifi
         """Return the check of a limit on all routes together, which digits of the loads may break."""
         noise = 1e-12 * float(loads.max(initial=0.0))
         return Check.scaled(
-            name, "16" if "deviation" in name else "", max(value - limit, 0.0), unit, "", tolerance,
-            limit, noise=noise, limit=limit,
+            name, "", max(value - limit, 0.0), unit, "", tolerance, limit, noise=noise, limit=limit,
         )  # fmt: skip
 
     if model.capacity is not None:

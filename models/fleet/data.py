@@ -32,16 +32,17 @@ class Objective(StrEnum):
 
     SUM = "sum"  #: Σ L_k (eq. 15)
     MAX = "max"  #: max L_k
-    DEVIATION = "sum-deviation"  #: Σ L_k + q s, with their standard deviation s (eq. 16)
+    VARIANCE = "sum-variance"  #: Σ L_k + q Y, with their variance Y (eq. 15 and 16)
+    DEVIATION = "sum-deviation"  #: Σ L_k + q s, with their standard deviation s
     RANGE = "range"  #: max L_k - min L_k
     LEXICOGRAPHIC = "max-sum"  #: max L_k, then Σ L_k: max L_k + 1e-6 Σ L_k
 
 
 class Deviation(StrEnum):
-    """What the sum of squared differences to the mean is divided by."""
+    """Divisor of the sum of squared differences to the mean in the standard deviation."""
 
-    SAMPLE = "sample"  #: m - 1, as in the paper's table 3
-    POPULATION = "population"  #: m, as in the paper's eq. 16
+    SAMPLE = "sample"  #: m - 1, as in the column "Standard deviation" of Table 3
+    POPULATION = "population"  #: m, so that s² is the variance of eq. 16
 
 
 class Metric(StrEnum):
@@ -49,7 +50,7 @@ class Metric(StrEnum):
 
     EUCLIDEAN = "euclidean"  #: straight line
     ROUNDED = "rounded"  #: straight line, rounded to a whole number as TSPLIB's EUC_2D
-    PAPER = "paper"  #: Manhattan, which eq. 17 cancels to: obstacles do not count
+    PAPER = "paper"  #: Manhattan: eq. 14 with the unit energy of eq. 17 for every pair
     GRID = "grid"  #: shortest path on the map, along eight neighbours
 
 
@@ -135,10 +136,10 @@ class FleetData(Declared):
         if (self.demands is None) != (self.capacity is None):
             name = "demands" if self.demands is None else "capacity"
             raise InvalidData(f"{name} must be given beside the other of the two", field=name)
-        if self.q and self.objective is not Objective.DEVIATION:
+        if self.q and self.objective not in (Objective.VARIANCE, Objective.DEVIATION):
             raise InvalidData(
-                f"q counts for the objective 'sum-deviation' only, got objective {str(self.objective)!r} "
-                f"and q {self.q:g}",
+                "q must be 0 unless the objective is 'sum-variance' or 'sum-deviation', got objective "
+                f"{str(self.objective)!r} and q {self.q:g}",
                 field="q",
             )
         self._check_reachable()

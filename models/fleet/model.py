@@ -31,7 +31,8 @@ class FleetRouting(FleetData, Model[FleetPlan]):
 
     * ``"sum"``: :math:`\sum_k L_k` (eq. 15),
     * ``"max"``: :math:`\max_k L_k`,
-    * ``"sum-deviation"``: :math:`\sum_k L_k + q s`, with the standard deviation s of all L_k (eq. 16),
+    * ``"sum-variance"``: :math:`\sum_k L_k + q Y`, with the variance Y of all L_k (eq. 15 and 16),
+    * ``"sum-deviation"``: :math:`\sum_k L_k + q s`, with the standard deviation s of all L_k,
     * ``"range"``: :math:`\max_k L_k - \min_k L_k`,
     * ``"max-sum"``: max L_k and then the sum, stated as :math:`\max_k L_k + 10^{-6} \sum_k L_k`.
 
@@ -55,12 +56,14 @@ class FleetRouting(FleetData, Model[FleetPlan]):
         The node where all routes begin and end, or one for each vehicle.
     use_all : bool
         Whether every vehicle must visit a node at least.
-    objective : {"max", "sum", "sum-deviation", "range", "max-sum"}
-        What is minimised.
+    objective : {"max", "sum", "sum-variance", "sum-deviation", "range", "max-sum"}
+        The objective to minimise.
     q : float
-        Weight of the deviation, for the objective "sum-deviation".
+        Weight of the variance (1/m) or of the standard deviation (no unit), for the objectives
+        "sum-variance" and "sum-deviation".
     deviation : {"sample", "population"}
-        Whether the deviation divides by m - 1, as the paper's table 3, or by m, as its eq. 16.
+        Divisor in the standard deviation: m - 1, as in the paper's Table 3, or m. The variance of
+        "sum-variance" always divides by m (eq. 16).
     demands, capacity : ndarray, shape (n,) and (vehicles,), optional
         What each node takes, and what a vehicle can give; one number counts for all vehicles.
     battery : float or ndarray, shape (vehicles,), optional
@@ -139,7 +142,7 @@ class FleetRouting(FleetData, Model[FleetPlan]):
         """Return the size in a few words."""
         several = f"{self.vehicles} vehicles" if self.vehicles > 1 else "1 vehicle"
         what = str(self.objective)
-        if self.objective is Objective.DEVIATION:
+        if self.objective in (Objective.VARIANCE, Objective.DEVIATION):
             what += f", q {self.q:g}"
         limits = [
             name.replace("_limit", "")

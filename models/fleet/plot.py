@@ -157,8 +157,8 @@ def _title(model: FleetRouting, plan: FleetPlan | None, found: Verification | No
     if plan is None or found is None or found.objective is None:
         return title_of(model.name, [model.describe()], found)
     what = str(model.objective)
-    if model.objective is Objective.DEVIATION:
-        what = f"sum + {number(model.q, 4)} × deviation"
+    if model.objective in (Objective.VARIANCE, Objective.DEVIATION):
+        what = f"sum + {number(model.q, 4)} × {what.partition('-')[2]}"
     unit = f" {model.length_unit}" if model.length_unit else ""
     several = f"{model.vehicles} vehicle{'s' * (model.vehicles > 1)}"
     parts = [several, f"{len(model.customers)} nodes", f"{what} {number(found.objective)}{unit}"]

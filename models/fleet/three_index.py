@@ -28,7 +28,7 @@ from ..fields import Array, required
 from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
-from .checks import deviation_of
+from .checks import deviation_of, variance_of
 from .cuts import Cut, Edges, check_rounds, grown, isolated, strengthened, weak_sets
 from .data import LEXICOGRAPHIC, Deviation, Objective
 from .model import FleetRouting
@@ -48,6 +48,7 @@ _WORK = 60_000
 #: What the length of each route counts in objectives.
 _WEIGHTS = {
     Objective.SUM: 1.0,
+    Objective.VARIANCE: 1.0,
     Objective.DEVIATION: 1.0,
     Objective.LEXICOGRAPHIC: LEXICOGRAPHIC,
 }
@@ -112,9 +113,17 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         return list(groups.values())
 
     @property
-    def _spread(self) -> bool:
-        """Whether the deviation counts."""
-        return self.model.q > 0 or self.model.deviation_limit is not None
+    def _spreads(self) -> list[tuple[str, float, float]]:
+        """The columns of deviation and variance that the model needs: name, cost and upper bound."""
+        model, unit = self.model, self.unit
+        squared = model.objective is Objective.VARIANCE
+        spreads = []
+        if model.deviation_limit is not None or (model.q > 0 and not squared):
+            limit = np.inf if model.deviation_limit is None else model.deviation_limit / unit
+            spreads.append(("deviation", 0.0 if squared else model.q * unit, limit))
+        if model.q > 0 and squared:
+            spreads.append(("variance", model.q * unit**2, np.inf))
+        return spreads
 
     @cached_property
     def cuts(self) -> tuple[Cut, ...]:
@@ -125,9 +134,9 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
 
     @cached_property
     def tangents(self) -> tuple[tuple[float, ...], ...]:
-        """The lengths of routes at which a tangent of their deviation is held."""
+        """The lengths of routes at which the program has a tangent of their deviation or variance."""
         m = self.model.vehicles
-        if not self._spread or m < 2:
+        if not self._spreads or m < 2:
             return ()
         if m <= _FEW:
             ways = list(itertools.product((0.0, 1.0), repeat=m))[1:-1]
@@ -260,14 +269,18 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
                     "range within limit", 1, (0, column - 1, 1.0), (0, column, -1.0),
                     upper=model.range_limit / unit,
                 )  # fmt: skip
-        if self._spread:
-            limit = np.inf if model.deviation_limit is None else model.deviation_limit / unit
-            s = b.columns("deviation", 1, upper=limit, cost=model.q * unit, equation="16")
-            slopes = np.array([self._slope(way) for way in self.tangents]).reshape(-1, each.size)
+        for name, cost, limit in self._spreads:
+            equation = "16" if name == "variance" else ""
+            s = b.columns(name, 1, upper=limit, cost=cost, equation=equation)
+            slopes = np.array([self._slope(name, way) for way in self.tangents])
+            slopes = slopes.reshape(-1, each.size)
+            # Y >= Y(a) + g (L - a) = g L - Y(a) for the variance; the deviation is homogeneous.
+            levels = [variance_of(np.array(way)) for way in self.tangents if equation]
             b.rows(
-                "tangent of the deviation", len(slopes),
+                f"tangent of the {name}", len(slopes),
                 (np.arange(len(slopes))[:, None], loads, slopes),
-                (np.arange(len(slopes)), s, -1.0), upper=0, equation="16",
+                (np.arange(len(slopes)), s, -1.0), upper=np.array(levels) if levels else 0.0,
+                equation=equation,
             )  # fmt: skip
 
     @property
@@ -278,9 +291,11 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
             return [("longest", 1.0), ("shortest", -1.0)]
         return [("longest", 1.0)] if model.objective in _LONGEST else []
 
-    def _slope(self, loads: tuple[float, ...]) -> Floats:
-        """Return the gradient of the deviation."""
+    def _slope(self, name: str, loads: tuple[float, ...]) -> Floats:
+        """Return the gradient of the deviation or of the variance."""
         away = np.array(loads) - np.mean(loads)
+        if name == "variance":
+            return np.asarray(2.0 * away / len(loads))
         share = len(loads) - (self.model.deviation is Deviation.SAMPLE)
         slope: Floats = away / (np.sqrt(share) * np.linalg.norm(away))
         return slope
@@ -310,17 +325,19 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         used = np.rint(point[: m * edges.size]).reshape(m, -1)
         cuts = grown(self.cuts, (Cut(s) for one in used for s in isolated(edges, one)))
         more = self._more
-        if self._spread:
-            loads = (used * self._lengths).sum(axis=1)
-            spread = deviation_of(model, loads)
-            rounding = _ROUNDING * float(loads.max())
-            missed = model.q * (spread - point[-1]) > max(
-                _EXACT * (loads.sum() + model.q * spread), rounding
+        loads = (used * self._lengths).sum(axis=1)
+        rounding = _ROUNDING * float(loads.max())
+        spreads = self._spreads
+        for k, (name, cost, limit) in enumerate(spreads):
+            spread, weight = self._spread(name, loads), cost / self.unit
+            missed = weight * (spread - point[k - len(spreads)]) > max(
+                _EXACT * (loads.sum() + weight * spread), rounding
             )
-            limit = np.inf if model.deviation_limit is None else model.deviation_limit / self.unit
-            if missed or spread > limit * (1 + tolerance / 2) + rounding:
-                way = tuple(loads.tolist())
-                more = (*more, *(() if way in self.tangents else (way,)))
+            way = tuple(loads.tolist())
+            if way not in (*self.tangents, *more) and (
+                missed or spread > limit * (1 + tolerance / 2) + rounding
+            ):
+                more = (*more, way)
         if len(cuts) == len(self.cuts) and len(more) == len(self._more):
             return None
         finer = replace(self)
@@ -358,9 +375,12 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         parts = [used.ravel(), visited.ravel(), visited.any(axis=1), loads]
         extremes = {1.0: loads.max(), -1.0: loads.min()}
         parts += [[extremes[sign]] for _, sign in self._extremes]
-        if self._spread:
-            parts.append([deviation_of(model, loads)])
+        parts += [[self._spread(name, loads)] for name, _, _ in self._spreads]
         return np.concatenate(parts)
+
+    def _spread(self, name: str, loads: Floats) -> float:
+        """Return the deviation or the variance of the lengths of the routes, in units of the program."""
+        return variance_of(loads) if name == "variance" else deviation_of(self.model, loads)
 
     def decode(self, point: Floats) -> FleetPlan:
         """Return the routes that the used edges make; edges that miss the depot raise."""
@@ -378,4 +398,4 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
     def statistics(self, plan: FleetPlan) -> dict[str, float | int | str]:
         """Return how many cuts and tangents are held."""
         counts: dict[str, float | int | str] = {"subtour cuts": len(self.cuts)}
-        return {**counts, "tangents": len(self.tangents)} if self._spread else counts
+        return {**counts, "tangents": len(self.tangents)} if self._spreads else counts

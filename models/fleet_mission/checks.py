@@ -143,8 +143,10 @@ def _places(
     late = Worst("visits in order", "s", tolerance)
     ends = Worst("begins and ends at the depot", "m", tolerance)
     rest = [
-        Worst(f"{derivative_name(j)} 0 at both ends", derivative_unit(j), tolerance, "23")
-        for j in (1, 2, 3)
+        Worst(
+            f"{derivative_name(j)} 0 at both ends", derivative_unit(j), tolerance, _printed("23", j)
+        )
+        for j in range(1, model.continuity + 1)
     ]
     for k, one in flown:
         times = plan.visits[k]
@@ -177,6 +179,11 @@ def _places(
     yield from (one.check() for one in (passed, late, ends, *rest))
 
 
+def _printed(equation: str, order: int) -> str:
+    """Return the number of an equation of the paper, empty for the jerk, which the paper leaves free."""
+    return equation if order <= 2 else ""
+
+
 def _scale(model: MissionData, order: int) -> float:
     """Return what a derivative is held against: the limits, and for a jerk what follows from them."""
     speed, push = float(model.velocity_limit.min()), float(model.acceleration_limit.min())
@@ -198,11 +205,10 @@ def _noise(one: Trajectory, order: int) -> Floats:
 def _knots(
     model: MissionData, flown: list[tuple[int, Trajectory]], tolerance: float
 ) -> Iterator[Check]:
-    """Yield the checks of jumps at knots, from the position to the jerk."""
-    for order in range(4):
-        found = Worst(
-            f"continuity of {derivative_name(order)}", derivative_unit(order), tolerance, "25"
-        )
+    """Yield the checks of jumps at knots, from the position to the derivative `continuity`."""
+    for order in range(model.continuity + 1):
+        name, unit = f"continuity of {derivative_name(order)}", derivative_unit(order)
+        found = Worst(name, unit, tolerance, _printed("25", order))
         for k, one in flown:
             begin, end = one.at_ends(order)
             own = _noise(one, order)

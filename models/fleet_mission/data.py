@@ -58,6 +58,7 @@ class MissionData(Declared):
     q: float = declared(Real(lower=0), default=0.4)
     deviation: Deviation = declared(Member(Deviation), default=Deviation.SAMPLE)
     ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
+    continuity: int = declared(Whole(2, 3), default=3, added=True)
 
     # -- checks ----------------------------------------------------------------------------------
 

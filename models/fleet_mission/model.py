@@ -22,13 +22,14 @@ __all__ = ["FleetMission"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FleetMission(MissionData, Model[MissionPlan]):
-    r"""Trajectories of m round robots that share out nodes among obstacles, and balance their ways.
+    r"""Trajectories of m round robots that share the nodes among obstacles and balance their lengths.
 
-    Every robot leaves the depot from rest, passes its nodes, and comes back to rest; every node is
-    passed once. With L_k the length of the curve of robot k, minimise what `objective` says, by
-    default :math:`\sum_k L_k + q s` with the standard deviation s of all L_k (eq. 15 and 16). The
-    curves are piecewise polynomials whose derivatives up to the jerk are continuous (eq. 25), keep
-    the robot's radius away from all obstacles at every instant, and keep the limits.
+    Every robot leaves the depot from rest, passes its nodes and comes back to rest. Every node is
+    passed once. The model minimises `objective` of the lengths L_k of the curves, by default
+    :math:`\sum_k L_k + q s` with the standard deviation s of all L_k. The curves are piecewise
+    polynomials. Their derivatives up to `continuity` are 0 at both ends and continuous at the knots;
+    eq. 23-25 of the paper ask for 2, the acceleration. The curves keep the robot's radius away from
+    all obstacles at every instant, and keep the limits of velocity and acceleration.
 
     Parameters
     ----------
@@ -55,14 +56,18 @@ class FleetMission(MissionData, Model[MissionPlan]):
     depot_radius : float, optional
         Robots no further than this from the depot do not count for `separation`, m; by default a cell
         more than the separation or two radii, whichever is greater.
-    objective : {"sum-deviation", "sum", "max", "range", "max-sum"}
-        What is minimised of the lengths L_k, as in :class:`~crosstrack.models.FleetRouting`.
+    objective : {"sum-deviation", "sum-variance", "sum", "max", "range", "max-sum"}
+        Objective of the lengths L_k, as in :class:`~crosstrack.models.FleetRouting`. The paper's is
+        "sum-variance".
     q : float
-        Weight of the deviation; it counts for the objective "sum-deviation" only.
+        Weight of the deviation or of the variance, for the objectives that have one.
     deviation : {"sample", "population"}
-        Whether the deviation divides by m - 1, as the paper's table 3, or by m, as its eq. 16.
+        Divisor in the standard deviation: m - 1, as in Table 3 of the paper, or m.
     ids : sequence of int or str, optional
         Names of the nodes.
+    continuity : {3, 2}
+        Highest derivative that is continuous at the knots and 0 at both ends: 2 as in eq. 23-25, 3
+        adds the jerk.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedOption
 from ..fields import required
-from ..fleet import Deviation, Objective
+from ..fleet import Deviation
 from ..grid_path import trail
 from ..plots.curves import Curve, Limit, Panel, Span
 from ..plots.labels import write_names
@@ -175,8 +175,8 @@ def _title(model: FleetMission, plan: MissionPlan | None, found: Verification | 
     if plan is None or found is None or found.objective is None:
         return title_of(model.name, [model.describe()], found)
     what = str(model.objective)
-    if model.objective is Objective.DEVIATION:
-        what = f"sum + {number(model.q, 4)} × deviation"
+    if what.startswith("sum-"):
+        what = f"sum + {number(model.q, 4)} × {what.partition('-')[2]}"
     several = f"{model.vehicles} robot{'s' * (model.vehicles > 1)}"
     parts = [several, f"{len(model.nodes)} node{'s' * (len(model.nodes) > 1)}"]
     parts += [f"{what} {number(found.objective)} m", f"{number(plan.end, 5)} s"]

@@ -17,7 +17,7 @@ from ..fields import required
 from .data import GuidedPathData
 from .plan import GuidedPathPlan
 
-__all__ = ["kept_order", "length_of", "reduced", "served"]
+__all__ = ["kept_order", "length_of", "passed", "reduced", "served"]
 
 
 def reduced(
@@ -145,6 +145,30 @@ def served(model: GuidedPathData, stops: Iterable[int]) -> tuple[int, ...]:
             field="stops",
         )
     return tuple(order)
+
+
+def passed(model: GuidedPathData, stops: Sequence[int]) -> tuple[int, ...]:
+    """Return the order of service that keeps the order of the stops and serves others in passing (Algorithm 1).
+
+    Parameters
+    ----------
+    model : GuidedPathData
+    stops : sequence of int
+        Customers in the order of service. The others have no relation and are passed on the way.
+    """
+    x = model.coordinates.tolist()
+    left = sorted(set(range(1, model.size)).difference(stops), key=lambda c: (x[c], c))
+    order: list[int] = []
+    at = x[0]
+    for stop in (*stops, 0):
+        low, high = sorted((at, x[stop]))
+        way = [c for c in left if low <= x[c] <= high]
+        if way:
+            left = [c for c in left if not low <= x[c] <= high]
+            order += way if at <= x[stop] else way[::-1]
+        order.append(stop)
+        at = x[stop]
+    return tuple(order[:-1])
 
 
 def kept_order(model: GuidedPathData, numbers: Sequence[int], plan: GuidedPathPlan) -> list[int]:

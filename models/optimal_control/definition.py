@@ -279,7 +279,7 @@ class Phase(_Stacked):
     time_unit : str
         Unit of time.
     paths : tuple of Restriction
-        Constraints at every instant (C ≤ 0 of the paper's eq. 12).
+        Constraints at every instant (C ≤ 0 of the paper's eq. 13).
     integrals : int
         Number of integrals over the phase that costs and constraints speak of.
     invariants : tuple of Restriction
@@ -404,7 +404,7 @@ class Definition(_Stacked):
     parameters : tuple of Quantity
         Constants to be chosen; `initial_lower` = `initial_upper` hold their guess.
     boundaries : tuple of Restriction
-        Constraints between the phases' ends (φ = 0 of the paper's eq. 12).
+        Constraints between the phases' ends (φ = 0 of the paper's eq. 13).
     endpoint : casadi.Function
         ``(e, p) -> (objective, boundary)``, where e stacks t0, tf, x0, xf and the integrals of
         every phase.

@@ -96,7 +96,7 @@ def _ends(model: SlewData, phase: PhasePlan, tolerance: float) -> list[Check]:
     off = max(abs(phase.start), low - phase.end, phase.end - high, 0.0)
     where = f"t0 = {phase.start:.9g} s, tf = {phase.end:.9g} s"
     checks = [
-        _check("start at 0, final time within its range", "12", off, "s", tolerance, where, high)
+        _check("start at 0, final time within its range", "13", off, "s", tolerance, where, high)
     ]
     last = phase.states.intervals - 1
     begin = phase.states.on(0, [-1.0])[0]
@@ -115,7 +115,7 @@ def _ends(model: SlewData, phase: PhasePlan, tolerance: float) -> list[Check]:
             apart = np.abs(have[first:beyond] - want)
             k = int(apart.argmax())
             place = f"{STATES[first + k]} = {have[first + k]:.9g}, not {want[k]:.9g}"
-            checks.append(_check(f"{word} {name}", "12", apart[k], unit, tolerance, place, size))
+            checks.append(_check(f"{word} {name}", "13", apart[k], unit, tolerance, place, size))
     return checks
 
 
@@ -166,7 +166,7 @@ def _sample(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
 def _motion(model: SlewData, samples: _Samples, tolerance: float) -> list[Check]:
     """Return how far the plan's states are from those integrated anew."""
     checks = []
-    parts = zip(_PARTS, ("10", "10", "9"), _sizes(model), strict=True)
+    parts = zip(_PARTS, ("10", "3", ""), _sizes(model), strict=True)
     for (name, first, beyond, unit), equation, size in parts:
         label = f"{name} integrated anew"
         if samples.anew is None:
@@ -203,34 +203,27 @@ def _limits(
     measure = singularity_measure(gimbals, model.beta)[:, None]
     reserve = f", {100 * model.margin:g} % in reserve" if model.margin else ""
     cases = (
-        ("body rate limit", "12", rates, model.rate_limit, STATES[4:], "rad/s"),
         (
-            f"gimbal rate limit{reserve}", "12", samples.controls, model.planned_gimbal_rate,
+            "body rate limit", model.magnitudes(rates), model.rate_limit, model.bounded_names("w"),
+            "rad/s",
+        ),
+        (
+            f"gimbal rate limit{reserve}", np.abs(samples.controls), model.planned_gimbal_rate,
             CONTROLS, "rad/s",
         ),
         (
-            f"control torque limit{reserve}", "9", torque, model.planned_torque,
-            ("T_c,x", "T_c,y", "T_c,z"), "N m",
+            f"control torque limit{reserve}", model.magnitudes(torque), model.planned_torque,
+            model.bounded_names("T_c"), "N m",
         ),
     )  # fmt: skip
     checks = [
-        _worst(
-            name,
-            equation,
-            np.abs(values) - most,
-            times,
-            entries,
-            unit,
-            tolerance,
-            most,
-            most,
-        )
-        for name, equation, values, most, entries, unit in cases
+        _worst(name, "23", values - most, times, entries, unit, tolerance, most, most)
+        for name, values, most, entries, unit in cases
     ]
     least = model.singularity_limit
     checks.append(
         _worst(
-            "singularity measure", "12", least - measure, times, ("det(A_t A_t')",), "",
+            "singularity measure", "23", least - measure, times, ("det(A_t A_t')",), "",
             tolerance, 1.0, least,
         )
     )  # fmt: skip
@@ -244,9 +237,9 @@ def _invariants(
     length = np.abs((samples.states[:, :4] ** 2).sum(axis=1) - 1.0)[:, None]
     drift = np.abs(motion.total_momentum(samples.states) - model.total_momentum)
     return [
-        _worst("norm of the quaternion", "10", length, samples.times, ("q·q",), "", tolerance, 1.0),
+        _worst("norm of the quaternion", "23", length, samples.times, ("q·q",), "", tolerance, 1.0),
         _worst(
-            "total momentum", "10", drift, samples.times, ("x", "y", "z"), "N m s",
+            "total momentum", "1", drift, samples.times, ("x", "y", "z"), "N m s",
             tolerance, model.momentum,
         ),
     ]  # fmt: skip

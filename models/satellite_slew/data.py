@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
 from ..declaration import Declared
 from ..fields import Array, Optional, Real, declared, frozen, show
+from ..records import Member
 from .gyros import momentum_direction, singularity_measure
 from .quaternions import axis_and_angle, conjugate, product, rotation_matrix
 
-__all__ = ["Attitude", "Inertia", "SlewData", "check_inertia"]
+__all__ = ["Attitude", "Inertia", "SlewData", "VectorLimits", "check_inertia"]
 
 Floats = NDArray[np.float64]
 
@@ -23,6 +25,17 @@ Floats = NDArray[np.float64]
 LENGTH = 1e-6
 #: Largest mismatch of momenta that rounded gimbal angles explain, in units of one wheel's.
 MOMENTUM = 1e-8
+
+
+class VectorLimits(StrEnum):
+    """Reading of the limits |w| ≤ 1/8 rad/s and |T| ≤ 25 N m (eq. 23), which bound vectors.
+
+    COMPONENTS bounds the magnitude of each component. NORM bounds the Euclidean norm: its plans keep
+    the limits under both readings.
+    """
+
+    COMPONENTS = "components"
+    NORM = "norm"
 
 
 class Inertia(Array):
@@ -110,6 +123,9 @@ class SlewData(Declared):
     final_gimbals: Floats | None = declared(Optional(Array((4,))), default=(0.0, 0.0, 0.0, 0.0))
     time_range: Floats = declared(Array((2,), lower=0.0), default=(1.0, 60.0))
     margin: float = declared(Real(0.0), default=0.0)
+    vector_limits: VectorLimits = declared(
+        Member(VectorLimits), default=VectorLimits.COMPONENTS, added=True
+    )
 
     def check(self) -> None:
         """Refuse what no satellite is, and ends at which it cannot rest."""
@@ -160,6 +176,30 @@ class SlewData(Declared):
     def planned_gimbal_rate(self) -> float:
         """The limit of gimbal rates that a plan must keep, the margin taken off, rad/s."""
         return self.gimbal_rate_limit * (1.0 - self.margin)
+
+    def magnitudes(self, vectors: ArrayLike) -> Floats:
+        """Return the values that a limit of body rates or torque bounds.
+
+        Parameters
+        ----------
+        vectors : array_like, shape (…, 3)
+            Vectors in body axes.
+
+        Returns
+        -------
+        ndarray, shape (…, 3) or (…, 1)
+            The magnitudes of the components, or the norm (`vector_limits`).
+        """
+        given = np.asarray(vectors, float)
+        norm = self.vector_limits == VectorLimits.NORM
+        found: Floats = np.linalg.norm(given, axis=-1, keepdims=True) if norm else np.abs(given)
+        return found
+
+    def bounded_names(self, vector: str) -> tuple[str, ...]:
+        """Return the names of the entries of :meth:`magnitudes` for a vector called `vector`."""
+        if self.vector_limits == VectorLimits.NORM:
+            return (f"|{vector}|",)
+        return tuple(f"{vector}[{k}]" for k in range(3))
 
     @cached_property
     def target(self) -> Floats:

@@ -1,4 +1,4 @@
-"""The motion of a satellite with control moment gyros in plain numbers: eq. 9 and 10 without CasADi.
+"""The motion of a satellite with control moment gyros in plain numbers: eq. 3, 9 and 10 without CasADi.
 
 What verifies plans, steers gyros by heuristics and simulates a controller goes by this; what
 solvers see is written apart from it in :mod:`crosstrack.models.satellite_slew.lowered`, and a test compares
@@ -61,7 +61,7 @@ class SlewMotion:
         return cls(model.inertia, model.momentum, model.beta)
 
     def rate(self, x: Floats, u: Floats, outer: ArrayLike = (0.0, 0.0, 0.0)) -> list[float]:
-        """Return ẋ at one instant: eq. 9 and 10.
+        """Return ẋ at one instant: eq. 3, 9 and 10.
 
         Parameters
         ----------

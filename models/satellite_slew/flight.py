@@ -175,23 +175,29 @@ def verify_flight(
     motion = SlewMotion.of(model)
     before, after = (motion.torque(x[:, 7:], controls) for x in (states[:-1], states[1:]))
     # The torque of held rates changes with the Jacobian: the greater of a step's ends counts.
-    torque = np.where(np.abs(after) > np.abs(before), after, before)
+    torque = np.maximum(model.magnitudes(before), model.magnitudes(after))
     measure = singularity_measure(states[:, 7:], model.beta)[:, None]
     turn = attitude_error(states[-1:, :4], model.target)
     angle = 2.0 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), turn[:, 0])[:, None]
     length = np.abs((states[:, :4] ** 2).sum(axis=1) - 1.0)[:, None]
     w, end, one = states[:, 4:7], times[-1:], ("",)
     cases: list[_Case] = [
-        ("body rate", "12", w, model.rate_limit, STATES[4:7], "rad/s", times, tolerance),
         (
-            "gimbal rate", "12", controls, model.gimbal_rate_limit, CONTROLS, "rad/s", times,
+            "body rate", "23", model.magnitudes(w), model.rate_limit, model.bounded_names("w"),
+            "rad/s", times, tolerance,
+        ),
+        (
+            "gimbal rate", "23", controls, model.gimbal_rate_limit, CONTROLS, "rad/s", times,
             tolerance,
         ),
-        ("control torque", "9", torque, model.torque_limit, ("x", "y", "z"), "N m", times, tolerance),
-        ("singularity measure", "12", measure, model.singularity_limit, one, "", times, tolerance),
-        ("final angle off the target", "12", angle, ends[0], one, "rad", end, 0.0),
-        ("final body rate", "12", w[-1:], ends[1], STATES[4:7], "rad/s", end, 0.0),
-        ("drift of the quaternion's length", "10", length, DRIFT, one, "", times, 0.0),
+        (
+            "control torque", "23", torque, model.torque_limit, model.bounded_names("T_c"), "N m",
+            times, tolerance,
+        ),
+        ("singularity measure", "23", measure, model.singularity_limit, one, "", times, tolerance),
+        ("final angle off the target", "13", angle, ends[0], one, "rad", end, 0.0),
+        ("final body rate", "13", w[-1:], ends[1], STATES[4:7], "rad/s", end, 0.0),
+        ("drift of the quaternion's length", "23", length, DRIFT, one, "", times, 0.0),
     ]  # fmt: skip
     held = [_held(*case) for case in cases]
     first = min((one for _, one in held if one), key=lambda one: one.time, default=None)

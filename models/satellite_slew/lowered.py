@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..optimal_control.model import OptimalControlProblem
-from .data import SlewData
+from .data import SlewData, VectorLimits
 from .gyros import momentum_direction, singularity_measure
 from .profile import EigenaxisProfile
 from .quaternions import rotation_matrix
@@ -39,7 +39,7 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
     problem = OptimalControlProblem(name)
     low, high = (float(t) for t in model.time_range)
     end: Any = low if low == high else (low, high)
-    phase = problem.phase("slew", time=(0.0, end), equation="10")
+    phase = problem.phase("slew", time=(0.0, end), equation="3 and 10")
     q = phase.state("q", 4, initial=model.initial_attitude, final=_final_attitude(model), scale=1.0)
     held = model.final_gimbals is not None
     w = phase.state(
@@ -71,14 +71,28 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
     )
     phase.path(
         casadi.det(jacobian @ jacobian.T),
-        lower=model.singularity_limit, name="singularity measure", equation="12", scale=1.0,
+        lower=model.singularity_limit, name="singularity measure", equation="23", scale=1.0,
     )  # fmt: skip
     most = model.planned_torque
-    phase.path(torque, lower=-most, upper=most, name="control torque", equation="9", unit="N m")
-    phase.invariant("norm of the quaternion", casadi.dot(q, q), equation="10", scale=1.0)
+    if model.vector_limits == VectorLimits.NORM:
+        # Squares, as the norm has no derivative at rest.
+        for name, vector, limit, unit in (
+            ("body rate squared", w, model.rate_limit, "rad^2/s^2"),
+            ("control torque squared", torque, most, "N^2 m^2"),
+        ):
+            square = limit**2
+            phase.path(
+                casadi.dot(vector, vector),
+                upper=square, name=name, equation="23", unit=unit, scale=square,
+            )  # fmt: skip
+    else:
+        phase.path(
+            torque, lower=-most, upper=most, name="control torque", equation="23", unit="N m"
+        )
+    phase.invariant("norm of the quaternion", casadi.dot(q, q), equation="23", scale=1.0)
     phase.invariant(
         "total momentum", _inertial(casadi, q, momentum),
-        equation="10", unit="N m s", scale=model.momentum,
+        equation="1", unit="N m s", scale=model.momentum,
     )  # fmt: skip
     weight = casadi.DM(np.array(model.rate_weight))
     problem.minimise(phase.integral(1.0 + casadi.dot(weight, rate**2)), unit="s")
@@ -121,8 +135,8 @@ def _inertial(casadi: Any, q: Any, vector: Any) -> Any:
 def _guess(model: SlewData) -> dict[str, Any]:
     """Return the samples of an eigenaxis slew; the gimbals bulge out to what its coast needs."""
     axis, angle = model.turn
-    peak = SHARE * model.rate_limit / float(np.abs(axis).max())
-    push = SHARE * model.planned_torque / float(np.abs(model.inertia @ axis).max())
+    peak = SHARE * model.rate_limit / float(model.magnitudes(axis).max())
+    push = SHARE * model.planned_torque / float(model.magnitudes(model.inertia @ axis).max())
     profile = EigenaxisProfile(model.initial_attitude, axis, angle, peak, push)
     low, high = (float(t) for t in model.time_range)
     long = float(np.clip(profile.duration, max(low, 0.1 * high if angle == 0.0 else 0.0), high))

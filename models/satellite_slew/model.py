@@ -41,10 +41,11 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
     :mod:`crosstrack.models.satellite_slew.gyros`) and A_t = ∂(A_s·1)/∂δ,
 
     - T_c = -h0 A_t δ̇ (eq. 9);
-    - I ẇ = T_c - w×(I w + h), q̇0 = -½ w·q, q̇ = -½ w×q + ½ q0 w (eq. 10).
+    - I ẇ = T_c - w×(I w + h) (eq. 3);
+    - q̇0 = -½ w·q, q̇ = -½ w×q + ½ q0 w (eq. 10).
 
-    Minimise J = ∫ (1 + uᵀ R u) dt subject to \|w_i\| ≤ w_max, \|δ̇_i\| ≤ δ̇_max, \|T_c,i\| ≤
-    T_max and det(A_t A_tᵀ) ≥ a limit at every instant, the final time free.
+    Minimise J = ∫ (1 + uᵀ R u) dt (eq. 22) subject to \|w\| ≤ w_max, \|δ̇_i\| ≤ δ̇_max, \|T_c\| ≤
+    T_max and det(A_t A_tᵀ) ≥ a limit at every instant (eq. 23), the final time free.
 
     Without outer torque R(q)(I w + h), the momentum in inertial axes, is constant. So the rates
     are a function of attitude and gimbal angles, and with the length of q four of the eleven
@@ -62,11 +63,11 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
     rate_weight : ndarray, shape (4,)
         R, the diagonal of the weight of gimbal rates, s²; one number counts for all.
     rate_limit : float
-        Of each body rate, rad/s.
+        Limit of the body rates, rad/s (`vector_limits`).
     gimbal_rate_limit : float
-        Of each gimbal rate, rad/s.
+        Limit of each gimbal rate, rad/s.
     torque_limit : float
-        Of each component of the control torque, N m.
+        Limit of the control torque, N m (`vector_limits`).
     singularity_limit : float
         The least det(A_t A_tᵀ) allowed.
     initial_attitude, final_attitude : ndarray, shape (4,)
@@ -80,6 +81,9 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
     margin : float
         Share of the actuators' limits, of torque and of gimbal rate, that is held in reserve for
         the controller that tracks the plan; at least 0, less than 1.
+    vector_limits : {"components", "norm"}
+        Whether `rate_limit` and `torque_limit` bound each component, the default, or the Euclidean
+        norm, ``VectorLimits``.
 
     Raises
     ------
@@ -89,10 +93,9 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
 
     Notes
     -----
-    The paper prints neither h0 nor R; its figures come out with h0 = 17.53 N m s and R = 0.1 s²,
-    which are the defaults. Misprints: the vector part of the final quaternion, sin 22.5° = 0.38268
-    (0.3824); the sign of the defects of the transcription (eq. 14-21); the sign in q_e0 = q0 q_d0 +
-    q·q_d (eq. 25).
+    The paper prints neither h0 nor R. Its final time, 7.836 s, results from R = 0.1 s² with h0 =
+    22.36 N m s if the limits bound norms (``satellite-slew/paper``), and with h0 = 17.47 N m s if
+    they bound components. The default, h0 = 17.53 N m s with components, gives 7.826 s.
 
     Examples
     --------

@@ -23,6 +23,7 @@ from ..plots.panels import panel_sheet
 from ..plots.style import number, title_of
 from ..verification import TOLERANCE, Verification, check_tolerance
 from .checks import slew_phase
+from .data import VectorLimits
 from .dynamics import SlewMotion
 from .flight import Tracking
 from .gyros import singularity_measure
@@ -169,6 +170,13 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
         curves, marks = curves_of(names, times, values, dots)
         return Panel(title, unit, curves, limits, marks, whole=True)
 
+    def with_norm(
+        names: Sequence[str], values: Floats, norm: str
+    ) -> tuple[tuple[str, ...], Floats]:
+        if model.vector_limits != VectorLimits.NORM:
+            return tuple(names), values
+        return (*names, norm), np.hstack([values, model.magnitudes(values)])
+
     def within(most: float, whole: float | None = None) -> list[Limit]:
         found = [Limit(ends, -most, most, (), tolerance * most)]
         if whole is not None and whole > most:
@@ -176,12 +184,15 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
             found.append(Limit(ends, -whole, whole, label=label, dashes=":", shaded=False))
         return found
 
+    rate_names, rates = with_norm(_RATES, states[:, 4:7], "|ω|")
+    _, rate_nodes = with_norm(_RATES, at_nodes[:, 4:7], "|ω|")
+    torque_names, torque = with_norm(_TORQUES, torque, "|T|")
     least = model.singularity_limit
     safe = Limit(ends, least, np.inf, (), tolerance)
     return [
         panel("quaternion", "", _ATTITUDE, states[:, :4], (nodes, at_nodes[:, :4])),
         panel(
-            "body rates", "rad/s", _RATES, states[:, 4:7], (nodes, at_nodes[:, 4:7]),
+            "body rates", "rad/s", rate_names, rates, (nodes, rate_nodes),
             within(model.rate_limit),
         ),
         panel("gimbal angles", "rad", _GIMBALS, states[:, 7:], (nodes, at_nodes[:, 7:])),
@@ -191,7 +202,7 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
         ),
         panel("singularity\ndet(A Aᵀ)", "", ("det(A Aᵀ)",), measure[:, None], None, [safe]),
         panel(
-            "control torque", "N m", _TORQUES, torque, None,
+            "control torque", "N m", torque_names, torque, None,
             within(model.planned_torque, model.torque_limit),
         ),
     ]  # fmt: skip

@@ -101,8 +101,8 @@ def quaternion_rate(q: ArrayLike, rates: ArrayLike) -> Floats:
 def attitude_error(q: ArrayLike, desired: ArrayLike) -> Floats:
     """Return the error quaternion q_e = q_d* ∘ q, shape (…, 4): eq. 25.
 
-    Its scalar part is q_e0 = q0 q_d0 + q·q_d, which the paper prints with a minus; the vector part,
-    half the angle of a small error, is q_d0 q - q0 q_d - q_d×q. The sign is that of q_e0 >= 0.
+    The scalar part is q_e0 = q0 q_d0 + q·q_d, printed with a minus that breaks eq. 26. The vector
+    part, half the angle of a small error, is q_d0 q - q0 q_d + q×q_d. The sign is that of q_e0 >= 0.
     """
     error = product(conjugate(desired), q)
     found: Floats = np.where(error[..., :1] < 0.0, -error, error)

@@ -1,4 +1,4 @@
-"""The controller that tracks a planned slew, simulated: sampled, disturbed, with limited actuators.
+"""Simulated tracking of a planned slew: sampled, disturbed, with limited actuators.
 
 Source: eq. 24-33 of "Path Planning for Rapid Large-Angle Maneuver of Satellites Based on the Gauss
 Pseudospectral Method", Mathematical Problems in Engineering, 2016.
@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from ...errors import InvalidData
 from ..fields import Array, Real, frozen, required, show
 from ..optimal_control.plan import ControlPlan
+from ..records import Member
 from ..verification import check_tolerance
 from .checks import slew_phase
-from .controller import Controller
+from .controller import Controller, TrackingLaw
 from .data import Inertia, check_inertia
 from .dynamics import SlewMotion
 from .flight import Tracking, verify_flight
@@ -43,42 +44,44 @@ def track(
     damping: float = 1.0,
     sample_time: float = 0.02,
     disturbance: ArrayLike | Callable[[float], ArrayLike] = (0.1, 0.1, 0.1),
-    known_disturbance: float = 0.0,
+    known_disturbance: float | None = None,
     inertia_error: ArrayLike = 0.0,
     homing: float = 10.0,
     after: float = 0.0,
     tolerance: float = 0.01,
     final_angle: float = 1e-3,
     final_rate: float = 1e-3,
+    law: TrackingLaw | str = TrackingLaw.INERTIA,
 ) -> Tracking:
-    """Fly a plan with the paper's controller; return how far it strays and which limit breaks first.
+    """Fly a plan with a sampled controller and return errors, limits and the first breach.
 
-    Once a sample, from measured q, w and δ, the controller asks for the torque
+    At each sample, from measured q, w and δ, the controller computes the torque of eq. 32,
 
         T_c = -K_p q_e - K_d w_e - T_ext + w×(I w + h) + I ẇ_d.
 
-    The gyros' part is the plan's own gimbal rates and the least correction that makes up what is
-    left of the torque, δ̇ = δ̇_d - A_tᵀ (A_t A_tᵀ)⁻¹ (T_c + h0 A_t δ̇_d) / h0, A_t taken in the middle
-    of the sample, with null motion that takes the gimbals back to the plan's, for a disturbance makes
-    them stray. Torque and gimbal rates are cut off at the actuators' limits, the model's margin at
-    their disposal, and held until the next sample; the other gimbals make up for one that is at its
-    limit. What was flown is then held against the limits of the model, between the samples too.
+    The paper does not print the gimbal rates that give T_c. Here they are those of the plan plus the
+    least correction, δ̇ = δ̇_d - A_tᵀ (A_t A_tᵀ)⁻¹ (T_c + h0 A_t δ̇_d) / h0, with A_t in the middle of
+    the sample, plus null motion back to the gimbal angles of the plan. Torque and gimbal rates are
+    cut at the limits of the actuators, margin included, and held until the next sample; if one
+    gimbal is at its limit, the others compensate. The flight is then checked against all limits of
+    the model, between the samples as well.
 
     Parameters
     ----------
     model : SatelliteSlew
         The satellite.
     plan : ControlPlan or Solution
-        What to follow.
+        The plan to follow.
     natural_frequency, damping : float
         ω_n (rad/s) and ζ of the error's motion, I θ̈ + K_d θ̇ + K_p θ / 2 = 0 for the small angle
-        θ = 2 q_e: K_p = 2 ω_n² I and K_d = 2 ζ ω_n I.
+        θ = 2 q_e. K_d = 2 ζ ω_n I, and `law` sets K_p.
     sample_time : float
         s; the last sample may be shorter.
     disturbance : array_like, shape (3,), or callable
         T_ext in body axes, N m, or a function of time that returns it.
-    known_disturbance : float
-        The share of T_ext that the controller knows and takes off; the paper's knows it all.
+    known_disturbance : float, optional
+        Share of T_ext that the controller compensates. By default 1 with the paper's law, whose
+        eq. 32 contains T_ext, and 0 otherwise.
     inertia_error : float or array_like, shape (3,) or (3, 3)
         By how much the true inertia exceeds the model's: as a share of it, or as a symmetric matrix
         or its diagonal, kg m².
@@ -92,6 +95,9 @@ def track(
         least error passes them.
     final_angle, final_rate : float
         Largest angle from the final attitude (rad), and largest body rate (rad/s), at the end.
+    law : {"inertia", "paper"}
+        "paper" is the printed K_p = k1 q_e0, a scalar, with k1 = 2 ω_n² tr(I) / 3; "inertia" is
+        ours, K_p = 2 ω_n² I.
 
     Returns
     -------
@@ -101,7 +107,7 @@ def track(
     Raises
     ------
     InvalidData
-        The plan is none of a slew; a parameter out of range; a motion beyond all numbers.
+        The plan belongs to another problem, a parameter is out of range, or the motion overflows.
 
     Notes
     -----
@@ -111,8 +117,7 @@ def track(
     torque or gimbal rate in reserve does not help there; a plan with a greater ``singularity_limit``
     does.
 
-    A constant torque that is not known leaves an error: the motion rests where K_p q_e = T_ext, at
-    q_e = T_ext / (2 ω_n² I).
+    A constant torque that is not compensated leaves the error q_e = K_p⁻¹ T_ext.
     """
     required("model", model, SatelliteSlew)
     phase = slew_phase(model.as_plan(plan))
@@ -123,6 +128,10 @@ def track(
         Real(0.0, strict=True).coerce(name, value, {})
     for name, value in (("damping", damping), ("homing", homing), ("after", after)):
         Real(0.0).coerce(name, value, {})
+    law = Member(TrackingLaw).coerce("law", law, {})
+    assert isinstance(law, TrackingLaw)
+    if known_disturbance is None:
+        known_disturbance = float(law == TrackingLaw.PAPER)
     Real(0.0, 1.0).coerce("known_disturbance", known_disturbance, {})
     check_tolerance(tolerance)
     truth = SlewMotion(_true_inertia(model, inertia_error), model.momentum, model.beta)
@@ -133,8 +142,9 @@ def track(
             field="sample_time",
         )
     controller = Controller(
-        model, phase, natural_frequency, damping, _outer(disturbance), known_disturbance, homing
-    )
+        model, phase, natural_frequency, damping, _outer(disturbance), known_disturbance, homing,
+        law,
+    )  # fmt: skip
     return _fly(controller, truth, sample_time, after, tolerance, (final_angle, final_rate))
 
 

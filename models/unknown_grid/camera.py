@@ -57,14 +57,13 @@ class Pinhole(Declared):
 
     - world, m: x along the columns of the map, y against its rows, z up from the ground; the origin is
       the outer corner of the map's first cell,
-    - camera, m: x along the columns of the image, y along its rows, z down from the lens,
+    - camera, m: z down from the lens; x against the columns of the image, y against its rows,
     - pixels: row and column, real; the centre of pixel (i, j) is (i + 1/2, j + 1/2),
     - view: row and column in cells of the view, real; the centre of cell (i, j) is (i + 1/2, j + 1/2),
     - map: the same in cells of the map.
 
-    The paper's equations 5 to 9 do this between world, camera and grid; their text was not to be had,
-    so the equations here are those of a pinhole (R. Hartley, A. Zisserman, "Multiple View Geometry in
-    Computer Vision", 2004, chapter 6).
+    World, camera and map are related by the paper's equations 5 to 9; the step from camera to pixels is that of a
+    pinhole (R. Hartley, A. Zisserman, "Multiple View Geometry in Computer Vision", 2004, chapter 6).
 
     Parameters
     ----------
@@ -101,26 +100,50 @@ class Pinhole(Declared):
         row, column = self.corner + self.view / 2.0
         return np.array([column * self.side, -row * self.side, self.height])
 
+    @property
+    def camera_from_world(self) -> Floats:
+        """The pose of equation 6, shape (4, 4): a turn by pi about y, and the world's origin in the camera's frame.
+
+        The text calls the last column the camera's origin in the world; with that, the lens would have the camera
+        coordinates (0, 2y, 0) and not 0. The symbols name the inverse, which is used here.
+        """
+        pose = np.diag([-1.0, 1.0, -1.0, 1.0])
+        pose[:3, 3] = -pose[:3, :3] @ self.lens
+        return pose
+
+    @property
+    def map_from_camera(self) -> Floats:
+        """The pose of equation 8, shape (4, 4), m: rows, columns and height by coordinates of the camera."""
+        pose = np.zeros((4, 4))
+        pose[[0, 1, 2, 3], [1, 0, 2, 3]] = -1.0, -1.0, -1.0, 1.0
+        pose[:3, 3] = self.lens[[1, 0, 2]] * (-1.0, 1.0, 1.0)
+        return pose
+
+    @property
+    def map_from_world(self) -> Floats:
+        """The product of both poses of equation 9, shape (4, 4), m."""
+        return self.map_from_camera @ self.camera_from_world
+
     def world_to_camera(self, points: ArrayLike) -> Floats:
-        """Return points of the world, shape (…, 3), in the frame of the camera, m."""
-        return (np.asarray(points, float) - self.lens) * (1.0, -1.0, -1.0)
+        """Return points of the world, shape (…, 3), in the frame of the camera, m: equation 5."""
+        return (np.asarray(points, float) - self.lens) * (-1.0, 1.0, -1.0)
 
     def camera_to_world(self, points: ArrayLike) -> Floats:
         """Return points in the frame of the camera, shape (…, 3), in the world, m."""
-        return np.asarray(points, float) * (1.0, -1.0, -1.0) + self.lens
+        return np.asarray(points, float) * (-1.0, 1.0, -1.0) + self.lens
 
     def camera_to_pixels(self, points: ArrayLike) -> Floats:
         """Return rows and columns, shape (…, 2), of points in the frame of the camera, shape (…, 3)."""
         points = np.asarray(points, float)
-        return np.asarray(self.focal * points[..., 1::-1] / points[..., 2:] + PIXELS / 2.0)
+        return np.asarray(PIXELS / 2.0 - self.focal * points[..., 1::-1] / points[..., 2:])
 
     def pixels_to_camera(self, pixels: ArrayLike, depth: float) -> Floats:
         """Return points `depth` m below the lens, shape (…, 3), by rows and columns, shape (…, 2)."""
-        away = (np.asarray(pixels, float) - PIXELS / 2.0) * depth / self.focal
+        away = (PIXELS / 2.0 - np.asarray(pixels, float)) * depth / self.focal
         return np.concatenate([away[..., ::-1], np.full_like(away[..., :1], depth)], axis=-1)
 
     def world_to_map(self, points: ArrayLike) -> Floats:
-        """Return rows and columns of the map, shape (…, 2), of points of the world, shape (…, 3)."""
+        """Return rows and columns of the map, shape (…, 2), of points of the world, shape (…, 3): equation 9."""
         return np.asarray(points, float)[..., 1::-1] * (-1.0, 1.0) / self.side
 
     def map_to_world(self, points: ArrayLike, elevation: float = 0.0) -> Floats:

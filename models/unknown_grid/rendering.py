@@ -1,8 +1,8 @@
 """Images of scenes from above: boxes on textured ground, seen by a pinhole camera.
 
-The paper's images were not to be had; this is a scene of its own. All that belongs to the world (colours,
-textures, light) depends on the seed and the place in the world alone, so that a cell looks alike in every
-view; only the noise of the sensor changes from look to look.
+The paper's images come from a simulation platform and are not published; these scenes are ours. All that belongs to
+the world (colours, textures, light) depends only on the seed and the place in the world, so that a cell looks alike in
+every view. Only the noise of the sensor changes from look to look.
 """
 
 from __future__ import annotations

@@ -11,7 +11,8 @@ BACKENDS = {
     "rosenstein": ".exponents:Rosenstein",
     "kantz": ".exponents:Kantz",
     "correlation-dimension": ".correlation:CorrelationDimension",
+    "small-data-sets": ".paper_methods:SmallDataSets",
+    "g-p": ".paper_methods:GrassbergerProcaccia",
     "surrogates": ".surrogates:Surrogates",
 }
 DIAGNOSES = {"attractor": ".diagnosis:diagnose_attractor"}
-PAPER_TABLES = {"attractor": ".paper_tables:TABLES"}

@@ -1,8 +1,8 @@
-"""The curves of the C-C method: how far values a delay apart are from independent, from correlation sums.
+"""Curves of the C-C methods: correlation sums of disjoint subseries over the delay.
 
-Sources: H. S. Kim, R. Eykholt and J. D. Salas, "Nonlinear dynamics, delay times, and embedding windows",
-Physica D 127, 1999; Z.-B. Lu, Z.-M. Cai and K.-Y. Jiang, "Determination of embedding parameters for phase space
-reconstruction based on improved C-C method", Journal of System Simulation 19, 2007.
+Source: the paper of :mod:`crosstrack.models.attractor.model`, equations 2-10. Equations 2-7 are the C-C method of
+H. S. Kim, R. Eykholt and J. D. Salas, "Nonlinear dynamics, delay times, and embedding windows", Physica D 127,
+1999. Equations 8-10 are the paper's improvement.
 """
 
 from __future__ import annotations
@@ -14,34 +14,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .nearest import thin_out
 
-__all__ = ["Curves", "close_pairs", "curves", "statistic", "whole_statistic"]
+__all__ = ["Curves", "close_pairs", "correlation_sums", "curves", "longest_delay"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Largest dimension of the sums, and the radii in deviations of the series.
+#: Largest dimension m of the sums, and the radii r_j in standard deviations of the series.
 LARGEST, RADII = 5, (0.5, 1.0, 1.5, 2.0)
-#: States at the most whose neighbours are counted in the whole series.
-_ASKED = 300
 #: States of the largest dimension that a subseries must have.
 _STATES = 10
 
 
 @kernel
 def close_pairs(series: Floats, step: int, radii: Floats, largest: int) -> Ints:
-    """Return how many pairs of states are closer than each radius, in `step` disjoint subseries.
+    """Return the number of pairs of states within each radius, for each disjoint subseries.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
+        The samples.
     step : int
-        Each subseries has every so many samples, one of which lies between coordinates.
+        Number of subseries. Each takes every `step`-th sample, and consecutive samples are coordinates.
     radii : ndarray, shape (R,)
-        Ascending.
+        Ascending. A distance equal to the radius counts (theta(0) = 1 in equation 2).
     largest : int
-        Dimensions 1 … `largest` are counted, by the largest difference of a coordinate.
+        Dimensions 1 … `largest` are counted, with the largest difference of a coordinate as the distance.
 
     Returns
     -------
@@ -58,12 +56,12 @@ def close_pairs(series: Floats, step: int, radii: Floats, largest: int) -> Ints:
                 if j + m * step >= last:
                     break
                 apart = abs(series[i + m * step] - series[j + m * step])
-                while slot < count and apart >= radii[slot]:
+                while slot < count and apart > radii[slot]:
                     slot += 1
                 if slot == count:
                     break
                 close[part, m, slot] += 1
-    # A radius holds what smaller ones hold.
+    # A radius contains the pairs of all smaller radii.
     for part in range(step):
         for m in range(largest):
             for r in range(1, count):
@@ -71,100 +69,64 @@ def close_pairs(series: Floats, step: int, radii: Floats, largest: int) -> Ints:
     return close
 
 
-def _radii(series: Floats) -> Floats:
-    return np.array(RADII) * float(series.std())
-
-
-def statistic(series: Floats, delay: int) -> Floats:
-    """Return S(m, N, r, t) of m = 2 … 5 and the radii, averaged over `delay` disjoint subseries.
-
-    S is the correlation sum less the one of a single coordinate to the power m: 0 where values are independent.
+def correlation_sums(series: Floats, delay: int) -> Floats:
+    """Return C_s(m, r, t) of equation 2 for the t = `delay` disjoint subseries of equation 3.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
+        The samples. Each subseries has INT(n / t) of them, so the last n modulo t samples are not used.
     delay : int
-        t: each subseries has every t-th sample.
+        The delay t.
 
     Returns
     -------
-    ndarray, shape (4, 4)
+    ndarray, shape (t, 5, 4)
+        By subseries, dimension 1 … 5 and radius.
     """
-    close = close_pairs(series, delay, _radii(series), LARGEST)
-    lengths = (len(series) - np.arange(delay) + delay - 1) // delay
-    states = lengths[:, None] - np.arange(LARGEST)
-    found: Floats = _excess(close / (states * (states - 1) / 2)[:, :, None]).mean(axis=0)
-    return found
-
-
-def slots(series: Floats) -> NDArray[np.uint8]:
-    """Return how many radii the distance of each pair of values reaches, shape (n, n)."""
-    radii = _radii(series)
-    found = np.empty((len(series), len(series)), np.uint8)
-    for i, value in enumerate(series):
-        found[i] = np.searchsorted(radii, np.abs(series - value), side="right")
-    return found
-
-
-def whole_statistic(slot: NDArray[np.uint8], delay: int) -> Floats:
-    """Return S(m, N, r, t) from the states of the whole series, those near in time included.
-
-    The states of 300 samples at most are compared with all others.
-
-    Parameters
-    ----------
-    slot : ndarray, shape (n, n)
-        From :func:`slots`.
-    delay : int
-
-    Returns
-    -------
-    ndarray, shape (4, 4)
-    """
-    sums = np.empty((LARGEST, len(RADII)))
-    for m in range(1, LARGEST + 1):
-        count = len(slot) - (m - 1) * delay
-        begins = thin_out(count, _ASKED)
-        far = slot[begins, :count]
-        for k in range(1, m):
-            far = np.maximum(far, slot[begins + k * delay, k * delay : k * delay + count])
-        pairs = len(begins) * (count - 1)
-        for r in range(len(RADII)):
-            # No state is a neighbour of itself.
-            sums[m - 1, r] = (np.count_nonzero(far <= r) - len(begins)) / pairs
-    return _excess(sums)
-
-
-def _excess(sums: Floats) -> Floats:
-    """Return what correlation sums of 1, 2, … coordinates, the axis before the last, have over independence."""
-    powers = np.arange(2, LARGEST + 1)[:, None]
-    found: Floats = sums[..., 1:, :] - sums[..., :1, :] ** powers
-    return found
+    length = len(series) // delay
+    radii = np.array(RADII) * float(series.std())
+    states = length - np.arange(LARGEST)
+    sums: Floats = (
+        2.0 * close_pairs(series[: length * delay], delay, radii, LARGEST)
+        / (states * (states - 1))[:, None]
+    )  # fmt: skip
+    return sums
 
 
 @dataclass(frozen=True)
 class Curves:
-    """The curves of the delays 1, 2, ….
+    """The curves over the delays 1, 2, ….
 
     Parameters
     ----------
+    sums : ndarray, shape (t,)
+        Mean correlation sum C(t), equations 8 and 9.
     mean : ndarray, shape (t,)
-        S̄, the mean over dimensions and radii.
+        Mean statistic S(t), equations 5 and 7.
     spread : ndarray, shape (t,)
-        ΔS̄, the largest difference between radii, averaged over dimensions.
-    whole : ndarray, shape (t,), optional
-        The mean from the whole series, of the improved method.
+        Mean dispersion ΔS(t) between the radii, equations 6 and 7.
     """
 
+    sums: Floats
     mean: Floats
     spread: Floats
-    whole: Floats | None = None
 
     @property
     def combined(self) -> Floats:
-        """S_cor = ΔS̄ + |S̄|."""
-        found: Floats = self.spread + np.abs(self.mean)
-        return found
+        """S_cor(t) = ΔS(t) + |S(t)|, equation 7."""
+        combined: Floats = self.spread + np.abs(self.mean)
+        return combined
+
+    @property
+    def periodic(self) -> Floats:
+        """S_c(t) = C(t) - S(t), equation 10.
+
+        The sums of m coordinates cancel, so this is the mean of C_s(1, r, t)^m, which contains sums of a
+        single coordinate only.
+        """
+        periodic: Floats = self.sums - self.mean
+        return periodic
 
 
 def longest_delay(count: int, most: int) -> int:
@@ -172,21 +134,24 @@ def longest_delay(count: int, most: int) -> int:
     return max(min(most, count // (_STATES + LARGEST - 1)), 1)
 
 
-def curves(
-    series: Floats, most: int, *, improved: bool, stopped: Callable[[], bool] = lambda: False
-) -> Curves:
-    """Return the curves of the delays 1 … `most`; of fewer where `stopped` said so meanwhile.
+def curves(series: Floats, most: int, *, stopped: Callable[[], bool] = lambda: False) -> Curves:
+    """Return the curves for the delays 1 … `most`, or for fewer delays if `stopped` returns true.
 
-    The improved method takes the spread from the whole series, which is smoother than the mean of the subseries.
+    Parameters
+    ----------
+    series : ndarray, shape (n,)
+        The samples.
+    most : int
+        The longest delay, see :func:`longest_delay`.
+    stopped : callable
+        Polled after each delay.
     """
-    slot = slots(series) if improved else None
-    parts, all_of_it = [], []
+    powers = np.arange(2, LARGEST + 1)[:, None]
+    rows = []
     for t in range(1, most + 1):
-        parts.append(statistic(series, t))
-        if slot is not None:
-            all_of_it.append(whole_statistic(slot, t))
+        sums = correlation_sums(series, t)
+        statistic = (sums[:, 1:] - sums[:, :1] ** powers).mean(axis=0)
+        rows.append((sums[:, 1:].mean(), statistic.mean(), np.ptp(statistic, axis=1).mean()))
         if stopped():
             break
-    mean = np.array([one.mean() for one in parts])
-    spread = np.array([np.ptp(one, axis=1).mean() for one in all_of_it or parts])
-    return Curves(mean, spread, np.array([one.mean() for one in all_of_it]) if improved else None)
+    return Curves(*np.array(rows).T)

@@ -30,7 +30,7 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-#: A peak counts as a period where it stands out by this share of the curve's range.
+#: Minimum prominence of a peak, as a share of the curve's range.
 _PEAK = 0.3
 _DIMENSION: Mapping[str, Option] = {name: one for name, one in EMBEDDING.items() if name != "delay"}
 
@@ -96,23 +96,28 @@ class Autocorrelation(DelayBackend):
 
 
 class CorrelationIntegral(AttractorBackend):
-    """The C-C method: delay and window from how dependent coordinates are (Kim, Eykholt and Salas 1999).
+    """The C-C method: delay and window from the dependence of coordinates, equations 2-7 and 11.
 
-    The delay is the first local minimum of ΔS̄, the window the least value of S_cor, and the dimension so many that
-    states span the window.
+    The delay is the first local minimum of ΔS, or the first zero of S. The window is the global minimum of S_cor, and
+    the dimension follows from it by equation 11.
     """
 
     name = "c-c"
     summary = "delay and dimension by the C-C method of correlation integrals"
-    improved = False
     options: ClassVar[Mapping[str, Option]] = {
         "lags": Option(200, "longest delay tried, samples", int, lower=1, upper=10_000),
         "samples": Option(3000, "leading samples of the series used", int, lower=50, upper=20_000),
+        "criterion": Option(
+            "minimum",
+            "delay at the first local minimum of ΔS or at the first zero of S",
+            str,
+            ("minimum", "zero"),
+        ),
         "theiler": EMBEDDING["theiler"],
     }
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
-        """Return the embedding from the curves of a leading stretch, whose delays thinning would change."""
+        """Return the embedding from the curves of a leading part of the series."""
         series = np.ascontiguousarray(problem.series[: request.options["samples"]])
         if not np.ptp(series) > 0:
             series = problem.series
@@ -124,6 +129,7 @@ class CorrelationIntegral(AttractorBackend):
             own[f"delay of the {half}"], own[f"window of the {half}"], _ = self._chosen(x, request)
         if request.control.stopped:
             return None
+        # Equation 11: the window is (m - 1) delays.
         dimension = max(round(window / delay), 1) + 1
         theiler = request.options["theiler"]
         if theiler is None:
@@ -133,46 +139,59 @@ class CorrelationIntegral(AttractorBackend):
         return Finding(AttractorEstimate(delay, dimension, theiler), own, "; ".join(messages))
 
     def _chosen(self, series: Floats, request: Request) -> tuple[int, int, list[str]]:
-        """Return delay and window, samples, and what a person should know of them."""
+        """Return delay and window in samples, and messages about both."""
         found = curves(
             series / np.abs(series).max(),
             longest_delay(len(series), request.options["lags"]),
-            improved=self.improved,
             stopped=lambda: request.control.stopped,
         )
-        spread, messages = found.spread, []
-        dips = np.flatnonzero((spread[1:-1] < spread[:-2]) & (spread[1:-1] <= spread[2:])) + 1
-        delay = int(dips[0] if dips.size else spread.argmin()) + 1
-        if not dips.size:
-            messages.append("ΔS̄ has no local minimum; its least value is taken")
-        window, message = self.window(found, delay)
-        return delay, window, messages + [message] * bool(message)
+        delay, message = (
+            first_zero_crossing(found.mean)
+            if request.options["criterion"] == "zero"
+            else first_local_minimum(found.spread)
+        )
+        window, other = self.window(found, delay)
+        return delay, window, [text for text in (message, other) if text]
 
     def window(self, found: Curves, delay: int) -> tuple[int, str]:
-        """Return the window, and what a person should know of it."""
+        """Return the window in samples, and a message about it."""
         return int(found.combined.argmin()) + 1, ""
 
 
 class ImprovedCorrelationIntegral(CorrelationIntegral):
-    """An improved C-C method, with smoother curves and the window at a mean period (Lu, Cai and Jiang 2007).
+    """The paper's improved C-C method, equations 8-11: the window is at a peak of S_c.
 
-    ΔS̄ comes from the states of the whole series, and the window is the first peak of |S̄ - S̄ of the whole|, where the
-    subseries are in step with the motion. Equations 2-12 of the paper are known by their name only: that they are
-    this improvement, the one that is cited most, is assumed; and the peak must stand out by 30 % of the range.
+    The paper does not state which peak. The first one that stands out by 30 % of the curve's range is taken, which
+    is the mean orbital period on known systems. The first local maximum is often noise, and the global maximum is
+    at a multiple of the period that depends on the longest delay tried.
     """
 
     name = "improved-c-c"
-    summary = "delay and dimension by an improved C-C method (Lu, Cai and Jiang 2007)"
-    improved = True
+    summary = "delay and dimension by the paper's improved C-C method"
 
     def window(self, found: Curves, delay: int) -> tuple[int, str]:
-        """Return the first peak beyond the delay, or the window of the C-C method where there is none."""
+        """Return the first prominent peak beyond the delay, or the window of the C-C method without one."""
         from scipy.signal import find_peaks
 
-        assert found.whole is not None
-        apart = np.abs(found.mean - found.whole)
-        peaks = find_peaks(apart, prominence=_PEAK * float(np.ptp(apart)))[0] + 1
+        prominence = _PEAK * float(np.ptp(found.periodic))
+        peaks = find_peaks(found.periodic, prominence=prominence)[0] + 1
         peaks = peaks[peaks > delay]
         if peaks.size:
             return int(peaks[0]), ""
         return super().window(found, delay)[0], "no period stands out; the window is that of c-c"
+
+
+def first_local_minimum(spread: Floats) -> tuple[int, str]:
+    """Return the first delay with a local minimum of ΔS, and a message if the global minimum is used instead."""
+    dips = np.flatnonzero((spread[1:-1] < spread[:-2]) & (spread[1:-1] <= spread[2:])) + 1
+    if dips.size:
+        return int(dips[0]) + 1, ""
+    return int(spread.argmin()) + 1, "ΔS̄ has no local minimum; its least value is taken"
+
+
+def first_zero_crossing(mean: Floats) -> tuple[int, str]:
+    """Return the first delay at which S has reached 0, and a message if it never does."""
+    crossed = np.flatnonzero(mean <= 0 if mean[0] > 0 else mean >= 0)
+    if crossed.size:
+        return int(crossed[0]) + 1, ""
+    return int(np.abs(mean).argmin()) + 1, "S̄ has no zero; its least absolute value is taken"

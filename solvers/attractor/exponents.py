@@ -243,17 +243,29 @@ class Rosenstein(AttractorBackend):
         ),
     }
 
+    def embedding(self, problem: AttractorAnalysis, request: Request) -> Embedding:
+        """Return the embedding for the curve of distances."""
+        return embed(problem, request.options)
+
+    def region(
+        self, states: Floats, embedding: Embedding, request: Request
+    ) -> tuple[int | None, int | None]:
+        """Return the first and the last step of the region; None leaves the choice to :func:`scaling_region`."""
+        return request.options["low"], request.options["high"]
+
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
         """Choose a region and read the slope."""
         options = request.options
-        embedding = embed(problem, options)
+        embedding = self.embedding(problem, request)
+        states = problem.states(embedding.delay, embedding.dimension)
+        low, high = self.region(states, embedding, request)
         found = fit_exponent(
-            problem.states(embedding.delay, embedding.dimension),
+            states,
             embedding,
             problem.period,
             method=self.method,
-            low=options.get("low"),
-            high=options.get("high"),
+            low=low,
+            high=high,
             radius=options.get("radius"),
             references=options.get("references", MOST),
             stopped=lambda: request.control.stopped,

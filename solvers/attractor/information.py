@@ -20,6 +20,7 @@ __all__ = [
     "first_minimum",
     "first_zero",
     "longest",
+    "mean_period",
     "minimum_of_information",
     "mutual_information",
     "standardised",
@@ -96,6 +97,12 @@ def first_zero(series: Floats) -> int:
         From 1 to a tenth of the samples.
     """
     return decorrelation(series, 1.96 / math.sqrt(len(series)))
+
+
+def mean_period(series: Floats) -> float:
+    """Return the reciprocal of the mean frequency of the power spectrum, in samples (Rosenstein and others 1993)."""
+    power = np.abs(np.fft.rfft(standardised(series))) ** 2
+    return float(power.sum() / (power @ np.fft.rfftfreq(len(series))))
 
 
 def _ranked(series: Floats, bins: int) -> Ints:

@@ -13,4 +13,3 @@ BACKENDS = {
     "random-search": ".random_search:RandomSearch",
 }
 DIAGNOSES = {"black-box": ".diagnosis:diagnose_black_box"}
-PAPER_TABLES = {"black-box": ".paper_tables:TABLES"}

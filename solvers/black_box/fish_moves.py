@@ -1,9 +1,9 @@
-"""What artificial fish see and how they move: positions in the unit cube, one fish a row.
+"""Equations of the artificial fish swarms: positions in the unit cube, one fish per row.
 
-Sources: "The Robot Path Planning Based on Improved Artificial Fish Swarm Algorithm", Mathematical
-Problems in Engineering 2016, article 3297585, called the paper below; X.-L. Li, Z.-J. Shao and J.-X. Qian,
-"An optimizing method based on autonomous animats: fish-swarm algorithm", Systems Engineering: Theory and
-Practice 22(11), 2002. Lengths are shares of the variables' ranges, so nothing here knows the units.
+Source: "The Robot Path Planning Based on Improved Artificial Fish Swarm Algorithm", Mathematical Problems in
+Engineering 2016, article 3297585, called the paper below. Lengths are shares of the variables' ranges, so
+the functions do not depend on units. Distances are Euclidean in the unit cube. They equal the paper's distances
+if all variables have the same range, as in all its test functions.
 """
 
 from __future__ import annotations
@@ -14,75 +14,79 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-__all__ = ["attenuation", "centres", "leaders", "neighbours", "segment", "towards"]
+__all__ = ["attenuation", "gaussian", "inertia", "leaders", "segment", "towards"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+
+#: Inertia β of eq. 14 at the start and at the end of a run, as printed in section 4.
+_INERTIA = (0.2, 0.9)
 
 
-def neighbours(place: Floats, visual: float) -> Bools:
-    """Return which fish each fish sees, shape (n, n): those nearer than `visual` in every variable.
+def leaders(place: Floats, value: Floats, visual: float) -> Ints:
+    """Return the best fish within the visual of each fish (eq. 1), or the fish itself if it sees no better one.
 
-    Visual is a share of each variable's range, so what a fish sees is a box, the same as where it preys.
-    Nobody sees itself.
+    Parameters
+    ----------
+    place : ndarray, shape (n, d)
+    value : ndarray, shape (n,)
+        Objective values, infinite for a point without a value.
+    visual : float
+        Euclidean distance below which a fish sees another one.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
     """
-    near: Bools = cdist(place, place, "chebyshev") < visual
-    np.fill_diagonal(near, False)
-    return near
-
-
-def centres(place: Floats, near: Bools) -> Floats:
-    """Return the mean place X_c of the fish that each fish sees (eq. 4), its own place where it sees none."""
-    count = near.sum(axis=1)[:, None]
-    found: Floats = np.divide(near @ place, count, out=place.copy(), where=count > 0)
-    return found
-
-
-def leaders(value: Floats, near: Bools) -> Ints:
-    """Return the best fish X_max that each fish sees (eq. 6), itself where none has a value."""
+    near = cdist(place, place) < visual
     best = np.where(near, value, math.inf).argmin(axis=1)
-    rows = np.arange(len(value))
-    return np.where(near[rows, best], best, rows)
+    every = np.arange(len(value))
+    # If no fish within the visual has a value, argmin returns a fish out of sight.
+    seen = near[every, best] & (value[best] < value)
+    return np.where(seen, best, every)
 
 
 def towards(place: Floats, target: Floats, length: Floats) -> Floats:
-    """Return the moves of the given lengths to the targets, (X_v - X) / ‖X_v - X‖ · length (eq. 2).
-
-    The norm is the largest change of a variable, as step, like vision, is a share of each variable's
-    range: with the Euclidean norm, fish hardly move where there are many variables.
+    """Return the moves of given lengths towards the targets: the fractions of eq. 3, 5, 6, 17 and 18.
 
     Parameters
     ----------
     place, target : ndarray, shape (m, d)
     length : ndarray, shape (m,)
+        Step times a random number.
 
     Returns
     -------
     ndarray, shape (m, d)
-        0 where a fish is at its target.
+        0 for a fish at its target.
     """
     way = target - place
-    norm = np.abs(way).max(axis=1)
+    norm = np.linalg.norm(way, axis=1)
     share = np.divide(length, norm, out=np.zeros(len(way)), where=norm > 0)
-    found: Floats = way * share[:, None]
-    return found
+    move: Floats = way * share[:, None]
+    return move
 
 
 def attenuation(progress: float, power: int) -> float:
-    """Return α = exp(-30 (t / T)^s) for eq. 10, with the share of the evaluations for t / T.
+    """Return α = exp(-25 (t / T)^s), the factor of the visual (eq. 10)."""
+    return math.exp(-25.0 * progress**power)
 
-    It is 1 at first and exp(-30) = 9e-14 at the end. The form is the one in common use for
-    swarms of fish; the least vision that is often added (eq. 11) is left out, as α is never 0.
-    """
-    return math.exp(-30.0 * progress**power)
+
+def gaussian(progress: float, sigma: float) -> float:
+    """Return the normal density of t / T with mean 0, the factor of the step (eq. 12)."""
+    return math.exp(-0.5 * (progress / sigma) ** 2) / (sigma * math.sqrt(2.0 * math.pi))
+
+
+def inertia(progress: float) -> float:
+    """Return the inertia weight β, linear from 0.2 at the start to 0.9 at the end (eq. 14)."""
+    start, end = _INERTIA
+    return start - (start - end) * progress
 
 
 def segment(progress: float, last: float) -> float:
-    """Return what vision and step are multiplied with, in three segments of the run.
+    """Return the factor of visual and step in the three segments of a run of the hybrid swarm.
 
-    1 in the first quarter, then falling by the same factor for the same share of the evaluations down to
-    `last`, which holds in the last quarter.
+    It is 1 in the first quarter, `last` in the last quarter, and falls geometrically between them.
     """
     share: float = last ** min(max(2.0 * progress - 0.5, 0.0), 1.0)
     return share

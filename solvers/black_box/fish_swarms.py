@@ -1,258 +1,233 @@
-"""Swarms of artificial fish: the state of a run, and what all fish do in one cycle.
+"""Artificial fish swarms: the state of a run and one iteration of all fish.
 
-All fish act at once on the places of the cycle before, so a cycle asks for values in a few batches.
-
-Equations are those of the paper that :mod:`.fish_moves` names, whose text could be read up to its
-introduction only. What its equations are about is known, not how they are printed: (1)-(7) follow Li, Shao and
-Qian (2002) and common usage, the numbers go by the order of the behaviours, and what is derived
-here is marked so.
+All fish act at once on the positions of the previous iteration, so an iteration evaluates few batches.
+Equations and sections are those of the paper that :mod:`.fish_moves` names.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from .fish_moves import attenuation, centres, leaders, neighbours, segment, towards
+from .fish_moves import attenuation, gaussian, inertia, leaders, segment, towards
 from .native import Objective
 
 __all__ = ["AdaptiveSwarm", "ImprovedSwarm", "Swarm"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-
-#: Cycles without a better point after which fish leap, and the share of them that does: derived.
-_CALM, _LEAPING = 3, 0.1
-#: Inertia β of eq. 14 at the beginning and at the end.
-_INERTIA = (0.2, 0.9)
+#: Points of the unit cube, shape (m, d), and the values there, shape (m,).
+Points = tuple[Floats, Floats]
 
 
 class Swarm:
-    """The artificial fish swarm of Li, Shao and Qian.
+    """The standard artificial fish swarm of section 2 (AFSA).
+
+    A fish moves one step towards the centre of the swarm (eq. 5) and towards the best fish that it sees (eq. 6), if
+    that point is better and the centre is not crowded; the better of both moves counts. Otherwise it preys
+    (eq. 2 and 3), and leaps if all its tries fail (eq. 7). As printed, a fish may get worse: only the
+    bulletin, here ``Objective.best``, keeps the best point.
 
     Parameters
     ----------
     objective : Objective
-        Asked for values; raises ``Ended`` through :meth:`begin` and :meth:`cycle`.
+        Evaluates points; raises ``Ended`` through :meth:`begin` and :meth:`cycle`.
     generator : numpy.random.Generator
     options : mapping
-        ``fish``, ``crowd``, ``visual``, ``step`` and ``tries`` of the backend.
+        Options of the backend.
 
     Attributes
     ----------
-    place, motion : ndarray, shape (n, d)
-        Where each fish is in the unit cube, and its last move.
+    place : ndarray, shape (n, d)
+        Positions of the fish in the unit cube.
     value : ndarray, shape (n,)
-        Values there, infinite where there is none.
+        Objective values, infinite for a point without a value.
+    bulletin : list of float
+        Best value before the first iteration and after each one.
     """
+
+    #: Whether a move towards another fish or the centre is undone if it leads to a worse point.
+    greedy: ClassVar[bool] = False
 
     def __init__(
         self, objective: Objective, generator: Generator, options: Mapping[str, Any]
     ) -> None:
         self.objective, self.generator, self.options = objective, generator, options
-        self.place = self.motion = np.empty((0, objective.dimension))
+        self.place = np.empty((0, objective.dimension))
         self.value = np.empty(0)
-        self._best, self._calm = math.inf, 0
+        self.bulletin: list[float] = []
+
+    @property
+    def progress(self) -> float:
+        """Share t / T of the iterations, or of the evaluations if option ``iterations`` is 0."""
+        total: int = self.options["iterations"]
+        return len(self.bulletin) / total if total else self.objective.progress
 
     def begin(self, start: Floats | None) -> None:
-        """Place the fish; the first one at `start`, whose value is the best so far."""
+        """Draw the positions uniformly; the first fish is at `start`, whose value is known."""
         known = self.objective.best
-        self.place, self.value = self.drawn(self.options["fish"] - (start is not None))
+        self.place = self.generator.random(
+            (self.options["fish"] - (start is not None), self.objective.dimension)
+        )
+        self.value = self.objective(self.place)
         if start is not None:
             self.place = np.vstack([start, self.place])
             self.value = np.append(known, self.value)
-        self.motion = np.zeros_like(self.place)
-
-    def drawn(self, count: int) -> tuple[Floats, Floats]:
-        """Return `count` places, drawn uniformly, and their values."""
-        place = self.generator.random((count, self.objective.dimension))
-        return place, self.objective(place)
-
-    def ranges(self) -> tuple[float, float]:
-        """Return visual and step, shares of each variable's range."""
-        return self.options["visual"], self.options["step"]
-
-    def base(self, who: Ints) -> Floats:
-        """Return from where the moves of some fish begin: their places."""
-        return self.place[who]
-
-    def lengths(self, count: int) -> Floats:
-        """Return `count` lengths of moves in steps, Rand of eq. 2: uniform from 0 to 1."""
-        return self.generator.random(count)
-
-    def moved(self, who: Ints, target: Floats, step: float) -> Floats:
-        """Return where fish come to that move towards targets (eq. 2, 5 and 6).
-
-        X + Rand · Step · (X_v - X) / ‖X_v - X‖; the border of the cube stops a fish.
-        """
-        move = towards(self.place[who], target, step * self.lengths(len(who)))
-        return np.clip(self.base(who) + move, 0.0, 1.0)
-
-    def around(self, centre: Floats, reach: float) -> Floats:
-        """Return X + Rand · reach with a Rand from -1 to 1 for each variable (eq. 1, 3 and 7)."""
-        return np.clip(centre + reach * self.generator.uniform(-1.0, 1.0, centre.shape), 0.0, 1.0)
+        self.bulletin = [self.objective.best]
 
     def cycle(self) -> None:
-        """Let every fish follow or swarm, whichever leads to a better value, or else prey; then leap.
-
-        A place is crowded where a fish there sees at least the share `crowd` of the swarm. The papers
-        compare values divided by numbers of fish instead, which a constant added to the
-        function would change.
-        """
+        """Do one iteration of all fish."""
         visual, step = self.ranges()
-        near = neighbours(self.place, visual)
-        free = near.sum(axis=1) < self.options["crowd"] * len(near)
-        lead = leaders(self.value, near)
-        followers = np.flatnonzero((self.value[lead] < self.value) & free[lead])
-        ahead = self.moved(followers, self.place[lead[followers]], step)
-        swarming = np.flatnonzero(near.any(axis=1) & free)
-        centre = centres(self.place, near)[swarming]
-        worth = self.objective(np.vstack([ahead, centre]))
-        better = worth[len(followers) :] < self.value[swarming]
-        swarming = swarming[better]
-        inward = self.moved(swarming, centre[better], step)
         place, value = self.place.copy(), self.value.copy()
-        for who, there, found in (
-            (followers, ahead, worth[: len(followers)]),
-            (swarming, inward, self.objective(inward)),
-        ):
-            good = found < value[who]
-            place[who[good]], value[who[good]] = there[good], found[good]
-        hungry = np.flatnonzero(~(value < self.value))
+        moved = np.zeros(len(value), bool)
+        for who, target in self.targets(visual):
+            there, result = self.moved(who, target, step)
+            bar = value if self.greedy else np.where(moved, value, np.inf)
+            good = result < bar[who]
+            place[who[good]], value[who[good]] = there[good], result[good]
+            moved[who[good]] = True
+        hungry = np.flatnonzero(~moved)
         place[hungry], value[hungry] = self.prey(hungry, visual, step)
-        self.motion = place - self.place
         self.place, self.value = place, value
-        self.leap(visual)
+        self.bulletin.append(self.objective.best)
 
-    def prey(self, who: Ints, visual: float, step: float) -> tuple[Floats, Floats]:
-        """Return where fish come to that look for something better, and the values there.
+    def ranges(self) -> tuple[float, float]:
+        """Return visual and step, as shares of each variable's range."""
+        return self.options["visual"], self.options["step"]
 
-        A fish moves towards the first better place that it sees (eq. 2), or, where all its tries fail, anywhere
-        within its step (eq. 3), be it for the worse.
+    def targets(self, visual: float) -> list[tuple[Ints, Floats]]:
+        """Return the fish that swarm with their target X_c, and those that follow with their target X_j."""
+        centre = self.place.mean(axis=0, keepdims=True)
+        crowd = (np.linalg.norm(self.place - centre, axis=1) < visual).mean()
+        if crowd >= self.options["crowd"]:
+            return []
+        swarming = np.flatnonzero(self.objective(centre) < self.value)
+        lead = leaders(self.place, self.value, visual)
+        following = np.flatnonzero(self.value[lead] < self.value)
+        return [
+            (swarming, np.repeat(centre, len(swarming), axis=0)),
+            (following, self.place[lead[following]]),
+        ]
+
+    def moved(self, who: Ints, target: Floats, step: float) -> Points:
+        """Return new positions and values of fish that move towards targets (eq. 3, 5 and 6)."""
+        return self.evaluated(
+            self.place[who]
+            + towards(self.place[who], target, step * self.generator.random(len(who)))
+        )
+
+    def prey(self, who: Ints, visual: float, step: float) -> Points:
+        """Return new positions and values of fish that look for a better point.
+
+        A fish moves towards the first better point in its visual (eq. 2 and 3). It leaps if all tries fail (eq. 7).
         """
-        return self.hunted(who, visual, step)[2:]
+        seen, worth = self.sought(who, self.place[who], np.full(self.options["tries"], visual))
+        lucky = worth < self.value[who]
+        seen[lucky], worth[lucky] = self.moved(who[lucky], seen[lucky], step)
+        seen[~lucky], worth[~lucky] = self.around(seen[~lucky], visual)
+        return seen, worth
 
-    def hunted(
-        self, who: Ints, visual: float, step: float
-    ) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return the better places that fish see with their values, and where they come to with those."""
-        seen, worth = self.sought(who, np.full(self.options["tries"], visual))
-        lucky = (worth < self.value[who])[:, None]
-        there = np.where(lucky, self.moved(who, seen, step), self.around(self.base(who), step))
-        return seen, worth, there, self.objective(there)
-
-    def sought(self, who: Ints, reaches: Floats) -> tuple[Floats, Floats]:
-        """Return the first better place X_v that each fish sees (eq. 1), and its value.
+    def sought(self, who: Ints, middle: Floats, reaches: Floats) -> Points:
+        """Return the first better point that each fish finds, or its own position, and the values there.
 
         Parameters
         ----------
         who : ndarray of int, shape (m,)
+        middle : ndarray, shape (m, d)
+            Points around which the fish look.
         reaches : ndarray, shape (tries,)
-            How far it sees in each try.
-
-        Returns
-        -------
-        place : ndarray, shape (m, d)
-            Its own where it sees none.
-        value : ndarray, shape (m,)
+            Largest change of a variable in each try.
         """
         seen, worth = self.place[who], self.value[who]
         left = np.arange(len(who))
         for reach in reaches:
-            if not left.size:
-                break
-            look = self.around(self.place[who[left]], float(reach))
-            found = self.objective(look)
-            good = found < worth[left]
-            seen[left[good]], worth[left[good]] = look[good], found[good]
+            look, result = self.around(middle[left], float(reach))
+            good = result < worth[left]
+            seen[left[good]], worth[left[good]] = look[good], result[good]
             left = left[~good]
         return seen, worth
 
-    def leap(self, visual: float) -> None:
-        """Move some fish anywhere within their vision once no better point is found for a while (eq. 7)."""
-        best = self.objective.best
-        self._calm = 0 if best < self._best else self._calm + 1
-        self._best = best
-        if self._calm < _CALM:
-            return
-        self._calm = 0
-        count = len(self.value)
-        who = self.generator.choice(count, math.ceil(_LEAPING * count), replace=False)
-        self.place[who] = self.around(self.base(who), visual)
-        self.value[who] = self.objective(self.place[who])
+    def around(self, middle: Floats, reach: float) -> Points:
+        """Return X + reach · rand and the values there, one rand in [-1, 1] per variable (eq. 2, 7 and 15)."""
+        return self.evaluated(middle + reach * self.generator.uniform(-1.0, 1.0, middle.shape))
+
+    def evaluated(self, place: Floats) -> Points:
+        """Return points moved into the unit cube, and the values there."""
+        inside = np.clip(place, 0.0, 1.0)
+        return inside, self.objective(inside)
 
 
 class AdaptiveSwarm(Swarm):
-    """The swarm with the two changes of Yao and Ren, whose formulas are derived.
+    """The hybrid adaptive swarm (HAAFSA) that the paper compares with; it does not print the formulas.
 
-    What is known of them is that preying is enhanced and adaptive, and that vision and step change
-    in segments of the run. Here, a fish that preys sees half as far with every try that fails, goes right to
-    the better place that it sees, and stays where it sees none; :func:`.fish_moves.segment` scales
-    vision and step.
+    Of Yao and Ren's method the paper states that preying is enhanced and adaptive, and that visual and step
+    change in segments. Here a fish that preys sees half as far with each failed try, goes right to the better point that
+    it sees, and stays if it sees none. Moves for the worse are undone. :func:`.fish_moves.segment` scales visual
+    and step.
     """
+
+    greedy = True
 
     def ranges(self) -> tuple[float, float]:
         """Return visual and step of the segment."""
-        share = segment(self.objective.progress, self.options["finest"])
+        share = segment(self.progress, self.options["finest"])
         return self.options["visual"] * share, self.options["step"] * share
 
-    def prey(self, who: Ints, visual: float, step: float) -> tuple[Floats, Floats]:
-        """Return the better places that fish see, or their own, and the values there."""
-        return self.sought(who, visual * 0.5 ** np.arange(self.options["tries"]))
+    def prey(self, who: Ints, visual: float, step: float) -> Points:
+        """Return the better points that fish see, or their own positions, and the values there."""
+        return self.sought(who, self.place[who], visual * 0.5 ** np.arange(self.options["tries"]))
 
 
 class ImprovedSwarm(Swarm):
-    """The paper's swarm, with (``shrink``) or without its pull to the origin.
+    """The improved artificial fish swarm of section 3 (IAFSA), as printed.
 
-    As printed, places are multiplied with the inertia β (eq. 15-18): X becomes β X plus the move, which pulls
-    to where all variables are 0. Without the pull, a move keeps the share β of the fish's last
-    move, as in a particle swarm, and a fish that preys goes on to what it sees where its move leads to nothing
-    better; both are derived.
-
-    Eq. 16 is reversed in print: what was taken is that every move leads towards the better place, and
-    happens where the target is better. Of eq. 12 and 13 it is known that the step is Gaussian; derived
-    is that a length is the absolute value of a standard normal number, in steps that fall as vision does.
-    Of eq. 14 it is known that β goes from 0.2 to 0.9; derived is that it does so linearly.
+    Step 2 is part of each iteration: a fish moves to its opposite point if that is better. Visual is attenuated
+    and the step follows a Gaussian. Each move starts at (1 - β) X instead of X, which pulls all fish towards the origin of the
+    variables. A fish moves towards the centre and towards the best fish of the swarm; moves for the worse are
+    undone. Otherwise it preys, and leaps if all its tries fail.
     """
 
-    def drawn(self, count: int) -> tuple[Floats, Floats]:
-        """Return the better half of places drawn uniformly and their opposites, a + b - X (eq. 8 and 9)."""
-        place = self.generator.random((count, self.objective.dimension))
-        place = np.vstack([place, 1.0 - place])
-        value = self.objective(place)
-        best = np.argsort(value, kind="stable")[:count]
-        return place[best], value[best]
+    greedy = True
+
+    def cycle(self) -> None:
+        """Replace each fish by its opposite a + b - X if that is better (eq. 8 and 9), then do one iteration."""
+        other, result = self.evaluated(1.0 - self.place)
+        good = result < self.value
+        self.place = np.where(good[:, None], other, self.place)
+        self.value = np.where(good, result, self.value)
+        super().cycle()
 
     def ranges(self) -> tuple[float, float]:
-        """Return visual and step, attenuated (eq. 10-12)."""
-        share = attenuation(self.objective.progress, self.options["power"])
-        return self.options["visual"] * share, self.options["step"] * share
+        """Return visual (eq. 10 and 11) and step (eq. 12 and 13)."""
+        options, least = self.options, self.options["least"]
+        visual = options["visual"] * attenuation(self.progress, options["power"]) + least
+        return visual, options["step"] * gaussian(self.progress, options["sigma"]) + least
 
-    def base(self, who: Ints) -> Floats:
-        """Return β X, or X and the share β of the last move; β rises with the evaluations (eq. 14)."""
-        first, last = _INERTIA
-        inertia = first + (last - first) * self.objective.progress
-        place = self.place[who]
-        if self.options["shrink"]:
-            origin = self.objective.origin
-            found: Floats = origin + inertia * (place - origin)
-            return found
-        return place + inertia * self.motion[who]
+    def targets(self, visual: float) -> list[tuple[Ints, Floats]]:
+        """Return all fish with the centre X_C of the swarm (eq. 17), and with its best fish X_best (eq. 18)."""
+        every = np.arange(len(self.value))
+        middles = self.place.mean(axis=0), self.place[self.value.argmin()]
+        return [(every, np.repeat(middle[None], len(every), axis=0)) for middle in middles]
 
-    def lengths(self, count: int) -> Floats:
-        """Return `count` lengths of moves in steps (eq. 13)."""
-        return np.abs(self.generator.standard_normal(count))
+    def shrunk(self, who: Ints) -> Floats:
+        """Return (1 - β) X in the unit cube: the start of the moves of eq. 15, 17 and 18."""
+        origin = self.objective.origin
+        start: Floats = origin + (1.0 - inertia(self.progress)) * (self.place[who] - origin)
+        return start
 
-    def prey(self, who: Ints, visual: float, step: float) -> tuple[Floats, Floats]:
-        """Return where fish come to that look for something better, and the values there."""
-        seen, worth, there, found = self.hunted(who, visual, step)
-        if not self.options["shrink"]:
-            worse = ~(found < worth)
-            there[worse], found[worse] = seen[worse], worth[worse]
-        return there, found
+    def moved(self, who: Ints, target: Floats, step: float) -> Points:
+        """Return new positions and values of fish that move towards targets (eq. 17 and 18)."""
+        length = inertia(self.progress) * step * self.generator.random(len(who))
+        return self.evaluated(self.shrunk(who) + towards(self.place[who], target, length))
+
+    def prey(self, who: Ints, visual: float, step: float) -> Points:
+        """Return new positions and values: a better point (eq. 15 and 16), or else a leap (eq. 7)."""
+        reach = inertia(self.progress) * step
+        seen, worth = self.sought(who, self.shrunk(who), np.full(self.options["tries"], reach))
+        lost = ~(worth < self.value[who])
+        seen[lost], worth[lost] = self.around(seen[lost], visual)
+        return seen, worth

@@ -11,4 +11,3 @@ BACKENDS = {
     "pyvrp": ".pyvrp_routing:PyVrpRouting",
 }
 DIAGNOSES = {"fleet-routing": ".diagnosis:diagnose_fleet"}
-PAPER_TABLES = {"fleet": ".paper_tables:TABLES"}

@@ -7,9 +7,9 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from ...models.fleet import FleetRouting, Metric
-from .clustering_kernels import assign
+from .clustering_kernels import reclassify
 
-__all__ = ["clustered", "k_means", "positions"]
+__all__ = ["assigned", "k_means", "move_centres", "positions"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -59,64 +59,52 @@ def _embedded(distances: Floats) -> Floats:
     return found * np.where(signs == 0, 1.0, signs)
 
 
-def k_means(points: Floats, m: int, slack: int, rounds: int, rng: Generator) -> Ints:
-    """Return the cluster of each point by Lloyd's rounds from `m` of the points, drawn.
+def k_means(
+    points: Floats, m: int, weights: Floats, share: float, rounds: int, rng: Generator
+) -> Ints:
+    """Return the cluster of each point by k-means with bounded clusters, from `m` points that are drawn.
 
-    With `slack` below the number of points, clusters are balanced in each round as those of particles.
+    Each round is a reclassification, :func:`.clustering_kernels.reclassify`, and a move of the centres
+    to the means of their points. It ends if no label changes.
     """
     n = len(points)
-    centres = points[rng.choice(n, m, replace=False)]
-    gaps, labels = np.empty((n, m)), np.empty(n, np.int64)
-    previous = np.full(n, -1)
+    centres = points[rng.choice(n, m, replace=False)].copy()
+    labels, previous = np.empty(n, np.int64), np.full(n, -1)
     for _ in range(rounds):
-        assign(points, centres, slack, gaps, labels)
+        reclassify(points, centres, weights, share, labels)
         if np.array_equal(labels, previous):
             break
         previous = labels.copy()
-        centres = centres_of(points, labels, centres)
+        centres = move_centres(points, labels, centres)
     return labels
 
 
-def centres_of(points: Floats, labels: Ints, before: Floats) -> Floats:
-    """Return the mean of each cluster; an empty one stays where it was."""
-    counts = np.bincount(labels, minlength=len(before))
-    sums = np.zeros_like(before)
-    np.add.at(sums, labels, points)
-    return np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], before)
+def move_centres(points: Floats, labels: Ints, centres: Floats) -> Floats:
+    """Return each centre moved to the mean of its points (eq. 21); one without points stays."""
+    m = len(centres)
+    counts = np.bincount(labels, minlength=m)[:, None]
+    sums = np.column_stack([np.bincount(labels, x, minlength=m) for x in points.T])
+    return np.where(counts > 0, sums / np.maximum(counts, 1), centres)
 
 
-def clustered(model: FleetRouting, points: Floats, labels: Ints) -> list[Ints]:
-    """Return the customers of each vehicle, as indices of `points`.
+def assigned(model: FleetRouting, labels: Ints) -> Ints:
+    """Return the vehicle of each customer, so that each vehicle has one of the clusters.
 
-    Where there are nodes enough, no cluster is left empty: the largest gives the node that is farthest
-    from its mean. Clusters go to vehicles such that the ways to their depots are shortest in all, and
-    demands above a vehicle's capacity least.
+    The ways from the depots to their clusters are shortest in total, and demands above the capacity
+    of a vehicle come first. Vehicles from one depot without capacities take the clusters in order.
     """
-    m = model.vehicles
-    labels = labels.copy()
-    count = min(m, len(points))
-    while True:
-        sizes = np.bincount(labels, minlength=m)
-        if np.count_nonzero(sizes) >= count:
-            break
-        large = int(sizes.argmax())
-        members = np.flatnonzero(labels == large)
-        gaps = np.linalg.norm(points[members] - points[members].mean(axis=0), axis=1)
-        labels[members[int(gaps.argmax())]] = int(sizes.argmin())
-    parts = [np.flatnonzero(labels == k) for k in range(m)]
     if model.depots.size == 1 and model.capacity is None:
-        return parts
+        return labels
     from scipy.optimize import linear_sum_assignment
 
-    d, nodes = model.distances, model.customers
+    m, d, nodes = model.vehicles, model.distances, model.customers
     ways = np.zeros((m, m))
-    for k, part in enumerate(parts):
+    for k in range(m):
+        part = nodes[labels == k]
         if part.size:
-            both = d[model.homes][:, nodes[part]] + d[nodes[part]][:, model.homes].T
-            ways[k] = both.min(axis=1)
+            ways[k] = (d[model.homes][:, part] + d[part][:, model.homes].T).min(axis=1)
             if model.capacity is not None and model.demands is not None:
-                excess = np.maximum(model.demands[nodes[part]].sum() - model.capacity, 0.0)
+                excess = np.maximum(model.demands[part].sum() - model.capacity, 0.0)
                 scale = float(model.demands.sum()) or 1.0
                 ways[k] += 1e6 * float(d.max()) * excess / scale
-    vehicles = linear_sum_assignment(ways)[1]
-    return [parts[int(k)] for k in np.argsort(vehicles)]
+    return np.asarray(linear_sum_assignment(ways)[1][labels], np.int64)

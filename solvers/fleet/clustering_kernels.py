@@ -1,4 +1,4 @@
-"""Loops over particles: nodes to their nearest centres, and from the largest cluster to the smallest."""
+"""Loop of the reclassification of samples by cluster centres (Algorithm 3, lines 5-11)."""
 
 from __future__ import annotations
 
@@ -9,97 +9,56 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["assign", "evaluate"]
+__all__ = ["reclassify"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Relative rounding that a sum of weights may exceed its share by.
+ROUNDING = 1e-12
 
-@kernel
-def assign(points: Floats, centres: Floats, slack: int, gaps: Floats, labels: Ints) -> None:
-    """Fill `labels` with the cluster of each node, and `gaps` with its distance to each centre.
 
-    Each node goes to its nearest centre. Then the largest cluster gives nodes to the smallest, each
-    time the one for which the change costs least, until they differ by `slack` nodes at most
-    (eq. 18-21). Of equals the first is taken.
+@kernel(interpretable=True)
+def reclassify(
+    points: Floats, centres: Floats, weights: Floats, share: float, labels: Ints
+) -> None:
+    """Fill `labels` with the cluster of each sample (Algorithm 3, lines 6-10; eq. 20).
+
+    Each centre in turn sorts the samples that are still free by their distance and takes them in this
+    order as long as the sum of their weights stays within `share`. The last centre takes the rest. A
+    centre takes at least one sample and leaves one for each centre behind it, if there are enough.
 
     Parameters
     ----------
     points : ndarray, shape (n, dims)
+        The samples, n >= 1.
     centres : ndarray, shape (m, dims)
-    slack : int
-        At least 1; otherwise there may be no end.
-    gaps : ndarray, shape (n, m)
+    weights : ndarray, shape (n,)
+        Weight of each sample, R_i of eq. 18; infinite shares make every sample go to its first centre.
+    share : float
+        Largest sum of the weights of a cluster, R / m.
     labels : ndarray of int, shape (n,)
     """
-    n, m = gaps.shape
-    counts = np.zeros(m, np.int64)
+    n, m = points.shape[0], centres.shape[0]
+    gaps = np.empty(n)
     for i in range(n):
-        nearest = 0
-        for k in range(m):
+        labels[i] = -1
+    free = n
+    for k in range(m):
+        for i in range(n):
             total = 0.0
             for j in range(points.shape[1]):
                 total += (points[i, j] - centres[k, j]) * (points[i, j] - centres[k, j])
-            gaps[i, k] = math.sqrt(total)
-            if gaps[i, k] < gaps[i, nearest]:
-                nearest = k
-        labels[i] = nearest
-        counts[nearest] += 1
-    while True:
-        large, small = 0, 0
-        for k in range(1, m):
-            if counts[k] > counts[large]:
-                large = k
-            if counts[k] < counts[small]:
-                small = k
-        if counts[large] - counts[small] <= slack:
-            return
-        chosen, least = -1, math.inf
-        for i in range(n):
-            if labels[i] == large:
-                cost = gaps[i, small] - gaps[i, large]
-                if chosen < 0 or cost < least:
-                    chosen, least = i, cost
-        labels[chosen] = small
-        counts[large] -= 1
-        counts[small] += 1
-
-
-@kernel
-def evaluate(
-    points: Floats, swarm: Floats, slack: int, balance: float, labels: Ints, fitness: Floats,
-    flag: NDArray[np.int8],
-) -> None:  # fmt: skip
-    """Fill the clusters of the nodes and the fitness of each particle, for a part of the swarm.
-
-    The fitness is the sum over clusters of W_k, the distances of its nodes to its centre, and `balance`
-    times their standard deviation (division by m); infinite for those that `flag` cuts off.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n, dims)
-    swarm : ndarray, shape (particles, m, dims)
-    slack : int
-    balance : float
-    labels : ndarray of int, shape (particles, n)
-    fitness : ndarray, shape (particles,)
-    flag : ndarray of int8, shape (1,)
-    """
-    n, m = points.shape[0], swarm.shape[1]
-    gaps = np.empty((n, m))
-    widths = np.empty(m)
-    for p in range(swarm.shape[0]):
-        if flag[0]:
-            fitness[p] = math.inf
-            continue
-        assign(points, swarm[p], slack, gaps, labels[p])
-        total = 0.0
-        for k in range(m):
-            widths[k] = 0.0
-        for i in range(n):
-            widths[labels[p, i]] += gaps[i, labels[p, i]]
-            total += gaps[i, labels[p, i]]
-        spread = 0.0
-        for k in range(m):
-            spread += (widths[k] - total / m) * (widths[k] - total / m)
-        fitness[p] = total + balance * math.sqrt(spread / m)
+            gaps[i] = total
+        taken, count = 0.0, 0
+        while free > 0 and (count == 0 or free > m - 1 - k):
+            near, least = -1, math.inf
+            for i in range(n):
+                if labels[i] < 0 and (near < 0 or gaps[i] < least):
+                    near, least = i, gaps[i]
+            taken += weights[near]
+            if k < m - 1 and count > 0 and taken > share * (1.0 + ROUNDING):
+                break
+            labels[near] = k
+            count += 1
+            free -= 1

@@ -1,4 +1,4 @@
-"""Closed tours by an ant colony; node 0 of the distances is the depot."""
+"""Closed tours by an ant colony (Algorithm 3, lines 13-22); node 0 of the distances is the depot."""
 
 from __future__ import annotations
 
@@ -108,6 +108,10 @@ def colony(
     n = len(order)
     best = measure(d, order)
     trail, choice = np.ones((n + 1, n + 1)), np.empty((n + 1, n + 1))
+    shine = np.empty((n + 1, n + 1))
+    for i in range(n + 1):
+        for j in range(n + 1):
+            shine[i, j] = (d[i, j] + NEAR) ** -beta
     ways, lengths = np.empty((ants, n), np.int64), np.empty(ants)
     # The best tour leaves 1 each time, and all ants as much at the most.
     floor = FAINT * 2.0 / (evaporation * (n + 1))
@@ -116,7 +120,8 @@ def colony(
             return best, step
         for i in range(n + 1):
             for j in range(n + 1):
-                choice[i, j] = trail[i, j] ** alpha * (d[i, j] + NEAR) ** -beta
+                faded = trail[i, j] if alpha == 1.0 else trail[i, j] ** alpha
+                choice[i, j] = faded * shine[i, j]
         for a in range(ants):
             if flag[0]:
                 return best, step

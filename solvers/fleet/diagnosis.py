@@ -135,7 +135,7 @@ def _without_limits(model: FleetRouting, time_limit: float | None) -> Iterator[F
         yield Finding(
             f"{name} {limit:.6g} is in the way: without it a plan exists that needs {least}"
             f"{needed:.6g}",
-            "16" if name == "deviation_limit" else "",
+            "",
             name,
             {"field": name, "limit": limit, "needed": needed, "plan": answer.plan.to_data()},
         )

@@ -72,9 +72,10 @@ class _Data:
             order = others[np.argsort(both[i, others], kind="stable")][: near.shape[1]]
             near[i, : order.size] = order
         none = math.inf
-        of_sum = model.objective is Objective.DEVIATION
         divisor = m - 1 if model.deviation is Deviation.SAMPLE else m
-        weight = model.q if of_sum else LEXICOGRAPHIC_OF[model.objective]
+        # The variance is in squared units.
+        scale = unit if model.objective is Objective.VARIANCE else 1.0
+        weight = 1e-6 if model.objective is Objective.LEXICOGRAPHIC else model.q * scale
         flat = model.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
         limits = (model.budget, model.deviation_limit, model.range_limit)
         rules = [
@@ -92,12 +93,11 @@ class _Data:
         )  # fmt: skip
 
 
-#: Codes of the objectives in the loops, and the weight of the sum in those that have one.
+#: Codes of the objectives in the loops.
 CODES = {
     Objective.SUM: 0, Objective.MAX: 1, Objective.DEVIATION: 2, Objective.RANGE: 3,
-    Objective.LEXICOGRAPHIC: 4,
+    Objective.LEXICOGRAPHIC: 4, Objective.VARIANCE: 5,
 }  # fmt: skip
-LEXICOGRAPHIC_OF = {one: 1e-6 if one is Objective.LEXICOGRAPHIC else 0.0 for one in Objective}
 
 
 @dataclass

@@ -137,7 +137,7 @@ def _declare(routing: Any, problem: FleetRouting) -> None:
     """State costs, limits and the use of vehicles."""
     distances, scale = whole_distances(problem, LARGEST)
     arc, span = 1, 0 if problem.objective is Objective.SUM else SPAN
-    if problem.objective is Objective.DEVIATION:
+    if problem.objective in (Objective.VARIANCE, Objective.DEVIATION):
         arc, span = SPAN, round(min(SPAN * problem.q, 1e6))
     lengths = routing.RegisterTransitMatrix(distances.tolist())
     costs = lengths if arc == 1 else routing.RegisterTransitMatrix((arc * distances).tolist())

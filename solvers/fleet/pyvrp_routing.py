@@ -62,8 +62,8 @@ class PyVrpRouting(FleetHeuristic):
         """Return what is refused: objectives beside the sum and the longest route."""
         if problem.objective is Objective.RANGE:
             return "the objective 'range'"
-        if problem.objective is Objective.DEVIATION and problem.q > 0:
-            return "the objective 'sum-deviation' with q > 0"
+        if problem.q > 0:
+            return f"the objective {str(problem.objective)!r} with q > 0"
         if problem.size > MOST:
             return f"more than {MOST} nodes, got {problem.size}"
         return ""

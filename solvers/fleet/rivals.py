@@ -1,4 +1,4 @@
-"""What the paper's algorithms and their rivals share: the best plan so far, and what is made of it."""
+"""Shared parts of the heuristics: the best plan so far, and its answer."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class Best:
     Parameters
     ----------
     problem : FleetRouting
-        What is asked.
+        The model.
     request : Request
-        Told of every better plan.
+        Receives every better plan.
     """
 
     problem: FleetRouting

@@ -22,7 +22,7 @@ from ...jit import kernel
 __all__ = ["SUM", "anneal", "measure"]
 
 #: Codes of the objectives.
-SUM, MAX, DEVIATION, RANGE = 0, 1, 2, 3
+SUM, MAX, DEVIATION, RANGE, VARIANCE = 0, 1, 2, 3, 5
 #: Energy of breaking a limit, in objectives for each breach as large as the limit.
 PENALTY = 10.0
 #: Probability of passing over a place in recreate (the paper's "blink").
@@ -41,8 +41,8 @@ def measure(
 ) -> tuple[float, float, float]:  # fmt: skip
     """Return energy, objective, and how much limits are broken, of the lengths of routes.
 
-    `rules` holds the objective's code, q, what the deviation divides by, the share of the mean load
-    in the energy, and the limits on sum, deviation and range.
+    `rules` holds the objective's code, q, the divisor in the deviation, the share of the mean load in
+    the energy, and the limits on sum, deviation and range.
     """
     m = loads.size
     total, most, least = 0.0, -math.inf, math.inf
@@ -71,6 +71,8 @@ def measure(
         objective = most
     elif kind == DEVIATION:
         objective = total + rules[1] * deviation
+    elif kind == VARIANCE:
+        objective = total + rules[1] * squares / m
     elif kind == RANGE:
         objective = most - least
     else:

@@ -57,8 +57,10 @@ class SubsetDP(Backend):
         for name in ("deviation_limit", "range_limit"):
             if getattr(problem, name) is not None:
                 return f"it does not take {name}, for which a detour may pay"
-        if problem.objective is Objective.RANGE:
-            return "it does not take the objective 'range', for which a detour may pay"
+        squared = problem.objective is Objective.VARIANCE and problem.q > 0
+        if squared or problem.objective is Objective.RANGE:
+            name = str(problem.objective)
+            return f"it does not take the objective {name!r}, for which a detour may pay"
         most = math.sqrt(_share(problem) * vehicles / max(vehicles - 1, 0.5))
         if problem.q > most and vehicles > 1:
             return f"it takes q up to {most:.6g}, beyond which a detour may pay, got {problem.q:g}"

@@ -1,4 +1,4 @@
-"""Clusters first, tours second: PSO-AC of the paper, and its rivals k-means-AC and TPHA."""
+"""Clusters and tours: PSO-AC of the paper (Algorithm 3), and its rivals k-means-AC and TPHA."""
 
 from __future__ import annotations
 
@@ -10,208 +10,155 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.random import Generator
+from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
-from ...models.fleet import FleetRouting, Objective
+from ...models.fleet import FleetRouting
+from ...models.fleet.checks import objective_of
 from ..backend import Feature, Option, Request
 from .rivals import Best, FleetHeuristic, available_threads
+from .swarm import Colonies, energies, swarm
 
 __all__ = ["KMeansAntColony", "PsoAntColony", "PsoAntColonySerial", "TwoPhase", "TwoPhases"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_RESTARTS = Option(False, "Whether it starts again, drawing anew, until the time limit.", bool)
-_SLACK = Option(
-    None,
-    "Nodes that the largest cluster may have more than the smallest; by default 1, and any number "
-    "where the balance counts nothing.",
-    int,
-    lower=1,
-)
-_COLONY = {
-    "ants": Option(24, "Ants of a cluster.", int, lower=1, upper=10_000),
-    "ant_iterations": Option(80, "Times that they walk.", int, lower=0),
-    "alpha": Option(1.0, "Exponent of the pheromone (paper: α).", lower=0, upper=10),
-    "beta": Option(3.0, "Exponent of the reciprocal distance (paper: β).", lower=0, upper=10),
-    "evaporation": Option(0.1, "Share of the pheromone lost each time.", lower=1e-3, upper=1),
-}  # fmt: skip
+_RESTARTS = Option(False, "Start again with new random numbers until the time limit.", bool)
+
+
+def _colony(ants: int, iterations: int) -> dict[str, Option]:
+    return {
+        "ants": Option(ants, "Ants of a cluster.", int, lower=1, upper=10_000),
+        "ant_iterations": Option(iterations, "Tours of each ant.", int, lower=0),
+        "alpha": Option(1.0, "Exponent of the pheromone (paper: 1).", lower=0, upper=10),
+        "beta": Option(3.0, "Exponent of the reciprocal distance (paper: 3).", lower=0, upper=10),
+        "evaporation": Option(
+            0.1, "Share of the pheromone lost in an iteration.", lower=1e-3, upper=1
+        ),
+    }  # fmt: skip
 
 
 @dataclass
-class _Stage:
-    """What both phases work with."""
+class Stage:
+    """Data of one run that all its phases share."""
 
     problem: FleetRouting
     request: Request
     points: Floats
     clusters: int
-    slack: int
-    balance: float
-    threads: int
-    pool: ThreadPoolExecutor | None
+    colonies: Colonies
+    counts: dict[str, int]
+
+    def count(self, **more: int) -> None:
+        """Add to the statistics of the run."""
+        for name, number in more.items():
+            name = name.replace("_", " ")
+            self.counts[name] = self.counts.get(name, 0) + number
 
 
 class TwoPhases(FleetHeuristic):
-    """Base of the algorithms that share the nodes out by where they lie, and then find each tour.
+    """Base of the algorithms that cluster the nodes by their places and find a tour of each cluster.
 
-    Nodes are points: those given, or the embedding of their distances (:func:`.clustering.positions`).
-    Tours are measured by the true distances. Limits are held against the plan, and not sought.
+    The places are the model's points, or the embedding of the distances
+    (:func:`.clustering.positions`). Tours are measured by the true distances. Limits of the model are
+    checked and not searched for.
     """
 
     features = FleetHeuristic.features | {Feature.THREADS}
 
     @abstractmethod
-    def partition(self, stage: _Stage, rng: Generator, counts: dict[str, int]) -> Ints:
-        """Return the cluster of each point, and count what was done."""
+    def once(self, stage: Stage, best: Best, seeds: SeedSequence) -> None:
+        """Run the algorithm once and offer its plans to `best`."""
 
-    @abstractmethod
-    def tour(self, d: Floats, order: Ints, symmetric: bool, stage: _Stage, rng: Generator) -> int:
-        """Improve `order` in place; return the iterations done."""
+    def colonies(self, request: Request) -> type[Colonies]:
+        """Return the implementation of the ant colonies."""
+        return Colonies
 
     def search(self, best: Best, request: Request) -> Mapping[str, Any]:
-        """Share out and find tours, once or until the time is used up."""
-        from .clustering import clustered, positions
+        """Run the algorithm once, or until the time limit with the option ``restarts``."""
+        from .clustering import positions
 
-        model = best.problem
+        model, own = best.problem, request.options
         points = positions(model)
-        balance = request.options.get("balance")
-        if balance is None:
-            balance = {Objective.SUM: 0.0, Objective.DEVIATION: model.q}.get(model.objective, 1.0)
-        slack = request.options["slack"] or (1 if balance > 0 else len(points))
+        names = ("ants", "ant_iterations", "alpha", "beta", "evaporation")
+        settings = np.array([float(own.get(name, 0)) for name in names])
         threads = 1 if self.single_threaded else available_threads(request)
         counts = {"runs": 0}
         with ExitStack() as stack:
             pool = stack.enter_context(ThreadPoolExecutor(threads)) if threads > 1 else None
-            stage = _Stage(
-                model,
-                request,
-                points,
-                min(model.vehicles, len(points)),
-                slack,
-                balance,
-                threads,
-                pool,
-            )
+            kind = self.colonies(request)
+            colonies = kind(model, settings, threads, pool, request.control.flag)
+            clusters = min(model.vehicles, len(points))
+            stage = Stage(model, request, points, clusters, colonies, counts)
             while True:
-                seed = [request.seed or 0, counts["runs"]]
-                own, *each = np.random.SeedSequence(seed).spawn(1 + model.vehicles)
-                labels = self.partition(stage, np.random.default_rng(own), counts)
-                parts = clustered(model, points, labels)
-                routes = self._tours(stage, parts, each, counts)
-                best.offer_filled(routes)
+                self.once(stage, best, SeedSequence([request.seed or 0, counts["runs"]]))
                 counts["runs"] += 1
-                again = request.options["restarts"] and request.time_limit is not None
+                again = own["restarts"] and request.time_limit is not None
                 if not again or request.control.stopped:
                     return counts
 
-    def _tours(
-        self, stage: _Stage, parts: list[Ints], seeds: list[Any], counts: dict[str, int]
-    ) -> list[list[int]]:
-        """Return the route of each vehicle, found by as many threads as there are."""
-        from .colony_kernels import nearest
 
-        model = stage.problem
+class PsoAntColony(TwoPhases):
+    """GPSO-AC, the paper's algorithm: a swarm of cluster centres, a tour of each cluster by ants.
 
-        def routed(k: int) -> tuple[list[int], int]:
-            nodes = np.concatenate([model.homes[k : k + 1], model.customers[parts[k]]])
-            d = model.distances[np.ix_(nodes, nodes)]
-            # Scaled by a power of two, so that scaled problems have the same tours.
-            d = np.ascontiguousarray(np.ldexp(d, -np.frexp(d.max())[1]))
-            order = np.empty(len(nodes) - 1, np.int64)
-            nearest(d, order)
-            symmetric = bool(np.array_equal(d, d.T))
-            done = self.tour(d, order, symmetric, stage, np.random.default_rng(seeds[k]))
-            return nodes[order].tolist(), done
+    Algorithm 3. A particle is the centres of all clusters. In each iteration each centre in turn takes
+    the free nodes nearest to it as long as the sum of their energies R_i (eq. 18) stays within R / m
+    (eq. 19, 20), the centres move to the means of their nodes (eq. 21), and an ant colony in each
+    cluster finds a tour. The fitness is the objective of the model at the lengths of these tours:
+    eq. 15 for "sum", eq. 15 plus q times eq. 16 for "sum-variance". Particles are evaluated in
+    parallel on threads; each draws from a generator of its own, so the plan does not depend on their
+    number. With ``device="gpu"`` the colonies of all particles run at once as array code of PyTorch,
+    with other random numbers.
 
-        # The first alone, for it may be compiled then.
-        found = [routed(0)]
-        rest = range(1, model.vehicles)
-        found += map(routed, rest) if stage.pool is None else stage.pool.map(routed, rest)
-        counts["tour iterations"] = counts.get("tour iterations", 0) + sum(one[1] for one in found)
-        return [one[0] for one in found]
-
-
-class AntColony(TwoPhases):
-    """Base of those whose second phase is an ant colony.
-
-    From the paper: α = 1 and β = 3. Ours, for the paper's text on it is not at hand: an elitist ant
-    system (M. Dorigo, V. Maniezzo and A. Colorni, "Ant system", 1996), in which each ant leaves
-    pheromone in proportion to the best length over its own, and the best tour as much as all ants can;
-    the first tour goes to the nearest node each time. Ways there and back may differ.
-    """
-
-    def tour(self, d: Floats, order: Ints, symmetric: bool, stage: _Stage, rng: Generator) -> int:
-        """Improve `order` in place; return the iterations done."""
-        from .colony_kernels import colony
-
-        own = stage.request.options
-        return colony(
-            d, symmetric, own["ants"], own["ant_iterations"], own["alpha"], own["beta"],
-            own["evaporation"], rng, stage.request.control.flag, order,
-        )[1]  # fmt: skip
-
-
-class PsoAntColony(AntColony):
-    """PSO-AC, the paper's algorithm: clusters by a particle swarm, a tour of each by an ant colony.
-
-    From the paper: a particle is the centres of all clusters, and its fitness a weighted distance of
-    the nodes to them; nodes of the largest cluster go to the smallest until they are balanced (eq.
-    18-21); both acceleration coefficients are 1.97; the swarm is evaluated in parallel.
-
-    Ours, for the paper's text on it is not at hand: the fitness is the sum of all distances to centres
-    and `balance` times the standard deviation of the clusters' sums; clusters are balanced where their
-    numbers of nodes differ by `slack` at most, and the node moved is the one for which the change of
-    its distance is least; the inertia falls from 0.9 to 0.4, and a centre moves at most a fifth of the
-    width of the plane. Particles are evaluated by compiled loops on threads, or as array code on a GPU;
-    random numbers are drawn on the CPU, so all three see the same particles, but array code sums in
-    another order and may rank nearly equal ones differently.
+    From the paper: swarms of 32 to 256, 1.97 for both acceleration coefficients, α = 1 and β = 3. The
+    text lacks eq. 20-22 and all other parameters. These are ours: the inertia falls from 0.9 to 0.4; the
+    colony is an elitist ant system (M. Dorigo, V. Maniezzo and A. Colorni, "Ant system", 1996) that
+    starts from the tour of the nearest neighbour. The page tells how the reading was chosen.
     """
 
     name = "pso-ac"
     options: ClassVar[Mapping[str, Option]] = {
-        "swarm": Option(64, "Particles (paper: 32 to 256).", int, lower=1, upper=100_000),
-        "iterations": Option(60, "Moves of the swarm.", int, lower=0),
-        "learning": Option(1.97, "Both acceleration coefficients.", lower=0, upper=10),
-        "balance": Option(
-            None,
-            "Weight of the deviation in the fitness; by default q for 'sum-deviation', 0 for 'sum', "
-            "else 1.",
-            lower=0,
+        "swarm": Option(32, "Particles (paper: 32 to 256).", int, lower=1, upper=100_000),
+        "iterations": Option(50, "Moves of the swarm.", int, lower=0),
+        "learning": Option(
+            1.97, "Both acceleration coefficients (paper: 1.97).", lower=0, upper=10
         ),
-        "slack": _SLACK,
-        **_COLONY,
+        **_colony(10, 50),
         "restarts": _RESTARTS,
         "device": Option(
-            "cpu", "What evaluates the swarm; 'gpu' needs the extra 'gpu' and CUDA.", str,
+            "cpu", "Device of the ant colonies; 'gpu' needs the extra 'gpu' and CUDA.", str,
             ("cpu", "gpu"),
         ),
     }  # fmt: skip
     summary = "the paper's particle swarm and ant colony, evaluated in parallel (GPSO-AC)"
 
-    def partition(self, stage: _Stage, rng: Generator, counts: dict[str, int]) -> Ints:
-        """Return the labels of the best particle."""
-        from .swarm import swarm, threaded, torch_evaluation
+    def colonies(self, request: Request) -> type[Colonies]:
+        """Return the compiled loops, or the array code on a graphics card."""
+        if request.options.get("device", "cpu") == "cpu":
+            return Colonies
+        from .array_colonies import torch_colonies
 
-        own, flag = stage.request.options, stage.request.control.flag
-        if own.get("device") == "gpu":
-            evaluate = torch_evaluation(stage.points, stage.slack, stage.balance)
-        else:
-            evaluate = threaded(
-                stage.points, stage.slack, stage.balance, stage.threads, stage.pool, flag
-            )
-        labels, done, evaluations = swarm(
-            stage.points, stage.clusters, own["swarm"], own["iterations"], own["learning"], evaluate,
-            rng, flag,
+        return torch_colonies()
+
+    def once(self, stage: Stage, best: Best, seeds: SeedSequence) -> None:
+        """Move a swarm and offer the plan of each better particle."""
+        model, own = stage.problem, stage.request.options
+        weights = energies(model)
+        found = swarm(
+            stage.points, stage.clusters, own["swarm"], own["iterations"], own["learning"],
+            float(weights.sum()) / stage.clusters, weights, stage.colonies,
+            lambda loads: objective_of(model, loads), best.offer_filled, seeds,
         )  # fmt: skip
-        counts["iterations"] = counts.get("iterations", 0) + done
-        counts["evaluations"] = counts.get("evaluations", 0) + evaluations
-        return labels
+        stage.count(
+            iterations=found.iterations,
+            evaluations=found.evaluations,
+            ant_iterations=found.ant_iterations,
+        )
 
 
 class PsoAntColonySerial(PsoAntColony):
-    """PSO-AC on one thread, with the same plan at the same seed."""
+    """PSO-AC of the paper: GPSO-AC on one thread, with the same plan at the same seed."""
 
     name = "pso-ac-serial"
     features = FleetHeuristic.features
@@ -222,49 +169,73 @@ class PsoAntColonySerial(PsoAntColony):
     summary = "the paper's particle swarm and ant colony, on one thread (PSO-AC)"
 
 
-class KMeansAntColony(AntColony):
-    """k-means-AC, the paper's rival: clusters by k-means, a tour of each by an ant colony.
+class ClusterFirst(TwoPhases):
+    """Base of the paper's rivals: k-means with bounded clusters, then one tour for each cluster."""
 
-    Ours: Lloyd's rounds begin with nodes that are drawn, and nothing is balanced.
+    @abstractmethod
+    def weights(self, stage: Stage) -> Floats:
+        """Return the weights of the nodes; a cluster takes at most 1 / m of their sum."""
+
+    @abstractmethod
+    def tours(
+        self, stage: Stage, labels: Ints, rng: Generator
+    ) -> tuple[list[list[int]], dict[str, int]]:
+        """Return the routes through the clusters, and statistics."""
+
+    def once(self, stage: Stage, best: Best, seeds: SeedSequence) -> None:
+        """Cluster the nodes, find the tours and offer the plan."""
+        from .clustering import assigned, k_means
+
+        rng = np.random.default_rng(seeds)
+        weights = self.weights(stage)
+        share = float(weights.sum()) / stage.clusters
+        rounds = stage.request.options["rounds"]
+        labels = k_means(stage.points, stage.clusters, weights, share, rounds, rng)
+        routes, counts = self.tours(stage, assigned(stage.problem, labels), rng)
+        best.offer_filled(routes)
+        stage.count(**counts)
+
+
+class KMeansAntColony(ClusterFirst):
+    """k-means-AC, the paper's rival: k-means once, then an ant colony in each cluster.
+
+    The paper only names it. Ours: the reclassification of PSO-AC and the move of the centres repeat
+    until no label changes; the colony is that of PSO-AC.
     """
 
     name = "kmeans-ac"
     options: ClassVar[Mapping[str, Option]] = {
-        "rounds": Option(100, "Rounds of k-means at most.", int, lower=1),
-        "slack": Option(
-            None, "Nodes that the largest cluster may have more than the smallest; any number by default.",
-            int, lower=1,
-        ),
-        **_COLONY,
+        "rounds": Option(100, "Largest number of rounds of k-means.", int, lower=1),
+        **_colony(24, 80),
         "restarts": _RESTARTS,
     }  # fmt: skip
     summary = "k-means, and an ant colony for each cluster"
 
-    def partition(self, stage: _Stage, rng: Generator, counts: dict[str, int]) -> Ints:
-        """Return the labels by k-means."""
-        from .clustering import k_means
+    def weights(self, stage: Stage) -> Floats:
+        """Return the energies of eq. 18."""
+        return energies(stage.problem)
 
-        own = stage.request.options
-        slack = own["slack"] or len(stage.points)
-        return k_means(stage.points, stage.clusters, slack, own["rounds"], rng)
+    def tours(
+        self, stage: Stage, labels: Ints, rng: Generator
+    ) -> tuple[list[list[int]], dict[str, int]]:
+        """Return the tours of ant colonies."""
+        _, routes, done = stage.colonies.tours(labels[None], [rng])
+        return routes[0], {"ant_iterations": done}
 
 
-class TwoPhase(TwoPhases):
-    """TPHA, the paper's rival: balanced k-means, and a genetic algorithm for the tour of each cluster.
+class TwoPhase(ClusterFirst):
+    """TPHA, the paper's rival: k-means with a bound on the nodes, then a genetic algorithm per cluster.
 
-    After X. Xu, H. Yuan, M. Liptrott and M. Trovati, "Two phase heuristic algorithm for the
-    multiple-travelling salesman problem", Soft Computing 22 (2018), doi 10.1007/s00500-017-2705-5:
-    k-means bounded by the number of nodes of a cluster, then a genetic algorithm.
-
-    Ours: clusters are balanced in each round as those of PSO-AC; parents win tournaments of two; order
-    crossover; a mutation turns a stretch around or, where the ways there and back differ, moves a node;
-    the best tour survives, and 2-opt (only where both ways are equally long) and Or-opt improve it.
+    The paper cites X. Xu, H. Yuan, M. Liptrott and M. Trovati, "Two phase heuristic algorithm for the
+    multiple-travelling salesman problem", Soft Computing 22 (2018), doi 10.1007/s00500-017-2705-5, and
+    prints no details. Ours: a cluster takes at most 1 / m of the nodes; parents win tournaments of
+    two; order crossover; a mutation reverses a segment or, if the two directions differ in length,
+    moves a node; the best tour survives, and 2-opt (only for symmetric distances) and Or-opt improve it.
     """
 
     name = "tpha"
     options: ClassVar[Mapping[str, Option]] = {
-        "rounds": Option(100, "Rounds of k-means at most.", int, lower=1),
-        "slack": _SLACK,
+        "rounds": Option(100, "Largest number of rounds of k-means.", int, lower=1),
         "population": Option(60, "Tours of a cluster.", int, lower=2, upper=10_000),
         "generations": Option(300, "Generations.", int, lower=0),
         "mutation": Option(0.3, "Probability that a child is changed.", lower=0, upper=1),
@@ -272,20 +243,27 @@ class TwoPhase(TwoPhases):
     }
     summary = "balanced k-means, and a genetic algorithm for each cluster (TPHA)"
 
-    def partition(self, stage: _Stage, rng: Generator, counts: dict[str, int]) -> Ints:
-        """Return the labels by balanced k-means."""
-        from .clustering import k_means
+    def weights(self, stage: Stage) -> Floats:
+        """Return 1 for each node."""
+        return np.ones(len(stage.points))
 
-        return k_means(
-            stage.points, stage.clusters, stage.slack, stage.request.options["rounds"], rng
-        )
-
-    def tour(self, d: Floats, order: Ints, symmetric: bool, stage: _Stage, rng: Generator) -> int:
-        """Improve `order` in place; return the generations done."""
+    def tours(
+        self, stage: Stage, labels: Ints, rng: Generator
+    ) -> tuple[list[list[int]], dict[str, int]]:
+        """Return tours by a genetic algorithm, the clusters shared among threads."""
         from .breeding_kernels import breed
 
-        own = stage.request.options
-        return breed(
-            d, symmetric, own["population"], own["generations"], own["mutation"], rng,
-            stage.request.control.flag, order,
-        )[1]  # fmt: skip
+        model, own = stage.problem, stage.request.options
+        draws, routes = rng.spawn(model.vehicles), [list[int]()] * model.vehicles
+        done = np.zeros(model.vehicles, np.int64)
+
+        def find(k: int) -> None:
+            nodes, d, order = stage.colonies.part(labels, k)
+            done[k] = breed(
+                d, model.symmetric, own["population"], own["generations"], own["mutation"], draws[k],
+                stage.request.control.flag, order,
+            )[1]  # fmt: skip
+            routes[k] = nodes[order].tolist()
+
+        stage.colonies.each(find, model.vehicles)
+        return routes, {"generations": int(done.sum())}

@@ -15,6 +15,7 @@ from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
 from ...models.fleet_mission.model import FleetMission
 from ...models.fleet_mission.plan import MissionPlan
+from ...models.grid_path import distances
 from ...models.grid_path.model import Connectivity, GridPath
 from ...models.minimum_snap.model import MinimumSnap
 from ...models.programs.linear import QuadraticProgram
@@ -87,7 +88,9 @@ class Staged(Backend):
             seconds = SECONDS_A_NODE * len(problem.nodes)
         if left is not None:
             seconds = min(seconds, ROUTING_SHARE * left)
-        routes = stages.routed(router, seconds)
+        with stages.clock("distances"):
+            costs = distances(problem.map, problem.cells)
+        routes = stages.routed(router, seconds, costs)
         with stages.clock("paths"):
             ways = self._corridors(stages, searcher, [[0, *route, 0] for route in routes.routes])
         counts["segments"] = sum(len(way.lower) for way in ways)

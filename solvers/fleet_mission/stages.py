@@ -16,7 +16,6 @@ from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
 from ...models.fleet_mission.model import FleetMission
 from ...models.fleet_mission.plan import MissionPlan
-from ...models.grid_path import distances
 from ...models.grid_path.model import Connectivity, GridPath
 from ...models.minimum_snap.trajectory import Trajectory
 from ...models.model import Model
@@ -89,28 +88,25 @@ class Stages:
             spent = float(self.statistics.get(name, 0.0)) + jit.clock() - begin
             self.statistics[name] = spent
 
-    def routed(
-        self, backend: Backend, seconds: float | None, *, manhattan: bool = False
-    ) -> FleetPlan:
+    def routed(self, backend: Backend, seconds: float | None, costs: Floats) -> FleetPlan:
         """Return routes over the places (0 the depot, then the nodes).
 
         Parameters
         ----------
         backend : Backend
-            What solves the routing.
+            Solver of the routing problem.
         seconds : float, optional
-            For the routing, at the most.
-        manhattan : bool
-            Whether distances are those of the paper, which obstacles do not lengthen, instead of true
-            ones on the map.
+            Time limit of the routing.
+        costs : ndarray, shape (n + 1, n + 1)
+            Length or energy of each leg, m.
+
+        Raises
+        ------
+        Unanswered
+            The backend returned no valid routes.
         """
-        problem, grid = self.problem, self.problem.map
-        with self.clock("distances"):
-            if manhattan:
-                costs = np.abs(problem.places[:, None] - problem.places[None]).sum(axis=-1)
-            else:
-                costs = distances(grid, problem.cells)
-        q = problem.q if problem.objective == "sum-deviation" else 0.0
+        problem = self.problem
+        q = problem.q if problem.objective.startswith("sum-") else 0.0
         routing = FleetRouting(
             problem.vehicles, costs=costs, depots=np.zeros(1, np.int64), objective=problem.objective, q=q,
             deviation=problem.deviation,

@@ -1,4 +1,4 @@
-"""``rrt-star``: trees of random points, the paper's local search."""
+"""``rrt-star``: trees of random points."""
 
 from __future__ import annotations
 
@@ -32,6 +32,8 @@ class RRTStar(AnyDirection):
     nearer than gamma sqrt(log(n) / n) are rewired, with gamma above
     2 sqrt(3 / 2) sqrt(free area / pi), and no farther than the longest edge. What sees the goal is
     joined with it.
+
+    The paper on fleets names RRT (Algorithm 1, line 20) without steps or parameters.
     """
 
     name = "rrt-star"
@@ -45,7 +47,7 @@ class RRTStar(AnyDirection):
             0.0, "Longest edge, in cells; 0 means a tenth of the map's longer side.", lower=0
         ),
     }
-    summary = "RRT*, the paper's local search"
+    summary = "RRT*: a tree of random points, rewired where that shortens it"
 
     def leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
         """Grow a tree from the start, and report paths as they get shorter."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.grid_path.model import Connectivity, GridPath
-from ..backend import Feature, Guarantee, Request
+from ..backend import Feature, Guarantee, Option, Request
 from .free_paths import AnyDirection, Ground, Leg
 from .smoothing import How, straighten
 
@@ -18,12 +19,18 @@ Floats = NDArray[np.float64]
 
 
 class ShortcutGreedy(AnyDirection):
-    """A* with eight neighbours, then Algorithm 4 of the paper; see :mod:`.smoothing`."""
+    """A* along neighbours, then Algorithm 4 of the paper; see :mod:`.smoothing`.
+
+    The paper searches over four neighbours (eq. 4). The default is eight, which gives shorter paths.
+    """
 
     name = "shortcut-greedy"
     guarantee = Guarantee.HEURISTIC
     features = frozenset({Feature.INTERRUPT})
-    summary = "A* with 8 neighbours, then the farthest points in sight (Algorithm 4)"
+    options: ClassVar[Mapping[str, Option]] = {
+        "neighbours": Option("8", "Neighbours for A*; the paper has 4.", str, choices=("4", "8")),
+    }
+    summary = "A* along neighbours, then the farthest points in sight (Algorithm 4)"
     how: ClassVar[How] = "greedy"
 
     def leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
@@ -31,7 +38,8 @@ class ShortcutGreedy(AnyDirection):
         from .exact import AStar
 
         cell = np.floor(goal[::-1]).astype(np.int64) - 1
-        along = GridPath(ground.problem.map, ground.problem.start, cell, Connectivity.EIGHT)
+        connectivity = Connectivity(request.options["neighbours"])
+        along = GridPath(ground.problem.map, ground.problem.start, cell, connectivity)
         answer = request.within(AStar(), along)
         if answer.point is None:
             return Leg(None, stopped=answer.limit is not None)
@@ -41,8 +49,8 @@ class ShortcutGreedy(AnyDirection):
 
 
 class ShortcutVisibility(ShortcutGreedy):
-    """A* with eight neighbours, then shortest paths over points along it and corners near it."""
+    """A* along neighbours, then shortest paths over points along its path and corners near it."""
 
     name = "shortcut-visibility"
-    summary = "A* with 8 neighbours, then shortest paths over lines of sight near it; ours"
+    summary = "A* along neighbours, then shortest paths over lines of sight near it; ours"
     how: ClassVar[How] = "visibility"

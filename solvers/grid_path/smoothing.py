@@ -1,9 +1,9 @@
 """Shorter paths from a path along cells, by lines of sight.
 
 Source: Algorithm 4 of "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot
-in Obstacle Environment", Wireless Communications and Mobile Computing, 2021. It calls the path's end
-``last`` where it keeps the farthest point in sight and ``end`` where it ends the search, and mixes
-the two; here each point is joined with the farthest later one that it sees.
+in Obstacle Environment", Wireless Communications and Mobile Computing, 2021. Its inner loop tests
+``end > begin``, but assigns and decreases ``last``. Here ``last`` takes the place of ``end``, so that
+each point is joined to the last later point of the path that it sees.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@ BACKENDS = {
     "dynamic-programming": ".dynamic_programming:DynamicProgramming",
     "insert-nearest": ".insertion:InsertNearest",
     "insert-index": ".insertion:InsertIndex",
-    "greedy": ".greedy:Greedy",
+    "greedy": ".insertion:Greedy",
 }
 DIAGNOSES = {"guided-path-tour": ".diagnosis:diagnose_tour"}
-PAPER_TABLES = {"guided-path": ".paper_tables:TABLES"}

@@ -175,7 +175,7 @@ class _Search:
         if self.request.warm_start is not None:
             self.start(self.request.warm_start.order)
         if len(self.kept) > MANY:
-            merged = self.request.within(InsertIndex(), self.model).point
+            merged = self.request.within(InsertIndex(), self.model, options={"passing": True}).point
             if merged is not None:
                 self.start(merged.order)
         self.look()

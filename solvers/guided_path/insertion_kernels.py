@@ -1,7 +1,6 @@
-"""Loops that build a tour chain by chain: by the best merges, or customer by customer.
+"""Loops of the paper's heuristics: merges of chains, and visits to the nearest customer.
 
-All customers stand in one list, chain after chain: those of chain t from ``starts[t]`` on, up to
-``starts[t + 1]``. The tour so far keeps the relation with everything that it implies.
+All customers are in one list, chain after chain: those of chain t from ``starts[t]`` to ``starts[t + 1]``.
 """
 
 from __future__ import annotations
@@ -14,33 +13,65 @@ from numpy.typing import NDArray
 from ...jit import kernel
 from .table_kernels import fill_table, trace_table
 
-__all__ = ["insert_cheapest", "merge_chains"]
+__all__ = ["merge_by_index", "merge_nearest", "visit_nearest"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
 @kernel(interpretable=True)
-def merge_chains(
+def merge_nearest(
     x: Floats, closure: NDArray[np.bool_], members: Ints, starts: Ints, order: Ints,
     flag: NDArray[np.int8],
 ) -> bool:  # fmt: skip
-    """Merge chain after chain into the tour, each by the dynamic program for two chains.
+    """Merge the chains into the tour; next comes the chain whose first customer is nearest to the tour's last one.
 
     Parameters
     ----------
     x : ndarray, shape (n + 1,)
-        Where the start and the customers are.
+        Coordinates of the start and the customers.
     closure : ndarray of bool, shape (n + 1, n + 1)
         Whether i must precede j, directly or through others.
     members : ndarray of int, shape (n,)
         The customers, chain after chain.
     starts : ndarray of int, shape (k + 1,)
-        Where each chain begins in the list.
+        First position of each chain in the list.
     order : ndarray of int, shape (n,)
         Filled in with the tour.
     flag : ndarray of int8
-        Not 0 asks to stop.
+        Stop flag, not 0 to stop.
+
+    Returns
+    -------
+    bool
+        Whether all chains were merged.
+    """
+    left = np.ones(len(starts) - 1, np.bool_)
+    n, at = 0, x[0]
+    for _ in range(len(left)):
+        least, nearest = math.inf, -1
+        for t in range(len(left)):
+            if left[t] and abs(x[members[starts[t]]] - at) < least:
+                least, nearest = abs(x[members[starts[t]]] - at), t
+        left[nearest] = False
+        if not _merge(x, closure, members, starts[nearest], starts[nearest + 1], n, order, flag):
+            return False
+        n += starts[nearest + 1] - starts[nearest]
+        at = x[order[n - 1]]
+    return True
+
+
+@kernel(interpretable=True)
+def merge_by_index(
+    x: Floats, closure: NDArray[np.bool_], members: Ints, starts: Ints, order: Ints,
+    flag: NDArray[np.int8],
+) -> bool:  # fmt: skip
+    """Merge the chains into the tour in the order of the list.
+
+    Parameters
+    ----------
+    x, closure, members, starts, order, flag
+        As in :func:`merge_nearest`.
 
     Returns
     -------
@@ -48,70 +79,82 @@ def merge_chains(
         Whether all chains were merged.
     """
     for t in range(len(starts) - 1):
-        n, size = starts[t], starts[t + 1]
-        places, both = np.empty(size), np.empty(size, np.int64)
-        need = np.zeros((size, 2), np.int64)
-        for i in range(n):
-            both[i] = order[i]
-        for j in range(n, size):
-            both[j] = members[j]
-        for i in range(size):
-            places[i] = x[both[i]]
-        # Whoever must precede a customer of the one is a beginning of the other, as far as it reaches.
-        for j in range(n, size):
-            for i in range(n):
-                if closure[both[i], both[j]]:
-                    need[j, 0] = i + 1
-                elif closure[both[j], both[i]]:
-                    need[i, 1] = j - n + 1
-        heads, strides = np.zeros(3, np.int64), np.ones(2, np.int64)
-        heads[1], heads[2], strides[1] = n, size, n + 1
-        values = np.empty(((n + 1) * (size - n + 1), 2))
-        if not fill_table(x[0], places, heads, strides, need, values, flag):
+        if not _merge(x, closure, members, starts[t], starts[t + 1], starts[t], order, flag):
             return False
-        found = np.empty(size, np.int64)
-        trace_table(x[0], places, heads, strides, values, found)
-        for i in range(size):
-            order[i] = both[found[i]]
+    return True
+
+
+@kernel
+def _merge(
+    x: Floats, closure: NDArray[np.bool_], members: Ints, begin: int, end: int, n: int, order: Ints,
+    flag: NDArray[np.int8],
+) -> bool:  # fmt: skip
+    """Merge one chain into the tour of n customers by the dynamic program for two chains."""
+    size = n + end - begin
+    places, both = np.empty(size), np.empty(size, np.int64)
+    need = np.zeros((size, 2), np.int64)
+    for i in range(n):
+        both[i] = order[i]
+    for j in range(n, size):
+        both[j] = members[begin + j - n]
+    for i in range(size):
+        places[i] = x[both[i]]
+    # The customers of one chain that must precede a customer of the other form a beginning of that chain.
+    for j in range(n, size):
+        for i in range(n):
+            if closure[both[i], both[j]]:
+                need[j, 0] = i + 1
+            elif closure[both[j], both[i]]:
+                need[i, 1] = j - n + 1
+    heads, strides = np.zeros(3, np.int64), np.ones(2, np.int64)
+    heads[1], heads[2], strides[1] = n, size, n + 1
+    values = np.empty(((n + 1) * (size - n + 1), 2))
+    if not fill_table(x[0], places, heads, strides, need, values, flag):
+        return False
+    merged = np.empty(size, np.int64)
+    trace_table(x[0], places, heads, strides, values, merged)
+    for i in range(size):
+        order[i] = both[merged[i]]
     return True
 
 
 @kernel(interpretable=True)
-def insert_cheapest(
+def visit_nearest(
     x: Floats, closure: NDArray[np.bool_], members: Ints, starts: Ints, order: Ints,
     flag: NDArray[np.int8],
 ) -> bool:  # fmt: skip
-    """Insert customer after customer where the tour grows least; ties to the first place.
+    """Visit the nearest customer that may be served, again and again; ties by the list of customers.
 
     Parameters
     ----------
     x, closure, members, starts, order, flag
-        As in :func:`merge_chains`.
+        As in :func:`merge_nearest`.
 
     Returns
     -------
     bool
-        Whether all were inserted.
+        Whether all customers were visited.
     """
-    for count in range(starts[len(starts) - 1]):
+    count = len(members)
+    # Customers that must come first, -1 for a customer that has been visited.
+    missing = np.zeros(len(x), np.int64)
+    for i in range(count):
+        for j in range(count):
+            if closure[members[i], members[j]]:
+                missing[members[j]] += 1
+    at = x[0]
+    for place in range(count):
         if flag[0] != 0:
             return False
-        c = members[count]
-        first, end = 0, count
-        for place in range(count):
-            if closure[order[place], c]:
-                first = place + 1
-        for place in range(count - 1, -1, -1):
-            if closure[c, order[place]]:
-                end = place
-        least, chosen = math.inf, first
-        for place in range(first, end + 1):
-            came = x[0] if place == 0 else x[order[place - 1]]
-            goes = x[0] if place == count else x[order[place]]
-            more = abs(x[c] - came) + abs(goes - x[c]) - abs(goes - came)
-            if more < least:
-                least, chosen = more, place
-        for place in range(count, chosen, -1):
-            order[place] = order[place - 1]
-        order[chosen] = c
+        least, chosen = math.inf, -1
+        for i in range(count):
+            c = members[i]
+            if missing[c] == 0 and abs(x[c] - at) < least:
+                least, chosen = abs(x[c] - at), c
+        order[place] = chosen
+        at = x[chosen]
+        missing[chosen] = -1
+        for i in range(count):
+            if closure[chosen, members[i]]:
+                missing[members[i]] -= 1
     return True

@@ -13,4 +13,3 @@ BACKENDS = {
     "curvature-bound": ".bound:CurvatureBound",
 }
 DIAGNOSES = {"messenger-tour": ".diagnosis:diagnose_tour"}
-PAPER_TABLES = {"messenger": ".paper_tables:TABLES"}

@@ -1,29 +1,25 @@
-"""From an individual to the path that is flown: the decoding of the paper's algorithms.
+"""Encoding, evaluation and repair of the paper's individuals, and the path that is flown in the end.
 
-An individual is an order of the vehicles and three genes a vehicle: the direction ψ (rad) from the
-vehicle to the UAV at their encounter, the interval Δt (s) since the encounter before, and the
-distance ρ between them as a share of the radius, which is 1 in the paper. The leg to the k-th vehicle
-of the order begins with the position, heading and time at which the one before ended, and leads to
-P + V t_k + ρ r (cos ψ, sin ψ) at t_k = t_{k-1} + Δt_k with any heading, by a path that is exactly
-v Δt_k long. There is one if and only if the shortest path is not longer, and the length does not lie
-in the gap of lengths that no path has; the paper prints that inequality reversed.
-
-An interval without a path is repaired (paper: eqs. 9 and 10): it becomes that of the first
-interception, which the paper nears by steps along a gradient. An interval of 0 asks for just that.
+An individual is an order of the vehicles and two genes per vehicle (paper: eq. 6): the polar angle θ (rad)
+of the access point on the boundary of its disc, and the interval Δt (s) since the encounter before. The
+leg to the k-th vehicle of the order leads to the access point at the time t_k = t_{k-1} + Δt_k (eq. 5)
+with a free heading at the end, by a path of the length v Δt_k. Such a path exists if and only if the
+shortest path is not longer and v Δt_k is outside the gap of lengths that no path has. The paper prints
+this inequality reversed.
 
 Arrays that all kernels of the paper's algorithms share:
 
 fleet : float64, shape (n, 5)
     Position (m), velocity (m/s) and radius (m) of each vehicle.
-craft : float64, shape (5,)
-    x, y (m), heading (rad), speed (m/s) and turning radius (m) of the UAV.
-genes : float64, shape (n, 3)
-    ψ, Δt, ρ of each vehicle, whatever the order.
+craft : float64, shape (6,)
+    x, y (m), heading (rad), speed (m/s) and turning radius (m) of the UAV, and the margin ε (m): a leg
+    may be too short by ε.
+genes : float64, shape (n, 2)
+    θ and Δt of each vehicle, in the order of `fleet`.
 poses : float64, shape (n + 1, 4)
     x, y, heading and time at the start and after each leg.
 legs : float64, shape (n, 6)
-    Lengths of the three primitives of each leg, and the signs of their curvature; with turning radius
-    0, where a turn has no length, their headings.
+    Lengths of the three primitives of each leg, and the signs of their curvature.
 """
 
 from __future__ import annotations
@@ -34,190 +30,293 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from ...models.messenger.dubins import advance, relaxed
+from ...models.messenger.dubins import advance, relaxed, relaxed_length
 from ...models.messenger.elongation import elongated
 from ...models.messenger.interception import intercept
 
-__all__ = ["along", "copy_tour", "decode", "fly", "inside", "meet", "stay"]
+__all__ = [
+    "assess",
+    "bisect",
+    "follow",
+    "meet",
+    "shortest_time",
+    "trace",
+    "upper_bound",
+    "violation",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Weight of a violation in eq. 8 (paper: κ, much larger than a tour).
+KAPPA = 1e9
+#: Time (s, relative to that of a straight flight) within which Algorithm 1 ends (paper: ε_b, not given).
+CLOSE = 1e-9
+#: Error (relative) of the length of a leg that Algorithm 1 leaves.
+ROUNDING = 1e-8
+#: Steps of Algorithm 1 and of the repair at most (paper, Table I: 1 / ε_r for the repair, ε_r not given).
+STEPS, REPAIRS = 100, 100
+#: Interval (relative) of the difference quotient in eq. 9 (paper: η), and step size of eq. 10 (η_t).
+ETA, RATE = 1e-6, 1.0
 #: Signs of the two primitives of :data:`~crosstrack.models.messenger.dubins.RELAXED_WORDS` by code.
 _FIRST = (1.0, -1.0, 1.0, -1.0)
 _SECOND = (0.0, 0.0, -1.0, 1.0)
-#: Difference of two lengths that counts as rounding, as a share of all that they come from, and of
-#: the radius of the disc.
-_ROUNDING, _WITHIN = 1e-13, 1e-10
 
 
 @kernel
-def along(
-    x: float, y: float, h: float, s: float, code: float, r: float
-) -> tuple[float, float, float]:
-    """Return the pose after a primitive of length `s` (m), whose sign or heading is `code`."""
-    if r == 0.0:
-        return x + s * math.cos(code), y + s * math.sin(code), code
-    return advance(x, y, h, s, int(code), r)
+def access(fleet: Floats, i: int, theta: float, t: float) -> tuple[float, float]:
+    """Return the access point of vehicle `i` at time `t` (paper: eq. 5)."""
+    x = fleet[i, 0] + fleet[i, 2] * t + fleet[i, 4] * math.cos(theta)
+    return x, fleet[i, 1] + fleet[i, 3] * t + fleet[i, 4] * math.sin(theta)
 
 
 @kernel
-def _trace(
-    poses: Floats, legs: Floats, k: int, r: float,
-    a: float, b: float, c: float, s1: float, s2: float, s3: float,
-) -> float:  # fmt: skip
-    """Note the primitives of leg `k` and where they lead; return their length."""
-    legs[k, 0], legs[k, 1], legs[k, 2] = a, b, c
-    legs[k, 3], legs[k, 4], legs[k, 5] = s1, s2, s3
-    x, y, h = poses[k, 0], poses[k, 1], poses[k, 2]
-    for m in range(3):
-        if legs[k, m] > 0.0:
-            x, y, h = along(x, y, h, legs[k, m], legs[k, 3 + m], r)
-    poses[k + 1, 0], poses[k + 1, 1], poses[k + 1, 2] = x, y, h
-    return a + b + c
+def violation(
+    x: float, y: float, h: float, qx: float, qy: float, r: float, d: float, margin: float
+) -> tuple[float, float]:
+    """Return by how much a leg of length `d` violates its constraint, and the heading at its end.
 
-
-@kernel
-def fly(
-    poses: Floats, legs: Floats, k: int, qx: float, qy: float, d: float, r: float, noise: float
-) -> float:
-    """Fly leg `k` to the point (`qx`, `qy`) by a path of length `d`, or by the shortest one.
-
-    Returns the length, which differs from `d` by `noise` at most; inf where there is no path.
+    The first number is c of eq. 7: positive if the shortest path is longer than `d` + `margin`, negative
+    if `d` is in the gap of lengths that no path has, and 0 if the leg can be flown. A leg that cannot be
+    flown ends with the heading of the shortest path.
     """
-    x, y, h = poses[k, 0], poses[k, 1], poses[k, 2]
-    if r > 0.0:
-        a, b, code = relaxed(x, y, h, qx, qy, r)
-        if abs(a + b - d) <= noise:
-            return _trace(poses, legs, k, r, a, b, 0.0, _FIRST[code], _SECOND[code], 0.0)
-        if d < a + b:
-            return math.inf
-        a, b, c, s1, s2, s3, ok = elongated(x, y, h, qx, qy, r, d)
-        if not ok:
-            return math.inf
-        return _trace(poses, legs, k, r, a, b, c, float(s1), float(s2), float(s3))
-    apart = math.hypot(qx - x, qy - y)
-    ahead = math.atan2(qy - y, qx - x) if apart > 0.0 else h
-    if abs(apart - d) <= noise:
-        return _trace(poses, legs, k, r, apart, 0.0, 0.0, ahead, ahead, ahead)
-    if d < apart:
-        return math.inf
-    # Two straight lines of equal length.
-    aside = math.acos(apart / d)
-    return _trace(poses, legs, k, r, 0.5 * d, 0.5 * d, 0.0, ahead + aside, ahead - aside, ahead)
+    a, b, code = relaxed(x, y, h, qx, qy, r)
+    c = a + b - d
+    after = h + (_FIRST[code] * a + _SECOND[code] * b) / r
+    margin += ROUNDING * (a + b)
+    if c > margin:
+        return c, after
+    if c > -margin:
+        return 0.0, after
+    a, b, last, s1, s2, s3, ok = elongated(x, y, h, qx, qy, r, d)
+    if not ok:
+        return c, after
+    return 0.0, h + (s1 * a + s2 * b + s3 * last) / r
 
 
 @kernel
-def stay(poses: Floats, legs: Floats, k: int) -> None:
-    """Make leg `k` one of length 0."""
-    for m in range(6):
-        legs[k, m] = 0.0
-    for m in range(4):
-        poses[k + 1, m] = poses[k, m]
+def bisect(
+    x: float, y: float, h: float, t: float, px: float, py: float, vx: float, vy: float,
+    speed: float, r: float,
+) -> float:  # fmt: skip
+    """Return the time (s) that the UAV needs from `t` on to meet a moving point: Algorithm 1.
+
+    The bisection looks for a root of δ(τ) = D_min / v - τ between the bounds of Lemma 1. Corrected: as
+    D_min jumps, the signs of δ at these bounds can be wrong. Then the lower bound becomes 0, or the
+    upper bound is doubled. At a jump the printed bisection never ends; the result is then that of
+    :func:`~crosstrack.models.messenger.interception.intercept`.
+
+    Parameters
+    ----------
+    x, y, h, t : float
+        Where the UAV is (m, rad), and when (s).
+    px, py, vx, vy : float
+        The point at time 0 (m), and its velocity (m/s).
+    speed, r : float
+        Of the UAV (m/s), and its turning radius (m).
+    """
+    px, py, pace = px + vx * t, py + vy * t, math.hypot(vx, vy)
+    here = relaxed_length(x, y, h, px, py, r)
+    low, high = here / (speed + pace), here / (speed - pace)
+    close = CLOSE * here / speed
+    if relaxed_length(x, y, h, px + vx * low, py + vy * low, r) < speed * low:
+        low = 0.0
+    while relaxed_length(x, y, h, px + vx * high, py + vy * high, r) > speed * high + close * speed:
+        high *= 2.0
+    for _ in range(STEPS):
+        middle = 0.5 * (low + high)
+        late = relaxed_length(x, y, h, px + vx * middle, py + vy * middle, r) / speed - middle
+        if abs(late) <= close:
+            return middle
+        if late > 0.0:
+            low = middle
+        else:
+            high = middle
+        if high - low <= 1e-3 * close:
+            break
+    return intercept(x, y, h, 0.0, px, py, vx, vy, speed, r)
 
 
 @kernel
-def _arrive(poses: Floats, k: int, taken: float) -> float:
-    """Note that leg `k` has `taken` so many seconds."""
-    poses[k + 1, 3] = poses[k, 3] + taken
-    return taken
+def shortest_time(
+    poses: Floats, k: int, i: int, theta: float, fleet: Floats, craft: Floats
+) -> float:
+    """Return the shortest time (s) of leg `k` to the access point `theta` of vehicle `i`."""
+    px, py = access(fleet, i, theta, 0.0)
+    return bisect(
+        poses[k, 0], poses[k, 1], poses[k, 2], poses[k, 3], px, py, fleet[i, 2], fleet[i, 3],
+        craft[3], craft[4],
+    )  # fmt: skip
+
+
+@kernel
+def upper_bound(poses: Floats, k: int, i: int, theta: float, fleet: Floats, craft: Floats) -> float:
+    """Return t_max of Lemma 1 (s) for leg `k` to the access point `theta` of vehicle `i`."""
+    px, py = access(fleet, i, theta, poses[k, 3])
+    length = relaxed_length(poses[k, 0], poses[k, 1], poses[k, 2], px, py, craft[4])
+    bound: float = length / (craft[3] - math.hypot(fleet[i, 2], fleet[i, 3]))
+    return bound
 
 
 @kernel
 def meet(
-    poses: Floats, legs: Floats, k: int, fleet: Floats, craft: Floats, i: int,
-    psi: float, interval: float, rho: float,
-) -> float:  # fmt: skip
-    """Fly leg `k` to vehicle `i` and return how long it takes (s), repaired where it must be."""
-    speed, r = craft[3], craft[4]
-    x, y, h, t = poses[k, 0], poses[k, 1], poses[k, 2], poses[k, 3]
-    reach = rho * fleet[i, 4]
-    px, py = fleet[i, 0] + reach * math.cos(psi), fleet[i, 1] + reach * math.sin(psi)
-    vx, vy = fleet[i, 2], fleet[i, 3]
-    apart = math.hypot(px + vx * t - x, py + vy * t - y)
-    noise = _ROUNDING * (abs(x) + abs(y) + r + speed * t + apart) + _WITHIN * fleet[i, 4]
-    if interval > 0.0:
-        end = t + interval
-        length = fly(poses, legs, k, px + vx * end, py + vy * end, speed * interval, r, noise)
-        if length < math.inf:
-            return _arrive(poses, k, length / speed)
-    if apart <= noise:
-        stay(poses, legs, k)
-        return 0.0
-    wait = intercept(x, y, h, t, px, py, vx, vy, speed, r) - t
-    # Rounding may leave the first interception just short of what can be flown.
-    more = noise / speed
-    for _ in range(100):
-        end = t + wait
-        length = fly(poses, legs, k, px + vx * end, py + vy * end, speed * wait, r, noise)
-        if length < math.inf:
-            return _arrive(poses, k, length / speed)
-        wait += more
-        more *= 2.0
-    return math.inf
+    poses: Floats, k: int, i: int, theta: float, interval: float, fleet: Floats, craft: Floats
+) -> float:
+    """Fill the pose after leg `k`, which takes `interval` seconds; return c of eq. 7."""
+    t = poses[k, 3] + interval
+    qx, qy = access(fleet, i, theta, t)
+    c, after = violation(
+        poses[k, 0], poses[k, 1], poses[k, 2], qx, qy, craft[4], craft[3] * interval, craft[5]
+    )
+    poses[k + 1, 0], poses[k + 1, 1], poses[k + 1, 2], poses[k + 1, 3] = qx, qy, after, t
+    return c
 
 
 @kernel
-def inside(poses: Floats, k: int, fleet: Floats, i: int, genes: Floats) -> bool:
-    """Return whether leg `k` begins inside the disc of `i`, and if so note where, as genes."""
-    t, radius = poses[k, 3], fleet[i, 4]
-    dx = poses[k, 0] - fleet[i, 0] - fleet[i, 2] * t
-    dy = poses[k, 1] - fleet[i, 1] - fleet[i, 3] * t
-    apart = math.hypot(dx, dy)
-    if apart > radius:
-        return False
-    genes[i, 0], genes[i, 1] = math.atan2(dy, dx), 0.0
-    genes[i, 2] = apart / radius if radius > 0.0 else 1.0
-    return True
+def _repaired(
+    poses: Floats, k: int, i: int, theta: float, interval: float, c: float, fleet: Floats,
+    craft: Floats,
+) -> float:  # fmt: skip
+    """Return the interval of leg `k` after steps along the gradient of c (paper: eqs. 9 and 10)."""
+    x, y, h, t, speed = poses[k, 0], poses[k, 1], poses[k, 2], poses[k, 3], craft[3]
+    for _ in range(REPAIRS):
+        eta = ETA * (interval + abs(c) / speed)
+        qx, qy = access(fleet, i, theta, t + interval + eta)
+        ahead = relaxed_length(x, y, h, qx, qy, craft[4]) - speed * (interval + eta)
+        slope = (ahead - c) / eta
+        # A difference quotient across a jump points the wrong way.
+        if not -2.0 * speed < slope < 0.0:
+            slope = -speed
+        interval = max(interval - RATE * c / slope, 0.0)
+        qx, qy = access(fleet, i, theta, t + interval)
+        c, _ = violation(x, y, h, qx, qy, craft[4], speed * interval, 0.01 * craft[5])
+        if c == 0.0:
+            break
+    return interval
 
 
 @kernel
-def decode(
-    order: Ints, genes: Floats, fleet: Floats, craft: Floats, first: int,
-    timed: bool, interior: bool, ceiling: float, poses: Floats, legs: Floats,
-) -> float:  # fmt: skip
-    """Fly the legs from `first` on, repair their intervals, and return when the tour ends (s).
+def assess(
+    order: Ints,
+    genes: Floats,
+    fleet: Floats,
+    craft: Floats,
+    first: int,
+    repair: bool,
+    poses: Floats,
+) -> tuple[float, float]:
+    """Decode an individual from leg `first` on; return the end of the tour (s) and Σ|c| (m).
 
     Parameters
     ----------
-    order, genes, fleet, craft, poses, legs : ndarray
-        See the module; intervals that are repaired are written back.
+    order, genes, fleet, craft, poses : ndarray
+        See the module; `poses` is filled.
     first : int
-        The leg to begin with, from what stands in its row of `poses`.
-    timed : bool
-        Whether intervals count; else every vehicle is met at its first interception.
-    interior : bool
-        Whether a vehicle counts as met where the UAV is inside its disc already.
-    ceiling : float
-        Time (s) from which on nobody is interested in the end; then it is inf.
+        Leg to begin with; the poses up to it are given.
+    repair : bool
+        Whether violating intervals are repaired, one after the other, and written back.
+    """
+    off = 0.0
+    for k in range(first, len(order)):
+        i = order[k]
+        c = meet(poses, k, i, genes[i, 0], genes[i, 1], fleet, craft)
+        if c != 0.0 and repair:
+            genes[i, 1] = _repaired(poses, k, i, genes[i, 0], genes[i, 1], c, fleet, craft)
+            c = meet(poses, k, i, genes[i, 0], genes[i, 1], fleet, craft)
+        off += abs(c)
+    end: float = poses[len(order), 3]
+    return end, off
+
+
+@kernel
+def follow(
+    order: Ints, genes: Floats, fleet: Floats, craft: Floats, first: int, ceiling: float,
+    poses: Floats,
+) -> float:  # fmt: skip
+    """Meet each vehicle in the shortest time, from leg `first` on; return the end of the tour (s).
+
+    The intervals are written to `genes`. The end is inf if it is not before `ceiling` (s).
     """
     for k in range(first, len(order)):
         i = order[k]
-        if interior and inside(poses, k, fleet, i, genes):
-            stay(poses, legs, k)
-            continue
-        interval = genes[i, 1] if timed else 0.0
-        genes[i, 1] = meet(poses, legs, k, fleet, craft, i, genes[i, 0], interval, genes[i, 2])
-        if not poses[k + 1, 3] < ceiling or genes[i, 1] == math.inf:
+        genes[i, 1] = shortest_time(poses, k, i, genes[i, 0], fleet, craft)
+        c = meet(poses, k, i, genes[i, 0], genes[i, 1], fleet, craft)
+        if c != 0.0 or not poses[k + 1, 3] < ceiling:
             return math.inf
     end: float = poses[len(order), 3]
     return end
 
 
 @kernel
-def copy_tour(
-    first: int, order: Ints, genes: Floats, poses: Floats, legs: Floats,
-    to_order: Ints, to_genes: Floats, to_poses: Floats, to_legs: Floats,
-) -> None:  # fmt: skip
-    """Copy an individual and its path from leg `first` on, and all genes."""
-    n = len(order)
-    for k in range(n):
-        for m in range(3):
-            to_genes[k, m] = genes[k, m]
-    for k in range(first, n):
-        to_order[k] = order[k]
-        for m in range(6):
-            to_legs[k, m] = legs[k, m]
-    for k in range(first, n + 1):
-        for m in range(4):
-            to_poses[k, m] = poses[k, m]
+def _fly(
+    poses: Floats, legs: Floats, k: int, qx: float, qy: float, d: float, r: float, noise: float
+) -> float:
+    """Fill leg `k` and the pose after it with a path of length `d` to a point; return its length (m).
+
+    The length differs from `d` by at most `noise`; inf if no path exists.
+    """
+    x, y, h = poses[k, 0], poses[k, 1], poses[k, 2]
+    a, b, code = relaxed(x, y, h, qx, qy, r)
+    c, s1, s2, s3 = 0.0, int(_FIRST[code]), int(_SECOND[code]), 0
+    if abs(a + b - d) > noise:
+        if d < a + b:
+            return math.inf
+        a, b, c, s1, s2, s3, ok = elongated(x, y, h, qx, qy, r, d)
+        if not ok:
+            return math.inf
+    x, y, h = advance(x, y, h, a, s1, r)
+    x, y, h = advance(x, y, h, b, s2, r)
+    x, y, h = advance(x, y, h, c, s3, r)
+    legs[k, 0], legs[k, 1], legs[k, 2] = a, b, c
+    legs[k, 3], legs[k, 4], legs[k, 5] = s1, s2, s3
+    poses[k + 1, 0], poses[k + 1, 1], poses[k + 1, 2] = x, y, h
+    return a + b + c
+
+
+@kernel
+def trace(
+    order: Ints, genes: Floats, fleet: Floats, craft: Floats, poses: Floats, legs: Floats
+) -> float:
+    """Fill the path that an individual flies exactly, without the margin ε; return its end (s).
+
+    An interval that is that of the shortest path up to ε is solved for it exactly. If D_min jumps there,
+    it becomes that of the first interception. The end is inf if rounding leaves no path.
+    """
+    speed, r = craft[3], craft[4]
+    for k in range(len(order)):
+        i = order[k]
+        x, y, h, t = poses[k, 0], poses[k, 1], poses[k, 2], poses[k, 3]
+        px, py = access(fleet, i, genes[i, 0], t)
+        vx, vy = fleet[i, 2], fleet[i, 3]
+        noise = 1e-13 * (abs(x) + abs(y) + r + speed * t + math.hypot(px - x, py - y))
+        noise += 1e-10 * fleet[i, 4]
+        high = genes[i, 1]
+        least = relaxed_length(x, y, h, px + vx * high, py + vy * high, r)
+        short = abs(least - speed * high)
+        if noise < short <= craft[5] + ROUNDING * least:
+            more = 2.0 * short / (speed - math.hypot(vx, vy))
+            low, high = max(high - more, 0.0), high + more
+            for _ in range(60):
+                middle = 0.5 * (low + high)
+                if relaxed_length(x, y, h, px + vx * middle, py + vy * middle, r) > speed * middle:
+                    low = middle
+                else:
+                    high = middle
+        length = _fly(poses, legs, k, px + vx * high, py + vy * high, speed * high, r, noise)
+        if length == math.inf:
+            high = intercept(x, y, h, 0.0, px, py, vx, vy, speed, r)
+            more = noise / speed
+            for _ in range(100):
+                length = _fly(
+                    poses, legs, k, px + vx * high, py + vy * high, speed * high, r, noise
+                )
+                if length < math.inf:
+                    break
+                # Rounding can leave the first interception just short of a path.
+                high += more
+                more *= 2.0
+        if length == math.inf:
+            return math.inf
+        poses[k + 1, 3] = t + length / speed
+    end: float = poses[len(order), 3]
+    return end

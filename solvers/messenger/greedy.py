@@ -1,4 +1,4 @@
-"""HE-B and HE-C, the paper's greedy rivals."""
+"""HE-B and HE-C, the heuristics that the paper compares with."""
 
 from __future__ import annotations
 
@@ -7,81 +7,55 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..backend import Feature, Option, Request
+from ..backend import Option, Request
 from .rivals import Flight, Rival
 
 __all__ = ["GreedyBoundary", "GreedyCentre"]
-
-_COMMON = {
-    "horizon": Option(2, "Vehicles that it looks ahead to choose the next.", int, choices=(1, 2)),
-    "two_opt": Option(
-        False, "Whether the order is then improved by turning stretches of it around.", bool
-    ),
-}  # fmt: skip
 
 
 class GreedyCentre(Rival):
     """HE-C: an order of receding horizon, flown from centre to centre.
 
-    Each leg is the first interception of the vehicle itself, and ends where it enters the disc. A
-    vehicle in whose disc the UAV is already is met at once.
+    The next vehicle of the order is the first of the `horizon` vehicles with the shortest polyline over
+    their centres, by Euclidean distance at time 0. The UAV flies to each centre in the shortest time.
+    The paper prints neither the horizon nor the time at which distances are taken; distances at the time
+    of the flight give tours 2 to 400 times shorter than the paper's for 10 to 40 vehicles.
     """
 
     name = "greedy-centre"
-    features = frozenset({Feature.INCUMBENTS, Feature.INTERRUPT})
     deterministic = True
-    options: ClassVar[Mapping[str, Option]] = _COMMON
-    summary = "receding horizon, flying towards centres (HE-C)"
+    options: ClassVar[Mapping[str, Option]] = {
+        "horizon": Option(2, "Vehicles of the receding horizon.", int, choices=(1, 2)),
+    }
+    summary = "receding horizon, flying to the centres (HE-C)"
 
     def search(self, flight: Flight, request: Request) -> Mapping[str, Any]:
-        """Build an order, and improve it where that is asked for."""
-        from .greedy_kernels import NEAREST, TURN_AROUND_CENTRAL
+        """Build the order and fly it."""
+        from .greedy_kernels import build
 
-        order, genes = np.empty(flight.problem.size, np.int64), np.zeros((flight.problem.size, 3))
-        for task in (NEAREST, TURN_AROUND_CENTRAL) if request.options["two_opt"] else (NEAREST,):
-            self.carry_out(task, order, genes, flight, request)
-        return {}
-
-    @staticmethod
-    def carry_out(task: int, order: Any, genes: Any, flight: Flight, request: Request) -> bool:
-        """Carry out a task of the kernel's, and return whether the path got better."""
-        from .greedy_kernels import greedy
-
-        own = request.options
-        end = greedy(
-            task, order, genes, flight.fleet, flight.craft, own["horizon"],
-            own.get("samples", 0), own.get("interior", True), flight.flag, flight.poses, flight.legs,
+        own, n = request.options, flight.problem.size
+        order, genes = np.arange(n), np.zeros((n, 2))
+        fleet = flight.fleet.copy()
+        if "samples" not in own:
+            flight.fleet[:, 4] = 0.0
+        build(
+            order, genes, flight.fleet, flight.craft, own["horizon"], own.get("samples", 1),
+            flight.poses,
         )  # fmt: skip
-        return flight.offer(order, end)
+        flight.offer(order, genes)
+        flight.fleet[:] = fleet
+        return {}
 
 
 class GreedyBoundary(GreedyCentre):
-    """HE-B: an order of receding horizon, with encounters at samples of the boundary.
+    """HE-B: an order of receding horizon, with access points sampled on the boundaries.
 
-    Of a vehicle's samples it takes the one from which the centre of the next in the horizon is reached
-    first.
+    Of the samples of a boundary it takes the one that the UAV reaches in the shortest time.
     """
 
     name = "greedy-boundary"
     options: ClassVar[Mapping[str, Option]] = {
-        **_COMMON,
-        "samples": Option(100, "Samples of each boundary.", int, lower=1),
-        "interior": Option(
-            False, "Whether a vehicle is met at once where the UAV is inside its disc.", bool
-        ),
+        **GreedyCentre.options,
+        "samples": Option(100, "Samples of each boundary (paper: N_HE-B).", int, lower=1),
     }
     summary = "receding horizon and samples of the boundary (HE-B)"
-
-    def search(self, flight: Flight, request: Request) -> Mapping[str, Any]:
-        """Build an order, sample, and improve the order where that is asked for."""
-        from .greedy_kernels import NEAREST, SAMPLE, TURN_AROUND
-
-        order, genes = np.empty(flight.problem.size, np.int64), np.zeros((flight.problem.size, 3))
-        self.carry_out(NEAREST, order, genes, flight, request)
-        rounds, gained = 0, request.options["two_opt"]
-        while gained and not request.control.stopped:
-            turned = self.carry_out(TURN_AROUND, order, genes, flight, request)
-            sampled = self.carry_out(SAMPLE, order, genes, flight, request)
-            gained = turned or sampled
-            rounds += 1
-        return {"rounds": rounds}

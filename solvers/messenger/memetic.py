@@ -1,120 +1,90 @@
-"""The paper's memetic algorithm, its variant without transformation, and a rival of its kind."""
+"""The paper's memetic algorithm, its variant without transformation, and the one for vehicles at rest."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..backend import Option, Request
-from .rivals import Flight, Rival
+from .rivals import Flight, RandomRival
 
 __all__ = ["Memetic", "MemeticRelaxed", "MemeticUntransformed"]
 
-_COMMON = {
-    "generations": Option(20, "Generations.", int, lower=0),
-    "population": Option(10, "Individuals for each vehicle (paper: NP / N).", int, lower=1),
-    "mutation": Option(0.1, "Probability of each mutation (paper: p_m).", lower=0, upper=1),
-    "period": Option(2, "Generations between local searches (paper: T_lp).", int, lower=1),
-    "elite": Option(
-        0.05, "Share of the population that local searches improve, one individual at least.",
-        lower=0, upper=1,
-    ),
-    "gradient": Option(True, "Whether the local search along the gradient runs (GS).", bool),
-    "step": Option(0.01, "First step of GS (paper: rho_l).", lower=1e-9),
-    "sampling": Option(True, "Whether the local search by sampling runs (SS).", bool),
-    "samples": Option(20, "Directions that SS tries for each vehicle (paper: N_s).", int, lower=1),
-    "tolerance": Option(
-        0.01, "Relative gain of a round below which a local search ends (paper: epsilon).", lower=0
-    ),
-    "interior": Option(
-        False, "Whether a vehicle may be met inside its disc, not on the boundary only.", bool
-    ),
-    "restarts": Option(
-        False, "Whether it starts again from fresh populations until the time limit.", bool
-    ),
-}  # fmt: skip
 
+class Memetic(RandomRival):
+    """MA, Algorithm 3 of the paper as printed, with the parameters of its Table II.
 
-class Memetic(Rival):
-    """MA, Algorithm 3 of the paper.
-
-    From the paper: the encoding and its repair (:mod:`.decoding`), a population of 10 individuals a
-    vehicle over 20 generations, order crossover, three mutations with probability 0.1 each, the
-    transformation (:mod:`.transformation`) of every individual, and both local searches
-    (:mod:`.local_search`) every second generation.
-
-    Ours, where the paper is silent: first populations have random orders and directions, met at the
-    first interception; parents win tournaments of two; a mutation of time multiplies an interval
-    by a number between 0 and 2; the best of parents and children survive, twins last; and local
-    searches improve the best twentieth of the population.
+    Individuals may violate their constraints at a price (eq. 8). If even the best one does so by more
+    than the margin, the run has no plan.
     """
 
     name = "memetic"
     options: ClassVar[Mapping[str, Option]] = {
-        **_COMMON, "transformation": Option(True, "Whether Algorithm 4 is applied.", bool)
+        **RandomRival.options,
+        "generations": Option(20, "Generations (paper: maxGen).", int, lower=0),
+        "population": Option(10, "Individuals per vehicle (paper: NP / N).", int, lower=1),
+        "mutation": Option(0.1, "Probability of a mutation (paper: p_m).", lower=0, upper=1),
+        "period": Option(2, "Generations between local searches (paper: T_lp).", int, lower=1),
+        "step": Option(0.01, "Step size of the gradient search GS (paper: rho_l).", lower=1e-6),
+        "samples": Option(20, "Angles of the sampling search SS (paper: N_s).", int, lower=1),
+        "margin": Option(
+            0.01, "Length (m) by which a leg of an individual may be too short (paper: epsilon).", lower=0
+        ),
     }  # fmt: skip
     summary = "the paper's memetic algorithm (MA)"
 
-    #: Whether intervals are genes.
+    #: Whether intervals are genes, and whether Algorithm 4 is applied.
     timed: ClassVar[bool] = True
+    transformed: ClassVar[bool] = True
 
-    def search(self, flight: Flight, request: Request) -> Mapping[str, Any]:
-        """Breed, until the generations or the time are used up."""
-        runs = generations = 0
-        while runs == 0 or (
-            request.options["restarts"]
-            and request.time_limit is not None
-            and not request.control.stopped
-        ):
-            generations += self._breed(flight, request)
-            runs += 1
-        return {"runs": runs, "generations": generations}
-
-    def _breed(self, flight: Flight, request: Request) -> int:
-        """Run the algorithm once; return the number of generations."""
-        from .memetic_kernels import Tour, evolve
+    def search_once(self, flight: Flight, request: Request) -> float:
+        """Breed for the given number of generations; return the length of the best plan (m)."""
+        from .decoding import KAPPA
+        from .memetic_kernels import evolve
 
         own, n = request.options, flight.problem.size
         size = own["population"] * n
-        orders = np.empty((size, n), np.int64)
-        genes, ends = np.empty((size, n, 3)), np.empty(size)
-        samples = own["samples"] if own["sampling"] else 0
-        elite = min(max(1, round(own["elite"] * size)), size)
-        flight.poses[n, 3] = np.inf
-        best = Tour(np.empty(n, np.int64), np.empty((n, 3)), flight.poses, flight.legs)
+        orders, genes = np.zeros((size, n), np.int64), np.zeros((size, n, 2))
+        costs, best, value = np.empty(size), np.inf, np.inf
+        flight.craft[5] = own.get("margin", 0.0)
         for number in range(own["generations"] + 1):
             if number and request.control.stopped:
-                return number - 1
-            due = number % own["period"] == 0 and (own["gradient"] or samples > 0)
-            end = evolve(
-                number, orders, genes, ends, flight.fleet, flight.craft, own["mutation"],
-                self.timed, own.get("transformation", False), own["interior"],
-                elite if due else 0, own["gradient"], own["step"], samples, own["tolerance"],
-                flight.rng, flight.flag, best,
+                break
+            k = evolve(
+                number, orders, genes, costs, flight.fleet, flight.craft, own["mutation"],
+                self.timed, self.transformed, own["period"], own["step"], own.get("samples", 0),
+                flight.rng, flight.flag, flight.poses,
             )  # fmt: skip
-            flight.offer(best.order, end)
-        return int(own["generations"])
+            if costs[k] < value:
+                value = costs[k]
+                # A violation costs more than the margin times κ.
+                if value < KAPPA * own.get("margin", np.inf) or not self.timed:
+                    best = min(best, flight.offer(orders[k], genes[k]))
+        return float(best)
 
 
 class MemeticUntransformed(Memetic):
     """MA-T: the paper's memetic algorithm without Algorithm 4."""
 
     name = "memetic-untransformed"
-    options: ClassVar[Mapping[str, Option]] = _COMMON
     summary = "the paper's memetic algorithm without its transformation (MA-T)"
+    transformed = False
 
 
-class MemeticRelaxed(MemeticUntransformed):
-    """MAR, as we take the paper's rival to be.
+class MemeticRelaxed(Memetic):
+    """MAR: the memetic algorithm for vehicles at rest, with the shortest encounter paths.
 
-    The memetic algorithm with relaxed terminal heading of X. Zhang, J. Chen, B. Xin and Z. Peng,
-    "A memetic algorithm for path planning of curvature-constrained UAVs performing surveillance of
-    multiple ground targets", Chinese Journal of Aeronautics 27 (2014) 622-633, adapted to moving
-    vehicles: there is no gene of time, every vehicle is met at its first interception.
+    After X. Zhang, J. Chen, B. Xin and Z. Peng, "A memetic algorithm for path planning of
+    curvature-constrained UAVs performing surveillance of multiple ground targets", Chinese Journal of
+    Aeronautics 27 (2014) 622-633. Individuals have no intervals, and the local search is GS.
     """
 
     name = "memetic-relaxed"
-    summary = "a memetic algorithm with free end headings and no waiting (MAR)"
+    options: ClassVar[Mapping[str, Option]] = {
+        name: one for name, one in Memetic.options.items() if name not in ("samples", "margin")
+    }
+    summary = "a memetic algorithm with the shortest encounter paths (MAR)"
     timed = False
+    transformed = False

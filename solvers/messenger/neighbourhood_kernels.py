@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .decoding import copy_tour, decode
-from .sequences import exchange, move
+from .decoding import follow
+from .operators import exchange, move
 
 __all__ = ["improve", "shake"]
 
@@ -35,42 +35,43 @@ def shake(order: Ints, kind: int, rng: np.random.Generator) -> None:
 
 @kernel
 def improve(
-    order: Ints, genes: Floats, fleet: Floats, craft: Floats, trials: int, interior: bool,
-    rng: np.random.Generator, flag: NDArray[np.int8], poses: Floats, legs: Floats,
+    order: Ints, genes: Floats, fleet: Floats, craft: Floats, trials: int,
+    rng: np.random.Generator, flag: NDArray[np.int8], poses: Floats,
 ) -> float:  # fmt: skip
-    """Decode, then try random moves of one vehicle, exchanges of two, and encounter directions.
+    """Try random moves of one vehicle, exchanges of two, and new angles; return the end of the tour (s).
 
-    What ends the tour sooner is kept. Parameters are those of :func:`~.decoding.decode`, `trials`
-    the number of tries. Returns when the tour ends.
+    A change that ends the tour sooner is kept.
+
+    Parameters
+    ----------
+    order, genes, fleet, craft, poses : ndarray
+        See :mod:`.decoding`; order, genes and poses are updated.
+    trials : int
+        Number of changes that are tried.
+    rng, flag
+        Random numbers, and the stop flag.
     """
     n = len(order)
-    end = decode(order, genes, fleet, craft, 0, False, interior, math.inf, poses, legs)
-    trial, own = order.copy(), genes.copy()
-    spot, route = poses.copy(), legs.copy()
+    end = follow(order, genes, fleet, craft, 0, math.inf, poses)
+    trial, own, spot = order.copy(), genes.copy(), poses.copy()
     for _ in range(trials):
         if flag[0] != 0:
             break
         kind, a, b = int(rng.random() * 3), int(rng.random() * n), int(rng.random() * n)
-        first = min(a, b)
+        if kind < 2 and a == b:
+            continue
+        first = a if kind == 2 else min(a, b)
         if kind == 0:
             move(trial, a, 1, b)
         elif kind == 1:
             trial[a], trial[b] = trial[b], trial[a]
         else:
-            first, i = a, order[a]
-            own[i, 0] = 2.0 * math.pi * rng.random()
-            own[i, 2] = math.sqrt(rng.random()) if interior else 1.0
-        for m in range(4):
-            spot[first, m] = poses[first, m]
-        there = math.inf
-        if kind == 2 or a != b:
-            there = decode(trial, own, fleet, craft, first, False, interior, end, spot, route)
+            own[order[a], 0] = 2.0 * math.pi * rng.random()
+        spot[first] = poses[first]
+        there = follow(trial, own, fleet, craft, first, end, spot)
         if there < end:
-            end = there
-            copy_tour(first, trial, own, spot, route, order, genes, poses, legs)
+            end, order[:], genes[:] = there, trial, own
+            poses[first:] = spot[first:]
         else:
-            for k in range(n):
-                trial[k] = order[k]
-                for m in range(3):
-                    own[k, m] = genes[k, m]
+            trial[:], own[:] = order, genes
     return end

@@ -1,4 +1,4 @@
-"""What the paper's algorithms and its rivals share: the problem as arrays, and the plan of a path."""
+"""Shared parts of the paper's algorithms: the problem as arrays, and the plan of an individual."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,32 +14,32 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.messenger.model import MessengerTour
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 
 if TYPE_CHECKING:
     from ...models.messenger.plan import TourPlan
 
-__all__ = ["Flight", "Rival"]
+__all__ = ["Flight", "RandomRival", "Rival"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Share of a radius that rounding is left.
+#: Share of a radius that is kept free against rounding.
 MARGIN = 1e-9
-#: Relative gain that counts as one.
+#: Relative gain of a new incumbent.
 GAIN = 1e-12
 
 
 @dataclass
 class Flight:
-    """A problem as the kernels want it (see :mod:`.decoding`), and the best path so far.
+    """A problem as arrays of the kernels (see :mod:`.decoding`), and the best plan so far.
 
     Parameters
     ----------
     problem : MessengerTour
         An open tour that begins with a given heading.
     request : Request
-        Told of every better path.
+        Receives every better plan.
     """
 
     problem: MessengerTour
@@ -47,7 +47,6 @@ class Flight:
     fleet: Floats = field(init=False)
     craft: Floats = field(init=False)
     poses: Floats = field(init=False)
-    legs: Floats = field(init=False)
     rng: np.random.Generator = field(init=False)
     plan: TourPlan | None = field(init=False, default=None)
     length: float = field(init=False, default=math.inf)
@@ -57,42 +56,42 @@ class Flight:
         assert one.start is not None
         radius = one.radius * (1.0 - MARGIN)
         self.fleet = np.column_stack([one.positions, one.velocities, radius]).astype(float)
-        start = (*one.start[:2], one.heading or 0.0)
-        self.craft = np.array([*start, one.speed, one.turning_radius])
+        self.craft = np.array([*one.start, one.speed, one.turning_radius, 0.0])
         self.poses = np.zeros((one.size + 1, 4))
-        self.poses[0, :3] = start
-        self.legs = np.zeros((one.size, 6))
+        self.poses[0, :3] = one.start
         self.rng = np.random.default_rng(self.request.seed or 0)
 
     @property
     def flag(self) -> NDArray[np.int8]:
-        """What asks the kernels to stop."""
+        """Stop flag polled by the kernels."""
         return self.request.control.flag
 
-    def offer(self, order: Ints, end: float) -> bool:
-        """Keep the path in `poses` and `legs`, which ends at `end` (s), if it is the shortest so far."""
-        length = end * self.problem.speed
-        if not length < self.length * (1.0 - GAIN):
-            return False
-        self.plan = self._planned(order)
-        self.length = self.plan.length
-        self.request.control.incumbent(self.length, self.plan)
-        return True
+    def offer(self, order: Ints, genes: Floats) -> float:
+        """Keep the path of an individual if it is the shortest so far; return its length (m)."""
+        from .decoding import trace
 
-    def _planned(self, order: Ints) -> TourPlan:
-        """Return the plan whose primitives are those flown, whose lengths give the times."""
+        legs = np.zeros((len(order), 6))
+        length: float = (
+            trace(order, genes, self.fleet, self.craft, self.poses, legs) * self.problem.speed
+        )
+        if length < self.length * (1.0 - GAIN):
+            self.plan = self._planned(order, legs)
+            self.length = self.plan.length
+            self.request.control.incumbent(self.length, self.plan)
+        return length
+
+    def _planned(self, order: Ints, legs: Floats) -> TourPlan:
+        """Return the plan of the path in `poses` and `legs`; its times follow from the lengths."""
         from ...models.messenger.plan import Primitive, TourPlan
 
-        r = self.problem.turning_radius
         pieces = []
         heading = float(self.poses[0, 2])
-        for k, leg in enumerate(self.legs.tolist()):
-            for length, code in zip(leg[:3], leg[3:], strict=True):
+        for k, leg in enumerate(legs.tolist()):
+            for length, sign in zip(leg[:3], leg[3:], strict=True):
                 if length > 0.0:
-                    turn = "S" if r == 0.0 else "RSL"[int(code) + 1]
-                    pieces.append(Primitive(k, turn, length, code if r == 0.0 else heading))
-                    heading += 0.0 if r == 0.0 else code * length / r
-        times = np.cumsum(self.legs[:, :3].sum(axis=1)) / self.problem.speed
+                    pieces.append(Primitive(k, "RSL"[int(sign) + 1], length, heading))
+                    heading += sign * length / self.problem.turning_radius
+        times = np.cumsum(legs[:, :3].sum(axis=1)) / self.problem.speed
         return TourPlan(
             tuple(order.tolist()), times, self.poses[1:, :2].copy(), self.poses[0, :3].copy(),
             tuple(pieces),
@@ -100,22 +99,24 @@ class Flight:
 
 
 class Rival(Backend):
-    """Base of the paper's algorithms and its rivals; a subclass only searches."""
+    """Base of the paper's algorithms; a subclass only searches."""
 
     accepts = MessengerTour
     guarantee = Guarantee.HEURISTIC
-    features = frozenset({Feature.SEED, Feature.INCUMBENTS, Feature.INTERRUPT})
+    features = frozenset({Feature.INCUMBENTS, Feature.INTERRUPT})
     single_threaded = True
 
     @abstractmethod
     def search(self, flight: Flight, request: Request) -> Mapping[str, Any]:
-        """Offer better and better paths to `flight`; return statistics of the algorithm's own."""
+        """Offer better and better paths to `flight`; return statistics of the algorithm."""
 
     def refuses(self, problem: MessengerTour) -> str:
         """Return what the paper's algorithms do not cover."""
         if problem.closed:
             return "closed tours: the paper's tours end at the last encounter"
-        if problem.heading is None and problem.turning_radius > 0:
+        if problem.turning_radius == 0:
+            return "a turning radius of 0: the paper's UAV is a Dubins vehicle"
+        if problem.heading is None:
             return "a start without a heading: the paper's tours begin with a given one"
         return ""
 
@@ -126,7 +127,7 @@ class Rival(Backend):
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         begin = clock()
         flight = Flight(problem, request)
-        own = self.search(flight, request)
+        statistics = self.search(flight, request)
         limit = None
         if request.control.stopped:
             limit = request.control.reason or Limit.INTERRUPTED
@@ -137,5 +138,29 @@ class Rival(Backend):
             flight.plan,
             flight.length if found else None,
             seconds={"solve": clock() - begin},
-            statistics=dict(own),
+            statistics=dict(statistics),
+            message="" if found else "the best individual cannot be flown: a leg is too short",
         )
+
+
+class RandomRival(Rival):
+    """Base of the paper's algorithms that draw random numbers, which it runs 25 times each."""
+
+    features = frozenset({Feature.SEED, Feature.INCUMBENTS, Feature.INTERRUPT})
+    options: ClassVar[Mapping[str, Option]] = {
+        "runs": Option(
+            1, "Independent runs; the plan is the best of them, and the statistics hold every length.",
+            int, lower=1,
+        ),
+    }  # fmt: skip
+
+    @abstractmethod
+    def search_once(self, flight: Flight, request: Request) -> float:
+        """Run the algorithm once; return the length of its best plan (m), inf without one."""
+
+    def search(self, flight: Flight, request: Request) -> Mapping[str, Any]:
+        """Run the algorithm as often as requested, until the time is up."""
+        lengths: list[float] = []
+        while len(lengths) < request.options["runs"] and not (lengths and request.control.stopped):
+            lengths.append(self.search_once(flight, request))
+        return {"runs": len(lengths), "lengths": " ".join(map(repr, lengths))}

@@ -1,4 +1,4 @@
-"""DS, direct sampling: the paper's yardstick for two and three vehicles."""
+"""DS: the double sampling of times and boundaries that the paper compares with on two and three vehicles."""
 
 from __future__ import annotations
 
@@ -10,29 +10,26 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...models.messenger.model import MessengerTour
-from ..backend import Feature, Option, Request
+from ..backend import Option, Request
 from .rivals import Flight, Rival
 
 __all__ = ["DirectSampling"]
 
 
 class DirectSampling(Rival):
-    """All orders, with all combinations of boundary samples, each met at its first interception.
+    """All orders, with all combinations of sampled times and boundary points, by branch and bound.
 
-    It is not exact: samples are a grid, and an encounter that waits may leave the UAV with a heading
-    from which the next vehicle is met sooner.
+    All lengths that the paper prints for DS are even numbers of metres: at 10 m/s, its trajectories have
+    a sample every 0.2 s. The number of boundary samples is not printed.
     """
 
     name = "direct-sampling"
-    features = frozenset({Feature.INCUMBENTS, Feature.INTERRUPT})
     deterministic = True
     options: ClassVar[Mapping[str, Option]] = {
-        "samples": Option(72, "Samples of each boundary.", int, lower=1),
-        "interior": Option(
-            False, "Whether a vehicle is met at once where the UAV is inside its disc.", bool
-        ),
-    }  # fmt: skip
-    summary = "all orders and boundary samples of up to three vehicles (DS)"
+        "samples": Option(16, "Samples of each boundary.", int, lower=1),
+        "step": Option(0.2, "Time between samples of the trajectories, s.", lower=1e-6),
+    }
+    summary = "all orders, sampled times and boundaries of up to three vehicles (DS)"
 
     def refuses(self, problem: MessengerTour) -> str:
         """Return what is refused: more than three vehicles too."""
@@ -41,23 +38,19 @@ class DirectSampling(Rival):
         return super().refuses(problem)
 
     def search(self, flight: Flight, request: Request) -> Mapping[str, Any]:
-        """Go through all orders."""
-        from .decoding import decode
-        from .sampling_kernels import enumerate_samples
+        """Search all orders."""
+        from .sampling_kernels import search_samples
 
-        own, n = request.options, flight.problem.size
-        samples, interior, flag = own["samples"], own["interior"], flight.flag
-        fleet, craft, poses, legs = flight.fleet, flight.craft, flight.poses, flight.legs
-        ceiling = math.inf
-        for permutation in itertools.permutations(range(n)):
-            order, genes = np.array(permutation), np.ones((n, 3))
-            end = enumerate_samples(
-                order, genes, fleet, craft, samples, interior, ceiling, flag, poses, legs
-            )
+        own, ceiling = request.options, math.inf
+        for permutation in itertools.permutations(range(flight.problem.size)):
+            order, genes = np.array(permutation), np.zeros((len(permutation), 2))
+            end = search_samples(
+                order, genes, flight.fleet, flight.craft, own["samples"], own["step"], ceiling,
+                flight.flag, flight.poses,
+            )  # fmt: skip
             if end < ceiling:
                 ceiling = end
-                end = decode(order, genes, fleet, craft, 0, False, interior, math.inf, poses, legs)
-                flight.offer(order, end)
+                flight.offer(order, genes)
             if request.control.stopped:
                 break
         return {}

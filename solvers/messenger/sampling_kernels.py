@@ -1,4 +1,4 @@
-"""All combinations of boundary samples in one order."""
+"""The shortest tour over sampled times and boundaries for one order, by branch and bound."""
 
 from __future__ import annotations
 
@@ -8,49 +8,79 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .decoding import inside, meet, stay
+from .decoding import meet
 
-__all__ = ["enumerate_samples"]
+__all__ = ["search_samples"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
 @kernel
-def enumerate_samples(
-    order: Ints, genes: Floats, fleet: Floats, craft: Floats, samples: int, interior: bool,
-    ceiling: float, flag: NDArray[np.int8], poses: Floats, legs: Floats,
-) -> float:  # fmt: skip
-    """Fill `genes` with the best combination for `order`, and return when its tour ends.
+def _soonest(poses: Floats, k: int, i: int, fleet: Floats, craft: Floats, t: float) -> float:
+    """Return a lower bound (s) on the encounter with vehicle `i` of a UAV that is at row `k` of `poses`.
 
-    Parameters are those of :func:`~.decoding.decode`; `samples` is the number a boundary. inf where
-    no tour ends before `ceiling`. Where `flag` asks to stop, the best so far, one at least.
+    It is the time of a straight flight to the disc at time `t`, the vehicle coming to meet the UAV.
+    """
+    dx = fleet[i, 0] + fleet[i, 2] * t - poses[k, 0]
+    dy = fleet[i, 1] + fleet[i, 3] * t - poses[k, 1]
+    gap = math.hypot(dx, dy) - fleet[i, 4]
+    soonest: float = t + max(gap, 0.0) / (craft[3] + math.hypot(fleet[i, 2], fleet[i, 3]))
+    return soonest
+
+
+@kernel
+def search_samples(
+    order: Ints, genes: Floats, fleet: Floats, craft: Floats, samples: int, step: float,
+    ceiling: float, flag: NDArray[np.int8], poses: Floats,
+) -> float:  # fmt: skip
+    """Fill `genes` with the best samples for `order`; return the end of the tour (s).
+
+    Depth first: each level is an encounter, its nodes are the times in multiples of `step` and the
+    `samples` angles of the boundary that the UAV can reach exactly then. A node is cut off if a straight
+    flight from it cannot end before the best tour so far.
+
+    Parameters
+    ----------
+    order, genes, fleet, craft, poses : ndarray
+        See :mod:`.decoding`.
+    samples : int
+        Angles of each boundary.
+    step : float
+        Step of time (s).
+    ceiling : float
+        Time (s) before which the tour must end; the result is inf if no tour does.
+    flag : ndarray of int8
+        Stop flag; the result is then the best tour so far.
     """
     n = len(order)
-    digits, trial = np.zeros(n, np.int64), genes.copy()
-    best, level = math.inf, 0
-    while level >= 0 and (flag[0] == 0 or best == ceiling == math.inf):
-        i = order[level]
-        many = samples if fleet[i, 4] > 0.0 else 1
-        if digits[level] >= many:
-            digits[level] = 0
+    trial, ticks, best = genes.copy(), np.zeros(n, np.int64), math.inf
+    # A node is tick * samples + angle.
+    level, nodes = 0, np.zeros(n, np.int64)
+    nodes[0] = int(_soonest(poses, 0, order[0], fleet, craft, 0.0) / step) * samples
+    while level >= 0 and flag[0] == 0:
+        i, last = order[level], level + 1 == n
+        ticks[level] = nodes[level] // samples
+        theta = 2.0 * math.pi * (nodes[level] % samples) / samples
+        nodes[level] += 1
+        t = ticks[level] * step
+        interval = t - poses[level, 3]
+        if not t < ceiling or (
+            not last
+            and not _soonest(poses, level, order[n - 1], fleet, craft, poses[level, 3]) < ceiling
+        ):
             level -= 1
             continue
-        psi = 2.0 * math.pi * digits[level] / samples
-        digits[level] += 1
-        trial[i, 0], trial[i, 2] = psi, 1.0
-        if interior and inside(poses, level, fleet, i, trial):
-            stay(poses, legs, level)
-            digits[level] = many
-        elif meet(poses, legs, level, fleet, craft, i, psi, 0.0, 1.0) == math.inf:
+        trial[i, 0], trial[i, 1] = theta, interval
+        if interval < 0.0 or meet(poses, level, i, theta, interval, fleet, craft) != 0.0:
             continue
-        if not poses[level + 1, 3] < ceiling:
+        if last:
+            best = ceiling = t
+            genes[:] = trial
+            level -= 1
             continue
-        if level + 1 < n:
+        soonest = _soonest(poses, level + 1, order[level + 1], fleet, craft, t)
+        if soonest < ceiling:
             level += 1
-        else:
-            best = ceiling = poses[n, 3]
-            for k in range(n):
-                for m in range(3):
-                    genes[k, m] = trial[k, m]
+            nodes[level] = int(soonest / step) * samples
     return best

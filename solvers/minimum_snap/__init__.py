@@ -9,4 +9,3 @@ DIAGNOSES = {
     "minimum-derivative": ".diagnosis:diagnose_trajectory",
     "minimum-snap": ".diagnosis:diagnose_trajectory",
 }
-PAPER_TABLES = {"minimum-snap": ".paper_tables:TABLES"}

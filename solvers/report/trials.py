@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -40,7 +40,7 @@ class RecordedTrials:
 
     def run(
         self,
-        model: Model[Any],
+        model: Model[Any] | Sequence[Model[Any]],
         backend: str,
         *,
         runs: int | None = None,
@@ -48,12 +48,12 @@ class RecordedTrials:
         options: Mapping[str, Any] | None = None,
         **limits: Any,
     ) -> list[Solution[Any]]:
-        """Run a backend on a model and return one answer per seed.
+        """Run a backend and return one answer per seed, for one model or for several models in turn.
 
         Parameters
         ----------
-        model : Model
-            The model to solve.
+        model : Model or sequence of Model
+            The models to solve. Several models in one call share the start of the worker process.
         backend : str
             Name of the backend, ``"name:formulation"`` for a certain formulation.
         runs : int, optional
@@ -70,8 +70,9 @@ class RecordedTrials:
         KeyboardInterrupt
             The user interrupted the runs.
         """
+        models = [model] if isinstance(model, Model) else list(model)
         part = compare(
-            model,
+            models,
             [backend],
             time_limit=self.time_limit if time_limit is None else time_limit,
             seed=self.seed,
@@ -82,7 +83,8 @@ class RecordedTrials:
             **limits,
         )
         answers = list(part.solutions)
-        self._answers.setdefault(model.digest, (model, []))[1].extend(answers)
+        for single, verdict in zip(models, part.verdicts, strict=False):  # fewer if interrupted
+            self._answers.setdefault(single.digest, (single, []))[1].extend(verdict.solutions)
         if part.interrupted:
             raise KeyboardInterrupt
         return answers

@@ -6,4 +6,3 @@ BACKENDS = {
     "slew-generalised": ".eigenaxis:Generalised",
 }
 DIAGNOSES = {"satellite-slew": "..optimal_control.diagnosis:diagnose_control"}
-PAPER_TABLES = {"satellite-slew": ".paper_tables:TABLES"}

@@ -74,8 +74,8 @@ class Flight:
 class ClosedLoop:
     """A satellite, a turn to follow and a law that steers the gyros.
 
-    The torque asked for is the controller's of the paper (eq. 24-33), T_c = -K_p q_e - K_d w_e +
-    w×(I w + h) + I ẇ_d; the law turns it into gimbal rates, and null motion brings the gimbals
+    The torque is that of eq. 32 with K_p = 2 ω_n² I and without disturbance, T_c = -K_p q_e - K_d w_e
+    + w×(I w + h) + I ẇ_d. The law turns it into gimbal rates, and null motion brings the gimbals
     home from the start of the braking on.
 
     Parameters
@@ -168,7 +168,7 @@ class ClosedLoop:
             loads.append(load)
             steps.append((nodes, rates, states))
             measure = min(measure, float(singularity_measure(states[:, 7:], model.beta).min()))
-            fastest = max(fastest, float(np.abs(states[:, 4:7]).max()))
+            fastest = max(fastest, float(model.magnitudes(states[:, 4:7]).max()))
             if measure < least_measure:
                 break
             turned = now >= max(self.profile.duration, earliest) - 1e-9
@@ -206,7 +206,7 @@ class ClosedLoop:
         middle = self.asked(times[1], 0.5 * (x + end) + 0.125 * long * (a - d))
         wanted = np.array([pair[1] for pair in (first, middle, last)])
         largest = float(np.abs(wanted).max())
-        torque = max(float(np.abs(pair[0]).max()) for pair in (first, middle, last))
+        torque = max(float(self.model.magnitudes(pair[0]).max()) for pair in (first, middle, last))
         if largest > most:
             # A straight line between rates within their limit does not leave it.
             return EDGES, np.clip(wanted[[0, 2]], -most, most), (largest, torque)

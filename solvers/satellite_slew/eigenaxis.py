@@ -148,7 +148,7 @@ class _Search:
             AIM
             * request.options["acceleration"]
             * model.planned_torque
-            / float(np.abs(model.inertia @ self.axis).max())
+            / float(model.magnitudes(model.inertia @ self.axis).max())
         )
 
     def fastest(self) -> _Found | None:
@@ -215,7 +215,7 @@ class _Search:
         """
         self.flights += 1
         model = self.model
-        peak = share * model.rate_limit / float(np.abs(self.axis).max())
+        peak = share * model.rate_limit / float(model.magnitudes(self.axis).max())
         profile = EigenaxisProfile(model.initial_attitude, self.axis, self.angle, peak, push)
         loop = ClosedLoop(model, self.law, profile, END * min(self.request.tolerance, 1e-3))
         latest = min(self.latest, max(profile.duration, COARSE))

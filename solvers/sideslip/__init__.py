@@ -9,4 +9,3 @@ BACKENDS = {
     "linear-regression": ".regression:LinearRegression",
 }
 DIAGNOSES = {"sideslip": ".diagnosis:diagnose_sideslip"}
-PAPER_TABLES = {"sideslip": ".paper_tables:TABLES"}

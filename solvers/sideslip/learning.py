@@ -116,22 +116,33 @@ def training_set(
 
 
 class Scale(NamedTuple):
-    """How features are brought to mean 0 and deviation 1; those that are constant become 0.
+    """The shift and the divisor of each feature; constant features become 0.
 
     Parameters
     ----------
     middle, size : ndarray, shape (d,)
-        Mean and deviation; an infinite deviation where all values are the same.
+        Mean and divisor; an infinite divisor if all values are the same.
     """
 
     middle: Floats
     size: Floats
 
     @classmethod
-    def of(cls, features: Floats) -> Scale:
-        """Return the scale of these features."""
+    def of(cls, features: Floats, each: bool = True) -> Scale:
+        """Return the scale of these features.
+
+        Parameters
+        ----------
+        features : ndarray, shape (n, d)
+            The features.
+        each : bool
+            Divide each feature by its own deviation, else all by their root mean square deviation, which keeps the
+            ratios of distances.
+        """
         middle, size = features.mean(axis=0), features.std(axis=0)
         varies = size > CONSTANT * np.abs(features).max(axis=0)
+        if not each and varies.any():
+            size = np.full_like(size, math.sqrt((size[varies] ** 2).mean()))
         return cls(middle, np.where(varies, size, np.inf))
 
     def __call__(self, features: Floats) -> Floats:
@@ -157,8 +168,10 @@ class KernelRegression:
     examples : TrainingSet
         What is learned from.
     width : float, optional
-        Deviation of the Gaussian in deviations of the features; None takes the one that has the least
-        square error on drives that are left out in turn.
+        Deviation of the Gaussian in deviations of the features, or in their root mean square deviation without
+        `scaling`; None takes the width with the smallest square error on drives that are left out in turn.
+    scaling : bool
+        Whether each feature is divided by its own deviation. Without it distances mix the units rad/s and m/s².
 
     Attributes
     ----------
@@ -168,8 +181,10 @@ class KernelRegression:
         Root mean square error of drives that are left out, rad.
     """
 
-    def __init__(self, examples: TrainingSet, width: float | None = None) -> None:
-        self._scale = Scale.of(examples.features)
+    def __init__(
+        self, examples: TrainingSet, width: float | None = None, scaling: bool = True
+    ) -> None:
+        self._scale = Scale.of(examples.features, scaling)
         self._places = self._scale(examples.features)
         self._middle = float(examples.angles.mean())
         self._values = examples.angles - self._middle  # spreads cancel least about the mean

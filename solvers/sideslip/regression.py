@@ -35,7 +35,8 @@ _WINDOW = {
 _WIDTH = {
     "width": Option(
         None,
-        "Width of the kernel in deviations of the features; None takes the best on drives left out.",
+        "Width of the kernel in deviations of the features (without scaling in their root mean square deviation); "
+        "None takes the best on drives left out.",
         lower=1e-6,
         upper=1e6,
     )
@@ -64,11 +65,24 @@ class _Learning(SideslipBackend):
         return Window(period, **{name: own.pop(name) for name in _WINDOW}), own
 
 
+def _scaling(default: bool) -> dict[str, Option]:
+    return {
+        "scaling": Option(
+            default,
+            "Whether each feature is divided by its deviation; the paper scales nothing.",
+            bool,
+        )
+    }
+
+
 class Grnn(_Learning):
-    """The paper's: the mean of all training angles, weighted by how like the measurements were."""
+    """The paper's network: the mean of all training angles, weighted by a Gaussian of the distance of measurements.
+
+    Features are not scaled by default, as in the toolbox that the paper uses.
+    """
 
     name = "grnn"
-    options = {**_WINDOW, **_WIDTH}
+    options = {**_WINDOW, **_WIDTH, **_scaling(False)}
     summary = (
         "Gaussian kernel regression on other drives (the paper's general regression neural network)"
     )
@@ -76,7 +90,7 @@ class Grnn(_Learning):
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the weighted mean of the angles."""
         window, own = self.window(problem, request)
-        learned = KernelRegression(training_set(problem.training, window), own["width"])
+        learned = KernelRegression(training_set(problem.training, window), **own)
         found = learned(window.features(problem.recording), lambda: request.control.stopped)
         return (
             None
@@ -95,7 +109,7 @@ class KalmanGrnn(_Learning):
     """
 
     name = "kalman-grnn"
-    options = {**_WINDOW, **_WIDTH}
+    options = {**_WINDOW, **_WIDTH, **_scaling(True)}
     summary = "Kalman filter, corrected by kernel regression on its errors on other drives"
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
@@ -120,7 +134,7 @@ class KalmanGrnn(_Learning):
         for drive, one in zip(problem.training, there, strict=True):
             assert drive.sideslip is not None  # the model refuses such drives
             errors.append(drive.sideslip - one.sideslip)
-        learned = KernelRegression(training_set(problem.training, window, errors), own["width"])
+        learned = KernelRegression(training_set(problem.training, window, errors), **own)
         found = learned(window.features(problem.recording), lambda: request.control.stopped)
         if found is None:
             return None

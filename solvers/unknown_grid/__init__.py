@@ -15,11 +15,11 @@ BACKENDS = {
     "oracle": ".oracle:Oracle",
 }
 DIAGNOSES = {"unknown-grid": ".diagnosis:diagnose_unknown_grid"}
-PAPER_TABLES = {"unknown-grid": ".paper_tables:TABLES"}
 TRAININGS = {
     "small-vin": ".small_vin:TRAINING",
     "vin": ".vin:TRAINING",
     "macn": ".macn:TRAINING",
-    "mcgn": ".mcgn:TRAINING",
+    "mcgn-1": ".mcgn:TRAINING_1",
+    "mcgn-2": ".mcgn:TRAINING_2",
     "gmgn": ".gmgn:TRAINING",
 }

@@ -53,8 +53,8 @@ class UnknownGridEnv:
     An observation is a dictionary of
 
     ``map``
-        The paper's masked map O_g, shape (rows, columns): -1 unknown, 0 free, 1 blocked, 2 the target, as
-        :class:`~.memory.Observation` has it.
+        The masked map, shape (rows, columns): -1 unknown, 0 free, 1 blocked, 2 the target, as
+        :class:`~.memory.Observation` has it; of the current view alone, it is the paper's O_g.
     ``view``
         The cells that the UAV shows, shape (m, n); what lies off the map is blocked.
     ``image``

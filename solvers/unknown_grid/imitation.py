@@ -227,13 +227,14 @@ def imitation_loss(logits: torch.Tensor, best: torch.Tensor) -> torch.Tensor:
 
 
 def judge_network(
-    network: torch.nn.Module, examples: Any, law: str, seed: int, count: int = 128
+    network: torch.nn.Module, examples: Any, law: str, seed: int, count: int = 128, *, part: int = 0
 ) -> dict[str, float]:
     """Return the figures of a network that leads vehicles through scenes of the paper's three tasks.
 
     ``score`` is the share of targets reached, percent, ``collisions`` are those in a scene, and ``ratio`` is
     that of steps to the fewest. The `count` scenes of each task are always the same, none of those that are learned from. The
-    network may remember: its state is passed on as :mod:`~.learned` says.
+    network may remember: its state is passed on as :mod:`~.learned` says. With `part` 1 or 2 the network leads only before or
+    after the target was in the view, on O_g or O_p, and the expert leads the rest.
     """
     reached, collisions, ratios = [], [], []
     for number, task in enumerate(TASKS):
@@ -243,17 +244,23 @@ def judge_network(
         state: Any = None
         before = walk.going
 
-        def choose(observed: Observation, rows: Ints) -> Ints:
+        ways = shortest_ways(scenes.blocked, scenes.targets)
+
+        def choose(observed: Observation, rows: Ints, ways: Lengths = ways) -> Ints:
             nonlocal state, before
             if state is not None:
                 kept = np.searchsorted(before, rows)
                 state = tuple(one[kept] for one in state)
-            logits, state = network(observed.tensors(), state)
+            given = observed.tensors()
+            logits, state = network(given.in_view() if part == 2 else given, state)
             before = rows
-            return choose_actions(logits.numpy())[0]
+            actions = choose_actions(logits.numpy())[0]
+            if not part:
+                return actions
+            expert = first_of(best_actions(ways[rows], observed.positions))
+            return np.where(observed.seen == (part == 2), actions, expert)
 
         walk_through(walk, choose)
-        ways = shortest_ways(scenes.blocked, scenes.targets)
         fewest = ways[np.arange(len(ways)), *scenes.starts.T]
         reached.append(walk.reached)
         collisions.append(walk.collisions)
@@ -269,12 +276,6 @@ def judge_network(
 #: The options of all trainings that imitate.
 IMITATION: Mapping[str, Option] = {
     "law": Option("walls", "the law that scenes are drawn from", str),
-    "expert": Option(
-        "truth",
-        "whose shortest way is imitated: that of truth, the true map, or of what is known, unknown cells free",
-        str,
-        ("truth", "known"),
-    ),
     "scenes": Option(192, "scenes of each task that an epoch is drawn from", int, lower=1),
     "batches": Option(40, "steps of Adam in an epoch", int, lower=1),
     "batch": Option(256, "decisions of a batch", int, lower=1),
@@ -289,23 +290,13 @@ class StepTrainer(GradientTrainer):
     An epoch draws scenes, and leads the vehicles through them half by the expert and half by the network as
     it is, so that it learns what to do where its own errors lead (S. Ross, G. Gordon, D. Bagnell,
     "DAgger", AISTATS 2011). The expert labels every decision.
-
-    Parameters
-    ----------
-    course, kind, network, architecture
-        As for the base.
-    once : bool
-        Whether to learn from a cell of a run only once. What sees no more than the current view goes round in
-        circles, whose cells would else be most of the examples.
     """
 
     _groups: list[tuple[Observation, torch.Tensor]]
 
     def __init__(
-        self, course: Course, kind: str, network: torch.nn.Module, architecture: Mapping[str, int],
-        *, once: bool = False,
-    ) -> None:  # fmt: skip
-        self._once = once
+        self, course: Course, kind: str, network: torch.nn.Module, architecture: Mapping[str, int]
+    ) -> None:
         asked = course.options
         super().__init__(
             course, kind, network, architecture, batches=asked["batches"], rate=asked["rate"]
@@ -337,17 +328,11 @@ class StepTrainer(GradientTrainer):
         labels: list[Truths] = []
         ways = shortest_ways(scenes.blocked, scenes.targets)
         led = generator.random(len(scenes.starts)) < 0.5
-        visited = np.zeros(ways.shape, bool)
 
         def choose(observed: Observation, rows: Ints) -> Ints:
-            known = self.course.options["expert"] == "known"
-            here = shortest_ways(observed.known == 1, observed.targets) if known else ways[rows]
-            best = best_actions(here, observed.positions)
-            cells = (rows, *observed.positions.T)
-            new = ~(visited[cells] & self._once)
-            visited[cells] = True
-            looks.append(Observation._make(one[new] for one in observed))
-            labels.append(best[new])
+            best = best_actions(ways[rows], observed.positions)
+            looks.append(observed)
+            labels.append(best)
             with torch.inference_mode():
                 logits, _ = self.network(observed.tensors(), None)
             return np.where(led[rows], first_of(best), choose_actions(logits.numpy())[0])

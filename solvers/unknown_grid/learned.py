@@ -33,11 +33,15 @@ __all__ = ["LearnedPolicy", "Macn", "Mcgn", "SmallVin", "Vin"]
 Ints = NDArray[np.int64]
 State = tuple[Any, ...] | None
 
-_WEIGHTS: Mapping[str, Option] = {
-    "weights": Option(
-        None, "a file of weights from 'crosstrack train'; those that are shipped", str, file=True
-    )
-}
+_FILE = Option(
+    None, "a file of weights from 'crosstrack train'; those that are shipped", str, file=True
+)
+_WITHOUT = Option(
+    "nothing",
+    "part of the network that is left out: values (V is 0 for the controller) or memory (emptied before each step)",
+    str,
+    ("nothing", "values", "memory"),
+)
 
 
 class LearnedPolicy:
@@ -85,7 +89,7 @@ class _Learned(NavigationBackend):
 
     requires = ("torch",)
     extra = "learn"
-    options = {**PERCEPTION, **_WEIGHTS}
+    options = {**PERCEPTION, "weights": _FILE}
     together = 256
     module: ClassVar[str]
 
@@ -98,9 +102,12 @@ class _Learned(NavigationBackend):
     def policy(
         self, problem: UnknownGridNavigation, scenes: Ints, request: Request
     ) -> LearnedPolicy:
-        network = load_network(self.name, self._load(), request.options["weights"])
-        self._policies.append(LearnedPolicy(problem, scenes, network))
+        self._policies.append(LearnedPolicy(problem, scenes, self.network(request.options)))
         return self._policies[-1]
+
+    def network(self, options: Mapping[str, Any]) -> torch.nn.Module:
+        """Return the network with its weights, as the options of a run say."""
+        return load_network(self.name, self._load(), options["weights"])
 
     def run(self, problem: UnknownGridNavigation, request: Request) -> Answer:
         """Lead the vehicles; decisions that the weights left open are counted."""
@@ -132,26 +139,37 @@ class SmallVin(_Learned):
 
 
 class Vin(_Learned):
-    """A value iteration network that sees the current view alone."""
+    """The paper's value iteration network in every step: values alone."""
 
     name = "vin"
     module = "vin"
-    summary = "value iteration network of Tamar et al. (2016) on the current view, 30 iterations"
+    summary = "the paper's value iteration network on the masked map of the current view"
 
 
 class Macn(_Learned):
-    """Values of the current view, and a differentiable memory."""
+    """MACN: a value iteration network and a differentiable memory."""
 
     name = "macn"
     module = "macn"
-    summary = "memory augmented control network of Khan et al. (2018): a VIN and a neural computer"
+    summary = "memory augmented control network of Khan et al. (2018) on the masked map"
+    options = {**_Learned.options, "without": _WITHOUT}
+
+    def network(self, options: Mapping[str, Any]) -> torch.nn.Module:
+        network = super().network(options)
+        network.without = options["without"]
+        return network
 
 
 class Mcgn(_Learned):
-    """The paper's network: values of the masked map, attention, and a differentiable memory."""
+    """The paper's network: MCGN-I until the target is in the view, then MCGN-II."""
 
     name = "mcgn"
     module = "mcgn"
-    summary = (
-        "the paper's network on the masked global map, with attention once the target was seen"
-    )
+    summary = "the paper's network: MCGN-I until the target is in the view, then MCGN-II"
+    options = {**_Learned.options, "weights_2": _FILE, "without": _WITHOUT}
+
+    def network(self, options: Mapping[str, Any]) -> torch.nn.Module:
+        module = self._load()
+        first = load_network("mcgn-1", module.First, options["weights"])
+        first.without = options["without"]
+        return module.combine(first, load_network("mcgn-2", module.Second, options["weights_2"]))

@@ -25,10 +25,10 @@ class Observation(NamedTuple):
     Parameters
     ----------
     known : shape (n, rows, columns)
-        All that was seen so far, the masked map O_g: -1 unknown, 0 free, 1 obstacle, 2 target. The target
-        is known from the beginning; a cell that a step was stopped by is an obstacle.
+        All that was seen so far: -1 unknown, 0 free, 1 obstacle, 2 target. The target is marked from the
+        beginning; a cell that stopped a step is an obstacle.
     current : shape (n, rows, columns)
-        The same of this look alone.
+        The paper's masked global matrix O_g, of this look alone: a target outside the view is -1.
     view : shape (n, m, n')
         The cells of this look's view: 0, the target too, and 1, also what lies off the map.
     corners, positions, targets : shape (n, 2)
@@ -52,6 +52,21 @@ class Observation(NamedTuple):
         kinds = (np.float32,) * 3 + (np.int64,) * 3 + (np.bool_,)
         every = zip(self, kinds, strict=True)
         return Observation._make(torch.from_numpy(np.ascontiguousarray(a, k)) for a, k in every)
+
+    def in_view(self) -> Observation:
+        """Return the same with the partial map O_p as `current`, and places in the frame of the view.
+
+        A target outside the view is taken to the nearest cell of it.
+        """
+        limits = [one - 1 for one in self.view.shape[1:]]
+        targets = self.targets - self.corners
+        for axis in (0, 1):
+            targets[:, axis] = targets[:, axis].clip(0, limits[axis])
+        partial = self.view + 0
+        partial[range(len(partial)), targets[:, 0], targets[:, 1]] = TARGET
+        return self._replace(
+            current=partial, positions=self.positions - self.corners, targets=targets
+        )
 
 
 class Memory:
@@ -101,12 +116,13 @@ class Memory:
             windows = sliding_window_view(cells, self._view, axis=(1, 2), writeable=True)
             windows[which, *at] = view
         known, current = self._cells[rows][self._inner], now[self._inner]
-        for cells in (known, current):
-            cells[self._hits[rows]] = BLOCKED
-            cells[every, places[:, 0], places[:, 1]] = FREE
-            cells[every, targets[:, 0], targets[:, 1]] = TARGET
+        known[self._hits[rows]] = BLOCKED
+        known[every, places[:, 0], places[:, 1]] = FREE
+        known[every, targets[:, 0], targets[:, 1]] = TARGET
         away = targets - corners
-        self._seen[rows] |= ((away >= 0) & (away < self._view)).all(axis=1)
+        seen = ((away >= 0) & (away < self._view)).all(axis=1)
+        current[seen, targets[seen, 0], targets[seen, 1]] = TARGET
+        self._seen[rows] |= seen
         self._places[rows] = places
         return Observation(
             known, current, view, np.asarray(corners), places, targets, self._seen[rows].copy()

@@ -46,10 +46,9 @@ def perceive(
     view : tuple of int
         Rows and columns of the view, odd.
     method : {"k-means", "gmgn"}
-        ``"k-means"`` splits the pixels of an image by colour in two, and lets those of a cell vote. The paper
-        does not say which of both is the obstacle: here the cell in the middle is free, for a vehicle stands
-        or stood there, and all cells are where the colours are of one kind. ``"gmgn"`` asks a network, see
-        :mod:`~.gmgn`.
+        ``"k-means"`` (ours) splits the pixels of an image by colour in two clusters, and the pixels of a cell vote.
+        The cell in the middle is free, as the vehicle stands or stood there; all cells are free if the colours are
+        of one kind. ``"gmgn"`` is the paper's network, see :mod:`~.gmgn`.
     weights : str, optional
         A file of weights for the network; those that are shipped.
 

@@ -1,112 +1,94 @@
-"""What the networks with a memory share: planes, windows and value iteration by convolutions."""
+"""The planning part of the paper's networks: ConvNet of Table I and the value iteration module of equations 1-2."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from ...models.unknown_grid.world import BLOCKED, FREE, TARGET, UNKNOWN
-from .memory import Observation
+import numpy as np
+
+from .value_kernels import iterate, pass_back
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
-__all__ = ["OBSTACLE", "SLOWNESS", "advantages", "build_planner", "crop", "indicate", "moved"]
+__all__ = ["GOAL", "build_planner"]
 
-#: What entering an obstacle costs at first: more than any way that the iterations find.
-OBSTACLE = 30.0
-#: What changes of the planner count: a step of Adam that is small for a layer is large for 30 iterations.
-SLOWNESS = 0.02
-#: Iterations that have a gradient: near the end all are alike, and the others cost as much again.
-_TRACED = 4
-#: Row and column of stay, up, down, left, right in a kernel of 3 × 3.
-_KERNEL = ((1, 1), (0, 1), (2, 1), (1, 0), (1, 2))
+#: Value of the target's cell in the initial reward map; the other cells are 0.
+GOAL = 10.0
+#: Standard deviation of the first weights, which the paper does not print. It is that of the implementation of MACN that
+#: Table II follows, see :mod:`~.macn`.
+_SPREAD = 0.01
 
 
-def indicate(cells: Tensor) -> Tensor:
-    """Return planes that say where each value is, shape (n, 4, rows, columns), of cells of -1, 0, 1 and 2."""
-    import torch
+def build_planner(hidden: int = 150, iterations: int = 30) -> nn.Module:
+    """Return the ConvNet and the value iteration module.
 
-    return torch.stack([cells == one for one in (UNKNOWN, FREE, BLOCKED, TARGET)], dim=1).to(
-        torch.float32
-    )
+    The call ``planner(maps, targets)`` takes maps, shape (n, rows, columns), and the row and column of each
+    target, shape (n, 2). It returns the reward map R and the final value map V, shapes (n, 1, rows, columns), and the
+    final action values Q, shape (n, 4, rows, columns).
 
-
-def crop(planes: Tensor, places: Tensor, half: int) -> Tensor:
-    """Return windows of (2·half + 1)² cells around places, shape (n, c, size, size); zero beyond the edge.
+    Table I has no activation, so its first two layers are one convolution from map and reward map to R; it is
+    computed as one. Outside the map all is 0.
 
     Parameters
     ----------
-    planes : Tensor, shape (n, c, rows, columns)
-    places : Tensor of int, shape (n, 2)
-    """
-    import torch
-    from torch.nn import functional
-
-    padded = functional.pad(planes, (half,) * 4)
-    count, channels, _, columns = padded.shape
-    span = torch.arange(2 * half + 1)
-    down = places[:, 0, None, None] + span[:, None]
-    across = places[:, 1, None, None] + span
-    at = (down * columns + across).reshape(count, 1, -1).expand(-1, channels, -1)
-    return padded.flatten(2).gather(2, at).reshape(count, channels, len(span), len(span))
-
-
-def build_planner(iterations: int) -> nn.Module:
-    """Return value iteration by convolutions of rewards and values, and the largest over actions.
-
-    Of rewards, shape (n, 1, rows, columns), it returns what each of five actions is worth, shape (n, 5, rows,
-    columns), and the values, shape (n, 1, rows, columns). By its first weights one action stays and four go to
-    a neighbour.
-
-    Source: A. Tamar, Y. Wu, G. Thomas, S. Levine, P. Abbeel, "Value Iteration Networks", NeurIPS 2016, arXiv
-    1602.02867.
+    hidden : int
+        Channels of the first layer.
+    iterations : int
+        K.
     """
     import torch
     from torch import nn
     from torch.nn import functional
 
-    def worth_of(fixed: Tensor, values: Tensor, kernel: Tensor) -> Tensor:
-        return fixed + functional.conv2d(values, kernel, padding=1)
+    class Iteration(torch.autograd.Function):
+        """V_K of R(s, a) and gamma P by compiled loops; much faster backwards than convolutions."""
 
-    class ValueIteration(nn.Module):
+        @staticmethod
+        def forward(context: Any, fixed: Tensor, moves: Tensor) -> Tensor:
+            count, _, rows, columns = fixed.shape
+            values = np.zeros((iterations + 1, count, rows + 2, columns + 2), np.float32)
+            best = np.empty((iterations + 1, count, rows, columns), np.uint8)
+            kernel = moves.detach().numpy()[:, 0]
+            iterate(fixed.detach().contiguous().numpy(), kernel, values, best)
+            context.left = kernel, values, best
+            return torch.from_numpy(values[-1, :, None, 1:-1, 1:-1].copy())
+
+        @staticmethod
+        def backward(context: Any, *gradients: Any) -> tuple[Tensor, Tensor]:
+            kernel, values, best = context.left
+            padded = functional.pad(gradients[0][:, 0], (1, 1, 1, 1)).numpy()
+            fixed = np.zeros((best.shape[1], 4, *best.shape[2:]), np.float32)
+            moved = np.zeros_like(kernel)
+            pass_back(padded, kernel, values, best, fixed, moved)
+            return torch.from_numpy(fixed), torch.from_numpy(moved[:, None])
+
+    class Planner(nn.Module):
         def __init__(self) -> None:
             super().__init__()
-            reward, value = torch.zeros(2, 5, 1, 3, 3)
-            reward[:, 0, 1, 1] = 1.0
-            for action, (row, column) in enumerate(_KERNEL):
-                value[action, 0, row, column] = 1.0
-            self.register_buffer("first", torch.stack([reward, value]))
-            self.change = nn.Parameter(torch.zeros(2, 5, 1, 3, 3))
-
-        def forward(self, rewards: Tensor) -> tuple[Tensor, Tensor]:
-            reward, value = self.first + SLOWNESS * self.change
-            fixed = functional.conv2d(rewards, reward, padding=1)
+            self.reading = nn.Conv2d(2, hidden, 3, padding=1)
+            self.pooling = nn.Conv2d(hidden, 1, 1, bias=False)
+            self.rewarding = nn.Conv2d(1, 4, 3, padding=1, bias=False)
+            self.moving = nn.Conv2d(1, 4, 3, padding=1, bias=False)
             with torch.no_grad():
-                values = torch.zeros_like(rewards)
-                for _ in range(iterations - _TRACED):
-                    values = worth_of(fixed, values, value).amax(dim=1, keepdim=True)
-            for _ in range(min(_TRACED, iterations)):
-                worth = worth_of(fixed, values, value)
-                values = worth.amax(dim=1, keepdim=True)
-            return worth, values
+                self.reading.bias.zero_()
+                for layer in (self.reading, self.pooling, self.rewarding, self.moving):
+                    layer.weight.normal_(0.0, _SPREAD)
 
-    return ValueIteration()
+        def forward(self, maps: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+            goals = torch.zeros_like(maps)
+            goals[torch.arange(len(maps)), targets[:, 0], targets[:, 1]] = GOAL
+            pooling = self.pooling.weight[0, :, 0, 0]
+            kernel = torch.einsum("h,hcij->cij", pooling, self.reading.weight)[None]
+            bias = (pooling @ self.reading.bias)[None]
+            rewards = functional.conv2d(torch.stack([maps, goals], dim=1), kernel, bias, padding=1)
+            fixed = self.rewarding(rewards)
+            if torch.is_grad_enabled():
+                values = Iteration.apply(fixed, self.moving.weight)
+            else:
+                values = fixed.amax(dim=1, keepdim=True)
+                for _ in range(iterations):
+                    values = (fixed + self.moving(values)).amax(dim=1, keepdim=True)
+            return rewards, values, fixed + self.moving(values)
 
-
-def moved(observed: Observation, state: tuple[Tensor, ...] | None) -> Tensor:
-    """Return the change of row and column since the last step, and whether there was one, shape (n, 3).
-
-    The last entry of the state is where the vehicles were.
-    """
-    import torch
-
-    places = observed.positions.to(torch.float32)
-    if state is None:
-        return torch.zeros(len(places), 3)
-    return torch.cat([places - state[-1], torch.ones(len(places), 1)], dim=1)
-
-
-def advantages(worth: Tensor, places: Tensor) -> Tensor:
-    """Return how much less than the best each action but to stay is worth at places, shape (n, 4)."""
-    here = crop(worth[:, 1:], places, 0)[..., 0, 0]
-    return here - here.amax(dim=1, keepdim=True)
+    return Planner()

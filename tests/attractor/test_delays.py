@@ -4,22 +4,28 @@ import numpy as np
 import pytest
 from attractor.known import analysed, arma, henon, logistic, lorenz, rossler, strange
 from hypothesis import given, settings, strategies as st
-from scipy.spatial.distance import pdist, squareform
+from scipy.spatial.distance import pdist
 
 from crosstrack.errors import UnsupportedOption
 from crosstrack.solvers import Control, Limit, Termination
 from crosstrack.solvers.attractor.c_c_curves import (
+    Curves,
     close_pairs,
+    correlation_sums,
     curves,
-    slots,
-    statistic,
-    whole_statistic,
+)
+from crosstrack.solvers.attractor.delays import (
+    CorrelationIntegral,
+    ImprovedCorrelationIntegral,
+    first_local_minimum,
+    first_zero_crossing,
 )
 from crosstrack.solvers.attractor.information import (
     autocorrelation,
     decorrelation,
     first_minimum,
     first_zero,
+    mean_period,
     mutual_information,
 )
 
@@ -138,7 +144,7 @@ def test_close_pairs_are_those_of_all_distances(n, step, seed, values):
         y = x[part::step]
         for m in range(1, 4):
             far = distances(y, 1, m) if len(y) > m else np.empty(0)
-            assert found[part, m - 1].tolist() == [(far < r).sum() for r in radii]
+            assert found[part, m - 1].tolist() == [(far <= r).sum() for r in radii]
 
 
 def test_compiled_pairs_are_those_of_the_plain_meaning():
@@ -148,42 +154,75 @@ def test_compiled_pairs_are_those_of_the_plain_meaning():
         assert (close_pairs(x, step, radii, 5) == wanted).all()
 
 
+def test_the_curves_of_a_series_by_hand():
+    """Equations 2-10 for t = 2: one subseries alternates between 0 and 3, the other is 0."""
+    x = np.array([0, 0, 3, 0, 0, 0, 3, 0, 0, 0, 3, 0, 0.0])  # the last sample is in no subseries
+    # All four radii are between 0 and 3, so only equal states are close. Of the alternating subseries:
+    # m = 1: 3 + 3 of 15 pairs; m = 2: 3 + 1 of 10; m = 3: 1 + 1 of 6; m = 4: 1 of 3; m = 5: 0 of 1.
+    sums = correlation_sums(x, 2)
+    assert sums.shape == (2, 5, 4)
+    for radius in range(4):
+        assert sums[0, :, radius] == pytest.approx([6 / 15, 4 / 10, 2 / 6, 1 / 3, 0])
+    assert (sums[1] == 1).all()
+    found = curves(x, 2)
+    c = (4 / 10 + 2 / 6 + 1 / 3 + 0 + 4) / 8
+    s = (4 / 10 - 0.4**2 + 2 / 6 - 0.4**3 + 1 / 3 - 0.4**4 + 0 - 0.4**5) / 8
+    assert found.sums[1] == pytest.approx(c)
+    assert found.mean[1] == pytest.approx(s)
+    assert found.spread[1] == pytest.approx(0, abs=1e-15)
+    assert found.combined[1] == pytest.approx(s)
+    # Equation 10: sums of one coordinate alone.
+    assert found.periodic[1] == pytest.approx((0.4**2 + 0.4**3 + 0.4**4 + 0.4**5 + 4) / 8)
+
+
 @pytest.mark.parametrize("delay", [1, 2, 7])
-def test_the_statistic_is_that_of_its_definition(delay):
-    x = lorenz(400, 0.05)
+def test_the_curves_are_those_of_their_definition(delay):
+    x = lorenz(405, 0.05)
+    length = len(x) // delay
     radii = x.std() * np.array([0.5, 1, 1.5, 2])
+    s, c = np.zeros((2, 4, 4))
+    for part in range(delay):
+        y = x[part : length * delay : delay]
+        one = np.array([(distances(y, 1, 1) <= r).mean() for r in radii])
+        for m in range(2, 6):
+            close = np.array([(distances(y, 1, m) <= r).mean() for r in radii])
+            c[m - 2] += close / delay
+            s[m - 2] += (close - one**m) / delay
+    found = curves(x, delay)
+    assert found.sums[-1] == pytest.approx(c.mean(), abs=1e-12)
+    assert found.mean[-1] == pytest.approx(s.mean(), abs=1e-12)
+    assert found.spread[-1] == pytest.approx(np.ptp(s, axis=1).mean(), abs=1e-12)
 
-    def excess(y, t, m, r):
-        return (distances(y, t, m) < r).mean() - (distances(y, t, 1) < r).mean() ** m
 
-    wanted = [
-        [np.mean([excess(x[s::delay], 1, m, r) for s in range(delay)]) for r in radii]
-        for m in range(2, 6)
-    ]
-    np.testing.assert_allclose(statistic(x, delay), wanted, atol=1e-12)
-    part = x[:250]  # all states are compared where there are no more than 300
-    radii = part.std() * np.array([0.5, 1, 1.5, 2])
-    wanted = [[excess(part, delay, m, r) for r in radii] for m in range(2, 6)]
-    np.testing.assert_allclose(whole_statistic(slots(part), delay), wanted, atol=1e-12)
-
-
-def test_some_states_stand_for_all():
-    x = lorenz(1000, 0.02)
-    slot = slots(x)
-    for delay in (3, 40):
-        m = 3
-        far = squareform(distances(x, delay, m)) < x.std()
-        alone = squareform(distances(x, delay, 1)) < x.std()
-        np.fill_diagonal(far, False)
-        np.fill_diagonal(alone, False)
-        exact = far.sum() / len(far) / (len(far) - 1) - (alone.sum() / 1000 / 999) ** 3
-        assert whole_statistic(slot, delay)[m - 2, 1] == pytest.approx(exact, abs=0.02)
+def test_delay_and_window_are_read_from_the_curves():
+    assert first_local_minimum(np.array([5, 4, 3, 3.5, 1, 2])) == (3, "")
+    assert first_local_minimum(np.array([5, 4, 3.0]))[0] == 3
+    assert first_zero_crossing(np.array([0.3, 0.1, -0.1, 0.2])) == (3, "")
+    assert first_zero_crossing(np.array([-0.3, 0.0, 0.1])) == (2, "")
+    delay, message = first_zero_crossing(np.array([0.3, 0.1, 0.2]))
+    assert delay == 2 and "no zero" in message
+    # S_c = C - S is 0.1, 0.15, 0.1, 0.3, 0.7, 0.2, 0.8: the peak at 2 is small, the one at 5 stands out.
+    sums = np.array([0.2, 0.2, 0.2, 0.4, 0.8, 0.3, 0.9])
+    mean = np.array([0.1, 0.05, 0.1, 0.1, 0.1, 0.1, 0.1])
+    found = Curves(sums, mean, np.array([0.5, 0.4, 0.3, 0.2, 0.1, 0.0, 0.2]))
+    assert ImprovedCorrelationIntegral().window(found, 1) == (5, "")
+    assert CorrelationIntegral().window(found, 1) == (6, "")  # 0.0 + |0.1| is the least
+    window, message = ImprovedCorrelationIntegral().window(found, 5)
+    assert window == 6 and "no period" in message
 
 
 def test_the_statistic_of_independent_values_is_0():
-    found = curves(np.random.default_rng(5).normal(size=1500), 6, improved=True)
-    assert abs(found.mean).max() < 0.01 and abs(found.whole).max() < 0.03
+    found = curves(np.random.default_rng(5).normal(size=1500), 6)
+    assert abs(found.mean).max() < 0.01
     assert found.combined.max() < 0.05
+
+
+def test_the_mean_period_is_that_of_the_mean_frequency():
+    k = np.arange(1000)
+    assert mean_period(np.sin(2 * np.pi * k / 25)) == pytest.approx(25)
+    # Powers 1 and 4 at the frequencies 1 / 50 and 1 / 10: mean frequency (0.02 + 0.4) / 5.
+    both = np.sin(2 * np.pi * k / 50) + 2 * np.cos(2 * np.pi * k / 10)
+    assert mean_period(both) == pytest.approx(5 / 0.42)
 
 
 NAMES = ("c-c", "improved-c-c", "mutual-information", "autocorrelation")
@@ -195,7 +234,7 @@ NAMES = ("c-c", "improved-c-c", "mutual-information", "autocorrelation")
         # Kim and others find a delay of 0.18 s and a window of 1 s.
         ("c-c", 1500, (8, 10), (5, 9)),
         # The mean period is 0.75 s.
-        ("improved-c-c", 1000, (7, 10), (4, 6)),
+        ("improved-c-c", 1500, (8, 11), (4, 6)),
         ("mutual-information", 4000, (7, 12), (3, 4)),
         ("autocorrelation", 4000, (13, 17), (3, 4)),
     ],

@@ -1,4 +1,4 @@
-"""Instances of attractors: the catalogue, exports, the printed table and the demonstration."""
+"""Instances of attractors: the catalogue, exports and the demonstration."""
 
 import math
 
@@ -11,7 +11,6 @@ from crosstrack.instances import entries, entry, export_formats, export_plan
 from crosstrack.instances.attractor import Hunt, generate
 from crosstrack.instances.attractor.listing import HUNT_EXPONENTS, HUNTS
 from crosstrack.instances.attractor.motions import orbit
-from crosstrack.instances.attractor.printed import systems
 from crosstrack.instances.attractor.systems import SYSTEMS
 from crosstrack.instances.demos import build_demo
 from crosstrack.models.attractor import AttractorEstimate
@@ -45,10 +44,9 @@ def test_the_papers_hunt(models):
     assert (len(model.series), model.unit, model.period) == (1000, "m", 1.0)
     assert model.true_exponent / math.log(2) == pytest.approx(0.12, abs=0.01)
     assert one.published == {
-        "table": 1, "row": 1, "delay": 8, "dimension": 10, "exponent_bits": 0.12,
-        "correlation": 5.5, "horizon": 8.3,
+        "delay": 8, "dimension": 10, "exponent_bits": 0.12, "correlation": 5.5, "horizon": 8.3,
     }  # fmt: skip
-    # One bit over so many bits a second: the horizon is a doubling time.
+    # The horizon is the inverse of the exponent, whatever its unit is.
     assert 1 / one.published["exponent_bits"] == pytest.approx(one.published["horizon"], abs=0.05)
     assert np.array_equal(models["hunt-long"].series[:1000], model.series)
     for name, exponent in HUNT_EXPONENTS.items():
@@ -135,16 +133,6 @@ def test_an_exported_coordinate_is_read_again(models, tmp_path):
     again = read_series(file, "x1")
     assert np.array_equal(again.series, model.series[3:])
     assert (again.period, again.unit) == (1.0, "m")
-
-
-def test_the_printed_table():
-    columns, rows, notes = systems()
-    assert {len(row) for row in rows} == {len(columns)} and notes
-    assert [row[0] for row in rows] == [f"`{name}`" for name in SYSTEMS]
-    logistic = rows[0]
-    assert logistic[3:7] == ("0.6931", "1", "1", "yes")
-    noise = next(row for row in rows if row[0] == "`white-noise`")
-    assert noise[3:7] == ("", "", "", "no")
 
 
 def test_the_demonstration_is_the_papers_hunt():

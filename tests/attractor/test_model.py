@@ -529,7 +529,9 @@ def test_json_gives_the_same_plan():
     )
 
 
-def test_the_horizon_of_the_paper_is_the_doubling_time():
+def test_both_readings_of_the_horizon_of_the_paper():
+    # The printed 0.12 as nats a second, as in equation 14.
+    assert estimate(0.12).horizon == pytest.approx(8.33, abs=0.01)
     # 0.12 bits a second are 0.0832 nats a second.
     plan = estimate(0.12 * math.log(2))
     assert plan.doubling_time == pytest.approx(1 / 0.12)
@@ -544,7 +546,7 @@ def test_the_horizon_of_the_paper_is_the_doubling_time():
 
 @pytest.mark.parametrize(
     ("dimension", "variables"),
-    [(5.5, (6, 12)), (2.05, (3, 5)), (2.0, (2, 5)), (1.21, (2, 3)), (0.0, (1, 1)), (-0.3, (1, 1))],
+    [(5.5, (6, 12)), (2.05, (3, 5)), (2.0, (3, 5)), (1.21, (2, 3)), (0.0, (1, 1)), (-0.3, (1, 1))],
 )
 def test_variables_that_span_an_attractor(dimension, variables):
     assert estimate(None, dimension).variables == variables

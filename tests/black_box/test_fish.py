@@ -1,4 +1,4 @@
-"""Swarms of artificial fish: any budget and function, and no pull to anywhere."""
+"""Swarms of artificial fish: any budget and function, and the pull to the origin."""
 
 from __future__ import annotations
 
@@ -24,6 +24,8 @@ Floats = NDArray[np.float64]
 
 SWARMS: list[type[FishSwarm]] = [FishSwarm, HybridFishSwarm, ImprovedFishSwarm]
 swarms = pytest.mark.parametrize("backend", SWARMS, ids=lambda one: one.name)
+#: The swarms that no point attracts.
+unpulled = pytest.mark.parametrize("backend", SWARMS[:2], ids=lambda one: one.name)
 
 
 def answer(
@@ -85,7 +87,7 @@ def test_wild_functions_and_bounds(
         assert found.primal_bound <= 0.1
 
 
-@swarms
+@unpulled
 def test_bounds_of_all_sizes_at_once_and_fixed_variables(backend: type[FishSwarm]) -> None:
     widths = np.array([1e-9, 1e-3, 1.0, 1e3, 1e9, 0.0])
     centre = np.array([3.0, -1.0, 0.0, 1e6, -1e9, 7.0])
@@ -208,7 +210,7 @@ def moved(
     )
 
 
-@swarms
+@unpulled
 @given(
     function=st.sampled_from(
         [Landscape.RASTRIGIN, Landscape.SUM_SQUARES, Landscape.ROSENBROCK, Landscape.ACKLEY]
@@ -231,7 +233,7 @@ def test_the_answer_moves_and_grows_with_the_function(
 
 def test_the_answer_moves_with_the_function_through_solve() -> None:
     where = np.array([300.0, -70.0, 5.0])
-    for name in ("afsa", "haafsa", "iafsa"):
+    for name in ("afsa", "haafsa"):
         plain = ct.solve(moved(Landscape.RASTRIGIN, 0 * where, 1.0), name, seed=2)
         there = ct.solve(moved(Landscape.RASTRIGIN, where, 64.0), name, seed=2)
         assert plain.plan is not None
@@ -240,36 +242,22 @@ def test_the_answer_moves_with_the_function_through_solve() -> None:
         assert back == pytest.approx(np.array(plain.plan.x), abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("function", "reach", "lost"),
-    [(Landscape.RASTRIGIN, 5.12, 20.0), (Landscape.SUM_SQUARES, 10.0, 20.0)],
-)
-def test_the_printed_pull_flatters_functions_with_their_optimum_at_the_origin(
-    function: Landscape, reach: float, lost: float
-) -> None:
-    def run(shift: float, seed: int, **options: Any) -> float:
+@pytest.mark.parametrize("function", [Landscape.RASTRIGIN, Landscape.SUM_SQUARES])
+def test_the_printed_inertia_pulls_to_the_origin(function: Landscape) -> None:
+    def run(shift: float, seed: int) -> float:
         named = Named(function, shift=np.full(10, shift))
-        model = BlackBoxMinimisation(named, [[-reach, reach]] * 10, budget=10_000)
-        return value(model, ImprovedFishSwarm, seed=seed, **options)
+        model = BlackBoxMinimisation(named, [[-5, 5]] * 10, budget=10_000)
+        return value(model, ImprovedFishSwarm, seed=seed)
 
-    at_origin = [run(0.0, seed, shrink=True) for seed in range(3)]
-    elsewhere = [run(reach / 4, seed, shrink=True) for seed in range(3)]
-    assert max(at_origin) < 1e-4
-    assert min(elsewhere) > lost
-    # Without it, only that the middle of the bounds is near to all: at most a factor.
-    free = [np.median([run(shift, seed) for seed in range(3)]) for shift in (0.0, reach / 4)]
-    assert free[1] < 30 * free[0]
-    assert np.median(elsewhere) > 1e5 * np.median(at_origin)
+    assert max(run(0.0, seed) for seed in range(3)) < 1e-4
+    assert min(run(1.25, seed) for seed in range(3)) > 10.0
 
 
-def test_the_printed_pull_is_seen_by_moving_the_function_with_its_bounds() -> None:
-    where = np.array([100.0, -50.0, 3.0])
-    plain = moved(Landscape.RASTRIGIN, 0 * where, 1.0, 6000)
-    there = moved(Landscape.RASTRIGIN, where, 1.0, 6000)
-    assert value(plain, ImprovedFishSwarm, shrink=True) < 1e-4
-    assert value(there, ImprovedFishSwarm, shrink=True) > 1.0
-    free = [value(one, ImprovedFishSwarm) for one in (plain, there)]
-    assert free[1] == pytest.approx(free[0], abs=1e-6)
+def test_a_run_of_some_iterations_ends_by_itself() -> None:
+    model = BlackBoxMinimisation("sphere", [[-1, 2]] * 2, budget=10**6)
+    found = answer(model, ImprovedFishSwarm, iterations=7, fish=10)
+    assert (found.limit, found.statistics["iterations"]) == (None, 7)
+    assert 0 <= found.statistics["converged after"] <= 7
 
 
 def test_a_run_that_is_stopped_keeps_its_best() -> None:

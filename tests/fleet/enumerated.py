@@ -7,7 +7,7 @@ import numpy as np
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan
 
-OBJECTIVES = ("sum", "max", "sum-deviation", "range", "max-sum")
+OBJECTIVES = ("sum", "max", "sum-deviation", "range", "max-sum", "sum-variance")
 
 
 def all_routes(nodes, vehicles):
@@ -39,6 +39,8 @@ def objective(model, loads):
     return {
         "sum": loads.sum(),
         "max": loads.max(),
+        "sum-variance": loads.sum()
+        + model.q * ((loads - loads.sum() / len(loads)) ** 2).sum() / len(loads),
         "sum-deviation": loads.sum() + model.q * deviation(model, loads),
         "range": loads.max() - loads.min(),
         "max-sum": loads.max() + 1e-6 * loads.sum(),

@@ -60,6 +60,9 @@ def test_three_index_equals_enumeration(seed):
     settled(model, ct.solve(model, "highs", formulation="three-index"), value)
     if plan is not None:
         fits(model.formulate("three-index"), plan)
+    if model.q > 0:
+        squared = replace(model, objective="sum-variance")
+        settled(squared, ct.solve(squared, "highs", formulation="three-index"), best(squared)[0])
 
 
 @pytest.mark.slow
@@ -107,7 +110,7 @@ def test_every_plan_fits_three_indices(objective):
     model = FleetRouting(
         3, costs=np.where(np.eye(6), 0, rng.integers(0, 9, (6, 6))), objective=objective,
         use_all=False, depots=[0, 0, 1], battery=[40, 40, 25], budget=70, deviation_limit=15,
-        range_limit=30, q=2.0 if objective == "sum-deviation" else 0.0,
+        range_limit=30, q=2.0 if objective.startswith("sum-") else 0.0,
         demands=[0, 0, 1, 1, 1, 1], capacity=[4, 4, 2],
     )  # fmt: skip
     written = model.formulate("three-index")
@@ -145,7 +148,8 @@ def test_where_a_detour_pays_subset_dp_refuses():
         assert lengths(model, [near, ()])[0] > shortest + 1e-6
         within = replace(model, q=most * 0.99)
         settled(within, ct.solve(within, "subset-dp"), best(within)[0])
-    for more in ({"objective": "range"}, {"deviation_limit": 1.0}, {"range_limit": 1.0}):
+    refused = [{"objective": "range"}, {"objective": "sum-variance", "q": 0.1}]
+    for more in (*refused, {"deviation_limit": 1.0}, {"range_limit": 1.0}):
         with pytest.raises(UnsupportedFormulation, match="a detour may pay"):
             ct.solve(FleetRouting(2, points=points, **more), "subset-dp")
     with pytest.raises(UnsupportedFormulation, match="at most 15 nodes and vehicles, got 16"):

@@ -14,9 +14,10 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.instances import entries, entry, export_formats, export_plan, read_model
 from crosstrack.instances.fleet import generate, read_nodes, read_tsplib, read_vrplib
-from crosstrack.instances.fleet.printed import table_2
+from crosstrack.instances.fleet.paper_tables import table_2
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan
+from crosstrack.solvers.report.trials import RecordedTrials
 
 PUBLIC = Path(__file__).parents[3] / "shared" / "data" / "tsplib"
 needs_public = pytest.mark.skipif(
@@ -112,7 +113,7 @@ def test_the_catalogue_says_what_it_holds():
     assert sorted(model.q for model in models) == [0, 0.2, 0.4, 0.6, 0.8]
     for one, model in zip(rows, models, strict=True):
         assert (model.vehicles, len(model.customers)) == (4, 75)
-        assert str(model.deviation) == "sample"
+        assert str(model.objective) == "sum-variance"
         assert one.provenance == "seeded"
         assert "prints no coordinates" in one.note
     assert not ct.load("fleet/asymmetric").symmetric
@@ -123,12 +124,19 @@ def test_the_catalogue_says_what_it_holds():
     assert far.max() > 1e4 * np.median(far)
 
 
-def test_the_printed_table():
-    columns, rows, notes = table_2()
-    assert len(columns) == len(rows[0]) == 2
-    assert rows[0] == ("bayg29", "10403.2")
-    assert rows[-1] == ("kroA200", "31271.1")
-    assert any("77.47" in note for note in notes)
+@needs_public
+def test_table_2_measures_a_file_or_states_that_it_is_absent(monkeypatch, tmp_path):
+    class Quick(RecordedTrials):
+        def run(self, model, backend, **more):
+            if backend == "fleet-search":
+                more["options"] = {"steps": 10, "bound": False}
+            return super().run(model, backend, **more)
+
+    values = table_2(("bayg29", "Kmeans-AC"), Quick(runs=2, time_limit=5))
+    assert values["best"] <= values["mean"] <= values["worst"]
+    assert values["runs"] == 2
+    monkeypatch.setenv("CROSSTRACK_TSPLIB", str(tmp_path))
+    assert set(table_2(("bayg29", "TPHA"), Quick()).values()) == {"no file"}
 
 
 # -- TSPLIB and VRPLIB ---------------------------------------------------------------------------

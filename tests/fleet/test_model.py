@@ -87,6 +87,8 @@ def test_deviations(kind):
     loads = [12.0, 8.0]
     spread = np.std(loads, ddof=kind == "sample")
     assert model.verify(plan).objective == pytest.approx(20 + 2 * spread)
+    # Eq. 16 by hand: the mean of 12 and 8 is 10, so ((12 - 10)^2 + (8 - 10)^2) / 2 = 4.
+    assert replace(model, objective="sum-variance").verify(plan).objective == 20 + 2 * 4
     alone = replace(model, vehicles=1)
     assert alone.verify(FleetPlan([[1, 2, 3]])).objective == 14
 
@@ -159,7 +161,7 @@ ONE_WAY = [[0, 1, 2], [3, 0, 1], [1, 1, 0]]
         ({"points": SQUARE, "demands": [1, 2], "capacity": 3}, "demands has 2 entries"),
         ({"points": SQUARE, "battery": [1, 2, 3]}, "battery has 3 entries where vehicles has 2"),
         ({"points": SQUARE, "battery": -1}, "battery.* must be >= 0"),
-        ({"points": SQUARE, "q": 1}, "q counts for the objective 'sum-deviation' only"),
+        ({"points": SQUARE, "q": 1}, "q must be 0 unless the objective is 'sum-variance'"),
         ({"points": SQUARE, "objective": "least"}, "objective must be one of"),
         ({"points": SQUARE, "budget": np.inf}, "budget must be finite"),
         ({"points": SQUARE, "ids": ["a", "b", "b", "c"]}, "ids must differ"),

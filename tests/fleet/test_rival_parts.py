@@ -15,132 +15,200 @@ import crosstrack as ct
 from crosstrack.errors import BackendMissing, UnsupportedOption
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan
+from crosstrack.models.fleet.checks import objective_of
 from crosstrack.solvers import Request
+from crosstrack.solvers.fleet.array_colonies import ArrayColonies, torch_colonies
 from crosstrack.solvers.fleet.breeding_kernels import _cross, _move, breed, polish
-from crosstrack.solvers.fleet.clustering import clustered, k_means, positions
-from crosstrack.solvers.fleet.clustering_kernels import assign
-from crosstrack.solvers.fleet.colony_kernels import colony, measure, nearest
+from crosstrack.solvers.fleet.clustering import assigned, k_means, move_centres, positions
+from crosstrack.solvers.fleet.clustering_kernels import reclassify
+from crosstrack.solvers.fleet.colony_kernels import _mark, colony, measure, nearest
 from crosstrack.solvers.fleet.rivals import Best
-from crosstrack.solvers.fleet.swarm import (
-    array_evaluation,
-    swarm,
-    threaded,
-    torch_evaluation,
-)
+from crosstrack.solvers.fleet.swarm import Colonies, energies, swarm
 
 GO = np.zeros(1, np.int8)
-TORCH = importlib.util.find_spec("torch") is not None
+#: Colonies as loops, and as array code on NumPy and on PyTorch if it is installed.
+KINDS = [Colonies, ArrayColonies]
+if importlib.util.find_spec("torch") is not None:
+    KINDS.append(torch_colonies("cpu"))
 
 
-def clouds() -> list[tuple[Any, Any, int]]:
-    """Return points, particles and slacks: random, twins, collinear, at one place, far apart."""
-    rng = np.random.default_rng(6)
-    one = rng.random((30, 2))
-    found = [
-        (one, 4, 1),
-        (one, 4, 30),
-        (one, 30, 1),
-        (one, 1, 1),
-        (np.repeat(one[:6], 5, axis=0), 3, 2),
-        (np.column_stack([np.arange(12.0) / 11, np.zeros(12)]), 5, 1),
-        (np.full((9, 2), 0.5), 3, 1),
-        (np.vstack([1e-6 * one, [[1.0, 1.0]]]), 3, 1),
+def on_a_line(**more: Any) -> FleetRouting:
+    """Return two robots at x = 0 and nodes at x = 1, 2, 4 and 8."""
+    return FleetRouting(2, points=[[0, 0], [1, 0], [2, 0], [4, 0], [8, 0]], **more)
+
+
+def colonies(model: FleetRouting, flag: Any = GO, kind: type[Colonies] = Colonies) -> Colonies:
+    """Return colonies of 10 ants and 30 iterations on one thread."""
+    return kind(model, np.array([10, 30, 1.0, 3.0, 0.1]), 1, None, flag)
+
+
+@pytest.mark.parametrize(
+    ("centres", "labels", "means", "loads", "fitness"),
+    [
+        # R_i of eq. 18 is 12, 11, 13 and 25, so R is 61 and a share 30.5. The centre at 0 takes the nodes
+        # at 1 and 2, 12 + 11 = 23; with the one at 4 it would have 36. Tours 2 x 2 and 2 x 8.
+        ([0.0, 8.0], [0, 0, 1, 1], [1.5, 6.0], [4.0, 16.0], 20 + 0.5 * 36),
+        # The centre at 8 comes first: 25, and with the node at 4 it would have 38. Tours 16 and 8.
+        ([8.0, 0.0], [1, 1, 1, 0], [8.0, 7 / 3], [16.0, 8.0], 24 + 0.5 * 16),
+        # The centre at 3 sorts the nodes as 2, 4, 1, 8; 11 + 13 fits, 36 does not. Tours 8 and 16.
+        ([3.0, 9.0], [1, 0, 0, 1], [3.0, 4.5], [8.0, 16.0], 24 + 0.5 * 16),
+    ],
+)
+def test_one_particle_of_algorithm_3_by_hand(
+    centres: Any, labels: Any, means: Any, loads: Any, fitness: float
+) -> None:
+    model = on_a_line(objective="sum-variance", q=0.5)
+    weights = energies(model)
+    assert weights.tolist() == [12, 11, 13, 25]
+    place = np.array([[x, 0.0] for x in centres])
+    points, found = np.array(model.points[1:]), np.empty(4, np.int64)
+    reclassify(points, place, weights, weights.sum() / 2, found)
+    assert found.tolist() == labels
+    place = move_centres(points, found, place)
+    assert place[:, 0].tolist() == pytest.approx(means)
+    for kind in KINDS:
+        own = colonies(model, kind=kind)
+        lengths, routes, _ = own.tours(found[None], [np.random.default_rng(0)])
+        assert lengths[0].tolist() == pytest.approx(loads)
+        assert [sorted(route) for route in routes[0]] == [
+            [i + 1 for i in range(4) if labels[i] == k] for k in range(2)
+        ]
+        # Eq. 15 plus q times eq. 16: the mean is 10 or 12, the differences to it 6 or 4.
+        assert objective_of(model, lengths[0]) == pytest.approx(fitness)
+
+
+def clouds() -> list[tuple[Any, int]]:
+    """Return points and numbers of centres: random, twins, collinear, at one place, far apart."""
+    one = np.random.default_rng(6).random((30, 2))
+    return [
+        (one, 4),
+        (one, 30),
+        (one, 1),
+        (np.repeat(one[:6], 5, axis=0), 3),
+        (np.column_stack([np.arange(12.0) / 11, np.zeros(12)]), 5),
+        (np.full((9, 2), 0.5), 3),
+        (np.vstack([1e-6 * one, [[1.0, 1.0]]]), 3),
     ]
-    return [(p, p[rng.integers(0, len(p), (20, m))], slack) for p, m, slack in found]
 
 
-@pytest.mark.parametrize("case", range(8))
-def test_nodes_go_to_the_nearest_centre_and_then_from_large_to_small(case: int) -> None:
-    points, place, slack = clouds()[case]
-    for centres in place:
-        labels, gaps = np.empty(len(points), np.int64), np.empty((len(points), len(centres)))
-        assign(points, centres, slack, gaps, labels)
-        np.testing.assert_allclose(gaps, cdist(points, centres), rtol=1e-12, atol=1e-15)
-        # The same, said plainly.
-        wanted = gaps.argmin(axis=1)
-        while True:
-            counts = np.bincount(wanted, minlength=len(centres))
-            large, small = int(counts.argmax()), int(counts.argmin())
-            if counts[large] - counts[small] <= slack:
-                break
-            members = np.flatnonzero(wanted == large)
-            cost = gaps[members, small] - gaps[members, large]
-            wanted[members[int(cost.argmin())]] = small
-        assert labels.tolist() == wanted.tolist()
-        assert np.ptp(np.bincount(labels, minlength=len(centres))) <= slack
+@pytest.mark.parametrize("case", range(7))
+def test_each_centre_takes_its_nearest_free_samples_within_its_share(case: int) -> None:
+    points, m = clouds()[case]
+    rng = np.random.default_rng(case)
+    for weights in (np.ones(len(points)), rng.integers(1, 99, len(points)) * 1.0):
+        centres, share = points[rng.integers(0, len(points), m)], weights.sum() / m
+        labels = np.empty(len(points), np.int64)
+        reclassify(points, centres, weights, share, labels)
+        free = np.ones(len(points), bool)
+        for k in range(m):
+            own = labels == k
+            assert own.any()
+            gaps = cdist(points, centres[k : k + 1])[:, 0]
+            rest = free & ~own
+            if rest.any():
+                assert gaps[own].max() <= gaps[rest].min() + 1e-12
+            if k < m - 1:
+                assert weights[own].sum() <= share * (1 + 1e-9) or own.sum() == 1
+                near = np.flatnonzero(rest)[gaps[rest].argmin()]
+                full = weights[own].sum() + weights[near] > share or rest.sum() == m - 1 - k
+                ties = np.isclose(gaps[rest], gaps[near]).sum() > 1
+                assert full or ties
+            free &= ~own
 
 
-@pytest.mark.parametrize("case", range(8))
-@pytest.mark.parametrize("balance", [0.0, 1.0, 1e3])
-def test_loops_arrays_and_torch_agree(case: int, balance: float) -> None:
-    points, place, slack = clouds()[case]
-    labels, worth = threaded(points, slack, balance, 1, None, GO)(place)
-    same, value = array_evaluation(points, slack, balance)(place)
-    assert labels.tolist() == same.tolist()
-    np.testing.assert_allclose(worth, value, rtol=1e-12, atol=1e-12)
-    for k in range(len(place)):
-        gaps = cdist(points, place[k])
-        sums = [gaps[labels[k] == j, j].sum() for j in range(place.shape[1])]
-        assert worth[k] == pytest.approx(sum(sums) + balance * np.std(sums), rel=1e-9, abs=1e-9)
-    if TORCH:
-        held, sums = torch_evaluation(points, slack, balance, "cpu")(place)
-        assert held.tolist() == labels.tolist()
-        np.testing.assert_allclose(sums, worth, rtol=1e-12, atol=1e-12)
+@pytest.mark.parametrize(
+    ("weights", "labels"),
+    [
+        # TPHA: two nodes each. From 8 and 1 the first takes 8 and 4; the means 6 and 1.5 change nothing.
+        ([1.0, 1.0, 1.0, 1.0], [1, 1, 0, 0]),
+        # k-means-AC: 25 + 13 is more than 30.5, so the first takes 8 alone; the means are 8 and 7/3.
+        ([12.0, 11.0, 13.0, 25.0], [1, 1, 1, 0]),
+    ],
+)
+def test_bounded_k_means_by_hand(weights: list[float], labels: list[int]) -> None:
+    class Drawn:
+        def choice(self, *_: Any, **__: Any) -> Any:
+            return np.array([3, 0])
+
+    points, share = np.array(on_a_line().points[1:]), sum(weights) / 2
+    found = k_means(points, 2, np.array(weights), share, 100, Drawn())  # type: ignore[arg-type]
+    assert found.tolist() == labels
 
 
-@pytest.mark.skipif(not TORCH, reason="torch is not installed")
-def test_torch_moves_the_same_swarm() -> None:
-    points = np.random.default_rng(1).random((40, 2))
-    evaluations = [threaded(points, 1, 1.0, 1, None, GO), torch_evaluation(points, 1, 1.0, "cpu")]
-    seen: list[list[Any]] = [[], []]
-    for evaluate, places in zip(evaluations, seen, strict=True):
-
-        def told(place: Any, evaluate: Any = evaluate, places: Any = places) -> Any:
-            places.append(place.copy())
-            return evaluate(place)
-
-        swarm(points, 3, 10, 5, 1.97, told, np.random.default_rng(4), GO)
-    np.testing.assert_array_equal(seen[0], seen[1])
+def test_rivals_find_the_tours_of_their_clusters() -> None:
+    """With one robot there is one cluster: 2 x 8 along the line, and all do find it."""
+    for name in ("pso-ac", "kmeans-ac", "tpha"):
+        found = ct.solve(on_a_line().__class__(1, points=on_a_line().points), name, seed=1)
+        assert found.primal_bound == pytest.approx(16)
 
 
-def test_a_gpu_is_used_or_its_want_is_said() -> None:
-    model = FleetRouting(3, points=np.random.default_rng(2).random((60, 2)))
-    options = {"device": "gpu", "iterations": 20}
-    if not TORCH:
+@pytest.mark.parametrize("kind", KINDS)
+def test_colonies_find_good_tours_of_every_cluster(kind: type[Colonies]) -> None:
+    rng = np.random.default_rng(14)
+    points = rng.random((22, 2))
+    costs = cdist(points, points) + np.triu(rng.random((22, 22)), 1)
+    models = [FleetRouting(3, points=points, depots=[0, 0, 1]), FleetRouting(2, costs=costs)]
+    for model in models:
+        n, m = len(model.customers), model.vehicles
+        labels = rng.integers(0, m, (3, n))
+        labels[0] = m - 1  # clusters without nodes
+        draws = [np.random.default_rng(p) for p in range(3)]
+        lengths, routes, done = colonies(model, kind=kind).tours(labels, draws)
+        assert done > 0
+        for p, k in itertools.product(range(3), range(m)):
+            assert sorted(routes[p][k]) == model.customers[labels[p] == k].tolist()
+            stops = [int(model.homes[k]), *routes[p][k], int(model.homes[k])]
+            nodes = np.array(stops[:-1])
+            d = np.ascontiguousarray(model.distances[np.ix_(nodes, nodes)])
+            order = np.arange(1, len(nodes))
+            assert lengths[p, k] == pytest.approx(measure(d, order))
+            polish(d, model.symmetric, GO, order)
+            assert lengths[p, k] <= 1.2 * measure(d, order)
+
+
+def test_a_missing_card_is_named() -> None:
+    if importlib.util.find_spec("torch") is None:
         with pytest.raises(BackendMissing, match="torch"):
-            ct.solve(model, "pso-ac", backend_options=options)
+            ct.solve(on_a_line(), "pso-ac", backend_options={"device": "gpu"})
         return
     import torch
 
     if not torch.cuda.is_available():
         with pytest.raises(UnsupportedOption, match="CUDA"):
-            ct.solve(model, "pso-ac", backend_options=options)
-        return
-    found = ct.solve(model, "pso-ac", seed=1, backend_options=options)
-    assert found.verification is not None
-    assert found.verification.ok
-    loops = ct.solve(model, "pso-ac", seed=1, backend_options={**options, "device": "cpu"})
-    assert found.primal_bound == pytest.approx(loops.primal_bound, rel=0.05)
+            ct.solve(on_a_line(), "pso-ac", backend_options={"device": "gpu"})
+
+
+def test_ants_leave_pheromone_along_their_tour() -> None:
+    trail = np.zeros((4, 4))
+    _mark(trail, np.array([2, 1, 3]), 0.5, False)
+    assert trail.tolist() == [[0, 0, 0.5, 0], [0, 0, 0, 0.5], [0, 0.5, 0, 0], [0.5, 0, 0, 0]]
+    _mark(trail, np.array([2, 1, 3]), 0.5, True)
+    assert trail[0, 2] == 1.0
+    assert trail[2, 0] == 0.5
 
 
 def test_a_swarm_improves_and_stops() -> None:
-    points = np.random.default_rng(7).random((50, 2))
-    evaluate = threaded(points, 1, 1.0, 1, None, GO)
-    worths: list[float] = []
+    model = FleetRouting(4, points=np.random.default_rng(7).random((41, 2)), objective="sum")
+    points, weights = positions(model), energies(model)
+    best: list[float] = []
 
-    def told(place: Any) -> Any:
-        labels, worth = evaluate(place)
-        worths.append(worth.min())
-        return labels, worth
+    def fitness(loads: Any) -> float:
+        best.append(float(loads.sum()))
+        return best[-1]
 
-    labels, done, count = swarm(points, 4, 20, 40, 1.97, told, np.random.default_rng(0), GO)
-    assert (done, count) == (40, 41 * 20)
-    assert min(worths) < 0.95 * worths[0]
-    assert np.ptp(np.bincount(labels, minlength=4)) <= 1
-    flag = np.ones(1, np.int8)
-    labels, done, _ = swarm(points, 4, 20, 40, 1.97, evaluate, np.random.default_rng(0), flag)
-    assert done == 0
-    assert set(labels) <= set(range(4))
+    def moved(iterations: int, flag: Any = GO) -> Any:
+        return swarm(
+            points, 4, 8, iterations, 1.97, weights.sum() / 4, weights, colonies(model, flag), fitness,
+            lambda routes: None, np.random.SeedSequence(3),
+        )  # fmt: skip
+
+    found = moved(15)
+    assert (found.iterations, found.evaluations) == (15, 16 * 8)
+    assert found.fitness == min(best) < 0.98 * min(best[:8])
+    assert sorted(itertools.chain(*found.routes)) == list(range(1, 41))
+    stopped = moved(15, np.ones(1, np.int8))
+    assert stopped.iterations == 0
+    assert sorted(itertools.chain(*stopped.routes)) == list(range(1, 41))
 
 
 def test_distances_of_a_plane_are_embedded_exactly() -> None:
@@ -161,24 +229,14 @@ def test_distances_of_a_plane_are_embedded_exactly() -> None:
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
 
 
-def test_no_cluster_is_left_empty_and_each_depot_has_the_nearest() -> None:
+def test_each_depot_has_the_nearest_cluster() -> None:
     points = np.vstack([[[0, 0], [9, 0], [0, 9]], np.random.default_rng(4).random((12, 2))])
     points[3:7] += [8, 0]
     points[7:11] += [0, 8]
     model = FleetRouting(3, points=points, depots=[0, 1, 2])
     labels = np.array([1] * 4 + [2] * 4 + [0] * 4)
     for shuffled in itertools.permutations(range(3)):
-        parts = clustered(model, positions(model), np.array(shuffled)[labels])
-        assert [part.tolist() for part in parts] == [[8, 9, 10, 11], [0, 1, 2, 3], [4, 5, 6, 7]]
-    lone = clustered(FleetRouting(4, points=points), points[1:], np.zeros(14, np.int64))
-    assert sorted(len(part) for part in lone) == [1, 1, 1, 11]
-
-
-def test_k_means_ends_where_no_node_changes() -> None:
-    points = np.random.default_rng(5).random((60, 2))
-    labels = k_means(points, 4, 60, 100, np.random.default_rng(0))
-    centres = np.array([points[labels == k].mean(axis=0) for k in range(4)])
-    assert cdist(points, centres).argmin(axis=1).tolist() == labels.tolist()
+        assert assigned(model, np.array(shuffled)[labels]).tolist() == labels.tolist()
 
 
 def shortest(d: Any) -> float:
@@ -283,9 +341,10 @@ def test_stretches_are_moved_and_children_are_tours() -> None:
 
 def test_empty_vehicles_are_given_the_best_node() -> None:
     rng = np.random.default_rng(13)
-    for seed, objective in itertools.product(range(4), ("sum", "max", "sum-deviation", "range")):
+    objectives = ("sum", "max", "sum-variance", "range")
+    for seed, objective in itertools.product(range(4), objectives):
         costs = rng.integers(0, 6, (9, 9)) * (1.0 - np.eye(9))
-        q = {"q": 2.0} if objective == "sum-deviation" else {}
+        q = {"q": 2.0} if objective == "sum-variance" else {}
         model = FleetRouting(3, costs=costs, objective=objective, **q)
         order = rng.permutation(8) + 1
         routes = [order[:5].tolist(), [], order[5:].tolist()]

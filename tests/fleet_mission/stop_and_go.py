@@ -3,13 +3,11 @@
 import math
 
 import numpy as np
+from fleet_mission.missions import legs
 
 from crosstrack.models.fleet_mission import MissionPlan
-from crosstrack.models.minimum_snap import Trajectory
 
-#: From 0 to 1 with velocity, acceleration and jerk 0 at both ends.
-STEP = np.array([0, 0, 0, 0, 35, -84, 70, -20.0])
-#: Its largest velocity and acceleration.
+#: Largest velocity and acceleration of a leg from 0 to 1 in a unit of time.
 PEAKS = 35 / 16, 84 * math.sqrt(5) / 25
 
 
@@ -31,13 +29,11 @@ def stop_and_go(model, routes, ways=None, starts=None):
         long[long == 0.0] = 1.0
         times = np.concatenate([[0.0], np.cumsum(1.001 * long)])
         times += 0.0 if starts is None else starts[k]
-        coefficients = steps[:, None] * STEP[:, None]
-        coefficients[:, 0] += way[:-1]
         if not route:
             trajectories.append(None)
             visits.append([])
             continue
-        trajectories.append(Trajectory(times, coefficients))
+        trajectories.append(legs(way, times))
         at = [int(np.hypot(*(way - model.nodes[node]).T).argmin()) for node in route]
         visits.append(times[at])
     return MissionPlan(tuple(map(tuple, routes)), tuple(trajectories), tuple(visits))

@@ -220,7 +220,7 @@ def test_a_large_relation_is_no_worse_than_merged_chains():
     first, second = np.sort(rng.integers(1, 901, (2, 1800)), axis=0)
     pairs = np.column_stack([first, second])[first < second]
     model = GuidedPathTour(np.append(0, rng.integers(-(10**9), 10**9, 900)), precedence=pairs)
-    merged = InsertIndex().run(model, Request())
+    merged = InsertIndex().run(model, Request(options={"passing": True}))
     answer = solve(model, states=1, time_limit=1.0)
     assert answer.primal_bound <= merged.primal_bound
     assert 0.0 < answer.dual_bound <= answer.primal_bound

@@ -147,9 +147,15 @@ def entries(model):
 def test_the_table_of_the_example():
     found = entries(EXAMPLE)
     assert found == prefix_lengths(EXAMPLE)
-    assert found[frozenset({3, 4}), 4] == 4.0
-    assert found[frozenset({3, 4}), 3] == 5.0
-    assert found[frozenset({1, 2, 3, 4}), 1] == 7.0
+    # Example 5 of the paper, eq. 14 to 24: customers served, last one, f*.
+    printed = {
+        (4, 4): 4, (3, 3): 3, (42, 2): 6, (34, 3): 5, (34, 4): 4, (31, 1): 5, (342, 3): 7, (342, 2): 6,
+        (314, 1): 7, (314, 4): 8, (3142, 1): 7, (3142, 2): 8,
+    }  # fmt: skip
+    assert found == {
+        (frozenset(map(int, str(served_))), last): value
+        for (served_, last), value in printed.items()
+    }
 
 
 def test_tables_equal_enumeration():

@@ -9,7 +9,6 @@ import pytest
 from guided_path.enumerated import best, random_tour
 from hypothesis import given, settings, strategies as st
 
-import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.instances import entries, entry
 from crosstrack.instances.guided_path import (
@@ -18,10 +17,8 @@ from crosstrack.instances.guided_path import (
     supersequence_of,
     supersequence_tour,
 )
-from crosstrack.instances.guided_path.printed import table_1
 from crosstrack.models import GuidedPathTour
 from crosstrack.models.guided_path import GuidedPathPlan
-from crosstrack.solvers.guided_path.paper_tables import TABLES
 
 OURS = [one for one in entries() if one.name.startswith("guided-path/")]
 
@@ -79,7 +76,7 @@ def test_the_catalogue_says_what_it_holds():
         assert model.coordinates[0] == 0
         assert ((model.coordinates[1:] >= 1) & (model.coordinates[1:] <= 200)).all()
         assert (model.coordinates == np.round(model.coordinates)).all()
-        assert (one.provenance, one.published["table"]) == ("seeded", 1)
+        assert one.provenance == "seeded"
         assert "prints no coordinates" in one.note
     assert {len(chain) for chain in models["hard-20x20"].chains} == {20}
     assert len(models["one-chain-300"].chains[0]) == 300
@@ -124,23 +121,6 @@ def test_the_plain_search_of_these_tests_finds_the_best_order():
     for seed in range(40):
         model = random_tour(seed, most=5, relation="chains")
         assert shortest(model) == pytest.approx(best(model), rel=1e-12, abs=1e-12)
-
-
-def test_the_printed_table():
-    columns, rows, notes = table_1()
-    assert [row[0] for row in rows] == list(range(1, 11))
-    assert {len(row) for row in rows} == {len(columns)}
-    assert "677 and 640" in rows[0]
-    assert 2309 in rows[-1]
-    assert any("one order" in note for note in notes)
-
-
-def test_what_is_said_of_greedy_insertion():
-    lengths = [ct.solve(generate(10, 5, seed), "greedy").primal_bound for seed in range(100, 200)]
-    said = f"{np.mean(lengths):.1f} m on average and {max(lengths):g} m at most"
-    assert any(said in note for note in table_1()[2])
-    assert f"{max(lengths):g} at most and {np.mean(lengths):.1f} on average" in TABLES.note
-    assert max(lengths) < 2309
 
 
 # -- supersequences ------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ at both ends; what is free at the knots is eliminated knot by knot, without squa
 """
 
 import math
-from decimal import Decimal, localcontext
+from decimal import Decimal, getcontext, localcontext
 from fractions import Fraction
 from functools import cache
 
@@ -176,7 +176,7 @@ def _eliminated(matrix, right, sizes):
     work = np.column_stack([matrix, right]) if size else np.empty((0, right.shape[1]), object)
     unique = True
     for k in range(size):
-        if not work[k, k] > sizes[k] * Decimal(10) ** -60:
+        if not work[k, k] > sizes[k] * Decimal(10) ** (-getcontext().prec * 6 // 10):
             work[k], unique = work[k] * 0, False
             work[:, k] = work[:, k] * 0
             continue

@@ -7,7 +7,7 @@ from minimum_snap import hundred_digits
 
 #: What a plan may differ from the optimum where it is called optimal: relative, of the objective
 #: and of a segment's own extent.
-OBJECTIVE, SHAPE = 1e-6, 1e-6
+OBJECTIVE, SHAPE = 1e-6, 1e-8
 #: Beyond this many times the extent of what is given, the optimum runs away through free waypoints: a
 #: ten-millionth of its objective moves it by more than all that is given, and only the objective is judged.
 AWAY = 1e6

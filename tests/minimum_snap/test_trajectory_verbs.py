@@ -3,6 +3,7 @@
 import dataclasses
 import io
 import json
+import re
 from contextlib import redirect_stderr, redirect_stdout
 from typing import NamedTuple
 
@@ -217,9 +218,9 @@ def test_exit_codes_of_an_infeasible_corridor():
     assert {finding["segment"] for finding in data["findings"]} == {6}
 
 
-def test_reproduce():
-    done = run("reproduce", "minimum-snap", "--rows", "1")
-    assert "paper" in done.stdout
+def test_reproduce_counts_the_items_of_a_paper_without_values():
+    done = run("reproduce", "minimum-snap")
+    assert re.search(r"^\d+ items of the paper: \d+ as printed, \d+ corrected", done.stdout, re.M)
 
 
 def test_bad_files_are_refused(tmp_path):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from crosstrack.models.optimal_control.lagrange import differentiation, interpolation
+from crosstrack.models.optimal_control.piecewise import Piecewise
 from crosstrack.models.optimal_control.transcription.schemes import (
     gauss,
     gauss_points,
@@ -113,3 +114,28 @@ def test_interpolation_differentiation_and_integration_of_many_nodes(count):
     assert slope < (0.1 if count == 5 else 1e-15 * count**3)
     own, onto = integration(count)
     assert np.abs(onto @ np.cos(own) - np.sin(np.append(own, 1)) - np.sin(1)).max() < rough
+
+
+def test_the_papers_gauss_method_with_two_nodes_by_hand():
+    root, a = np.sqrt(3.0), 1 / np.sqrt(3.0)
+    scheme = gauss(2)
+    # Eq. 14 with t0 = 1 and tf = 3: t = 2.5 is τ = 0.5.
+    tau = Piecewise(np.array([1.0, 3.0]), ([-1.0, 1.0],), ([[-1.0], [1.0]],))
+    assert tau(2.5) == pytest.approx(0.5)
+    # The nodes are the roots of (3 τ² - 1) / 2, and both weights are 1.
+    assert scheme.points == pytest.approx([-1, -a, a, 1], abs=1e-15)
+    assert scheme.weights == pytest.approx([1, 1])
+    # Eq. 16: l0 = (3 τ² - 1) / 2, and eq. 17: ũ1 = (1 - √3 τ) / 2, at τ = 0.5.
+    assert interpolation(scheme.points[:3], 0.5)[0, 0] == pytest.approx(-0.125)
+    halves = [(1 - 0.5 * root) / 2, (1 + 0.5 * root) / 2]
+    assert interpolation([-a, a], 0.5)[0] == pytest.approx(halves)
+    # Eq. 18: the slopes of l0, l1 and l2 at both nodes.
+    slopes = np.array([[-root, 1.5, root - 1.5], [root, -root - 1.5, 1.5]])
+    assert scheme.left[:2] == pytest.approx(np.hstack([slopes, np.zeros((2, 1))]))
+    # Eq. 19 and 20 for x = t², whose rate is 2 t, on [0, 2]: t = 1 + τ and tf = 2, so (tf - t0) / 2 = 1.
+    states, rates = np.array([0, (1 - a) ** 2, (1 + a) ** 2, 4]), np.array([2 - 2 * a, 2 + 2 * a])
+    assert slopes @ states[:3] == pytest.approx(rates)
+    assert scheme.left @ states == pytest.approx(scheme.right @ rates)
+    assert scheme.left[2] @ states == pytest.approx(4)
+    # The printed sign (t0 - tf) / 2 would leave twice the rate.
+    assert np.abs(scheme.left[:2] @ states + rates).max() == pytest.approx(4 + 4 * a)

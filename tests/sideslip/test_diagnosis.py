@@ -305,8 +305,8 @@ def test_wild_models_are_diagnosed(model):
     ("name", "words"),
     [
         ("lane-change", []),
-        ("serpentine", []),
-        ("lane-change-mismatch", ["1.51 times as much as the believed one"]),
+        ("serpentine", ["above 4 m/s²"]),
+        ("lane-change-mismatch", ["1.54 times as much as the believed one"]),
         ("limit", []),
         ("stop-and-go", []),
         ("missing", ["samples are missing"]),

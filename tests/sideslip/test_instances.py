@@ -22,9 +22,11 @@ from crosstrack.instances.sideslip.drivers import (
     uniform_design,
 )
 from crosstrack.instances.sideslip.listing import MISMATCH
-from crosstrack.instances.sideslip.printed import errors
+from crosstrack.instances.sideslip.paper import TABLE_1, TABLE_2, TABLE_3
+from crosstrack.instances.sideslip.paper_tables import table_2
 from crosstrack.instances.sideslip.roads import RoadKind, road_of
 from crosstrack.instances.sideslip.settings import VEHICLE
+from crosstrack.instances.sideslip.simulator import _aside
 from crosstrack.models.sideslip import SideslipEstimate
 from crosstrack.models.sideslip.data import GRAVITY
 
@@ -46,22 +48,32 @@ def test_the_design_table():
     assert set(table[14]) == {15}
 
 
-def test_the_columns_are_the_most_uniform_ones():
-    points = (uniform_design() - 0.5) / 15
-    found = {
-        columns: qmc.discrepancy(points[:, columns], method="CD")
-        for columns in itertools.combinations(range(8), len(RANGES))
-    }
-    assert found[COLUMNS] == pytest.approx(min(found.values()), rel=1e-9)
-    assert found[COLUMNS] < 0.9 * max(found.values())
+def test_the_tables_of_the_paper():
+    """Table 1 but for one entry, and Table 2 but for its last row."""
+    paper = np.array(list(TABLE_1.rows.values()))
+    assert np.argwhere(paper != uniform_design()).tolist() == [[0, 6]]
+    assert (paper[0, 6], uniform_design()[0, 6]) == (12, 13)
+    # By hand: 6 x 13 = 78 = 5 x 15 + 3 is row 6 of column 7, and 4 x 11 = 44 = 2 x 15 + 14 row 4 of column 6.
+    assert (paper[5, 6], paper[3, 5]) == (3, 14)
+    for key in TABLE_2.rows:
+        found = table_2(key, None)
+        printed, ours = (found[f"discrepancy, {one} columns"] for one in ("printed", "our"))
+        assert printed == ours or (key == ("8",) and printed > ours)
+        points = (
+            uniform_design()[:, [found[name] - 1 for name in TABLE_2.columns if name in found]]
+            - 0.5
+        ) / 15
+        assert ours == pytest.approx(qmc.discrepancy(points, method="CD"), abs=1e-9)
+    assert tuple(k + 1 for k in COLUMNS) == TABLE_2.rows[("3",)][:3]
 
 
 def test_drivers_of_a_design():
     def table(count, design, seed=0):
         drivers = design_drivers(count, design, np.random.default_rng(seed))
-        return np.array([list(one.data().values()) for one in drivers])
+        assert {(one.correction, one.gain) for one in drivers} == {(0.15, 0.95)}
+        return np.array([[getattr(one, name) for name in RANGES] for one in drivers])
 
-    low, high = np.array(RANGES).T
+    low, high = np.array(list(RANGES.values())).T
     uniform = table(15, Design.UNIFORM)
     # Each parameter takes 15 levels at equal distances, both ends among them.
     for column, lower, upper in zip(uniform.T, low, high, strict=True):
@@ -73,7 +85,9 @@ def test_drivers_of_a_design():
     assert ((drawn >= low - 1e-6) & (drawn <= high + 1e-6)).all()
     assert ((drawn.min(axis=0) - low) / (high - low)).max() < 0.05
     assert not np.array_equal(drawn, table(200, Design.RANDOM, seed=1))
-    held_out = np.array(list(HELD_OUT.data().values()))
+    # Driver 2 by hand: row 2 of columns 1, 3 and 4 is 2, 8, 14.
+    assert uniform[1] == pytest.approx([0.05 + 0.1 / 14, 0.1, 0.75 + 0.45 * 13 / 14], abs=1e-6)
+    held_out = np.array([getattr(HELD_OUT, name) for name in RANGES])
     assert ((held_out > low) & (held_out < high)).all()
     assert not (np.abs(uniform - held_out) < 1e-9).all(axis=1).any()
 
@@ -81,20 +95,37 @@ def test_drivers_of_a_design():
 # -- roads ---------------------------------------------------------------------------------------
 
 
-def test_roads_have_the_measures_of_the_paper():
-    change = road_of(RoadKind.LANE_CHANGE)
-    assert change.speed * 3.6 == pytest.approx(80)
-    assert np.diff(change.along) / change.speed == pytest.approx([2, 2, 2, 1, 2, 5, 3])
-    assert np.ptp(change.aside) == 3.5
-    assert change.length / change.speed == pytest.approx(17)
-    poles = road_of(RoadKind.SERPENTINE)
-    assert poles.speed * 3.6 == pytest.approx(65)
-    assert np.ptp(poles.aside) == 2.46
-    assert np.diff(poles.along[2:12]) == pytest.approx(np.full(9, 30.0))
-    assert (np.diff(np.sign(poles.aside[2:12])) != 0).all()
+def course(road, x):
+    return [_aside.py_func(road.along, road.aside, road.sine, at, 0)[0] for at in x]
+
+
+def test_the_lane_change_of_equation_4_by_hand():
+    road = road_of(RoadKind.LANE_CHANGE)
+    u = road.speed
+    assert u * 3.6 == pytest.approx(80)
+    assert np.diff(road.along) / u == pytest.approx([2, 2, 2, 1, 2, 5, 3])
+    # Straight to 4u, over by 3.5 m to 6u, straight to 7u, back to 9u. A quarter of a shift is 3/16 - 2/64 = 5/32.
+    places = np.array([3.9, 4.5, 5, 6, 6.5, 7, 8, 8.5, 9, 16])
+    wanted = 3.5 * np.array([0, 5 / 32, 1 / 2, 1, 1, 1, 1 / 2, 5 / 32, 0, 0])
+    assert course(road, u * places) == pytest.approx(wanted)
+
+
+def test_the_serpentine_of_equation_7_by_hand():
+    road = road_of(RoadKind.SERPENTINE)
+    u, h = road.speed, 2.46 / 2
+    assert u * 3.6 == pytest.approx(65)
+    assert road.length / u == pytest.approx(15)
+    # The printed last piece, and the pieces before it that continue it.
+    for t in np.linspace(10, 12, 9):
+        assert course(road, [u * t])[0] == pytest.approx(h * (-1 + math.sin(math.pi * (t + 1) / 2)))
+    for t in np.linspace(4, 10, 19):
+        assert course(road, [u * t])[0] == pytest.approx(2 * h * math.cos(math.pi * t / 2))
+    for t in np.linspace(2, 4, 9):
+        assert course(road, [u * t])[0] == pytest.approx(h * (1 + math.cos(math.pi * t / 2)))
+    assert course(road, u * np.array([0, 2, 12, 14])) == pytest.approx([0, 0, 0, 0], abs=1e-12)
     longer = road_of(RoadKind.SERPENTINE, 5000.0)
-    assert 5000.0 < longer.length < 5100.0
-    assert np.array_equal(longer.along[:12], poles.along[:12])
+    assert 5000.0 <= longer.length < 5050.0
+    assert np.array_equal(longer.along[:6], road.along[:6])
 
 
 # -- the generator -------------------------------------------------------------------------------
@@ -325,17 +356,12 @@ def test_wild_instances_are_valid_or_refused(seed):
 def test_the_catalogue_says_what_it_holds():
     models = {one.name.partition("/")[2]: one.build() for one in OURS}
     assert len({model.digest for model in models.values()}) == len(OURS) == 16
-    for road, row, mean, deviation in (
-        ("lane-change", 1, 0.0295, 0.0424),
-        ("serpentine", 2, 0.0377, 0.0498),
+    for road, (mean, deviation) in zip(
+        ("lane-change", "serpentine"), TABLE_3.rows.values(), strict=True
     ):
         listed = entry(f"sideslip/{road}")
         assert listed.provenance == "completed"
-        assert listed.published == {
-            "table": 3, "row": row, "mean": mean, "deviation": deviation, "source": "table 3",
-        }  # fmt: skip
-        wrong = entry(f"sideslip/{road}-mismatch")
-        assert (wrong.published["table"], wrong.published["row"]) == (4, 10 + row)
+        assert listed.published == {"mean": mean, "deviation": deviation, "source": "table 3"}
         right, off = models[road], models[f"{road}-mismatch"]
         assert right.recording.data() == off.recording.data()
         assert [drive.data() for drive in right.training] == [d.data() for d in off.training]
@@ -365,12 +391,12 @@ def test_wild_ones_are_wild():
     assert np.abs(models["noisy"].recording.yaw_rate).max() > 0.3
     assert len(models["short"].recording) == 50
     assert len(models["long"].recording) == 10_000
-    assert len(models["long"].training[0]) == 400
+    assert len(models["long"].training[0]) == 301
     # Turning does not end with the usual road.
     assert np.degrees(np.abs(models["long"].truth[-500:]).max()) > 0.3
 
 
-# -- files and printed tables --------------------------------------------------------------------
+# -- files ---------------------------------------------------------------------------------------
 
 
 def test_export(tmp_path):
@@ -388,13 +414,3 @@ def test_export(tmp_path):
     with pytest.raises(InvalidData, match="sideslip must have 50 entries, one a sample, got 49"):
         export_plan(model, SideslipEstimate(np.zeros(49), np.zeros(49)), tmp_path / "b.csv")
     assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]
-
-
-def test_the_printed_table():
-    columns, rows, notes = errors()
-    assert {len(row) for row in rows} == {len(columns)}
-    assert rows == [
-        ("`lane-change`", "80", "0.0295", "0.0424"),
-        ("`serpentine`", "65", "0.0377", "0.0498"),
-    ]
-    assert f"{VEHICLE.mass:g} kg" in " ".join(notes)

@@ -147,6 +147,30 @@ def test_kernels_are_the_plain_double_loop(seed, width):
     assert values == pytest.approx([mean for mean, _ in plain], rel=1e-9, abs=1e-12)
 
 
+def test_the_network_of_the_paper_by_hand():
+    """Three examples at (0, 0), (3, 4) and (6, 8), asked at (0, 0) with sigma = 5: weights 1, e^-1/2 and e^-2."""
+    features = np.array([[0.0, 0.0], [3.0, 4.0], [6.0, 8.0]])
+    known = TrainingSet(features, np.array([0.1, 0.2, 0.4]), np.array([0, 1, 2]))
+    # Variances are 6 and 32/3: the width is in units of their root mean square, and 3 and 4 keep their ratio.
+    unit = math.sqrt((6 + 32 / 3) / 2)
+    values, _, _ = KernelRegression(known, 5 / unit, scaling=False)(features[:1])
+    one, two = math.exp(-0.5), math.exp(-2)
+    assert values[0] == pytest.approx((0.1 + 0.2 * one + 0.4 * two) / (1 + one + two))
+    # Scaled, both coordinates are 0, 1.2247 and 2.4495: squared distances 3 and 12.
+    values, _, _ = KernelRegression(known, 1.0)(features[:1])
+    one, two = math.exp(-1.5), math.exp(-6)
+    assert values[0] == pytest.approx((0.1 + 0.2 * one + 0.4 * two) / (1 + one + two))
+
+
+def test_the_network_scales_nothing_unless_asked():
+    one = problem(drive(0), [drive(1), drive(2)])
+    window = Window(0.05)
+    for own, scaling in (({}, False), ({"scaling": True}, True)):
+        learned = KernelRegression(training_set(one.training, window), scaling=scaling)
+        values, _, _ = learned(window.features(one.recording))
+        assert estimate("grnn", one, **own).point.sideslip == pytest.approx(values, abs=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_left_out_drives_by_brute_force(seed):
     """Also what is claimed: spread and error of left-out drives, and 95 % within two deviations."""
@@ -327,7 +351,8 @@ def test_a_line_through_tied_and_constant_features():
 @pytest.mark.parametrize("name", LEARNING)
 def test_units_and_the_order_of_drives_change_nothing(name):
     training, asked = [drive(k, curved=0.2) for k in range(5)], drive(9, curved=0.2)
-    first = estimate(name, problem(asked, training)).point
+    own = {"scaling": True} if name == "grnn" else {}
+    first = estimate(name, problem(asked, training), **own).point
 
     def other(one):
         if name == "kalman-grnn":  # the filter knows its units
@@ -335,7 +360,8 @@ def test_units_and_the_order_of_drives_change_nothing(name):
         factor = {"yaw_rate": 57.3, "lateral_acceleration": 1e-4}
         return replace(one, **{key: getattr(one, key) * by for key, by in factor.items()})
 
-    again = estimate(name, problem(other(asked), [other(one) for one in reversed(training)])).point
+    changed = problem(other(asked), [other(one) for one in reversed(training)])
+    again = estimate(name, changed, **own).point
     # The width of the kernel comes from sums in single precision, which depend on the order and the machine.
     assert again.sideslip == pytest.approx(first.sideslip, abs=1e-7)
     assert again.deviation == pytest.approx(first.deviation, rel=1e-5)
@@ -450,6 +476,7 @@ def test_nothing_to_learn_from_is_refused(name):
         ("grnn", {"width": 0.0}),
         ("grnn", {"lags": 0}),
         ("grnn", {"ahead": -1}),
+        ("grnn", {"scaling": 1}),
         ("linear-regression", {"width": 1.0}),
         ("linear-regression", {"inputs": 1}),
     ],

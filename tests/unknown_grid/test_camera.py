@@ -49,6 +49,24 @@ def test_each_transform_has_its_inverse(pinhole, seed):
     )
 
 
+def test_equations_5_to_9_by_hand():
+    """A lens 18 m above (4.5, -4.5) and the point (1, -2, 0); its cell is in row 2 and column 1."""
+    pinhole = Pinhole((9, 9), (0, 0))
+    point = np.array([1.0, -2.0, 0.0, 1.0])
+    # -x + 4.5, y + 4.5 and -z + 18; then -y + 4.5, -x + 4.5 and -z + 18 of these.
+    seen = pinhole.camera_from_world @ point
+    assert seen.tolist() == [3.5, 2.5, 18.0, 1.0]
+    assert (pinhole.map_from_camera @ seen).tolist() == [2.0, 1.0, 0.0, 1.0]
+    assert (pinhole.map_from_world @ point).tolist() == [2.0, 1.0, 0.0, 1.0]
+    back = np.linalg.inv(pinhole.map_from_world) @ [2.0, 1.0, 0.0, 1.0]
+    np.testing.assert_allclose(back, point, atol=1e-12)
+    # Rotations as printed: by pi about y, and of eq. 8 with cos(pi/2) = 0.
+    assert pinhole.camera_from_world[:3, :3].tolist() == [[-1, 0, 0], [0, 1, 0], [0, 0, -1]]
+    assert pinhole.map_from_camera[:3, :3].tolist() == [[0, -1, 0], [-1, 0, 0], [0, 0, -1]]
+    assert pinhole.world_to_camera(point[:3]).tolist() == seen[:3].tolist()
+    assert pinhole.world_to_map(point[:3]).tolist() == [2.0, 1.0]
+
+
 @settings(deadline=None, max_examples=20)
 @given(PINHOLES)
 def test_cells_and_pixels_come_back(pinhole):

@@ -253,6 +253,26 @@ def test_where_baselines_differ() -> None:
     assert lead(DStarLite(), deep).outcomes == (Outcome.REACHED,)
 
 
+def test_baselines_in_a_trap_as_in_figure_7() -> None:
+    """The visible cell nearest the target is at the end of a blind alley; one row up lies the way round."""
+    trap = drawn(
+        ["........", ".@@@@@@.", "S....@.T", ".@@@@@@.", "........"], view=(5, 5), steps=40
+    )
+    # Table III: from (2, 0) to (2, 2), then (2, 4); from there the target is in no view and nothing is nearer.
+    assert lead(BaselineOne(), trap) == NavigationRuns(("RRRR",), (Outcome.GAVE_UP,))
+
+
+def test_table_4_as_printed() -> None:
+    """It plans on from the cell it was heading for, and ends when the target comes into the view."""
+    open_ground = drawn(["S......T"], view=(1, 5))
+    # MidPoint is (0, 2), then one cell further each time: each plan from the latest MidPoint is one step to the right.
+    assert lead(BaselineTwo(), open_ground).outcomes == (Outcome.REACHED,)
+    model = open_ground
+    request = {"literal": True}
+    plan = run(BaselineTwo(), model, **request).point
+    assert plan == NavigationRuns(("RRRRR",), (Outcome.GAVE_UP,))
+
+
 def with_camera(lines: list[str]) -> UnknownGridNavigation:
     return drawn(lines, view=(3, 3), camera=Camera())
 

@@ -10,7 +10,7 @@ from grid_path.grids import movingai
 import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.instances import export_formats, export_plan
-from crosstrack.instances.unknown_grid import printed, read_map_scenes, read_scenes
+from crosstrack.instances.unknown_grid import read_map_scenes, read_scenes
 from crosstrack.models import UnknownGridNavigation
 from crosstrack.models.unknown_grid import NavigationRuns
 
@@ -129,11 +129,3 @@ def test_runs_as_a_table(tmp_path):
         export_plan(model, one, tmp_path / "runs.csv")
     with pytest.raises(InvalidData):
         export_plan(model, plan, tmp_path / "nowhere" / "runs.csv")
-
-
-def test_the_printed_table():
-    columns, rows, notes = printed.successes()
-    assert len(rows) == 6 and {len(row) for row in rows} == {len(columns)} == {8}
-    assert rows[0] == (1, "17 × 17", "11 × 11", "MCGN", 93, 85, 84, 85)
-    assert rows[-1] == (3, "15 × 15", "9 × 9", "MACN", 82, 68, 65, 64)
-    assert notes

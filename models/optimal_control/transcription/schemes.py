@@ -139,10 +139,10 @@ def radau_points(count: int) -> tuple[Floats, Floats]:
 
 @cache
 def gauss(count: int) -> Scheme:
-    """Return the Gauss scheme with `count` Legendre-Gauss nodes (eq. 14-21 of the paper).
+    """Return the Gauss scheme with `count` Legendre-Gauss nodes (eq. 16-20 of the slew's paper).
 
-    States are polynomials through -1 and the nodes; Σ D_ki X_i = (h / 2) f at each node. The paper
-    prints the opposite sign; a constant rate shows which is right. The end is X(-1) + (h / 2) Σ w f.
+    States are polynomials through -1 and the nodes, with Σ D_ki X_i = (h / 2) f at each node (eq. 19,
+    printed with the opposite sign). The end is X(-1) + (h / 2) Σ w f (eq. 20).
     """
     nodes, weights = gauss_points(count)
     base = np.concatenate([[-1.0], nodes])

@@ -31,7 +31,7 @@ KNOWN = {
     "rat99": {2: 665.99, 3: 517.72, 5: 459.29, 7: 438.65},
     "kroA200": {3: 10691.03, 5: 7418.87},
 }
-RIVALS = ("pyvrp", "ortools-routing", "pso-ac", "tpha", "kmeans-ac")
+RIVALS = ("pyvrp", "ortools-routing")
 #: Half of the last digit that is known.
 DIGIT = 0.00501
 

@@ -7,6 +7,7 @@ maps that the tests read.
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 from statistics import mean, median
 from typing import Any
@@ -14,14 +15,29 @@ from typing import Any
 HERE = Path(__file__).resolve()
 sys.path[:0] = [str(HERE.parents[2])]
 
-from benchmarks.grid_path.test_smoothing import BACKENDS, COUNT, timed  # noqa: E402
 from benchmarks.measured import write  # noqa: E402
 from grid_path.grids import SCENARIOS, as_printed, movingai  # noqa: E402
 
 from crosstrack.jit import compile_always  # noqa: E402
 from crosstrack.models import GridPath  # noqa: E402
+from crosstrack.solvers.backend import Request  # noqa: E402
 from crosstrack.solvers.grid_path.any_angle import AnyAngle  # noqa: E402
 from crosstrack.solvers.grid_path.exact import JumpPoint  # noqa: E402
+from crosstrack.solvers.grid_path.rrt_star import RRTStar  # noqa: E402
+from crosstrack.solvers.grid_path.shortcut import ShortcutGreedy, ShortcutVisibility  # noqa: E402
+from crosstrack.solvers.grid_path.theta_star import ThetaStar  # noqa: E402
+
+#: Scenarios of each map.
+COUNT = 40
+BACKENDS = (ShortcutGreedy, ShortcutVisibility, ThetaStar, RRTStar)
+
+
+def timed(backend: Any, model: GridPath) -> tuple[Any, float]:
+    """Return the answer of a run and its milliseconds, the tables of the map included."""
+    request = Request(options=backend.checked_options({}))
+    begin = time.perf_counter()
+    answer = backend.run(model, request)
+    return answer, (time.perf_counter() - begin) * 1e3
 
 
 def lengths() -> None:

@@ -1,116 +1,31 @@
 """What the benchmarks of messenger tours find, as the tables of ``docs/problems/messenger.md``.
 
-``python tests/benchmarks/messenger/tables.py TABLE [VEHICLES]`` makes one of ``three``, ``four``,
-``six``, ``period``, ``best``, ``inside``, ``gaps``, ``spread`` and ``public``, or some of its rows, with what
-``test_messenger_tables.py`` and ``test_tour_search.py`` run, and writes ``docs/measured/messenger.json``.
+``python tests/benchmarks/messenger/tables.py TABLE [VEHICLES]`` makes one of ``gaps``, ``spread`` and
+``public``, or some of its rows, and writes ``docs/measured/messenger.json``. The tables of the paper are
+measured by ``tests/benchmarks/papers.py``.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import wilcoxon
 
 HERE = Path(__file__).resolve()
 sys.path[:0] = [str(HERE.parents[2])]
 
 from benchmarks.measured import write  # noqa: E402
-from benchmarks.messenger import test_messenger_tables as papers, test_tour_search as search  # noqa: E402
+from benchmarks.messenger import test_tour_search as search  # noqa: E402
 
 import crosstrack as ct  # noqa: E402
 from crosstrack.instances.messenger import generate, read_best_known, read_dtspn  # noqa: E402
-from crosstrack.instances.messenger.listing import TABLE_4  # noqa: E402
 
 Rows = Iterator[tuple[Any, ...]]
-MA = papers.MA
 #: Seconds of a search for each vehicle or disc, in the tables of the public instances and the spread.
 EACH = 0.2
-
-
-def three(vehicles: int) -> Rows:
-    """Direct sampling and the memetic algorithm on two and three vehicles."""
-    models = papers.papers(vehicles)
-    sampled = papers.cell(models, papers.DS, 1, None)
-    seconds = 4 * papers.SHARE
-    memetic = papers.cell(models, MA, 3, seconds)
-    ratio = memetic / sampled
-    shorter = int((ratio < 1 - 1e-6).sum())
-    yield (
-        vehicles,
-        seconds,
-        shorter,
-        len(models),
-        ratio.mean() - 1,
-        papers.p_value(memetic, sampled),
-    )
-
-
-def four(vehicles: int) -> Rows:
-    """The memetic algorithm and its rivals at equal time."""
-    models = papers.papers(vehicles)
-    ((seeds, part),) = [one[1:] for one in papers.SIZES if one[0] == vehicles]
-    found = {
-        one.label: papers.cell(models, one, seeds, part * papers.SHARE) for one in papers.RIVALS
-    }
-    base = found.pop("MA")
-    low, high = TABLE_4[vehicles]
-    ratios = [float(np.median(one / base)) for one in found.values()]
-    p = [papers.p_value(found[label], base) for label in ("MA-T", "VNS")]
-    yield (vehicles, part * papers.SHARE, base.mean(), *ratios, *p, f"{low:g} … {high:g}")
-
-
-def six(turn: int) -> Rows:
-    """The effect of the two radii on 10 vehicles."""
-    models = [generate(10, 5.0, 600 + row) for row in range(papers.INSTANCES)]
-
-    def lengths(turning: float, near: float) -> Any:
-        changed = [replace(one, turning_radius=turning, radius=near) for one in models]
-        return papers.cell(changed, MA, 1, 2 * papers.SHARE)
-
-    base = lengths(5.0, 5.0)
-    yield (turn, *(float(np.median(lengths(turn, near) / base)) for near in (1.0, 5.0, 10.0)))
-
-
-def period(every: int) -> Rows:
-    """The effect of the period of local searches on 10 vehicles; 21 means none in 20 generations."""
-    models = [generate(10, 5.0, 600 + row) for row in range(papers.INSTANCES)]
-    base, found = (
-        papers.cell(models, replace(MA, options={"period": k}), 2, None) for k in (2, every)
-    )
-    words = every if every < 21 else "none"
-    yield (words, float(np.median(found / base)), papers.p_value(found, base))
-
-
-def _rival(vehicles: int, interior: bool) -> Rows:
-    """Yield how `tour-search` stands to the best of the rivals at equal time."""
-    seconds = vehicles / 10
-    ours, best = [], []
-    for model in papers.papers(vehicles):
-        rivals = [
-            search.run(model, backend, 0, seconds, **options, interior=interior).primal_bound
-            for backend, options in search.RIVALS.values()
-        ]
-        best.append(min(rivals))
-        found = search.run(model, "tour-search", 0, seconds, **search.ENDLESS, interior=interior)
-        ours.append(found.primal_bound)
-    ratio = np.array(ours) / np.array(best)
-    p = float(wilcoxon(np.log(ratio), alternative="less").pvalue)
-    yield (vehicles, seconds, float(np.median(ratio)), float(ratio.max()), p)
-
-
-def best(vehicles: int) -> Rows:
-    """The search beside the best of the rivals, encounters on the boundary."""
-    yield from _rival(vehicles, False)
-
-
-def inside(vehicles: int) -> Rows:
-    """The same with encounters inside the discs."""
-    yield from _rival(vehicles, True)
 
 
 def gaps(vehicles: int) -> Rows:
@@ -154,27 +69,9 @@ def public(discs: int) -> Rows:
     yield (discs, len(names), EACH * discs, *ends, shorter, float(np.median(own)))
 
 
-_P = ".2g"
 _VEHICLES = {"vehicles": "", "seconds": ".2f"}
-_RATIO = {"median ratio": ".3f", "worst": ".3f", "p": _P}
 #: What each table is made of: rows, heads with formats.
 TABLES: dict[str, tuple[Callable[[int], Rows], tuple[int, ...], dict[str, str]]] = {
-    "three": (
-        three, (2, 3),
-        {**_VEHICLES, "MA shorter on": "", "of": "", "mean difference": "+.2%", "p": _P},
-    ),
-    "four": (
-        four, (10, 20, 30, 40),
-        {
-            **_VEHICLES, "MA (m)": ".0f",
-            **dict.fromkeys((one.label for one in papers.RIVALS[1:]), ".2f"),
-            "p of MA-T": _P, "p of VNS": _P, "paper: MA (m)": "",
-        },
-    ),
-    "six": (six, (1, 5, 10), {"r_min": "", "r_com = 1": ".2f", "5": ".2f", "10": ".2f"}),
-    "period": (period, (1, 4, 10, 21), {"period": "", "median ratio": ".3f", "p": _P}),
-    "best": (best, (10, 20, 30, 40), {**_VEHICLES, **_RATIO}),
-    "inside": (inside, (10, 20, 30, 40), {**_VEHICLES, **_RATIO}),
     "gaps": (gaps, (5, 10, 20), {**_VEHICLES, "median gap": ".2%", "worst": ".2%"}),
     "spread": (
         spread, (30, 40),
@@ -194,9 +91,7 @@ def main(name: str, *some: str) -> None:
     """Make a table, or some of its rows."""
     make, every, columns = TABLES[name]
     model = generate(3, 5.0, 1)
-    for one in (*papers.RIVALS, papers.DS):  # what the first call compiles
-        ct.solve(model, one.backend)
-    ct.solve(model, "tour-search", time_limit=1)
+    ct.solve(model, "tour-search", time_limit=1)  # compile
     for size in map(int, some or map(str, every)):
         rows = list(make(size))
         print(name, *rows, flush=True)

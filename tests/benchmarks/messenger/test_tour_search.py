@@ -1,4 +1,4 @@
-"""``tour-search`` beside the paper's algorithms at equal time, its gaps, its spread, and public instances.
+"""The gaps of ``tour-search`` to its bound, its spread, and public instances.
 
 Run with ``make bench``, or with other seconds a run::
 
@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import wilcoxon
 
 import crosstrack as ct
 from crosstrack.instances.messenger import generate, read_best_known, read_dtspn
@@ -21,15 +20,8 @@ from crosstrack.models import MessengerTour
 
 #: Of a run on 10 vehicles; larger ones have as many times more as they have vehicles.
 SECONDS = float(os.environ.get("CROSSTRACK_MESSENGER_SECONDS", "2"))
-SPARSITY = np.linspace(-1.4, 17.0, 10)
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data" / "dtspn"
-RIVALS = {
-    "MA": ("memetic", {"restarts": True}),
-    "MAR": ("memetic-relaxed", {"restarts": True}),
-    "VNS": ("variable-neighbourhood", {"restarts": True}),
-    "HE-B 2-opt": ("greedy-boundary", {"two_opt": True}),
-}
-#: So that it uses its time as the others do.
+#: Options that make a search use all its time.
 ENDLESS = {"patience": 10**6, "bound": False}
 
 
@@ -37,8 +29,7 @@ def run(
     model: MessengerTour, backend: str, seed: int, seconds: float | None, **options: Any
 ) -> Any:
     """Return a verified solution."""
-    draws = {} if backend.startswith("greedy") else {"seed": seed}
-    found = ct.solve(model, backend, time_limit=seconds, backend_options=options, **draws)
+    found = ct.solve(model, backend, time_limit=seconds, backend_options=options, seed=seed)
     assert found.plan is not None, found
     return found
 
@@ -46,37 +37,7 @@ def run(
 @pytest.fixture(scope="module", autouse=True)
 def _compiled() -> None:
     model = generate(3, 5.0, 1)
-    for backend, options in (*RIVALS.values(), ("tour-search", {})):
-        run(model, backend, 0, 1.0, **options)
-
-
-@pytest.mark.timeout(0)
-@pytest.mark.parametrize("interior", [False, True], ids=["boundary", "inside"])
-@pytest.mark.parametrize("vehicles", [10, 20, 30, 40])
-def test_equal_time(vehicles: int, interior: bool) -> None:
-    """Shorter than the best of the rivals by 5 % in the median, by a rank test."""
-    seconds = SECONDS * vehicles / 10
-    ours, best, who = [], [], []
-    for row, kappa in enumerate(SPARSITY, 1):
-        model = generate(vehicles, float(kappa), 100 * vehicles + row)
-        found = {
-            label: run(model, backend, 0, seconds, **options, interior=interior).primal_bound
-            for label, (backend, options) in RIVALS.items()
-        }
-        who.append(min(found, key=found.get))
-        best.append(found[who[-1]])
-        search = run(model, "tour-search", 0, seconds, **ENDLESS, interior=interior)
-        ours.append(search.primal_bound)
-    ratio = np.array(ours) / np.array(best)
-    p = wilcoxon(np.log(ratio), alternative="less").pvalue
-    print(
-        f"\n{vehicles} vehicles, {'inside' if interior else 'boundary'}, {seconds:g} s: ours by the best "
-        f"rival: median {np.median(ratio):.3f}, worst {ratio.max():.3f}, p {p:.2g}; best rivals: "
-        f"{', '.join(f'{name} {who.count(name)}' for name in RIVALS)}"
-    )
-    print("  " + ", ".join(f"{a:.5g}/{b:.5g}" for a, b in zip(ours, best, strict=True)))
-    assert np.median(ratio) < 1.0
-    assert p < 0.05
+    run(model, "tour-search", 0, 1.0)
 
 
 @pytest.mark.timeout(0)

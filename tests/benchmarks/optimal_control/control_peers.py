@@ -249,7 +249,7 @@ MOTIONS: dict[str, tuple[Callable[..., Any], Callable[..., Any] | None]] = {
     "optimal-control/bryson-denham": (bryson_denham, None),
     "optimal-control/hypersensitive-40": (hypersensitive, None),
     "optimal-control/goddard": (goddard, lambda x, t: -x[0]),
-    "satellite-slew/paper": (slew, None),
+    "satellite-slew/paper-components": (slew, None),
 }
 
 

@@ -36,7 +36,7 @@ STATED = (
     "optimal-control/bryson-denham",
     "optimal-control/hypersensitive-40",
     "optimal-control/goddard",
-    "satellite-slew/paper",
+    "satellite-slew/paper-components",
 )
 
 

@@ -125,9 +125,9 @@ def work_of(answer: dict[str, Any]) -> str:
         ("optimal-control/bryson-denham", 8, 6),
         ("optimal-control/hypersensitive-40", 20, 6),
         ("optimal-control/goddard", 8, 6),
-        ("satellite-slew/paper", 1, 20),
-        ("satellite-slew/paper", 8, 6),
-        ("satellite-slew/paper", 20, 6),
+        ("satellite-slew/paper-components", 1, 20),
+        ("satellite-slew/paper-components", 8, 6),
+        ("satellite-slew/paper-components", 20, 6),
     ],
 )
 def test_same_mesh(case: str, intervals: int, degree: int, limit: float, ledger: Ledger) -> None:
@@ -190,7 +190,7 @@ LADDERS: dict[str, list[dict[str, Any]]] = {
         "optimal-control/bryson-denham",
         "optimal-control/hypersensitive-40",
         "optimal-control/goddard",
-        "satellite-slew/paper",
+        "satellite-slew/paper-components",
     ],
 )
 def test_same_error(case: str, limit: float, ledger: Ledger) -> None:
