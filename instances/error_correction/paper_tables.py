@@ -59,6 +59,7 @@ def table_2(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         "proven optimum (m)": best.primal_bound if _is_optimal(best) else "not proven",
         "arc-flow (s)": _seconds(flow),
         "label-setting (s)": _seconds(best),
+        "runs": trials.runs,
     }
 
 
