@@ -97,8 +97,8 @@ def _row_entry(setting: Setting) -> CatalogueEntry:
         )
     if setting.printed_vertical != setting.vertical:
         notes.append(
-            f"Table 1 prints {setting.printed_vertical} vertical points, which do not add up to {setting.n}: "
-            f"{setting.vertical} are taken."
+            f"Table 1 prints {setting.horizontal} and {setting.printed_vertical} points of the two kinds, which do not "
+            f"add up to {setting.n}: {setting.horizontal} and {setting.vertical} are taken."
         )
     return CatalogueEntry(
         name=f"error-correction/{setting.row}",
