@@ -41,13 +41,13 @@ def settle(
         Whether Algorithm 4 is applied.
     """
     if not timed:
-        value: float = craft[3] * follow(order, genes, fleet, craft, 0, math.inf, poses)
-        return value
+        length: float = craft[3] * follow(order, genes, fleet, craft, 0, math.inf, poses)
+        return length
     end, off = assess(order, genes, fleet, craft, 0, True, poses)
     if transformed and transform(order, genes, fleet, craft, poses) > 0:
         end, off = assess(order, genes, fleet, craft, 0, False, poses)
-    value = craft[3] * end + KAPPA * off
-    return value
+    length = craft[3] * end
+    return length + KAPPA * off
 
 
 @kernel
