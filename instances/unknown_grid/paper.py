@@ -168,7 +168,7 @@ PAPER = Paper(
         corrected("Table IV", "Traditional Baseline 2", f"{_BASELINES}:BaselineTwo",
                   "As printed, CurrentPos becomes MidPoint although one action was executed, and the run ends when the "
                   "target comes into the view: no target is ever reached (option literal). With CurrentPos the vehicle's "
-                  "cell and the last stage of Table III it goes left and right in a trap, as Figure 7(c) shows."),
+                  "cell and the last stage of Table III it goes back and forth in a pocket, the motion of Figure 7(c)."),
         printed("Table V", "sizes of maps and views of the three tasks",
                 "instances.unknown_grid.settings:Task"),
         printed("Section IV.C, observation ratio", "0.65, 0.53 and 0.6", "instances.unknown_grid.settings:Task.ratio"),
@@ -183,7 +183,7 @@ PAPER = Paper(
                 "run, as in the public implementation whose settings Table II repeats. The UAV hovers for MACN too, although O_g then "
                 "does not show the vehicle; the paper does not say so, and its MACN reaches far more targets than ours."),
         different("Figure 7", "runs of MCGN and both baselines in one trap", f"{_BASELINES}:BaselineOne",
-                  "The map is only in the picture. A test follows both baselines through a trap of the same kind."),
+                  "The map is only in the picture. A test follows baseline 1 through a trap of the same kind, and baseline 2 in a pocket."),
     ),
     tables=(_TABLE_6, _FIGURE_8, _TIMES, _POLICIES),
 )  # fmt: skip

@@ -100,7 +100,7 @@ class Colonies:
         """
         from .colony_kernels import colony
 
-        ants, iterations, *more = self.settings.tolist()
+        ants, iterations, alpha, beta, evaporation = self.settings.tolist()
         loads = np.zeros((len(labels), self.model.vehicles))
         routes: list[Routes] = [[] for _ in labels]
         done = np.zeros(len(labels), np.int64)
@@ -109,7 +109,8 @@ class Colonies:
             for k in range(self.model.vehicles):
                 nodes, d, order = self.part(labels[p], k)
                 loads[p, k], steps = colony(
-                    d, self.model.symmetric, int(ants), int(iterations), *more, draws[p], self.flag, order
+                    d, self.model.symmetric, int(ants), int(iterations), alpha, beta, evaporation,
+                    draws[p], self.flag, order,
                 )  # fmt: skip
                 routes[p].append(nodes[order].tolist())
                 done[p] += steps

@@ -14,7 +14,7 @@ controller has one input per cell.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...models.unknown_grid.world import BLOCKED
 from ..trainer import Course, Trainer, Training
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["ARCHITECTURE", "TRAINING", "build_network", "refuse_size"]
 
 #: Rows and columns of the canvas, and the sizes of Table II.
-ARCHITECTURE = {
+ARCHITECTURE: dict[str, Any] = {
     "side": 17, "hidden": 150, "iterations": 30, "units": 256, "words": 32, "width": 8, "heads": 4,
 }  # fmt: skip
 
@@ -86,8 +86,10 @@ def build_network(
             self, inputs: torch.Tensor, state: tuple[torch.Tensor, ...] | None
         ) -> tuple[torch.Tensor, tuple[torch.Tensor, ...]]:
             """Return logits of one step and the new state."""
-            new = state is None or self.without == "memory"
-            record = self.computer.start(len(inputs)) if new else Record(*state)
+            if state is None or self.without == "memory":
+                record = self.computer.start(len(inputs))
+            else:
+                record = Record(*state)
             logits, record = self.computer(inputs, record)
             return logits, tuple(record)
 
