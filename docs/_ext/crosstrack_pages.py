@@ -73,8 +73,6 @@ FIGURES = {
     "lengths": "lengths (m)",
     "greedy": "greedy (m)",
     "eight neighbours": "along eight neighbours",
-    "mcgn": "steps, MCGN",
-    "macn": "steps, MACN",
 }
 #: Width and height of a small picture at most, in pixels; it is shown at two fifths of that.
 SMALL = (320, 240)
