@@ -1,4 +1,4 @@
-"""What a paper contains and how the project implements it.
+"""Declarations of a paper's contents and of their status in the code.
 
 Each problem declares its paper in ``instances/<problem>/paper.py``: every equation, algorithm, parameter table
 and figure with data as an :class:`Item` with a status, and every result table with its printed cells as a

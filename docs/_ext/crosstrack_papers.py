@@ -1,4 +1,4 @@
-"""What the papers contain and how the project implements it, from the declarations of the problems.
+"""Lists of the papers' contents with their status, from the declarations of the problems.
 
 * ``crosstrack-as-printed PROBLEM``: every equation, algorithm, parameter table and figure of the paper with its
   status, each with a link to the code;
