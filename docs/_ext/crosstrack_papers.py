@@ -2,8 +2,8 @@
 
 * ``crosstrack-as-printed PROBLEM``: every equation, algorithm, parameter table and figure of the paper with its
   status, each with a link to the code;
-* ``crosstrack-papers``: one row per paper with the number of items by status, and the cells of its result tables
-  that have a value of ours in ``docs/measured``;
+* ``crosstrack-papers``: one row per paper with the number of items by status, and the printed cells of its result
+  tables that have a value of ours in ``docs/measured``, or a text with the reason;
 * the role ``crosstrack-code``: a link to the source of ``module:object``.
 """
 
@@ -27,8 +27,8 @@ class Code(SphinxRole):
         return [source_link(self.env, f"crosstrack.{self.text}")], []
 
 
-def measured_cells(folder: Path, problem: str, table: Any) -> int:
-    """Return how many printed cells of a result table have a value of ours in the measured file.
+def measured_cells(folder: Path, problem: str, table: Any) -> tuple[int, int]:
+    """Return how many printed cells of a result table have a value of ours, and how many a reason instead.
 
     Parameters
     ----------
@@ -43,16 +43,19 @@ def measured_cells(folder: Path, problem: str, table: Any) -> int:
     data = json.loads(path.read_text("utf-8")) if path.exists() else {}
     stored = data.get(table.name)
     if stored is None:
-        return 0
+        return 0, 0
     rows = {
         tuple(row[: len(table.keys)]): dict(zip(stored["columns"], row, strict=True))
         for row in stored["rows"]
     }
-    return sum(
-        cell is not None and rows.get(key, {}).get(name) is not None
-        for key, cells in table.rows.items()
-        for name, cell in zip(table.columns, cells, strict=True)
-    )
+    values = reasons = 0
+    for key, cells in table.rows.items():
+        for name, cell in zip(table.columns, cells, strict=True):
+            ours = rows.get(key, {}).get(name)
+            if cell is not None and ours is not None:
+                is_reason = isinstance(ours, str) and not isinstance(cell, str)
+                values, reasons = values + (not is_reason), reasons + is_reason
+    return values, reasons
 
 
 class AsPrinted(Made):
@@ -91,15 +94,19 @@ class Papers(Made):
         for name, parts in groups.items():
             tables = [(problem, table) for problem, paper in parts for table in paper.tables]
             printed = sum(table.printed_cells for _, table in tables)
-            ours = sum(measured_cells(folder, problem, table) for problem, table in tables)
+            found = [measured_cells(folder, problem, table) for problem, table in tables]
+            ours = [sum(counts) for counts in zip(*found, strict=True)]
             pages = ", ".join(f"[{problem}](problems/{problem}.md)" for problem, _ in parts)
             counts = [sum(paper.counts[status] for _, paper in parts) for status in Status]
-            rows.append([name, pages, sum(counts), *counts, f"{ours} of {printed}"])
+            rows.append([name, pages, sum(counts), *counts, printed, *ours])
             for problem, _ in parts:
                 self.env.note_dependency(str(folder / f"{problem}.json"))
-        total = [sum(row[k] for row in rows) for k in range(2, 6)]
-        columns = ("paper", "problems", "items", *Status, "cells with a value of ours")
-        return markdown_table(columns, [*rows, ["**all**", "", *total, ""]])
+        total = [sum(row[k] for row in rows) for k in range(2, 9)]
+        columns = (
+            *("paper", "problems", "items", *Status),
+            *("printed cells", "with our value", "with a reason instead"),
+        )
+        return markdown_table(columns, [*rows, ["**all**", "", *total]])
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
