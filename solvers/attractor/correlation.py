@@ -22,10 +22,11 @@ from ...models.attractor.plan import AttractorEstimate, Method, Slope
 from ..backend import Request
 from ..option import Option
 from .exponents import Fit
-from .native import EMBEDDING, AttractorBackend, Finding, embed
+from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
 from .neighbour_kernels import count_pairs
 from .partings import BLOCKS, FEW, MOST
-from .regions import steadiest, whole_slope
+from .regions import Stretches, steady_stretches, whole_slope
+from .spread import REFERENCES, variants, widened_dimension
 
 __all__ = ["CorrelationDimension", "Counts", "correlation_counts", "fit_dimension", "pair_counts"]
 
@@ -221,6 +222,7 @@ def fit_dimension(
     """
     if low is not None and high is not None and not low < high:
         raise InvalidData(f"low must be < high = {high:g}, got {low:g}", field="low")
+    spread = 0.0
     if low is None or high is None:
         radii = drawn_radii(states, theiler, low, high)
         if radii is None:
@@ -229,10 +231,12 @@ def fit_dimension(
         first = correlation_counts(states, radii, theiler, references=few, stopped=stopped)
         if first is None:
             return None
-        region = plateau(first, low is not None, high is not None)
-        if region is None:
+        begin, stretches = plateau(first, low is not None, high is not None)
+        region = None if stretches is None else stretches.best
+        if stretches is None or region is None:
             return Fit(None, message=NONE.format("the local slopes have no plateau"))
-        low, high = float(radii[region[0]]), float(radii[region[1]])
+        low, high = float(radii[begin + region[0]]), float(radii[begin + region[1]])
+        spread = stretches.spread
     counts = correlation_counts(
         states, np.geomspace(low, high, RADII), theiler, references=references, stopped=stopped
     )
@@ -248,22 +252,47 @@ def fit_dimension(
         "references": counts.references,
         "share of pairs at low": float(shares[0]),
         "share of pairs at high": float(shares[-1]),
+        "deviation of the fit": deviation,
+        "spread over regions": spread,
     }
     return Fit(Slope(Method.CORRELATION, value, deviation, low, high), statistics)
 
 
-def plateau(counts: Counts, from_first: bool, to_last: bool) -> tuple[int, int] | None:
-    """Return the first and the last radius of the widest plateau of the local slopes, None where there is none."""
+def plateau(counts: Counts, from_first: bool, to_last: bool) -> tuple[int, Stretches | None]:
+    """Return the first radius with enough pairs, and the plateaus of the local slopes from there on.
+
+    The plateaus are None if the curve is too short.
+    """
     enough = counts.counts.sum(axis=0) >= NEIGHBOURS * counts.references
     begin = 0 if from_first else int(enough.argmax())
     x, y = np.log(counts.radii[begin:]), counts.values[begin:]
     if not enough[begin] or len(x) < LEAST:
-        return None
+        return begin, None
     least = max(LEAST, math.ceil(math.log(SPAN) / (x[1] - x[0])) + 1)
-    found = steadiest(
+    return begin, steady_stretches(
         x, y, least=least, rise=RISE, change=CHANGE, from_first=from_first, to_last=to_last
     )
-    return None if found is None else (begin + found[0], begin + found[1])
+
+
+def other_dimensions(
+    problem: AttractorAnalysis, embedding: Embedding, stopped: Stopped
+) -> list[float] | None:
+    """Return the correlation dimensions in other embeddings that have a plateau; None if the run was stopped."""
+    values = []
+    for other in variants(embedding, len(problem.series)):
+        states = problem.states(other.delay, other.dimension)
+        radii = drawn_radii(states, other.theiler, None, None)
+        if radii is None:
+            continue
+        counts = correlation_counts(
+            states, radii, other.theiler, references=REFERENCES, stopped=stopped
+        )
+        if counts is None:
+            return None
+        stretches = plateau(counts, False, False)[1]
+        if stretches is not None and stretches.best is not None:
+            values.append(float(stretches.slopes[stretches.scores.argmax()]))
+    return values
 
 
 def slope_of_shares(
@@ -341,6 +370,14 @@ class CorrelationDimension(AttractorBackend):
                 if higher > slope.value + GROWTH:
                     grows = f"it grows with the embedding, from {slope.value:.3g} to {higher:.3g}"
                     slope, message = None, NONE.format(grows)
+        if slope is not None and chosen:
+            others = other_dimensions(problem, embedding, how["stopped"])
+            if others is None:
+                return None
+            slope = widened_dimension(slope, statistics["spread over regions"], others)
+            statistics["other embeddings"] = len(others)
+            statistics["least in other embeddings"] = min(others, default=slope.value)
+            statistics["largest in other embeddings"] = max(others, default=slope.value)
         plan = AttractorEstimate(
             embedding.delay, embedding.dimension, embedding.theiler, correlation=slope
         )

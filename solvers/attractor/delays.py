@@ -5,6 +5,7 @@ Each says how far its delay can be trusted by the delays of both halves of the s
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -83,7 +84,7 @@ class Autocorrelation(DelayBackend):
     summary = "delay at which the autocorrelation has fallen to a level"
     options: ClassVar[Mapping[str, Option]] = {
         **_DIMENSION,
-        "level": Option(1 / np.e, "autocorrelation at the delay", lower=0, upper=0.99),
+        "level": Option(math.exp(-1.0), "autocorrelation at the delay", lower=0, upper=0.99),
     }
 
     def delay(self, series: Floats, options: Mapping[str, Any]) -> tuple[int, str]:

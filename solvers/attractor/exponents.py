@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -23,9 +23,18 @@ from ..backend import Request
 from ..option import Option
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
 from .partings import FEW, MOST, Curve, kantz_curve, kantz_radius, rosenstein_curve
-from .regions import steadiest
+from .regions import Stretches, steady_stretches
+from .spread import REFERENCES, variants, widened_exponent
 
-__all__ = ["Fit", "Kantz", "Rosenstein", "fit_exponent", "mean_level", "scaling_region"]
+__all__ = [
+    "Fit",
+    "Kantz",
+    "Rosenstein",
+    "Search",
+    "fit_exponent",
+    "mean_level",
+    "scaling_region",
+]
 
 Floats = NDArray[np.float64]
 
@@ -67,10 +76,10 @@ def scaling_region(
     earliest: int = 0,
     low: int | None = None,
     high: int | None = None,
-) -> tuple[int, int] | None:
-    """Return the steps within which neighbours part exponentially, None where they do not.
+) -> tuple[int, Stretches] | None:
+    """Return the first step of the search, and the stretches of exponential parting from there on.
 
-    That is the longest stretch whose slope stays the same, of those that end :data:`MARGIN` nats below the level
+    The best is the longest stretch whose slope stays the same, of those that end :data:`MARGIN` nats below the level
     that the curve reaches and rise by :data:`RISE` nats. The slopes of its halves may differ by a quarter, and each
     stretch counts the less, the more they do.
 
@@ -86,6 +95,11 @@ def scaling_region(
         Step at which a region begins at the earliest.
     low, high : int, optional
         Where the region begins or ends, if that is given.
+
+    Returns
+    -------
+    tuple of int and Stretches, optional
+        Stretches of the curve from that step on, in steps. None if the curve is too short.
     """
     values = curve.values
     good = np.isfinite(values)
@@ -102,11 +116,11 @@ def scaling_region(
     if len(y) < LEAST:
         return None
     x = np.arange(len(y), dtype=float)
-    found = steadiest(
+    found = steady_stretches(
         x, y, least=max(LEAST, shortest + 1), rise=RISE, change=CHANGE,
         from_first=low is not None, to_last=high is not None,
     )  # fmt: skip
-    return None if found is None else (begin + found[0], begin + found[1])
+    return begin, found
 
 
 def mean_level(states: Floats) -> float:
@@ -125,22 +139,9 @@ def mean_turn(series: Floats) -> int:
     return math.ceil(len(series) / max(maxima, 1))
 
 
-def fit_exponent(
-    states: Floats,
-    embedding: Embedding,
-    period: float,
-    *,
-    method: Method = Method.ROSENSTEIN,
-    low: int | None = None,
-    high: int | None = None,
-    radius: float | None = None,
-    references: int = MOST,
-    stopped: Callable[[], bool] = bool,
-) -> Fit | None:
-    """Return the largest Lyapunov exponent of the motion among `states`.
-
-    The region is chosen in a first curve, and the slope read from a second one: only states with a future of `high`
-    steps take part in that.
+@dataclass(frozen=True)
+class Search:
+    """How an exponent is searched for in an embedding.
 
     Parameters
     ----------
@@ -148,8 +149,6 @@ def fit_exponent(
         All states of the embedding, in the order of time.
     embedding : Embedding
         Of the states.
-    period : float
-        Seconds between samples.
     method : Method
         Rosenstein's or Kantz'.
     low, high : int, optional
@@ -160,6 +159,70 @@ def fit_exponent(
         States asked for neighbours at the most; up to 1500 all are.
     stopped : callable
         Asked now and then.
+    """
+
+    states: Floats
+    embedding: Embedding
+    method: Method = Method.ROSENSTEIN
+    low: int | None = None
+    high: int | None = None
+    radius: float | None = None
+    references: int = MOST
+    stopped: Callable[[], bool] = bool
+
+    @property
+    def steps(self) -> int:
+        """Length of the curve that shows the region, in steps ahead."""
+        count, low = len(self.states), self.low or 0
+        return max(min(STEPS, count // SHARE), self.high or 0, min(low + LEAST, count - 2))
+
+    def with_radius(self) -> Search | None:
+        """Return the search with a radius if the method needs one; None if states have too few neighbours."""
+        if self.method is not Method.KANTZ or self.radius is not None:
+            return self
+        last = len(self.states) - self.steps
+        radius = kantz_radius(self.states, self.embedding.theiler, last)
+        return None if radius is None else replace(self, radius=radius)
+
+    def curve(self, high: int, references: int) -> Curve | None:
+        """Return the curve up to `high` steps; None if the run was stopped."""
+        last, theiler = len(self.states) - high, self.embedding.theiler
+        draw: Callable[..., Curve | None] = rosenstein_curve
+        if self.radius is not None:
+            draw = partial(kantz_curve, radius=self.radius)
+        return draw(self.states, theiler, last, high, references=references, stopped=self.stopped)
+
+    def region(self, references: int) -> tuple[int, Stretches] | str | None:
+        """Return the acceptable regions, or the reason for their absence; None if the run was stopped."""
+        level = mean_level(self.states)
+        if self.method is Method.KANTZ and math.log(self.radius or 1.0) > level - MARGIN:
+            return "the nearest states are not near"
+        first = self.curve(self.steps, min(references, self.references))
+        if first is None:
+            return None
+        # States that are nearest by selection part faster at first, for as long as a state spans, and distances swing
+        # with each turn. A map has no such span.
+        span = (self.embedding.dimension - 1) * self.embedding.delay
+        shortest = max(span, mean_turn(self.states[:, 0]))
+        earliest = span if self.embedding.delay > 1 else 0
+        found = scaling_region(first, level, shortest, earliest, self.low, self.high)
+        if found is None or found[1].best is None:
+            return "there is no scaling region, neighbours do not part at a steady rate"
+        return found
+
+
+def fit_exponent(search: Search, period: float) -> Fit | None:
+    """Return the largest Lyapunov exponent of the motion among states.
+
+    The region is chosen in a first curve, and the slope read from a second one: only states with a future of `high`
+    steps take part in that. If the region is chosen, the deviation includes the spread over acceptable regions.
+
+    Parameters
+    ----------
+    search : Search
+        States, method and region.
+    period : float
+        Seconds between samples.
 
     Returns
     -------
@@ -171,7 +234,7 @@ def fit_exponent(
     InvalidData
         `low` and `high` are no region, or reach beyond the states.
     """
-    count, theiler = len(states), embedding.theiler
+    count, low, high = len(search.states), search.low, search.high
     if low is not None and high is not None and not low < high:
         raise InvalidData(f"low must be < high = {high}, got {low}", field="low")
     if max(low or 0, high or 0) > count - 2:
@@ -179,37 +242,20 @@ def fit_exponent(
             f"the region must end before the last of {count} states, got {low} … {high} steps",
             field="high",
         )
-    steps = max(min(STEPS, count // SHARE), high or 0, min((low or 0) + LEAST, count - 2))
-    statistics: dict[str, Any] = {}
-    draw: Callable[..., Curve | None] = rosenstein_curve
-    if method is Method.KANTZ:
-        radius = radius or kantz_radius(states, theiler, count - steps)
-        if radius is None:
-            return Fit(None, message=_NONE.format("states have too few neighbours for a radius"))
-        draw = partial(kantz_curve, radius=radius)
-    draw = partial(draw, states, theiler, stopped=stopped)
+    ready, spread = search.with_radius(), 0.0
+    if ready is None:
+        return Fit(None, message=_NONE.format("states have too few neighbours for a radius"))
     if low is None or high is None:
-        level = mean_level(states)
-        if method is Method.KANTZ and math.log(radius or 1.0) > level - MARGIN:
-            return Fit(None, message=_NONE.format("the nearest states are not near"))
-        first = draw(count - steps, steps, references=min(FIRST, references))
-        if first is None:
+        found = ready.region(FIRST)
+        if found is None:
             return None
-        # States that are nearest by selection part faster at first, for as long as a state spans, and distances swing
-        # with each turn. A map has no such span.
-        span = (embedding.dimension - 1) * embedding.delay
-        shortest = max(span, mean_turn(states[:, 0]))
-        earliest = span if embedding.delay > 1 else 0
-        region = scaling_region(first, level, shortest, earliest, low, high)
-        if region is None:
-            return Fit(
-                None,
-                message=_NONE.format(
-                    "there is no scaling region, neighbours do not part at a steady rate"
-                ),
-            )
-        low, high = region
-    curve = draw(count - high, high, references=references)
+        if isinstance(found, str):
+            return Fit(None, message=_NONE.format(found))
+        begin, stretches = found
+        assert stretches.best is not None
+        low, high = (begin + place for place in stretches.best)
+        spread = stretches.spread / period
+    curve = ready.curve(high, ready.references)
     if curve is None:
         return None
     value, deviation = curve.slope(low, high, period)
@@ -220,9 +266,79 @@ def fit_exponent(
         "high": high,
         "references": curve.references,
         "rise": float(curve.values[high] - curve.values[low]),
+        "deviation of the fit": deviation,
+        "spread over regions": spread,
     }
-    slope = Slope(method, value, deviation, float(low), float(high), radius)
+    slope = Slope(ready.method, value, deviation, float(low), float(high), ready.radius)
     return Fit(slope, statistics)
+
+
+@dataclass(frozen=True)
+class Others:
+    """Exponents by other choices than the stated one, in nats a second.
+
+    Parameters
+    ----------
+    values : list of float
+        In other embeddings, and for Kantz' method of the nearest neighbours.
+    finer : float, optional
+        Within half the radius of Kantz' method.
+    """
+
+    values: list[float]
+    finer: float | None = None
+
+
+def other_exponents(
+    problem: AttractorAnalysis, embedding: Embedding, search: Search
+) -> Others | None:
+    """Return the exponents by other choices that have a scaling region; None if the run was stopped."""
+    searches = [
+        replace(
+            search,
+            states=problem.states(other.delay, other.dimension),
+            embedding=other,
+            radius=None,
+        )
+        for other in variants(embedding, len(problem.series))
+    ]
+    if search.method is Method.KANTZ:
+        searches.append(replace(search, method=Method.ROSENSTEIN, radius=None))
+        if search.radius is not None:
+            searches.append(replace(search, radius=search.radius / 2))
+    values, finer = [], None
+    for one in searches:
+        ready = one.with_radius()
+        found = "no radius" if ready is None else ready.region(REFERENCES)
+        if found is None:
+            return None
+        if isinstance(found, str):
+            continue
+        stretches = found[1]
+        value = float(stretches.slopes[stretches.scores.argmax()]) / problem.period
+        if one.radius is None:
+            values.append(value)
+        else:
+            finer = value
+    return Others(values, finer)
+
+
+def widen_exponent(found: Fit, others: Others, problem: AttractorAnalysis) -> Fit:
+    """Return the fit with the deviation that includes regions, embeddings and the calibrated error."""
+    assert found.slope is not None
+    region = float(found.statistics["spread over regions"])
+    value, values = found.slope.value, others.values
+    turn, duration = mean_turn(problem.series), len(problem.series) * problem.period
+    # The exponent is the limit of small distances: without chaos the slope falls with the radius.
+    change = 0.0 if others.finer is None else others.finer - value
+    slope = widened_exponent(found.slope, region, values, turn, duration, change)
+    statistics = {
+        **found.statistics,
+        "other embeddings": len(values),
+        "least in other embeddings": min(values, default=value),
+        "largest in other embeddings": max(values, default=value),
+    }
+    return replace(found, slope=slope, statistics=statistics)
 
 
 _NONE = "no exponent: {}"
@@ -259,10 +375,9 @@ class Rosenstein(AttractorBackend):
         embedding = self.embedding(problem, request)
         states = problem.states(embedding.delay, embedding.dimension)
         low, high = self.region(states, embedding, request)
-        found = fit_exponent(
+        search = Search(
             states,
             embedding,
-            problem.period,
             method=self.method,
             low=low,
             high=high,
@@ -270,8 +385,15 @@ class Rosenstein(AttractorBackend):
             references=options.get("references", MOST),
             stopped=lambda: request.control.stopped,
         )
+        found = fit_exponent(search, problem.period)
         if found is None:
             return None
+        if found.slope is not None and (low is None or high is None):
+            free = replace(search, low=None, high=None, radius=found.slope.radius)
+            others = other_exponents(problem, embedding, free)
+            if others is None:
+                return None
+            found = widen_exponent(found, others, problem)
         plan = AttractorEstimate(
             embedding.delay, embedding.dimension, embedding.theiler, exponent=found.slope
         )

@@ -103,7 +103,7 @@ class FullAnalysis(AttractorBackend):
         if ranking is None:
             said.append("no judgement: the run was stopped before")
         else:
-            test, why = judge(ranking, exponent)
+            test, why = judge(ranking, exponent, len(problem.series) * problem.period)
             own.update(statistics(ranking))
             said.append(why)
         plan = AttractorEstimate(

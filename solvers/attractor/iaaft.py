@@ -14,15 +14,18 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["match_ends", "normal_scores", "prediction_error", "surrogates_of"]
+__all__ = ["match_ends", "normal_scores", "prediction_error", "sampled_error", "surrogates_of"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: Consecutive samples that are to be alike at both ends, and shares of the series that may go at each.
 _ALIKE, _CUTS = 3, (0.1, 0.25)
-#: Iterations at the most.
-_ITERATIONS = 500
+#: Largest number of samples that may go at each end; the comparison needs its square of memory.
+_ENDS = 2000
+#: Largest number of iterations, of series of up to so many samples and of longer ones. The longer ones begin with the
+#: spectrum of the series and need fewer.
+_ITERATIONS, _SHORT, _FEWER = 500, 2500, 12
 
 
 def match_ends(series: Floats) -> tuple[int, int, float]:
@@ -45,7 +48,7 @@ def match_ends(series: Floats) -> tuple[int, int, float]:
     """
     step = float(np.sqrt((np.diff(series) ** 2).mean()))
     for cut in _CUTS:
-        most = max(int(cut * len(series)), 1)
+        most = min(max(int(cut * len(series)), 1), _ENDS)
         begins, ends = np.arange(most), len(series) - _ALIKE - np.arange(most)
         apart = np.zeros((most, most))
         for k in range(_ALIKE):
@@ -80,7 +83,7 @@ def surrogates_of(
     """Return surrogates with the values of a series and, all but exactly, its spectrum.
 
     Phases are drawn; then spectrum and values are restored by turns until the order of the values stays
-    (iterated amplitude-adjusted Fourier transform).
+    (iterated amplitude-adjusted Fourier transform). Long series take at most 12 turns.
 
     Parameters
     ----------
@@ -100,8 +103,16 @@ def surrogates_of(
     values = np.sort(series)
     wanted = np.abs(fft.rfft(series))
     found = generator.permuted(np.tile(series, (count, 1)), axis=1)
+    limit = _ITERATIONS
+    if n > _SHORT:
+        spectra = fft.rfft(found, axis=1)
+        size = np.abs(spectra)
+        spectra *= np.divide(wanted, size, out=np.zeros_like(size), where=size > 0)
+        found, limit = fft.irfft(spectra, n, axis=1), _FEWER
     order = np.argsort(found, axis=1, kind="stable")
-    open_, limit = np.arange(count), _ITERATIONS
+    if n > _SHORT:
+        np.put_along_axis(found, order, np.broadcast_to(values, found.shape), 1)
+    open_ = np.arange(count)
     while open_.size and limit and not stopped():
         spectra = fft.rfft(found[open_], axis=1)
         size = np.abs(spectra)
@@ -171,5 +182,81 @@ def prediction_error(
             for k in range(count):
                 mean += future[k]
             total += (series[i + span + ahead] - mean / count) ** 2
+            predicted += 1
+    return total / predicted if predicted > 0 else np.nan
+
+
+@kernel(interpretable=True)
+def sampled_error(
+    states: Floats, times: Ints, futures: Floats, places: Ints, theiler: int, count: int
+) -> float:
+    """Return the mean square error of :func:`prediction_error` for some states among all.
+
+    Parameters
+    ----------
+    states : ndarray, shape (m, d)
+        All states, ordered by the first coordinate.
+    times : ndarray, shape (m,)
+        Sample at which each state begins.
+    futures : ndarray, shape (m,)
+        What each state is followed by.
+    places : ndarray, shape (r,)
+        Rows of the states that are predicted.
+    theiler : int
+        States at most as many samples apart are no neighbours.
+    count : int
+        Neighbours, by the largest difference of a coordinate.
+
+    Returns
+    -------
+    float
+        Not a number if no state has so many neighbours.
+    """
+    m, d = states.shape
+    best, future = np.empty(count), np.empty(count)
+    total, predicted = 0.0, 0
+    for place in places:
+        best[:] = np.inf
+        left, right = place - 1, place + 1
+        backward = True
+        while left >= 0 or right < m:
+            backward = not backward
+            if (backward and left < 0) or (not backward and right >= m):
+                continue
+            if backward:
+                other = left
+                left -= 1
+            else:
+                other = right
+                right += 1
+            far = abs(states[other, 0] - states[place, 0])
+            limit = best[count - 1]
+            if far >= limit:
+                if backward:
+                    left = -1
+                else:
+                    right = m
+                continue
+            if abs(times[other] - times[place]) <= theiler:
+                continue
+            for column in range(1, d):
+                apart = abs(states[other, column] - states[place, column])
+                if apart > far:
+                    far = apart
+                    if far >= limit:
+                        break
+            if far < limit:
+                k = count - 1
+                while k > 0 and best[k - 1] > far:
+                    best[k] = best[k - 1]
+                    future[k] = future[k - 1]
+                    k -= 1
+                best[k] = far
+                future[k] = futures[other]
+        if best[count - 1] < np.inf:
+            mean = 0.0
+            for k in range(count):
+                mean += future[k]
+            total += (futures[place] - mean / count) ** 2
             predicted += 1
     return total / predicted if predicted > 0 else np.nan

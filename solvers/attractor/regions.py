@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["line_slopes", "steadiest", "whole_slope"]
+__all__ = ["Stretches", "line_slopes", "steady_stretches", "whole_slope"]
 
 Floats = NDArray[np.float64]
 
@@ -58,7 +59,42 @@ def whole_slope(x: Floats, y: Floats, left_out: Floats) -> tuple[float, float]:
     return float(line_slopes(x, y, first, last)[0]), math.hypot(math.sqrt(between), bend)
 
 
-def steadiest(
+@dataclass(frozen=True, eq=False)
+class Stretches:
+    """Stretches of a curve whose slope stays the same.
+
+    Parameters
+    ----------
+    begin, end : ndarray of int
+        First and last point of each stretch.
+    slopes, scores : ndarray
+        Slope of each stretch, and its length less what its bend takes.
+    """
+
+    begin: NDArray[np.int64]
+    end: NDArray[np.int64]
+    slopes: Floats
+    scores: Floats
+
+    @property
+    def best(self) -> tuple[int, int] | None:
+        """First and last point of the stretch with the highest score, None without a stretch."""
+        if not self.scores.size:
+            return None
+        k = int(self.scores.argmax())
+        return int(self.begin[k]), int(self.end[k])
+
+    @property
+    def spread(self) -> float:
+        """Root mean square difference of the slopes from that of the best stretch, weighted by the scores."""
+        weights = self.scores.clip(0.0)
+        if not weights.sum() > 0:
+            return 0.0
+        apart = self.slopes - self.slopes[self.scores.argmax()]
+        return math.sqrt(float((weights * apart**2).sum() / weights.sum()))
+
+
+def steady_stretches(
     x: Floats,
     y: Floats,
     *,
@@ -67,8 +103,8 @@ def steadiest(
     change: float,
     from_first: bool = False,
     to_last: bool = False,
-) -> tuple[int, int] | None:
-    """Return the stretch of a curve that is longest among those whose slope stays the same.
+) -> Stretches:
+    """Return the stretches of a curve whose slope stays the same.
 
     Each stretch is cut into halves, each fitted by a line.
 
@@ -79,16 +115,16 @@ def steadiest(
     least : int
         Points of a stretch.
     rise : float
-        Of `y` by the line over the stretch at the least.
+        Least rise of `y` by the line over the stretch.
     change : float
-        How much the slopes of the halves may differ, relative to that of the whole, at the most.
+        Largest difference of the slopes of the halves, relative to that of the whole.
     from_first, to_last : bool
         Whether only stretches from the first point on, or up to the last one, count.
 
     Returns
     -------
-    tuple of int, optional
-        The first and the last point; None where no stretch will do.
+    Stretches
+        Empty if no stretch is acceptable.
     """
     places = np.unique(np.linspace(0, len(x) - 1, PLACES).round().astype(np.int64))
     begin, end = (part.ravel() for part in np.meshgrid(places, places, indexing="ij"))
@@ -98,8 +134,6 @@ def steadiest(
     if to_last:
         wide &= end == len(x) - 1
     begin, end = begin[wide], end[wide]
-    if not begin.size:
-        return None
     middle = (begin + end) // 2
     whole = line_slopes(x, y, begin, end)
     first, second = line_slopes(x, y, begin, middle), line_slopes(x, y, middle, end)
@@ -107,9 +141,6 @@ def steadiest(
         differs = np.abs(second - first) / np.abs(whole)
     length = x[end] - x[begin]
     fits = (differs <= change) & (whole * length >= rise)
-    if not fits.any():
-        return None
     # A shorter stretch that is steadier may be the better: its length counts less, the more it bends.
-    score = np.where(fits, length * (1.0 - differs / change), -np.inf)
-    best = int(score.argmax())
-    return int(begin[best]), int(end[best])
+    scores = length[fits] * (1.0 - differs[fits] / change)
+    return Stretches(begin[fits], end[fits], whole[fits], scores)

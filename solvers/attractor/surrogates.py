@@ -21,8 +21,9 @@ from ...models.attractor.plan import AttractorEstimate, Judgement, Slope, Surrog
 from ..backend import Feature, Request
 from ..option import Option
 from .exponents import Rosenstein
-from .iaaft import match_ends, normal_scores, prediction_error, surrogates_of
+from .iaaft import match_ends, normal_scores, prediction_error, sampled_error, surrogates_of
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
+from .nearest import thin_out
 
 __all__ = ["RANKING", "Ranks", "Surrogates", "judge", "ranks"]
 
@@ -31,13 +32,21 @@ Floats = NDArray[np.float64]
 #: Options of the test itself.
 RANKING: Mapping[str, Option] = {
     "count": Option(39, "surrogates", int, lower=19, upper=9999),
-    "samples": Option(2000, "samples of the series compared", int, lower=50, upper=20_000),
+    "samples": Option(20_000, "samples of the series compared", int, lower=50, upper=100_000),
     "neighbours": Option(5, "nearest states that predict", int, lower=1, upper=100),
 }
+#: States that are predicted, and in more than so many dimensions, where the search takes longer. All states of the
+#: compared samples are their neighbours.
+ASKED, HIGH, ASKED_HIGH = 2000, 5, 500
+#: Largest number of values of all surrogates together, beyond which fewer samples are compared.
+VALUES = 4_000_000
 #: Samples of a delay beyond which every other one, or fewer, are left out.
 _FINE = 8
 #: Share of orders that reject, and deviations by which an exponent must exceed 0.
 _LEVEL, _SURE = 0.05, 2.0
+#: Least parting of neighbours over the series that is called chaotic, in nats. A strange attractor without chaos shows
+#: up to 40.
+_NATS = 50.0
 #: Deviations of the surrogates' errors by which the series must be below them, and an error that is none.
 _SIGMAS, _NOTHING = 3.5, 1e-9
 
@@ -56,6 +65,10 @@ class Ranks:
         By how many deviations of the surrogates' errors the series' is less than their mean, in logarithms.
     jump : float
         See :func:`~.iaaft.match_ends`.
+    read, among : int
+        Samples compared, and samples of the series.
+    step : int
+        One sample in so many was compared.
     """
 
     count: int
@@ -64,6 +77,20 @@ class Ranks:
     median: float
     sigmas: float
     jump: float
+    read: int = 0
+    among: int = 0
+    step: int = 1
+
+    @property
+    def extent(self) -> str:
+        """The part of the series was compared; empty if it was all of it."""
+        if self.read * self.step >= self.among:
+            return ""
+        every = f", one in {self.step}" if self.step > 1 else ""
+        return (
+            f"the test compared {self.read} of {self.among} samples{every}: the option 'samples' "
+            "allows more"
+        )
 
     @property
     def rejected(self) -> bool:
@@ -98,21 +125,28 @@ def ranks(
     """
     step = max(embedding.delay // _FINE, 1)
     delay = max(round(embedding.delay / step), 1)
-    thin = np.ascontiguousarray(series[::step][: options["samples"]])
+    most = min(options["samples"], max(VALUES // options["count"], ASKED))
+    thin = np.ascontiguousarray(series[::step][:most])
     thin = thin / np.abs(thin).max() if thin.any() else thin
     if not np.ptp(thin) > 0:
         thin = series / np.abs(series).max()
+    extent = len(thin), len(series), step
     first, end, jump = match_ends(thin)
     part = normal_scores(thin[first:end])
     spread = float(part.std())
     if not spread > 0:
-        return Ranks(options["count"], options["count"], 0.0, 0.0, 0.0, jump)
+        return Ranks(options["count"], options["count"], 0.0, 0.0, 0.0, jump, *extent)
     part /= spread
     dimension = max(min(embedding.dimension, len(part) // (4 * delay)), 1)
     theiler = min(embedding.theiler // step, len(part) // 10)
 
     def error(values: Floats) -> float:
-        found = prediction_error(values, delay, dimension, delay, theiler, options["neighbours"])
+        if len(values) <= ASKED:
+            found = prediction_error(
+                values, delay, dimension, delay, theiler, options["neighbours"]
+            )
+        else:
+            found = long_error(values, delay, dimension, theiler, options["neighbours"])
         return math.sqrt(found)
 
     own, others = error(part), []
@@ -126,20 +160,67 @@ def ranks(
     logs = np.log(np.maximum(np.nan_to_num([own, *others], nan=1.0), _NOTHING))
     sigmas = float(logs[1:].mean() - logs[0]) / max(float(logs[1:].std(ddof=1)), _NOTHING)
     figures = math.exp(logs[0]), math.exp(float(np.median(logs[1:])))
-    return Ranks(options["count"], exceeded, *figures, sigmas, jump)
+    return Ranks(options["count"], exceeded, *figures, sigmas, jump, *extent)
 
 
-def judge(found: Ranks, exponent: Slope | None) -> tuple[SurrogateTest, str]:
-    """Return what the ranks and the exponent amount to, and why."""
+def long_error(values: Floats, delay: int, dimension: int, theiler: int, count: int) -> float:
+    """Return the mean square error of predicting some states of a long series from all of its states.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    delay, dimension : int
+        Of the embedding; the prediction is one delay ahead.
+    theiler : int
+        States at most as many samples apart are no neighbours.
+    count : int
+        Neighbours.
+    """
+    last = len(values) - dimension * delay
+    # The last coordinates part first, so the search is along the last one.
+    columns = [values[k * delay : k * delay + last] for k in range(dimension - 1, -1, -1)]
+    times = np.argsort(columns[0], kind="stable")
+    states = np.ascontiguousarray(np.stack(columns, axis=1)[times])
+    places = np.empty(last, np.int64)
+    places[times] = np.arange(last)
+    futures = values[dimension * delay :][times]
+    asked = places[thin_out(last, ASKED if dimension <= HIGH else ASKED_HIGH)]
+    found = sampled_error(states, times, futures, asked, theiler, count)
+    return float(found)
+
+
+def judge(
+    found: Ranks, exponent: Slope | None, duration: float = math.inf
+) -> tuple[SurrogateTest, str]:
+    """Return what the ranks and the exponent amount to, and why.
+
+    Parameters
+    ----------
+    found : Ranks
+    exponent : Slope, optional
+        In nats a second.
+    duration : float
+        Of the series, in seconds.
+    """
     if not found.rejected:
         judgement = Judgement.NOISE
         drifts = "the series drifts: its surrogates have a jump that it has not, and prove nothing"
         said = drifts if found.jump > 1.0 else "linear noise explains the series as well"
-    elif exponent is not None and exponent.value - _SURE * exponent.deviation > 0:
-        judgement, said = Judgement.CHAOTIC, ""
-    else:
+    elif exponent is None:
         judgement = Judgement.NONLINEAR
         said = "linear noise does not explain the series, but no positive exponent was found"
+    elif exponent.value - _SURE * exponent.deviation <= 0:
+        judgement = Judgement.NONLINEAR
+        said = f"linear noise does not explain the series, but the exponent {exponent} may be 0"
+    elif exponent.value * duration < _NATS:
+        judgement = Judgement.NONLINEAR
+        said = (
+            "linear noise does not explain the series, but neighbours part by "
+            f"{exponent.value * duration:.3g} nats over its length: {_NATS:g} are needed to call it chaotic"
+        )
+    else:
+        judgement, said = Judgement.CHAOTIC, ""
+    said = "; ".join(filter(None, (said, found.extent)))
     return SurrogateTest(judgement, found.count, found.exceeded), said
 
 
@@ -172,7 +253,7 @@ class Surrogates(AttractorBackend):
                 return None
             exponent = answer.point.exponent
             messages.append(answer.message)
-        test, said = judge(found, exponent)
+        test, said = judge(found, exponent, len(problem.series) * problem.period)
         messages.append(said)
         plan = AttractorEstimate(
             embedding.delay, embedding.dimension, embedding.theiler,
@@ -185,6 +266,7 @@ def statistics(found: Ranks) -> dict[str, Any]:
     """Return the key figures of a test."""
     return {
         "surrogates": found.count,
+        "samples compared": found.read,
         "prediction error": found.error,
         "median of the surrogates": found.median,
         "deviations below": found.sigmas,

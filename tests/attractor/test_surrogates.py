@@ -1,10 +1,13 @@
 """Surrogates: what they keep, that noise is not rejected, that motions are, and who may be called chaotic."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from attractor.known import analysed, arma, henon, logistic, lorenz, rossler, strange
 from hypothesis import given, settings, strategies as st
 
+import crosstrack as ct
 from crosstrack.errors import UnsupportedOption
 from crosstrack.models import AttractorAnalysis
 from crosstrack.models.attractor import Judgement
@@ -260,3 +263,14 @@ def test_a_run_that_is_stopped_has_no_answer():
     control.stop(Limit.TIME)
     _, answer = analysed("surrogates", henon(500), control=control)
     assert answer.termination is Termination.NO_SOLUTION and answer.limit is Limit.TIME
+
+
+def test_the_message_says_how_much_of_a_long_series_was_compared():
+    """20,000 samples were judged by their first 2,000 without a word."""
+    model = ct.load("attractor/henon")
+    long = replace(model, series=np.tile(model.series, -(-2500 // len(model.series)))[:2500])
+    answer = ct.solve(long, "surrogates", backend_options={"samples": 500, "count": 19}, seed=0)
+    assert "compared 500 of 2500 samples" in answer.message
+    assert answer.statistics["samples compared"] == 500
+    whole = ct.solve(long, "surrogates", backend_options={"samples": 2500, "count": 19}, seed=0)
+    assert "compared" not in whole.message

@@ -1,0 +1,136 @@
+"""Stated deviations of slopes: the spread over regions and embeddings, and the calibrated error of the model.
+
+The jackknife of a slope measures the sample only. The error that matters is usually that of the region and the
+embedding, so the deviation adds in squares
+
+- the jackknife and half the difference of the slopes within the halves of the region (:func:`~.regions.whole_slope`),
+- the spread of the slopes of all regions that were acceptable (:func:`~.regions.region_spread`),
+- the root mean square difference of the slopes in other embeddings (:func:`variants`),
+- a relative and an absolute error that none of these shows: neighbours of finite distance in a finite series.
+
+The constants of the last part are calibrated by ``tests/benchmarks/attractor/coverage.py`` on one set of systems. The
+table of the documentation reports the coverage on another set.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from ...models.attractor.plan import Slope
+from .native import Embedding
+
+__all__ = ["REFERENCES", "variants", "widened", "widened_dimension", "widened_exponent"]
+
+#: Reference states of the curves in other embeddings.
+REFERENCES = 500
+#: Relative error of the exponent of a map and of a flow, and of a correlation dimension. Neighbours on a flow are also
+#: apart along it. This distance does not grow, so that exponents of flows are too small. For Kantz' method the change
+#: with the radius shows this error, and that of a map is taken.
+MAP_ERROR, FLOW_ERROR, DIMENSION_ERROR = 0.03, 0.08, 0.04
+#: Least number of samples per turn of a series that is treated as a flow.
+TURN = 6
+#: Relative error that is added if no other embedding has a slope: of an exponent, of a dimension.
+UNCONFIRMED_EXPONENT, UNCONFIRMED_DIMENSION = 0.10, 0.05
+#: Nats over the whole series that an exponent is uncertain by: neighbours that drift apart slowly, as on the strange
+#: attractor without chaos of Grebogi, Ott, Pelikan and Yorke, show a slope of 10 to 40 nats per series.
+PARTINGS = 12.0
+#: Factor of the change of an exponent within half the radius.
+RADIUS = 2.0
+
+
+def variants(embedding: Embedding, count: int) -> Iterator[Embedding]:
+    """Yield other embeddings that show the same attractor, if the series has samples for them.
+
+    Parameters
+    ----------
+    embedding : Embedding
+        The chosen embedding.
+    count : int
+        Samples of the series.
+
+    Yields
+    ------
+    Embedding
+        One and two coordinates more, half the delay, and half the coordinates if there are at least six.
+    """
+    delay, dimension = embedding.delay, embedding.dimension
+    other = [(delay, dimension + 1), (delay, dimension + 2)]
+    if delay > 1:
+        other.append((delay // 2, dimension + 1))
+    if dimension >= 6:
+        other.append((delay, (dimension + 1) // 2))
+    for step, columns in other:
+        theiler = max(embedding.theiler, min((columns - 1) * step, count // 10))
+        if count - (columns - 1) * step > max(2 * theiler, count // 2):
+            yield Embedding(step, columns, theiler)
+
+
+def widened(
+    slope: Slope,
+    region: float,
+    others: Sequence[float],
+    *,
+    relative: float,
+    unconfirmed: float,
+    absolute: float = 0.0,
+) -> Slope:
+    """Return the slope with the deviation that includes all parts.
+
+    Parameters
+    ----------
+    slope : Slope
+        With the deviation of the fit.
+    region : float
+        Spread of the slopes of the acceptable regions.
+    others : sequence of float
+        Slopes in other embeddings.
+    relative : float
+        Calibrated error, as a share of the slope.
+    unconfirmed : float
+        Error that is added if `others` is empty, as a share of the slope.
+    absolute : float
+        Calibrated error in the unit of the slope.
+    """
+    squares = [(value - slope.value) ** 2 for value in others if math.isfinite(value)]
+    between = unconfirmed * abs(slope.value)
+    if squares:
+        between = math.sqrt(sum(squares) / len(squares))
+    parts = slope.deviation, region, between, relative * abs(slope.value), absolute
+    return replace(slope, deviation=math.hypot(*parts))
+
+
+def widened_exponent(
+    slope: Slope,
+    region: float,
+    others: Sequence[float],
+    turn: float,
+    duration: float,
+    change: float = 0.0,
+) -> Slope:
+    """Return an exponent with the deviation that includes all parts.
+
+    Parameters
+    ----------
+    slope, region, others
+        As for :func:`widened`.
+    turn : float
+        Samples per turn.
+    duration : float
+        Of the series, in seconds.
+    change : float
+        By how much the slope differs within half the radius; it counts :data:`RADIUS` times.
+    """
+    return widened(
+        slope, region, others,
+        relative=FLOW_ERROR if turn >= TURN and slope.radius is None else MAP_ERROR,
+        unconfirmed=UNCONFIRMED_EXPONENT, absolute=math.hypot(PARTINGS / duration, RADIUS * change),
+    )  # fmt: skip
+
+
+def widened_dimension(slope: Slope, region: float, others: Sequence[float]) -> Slope:
+    """Return a correlation dimension with the deviation that includes all parts."""
+    return widened(
+        slope, region, others, relative=DIMENSION_ERROR, unconfirmed=UNCONFIRMED_DIMENSION
+    )

@@ -1,0 +1,159 @@
+"""Stated deviations: the truth lies within two of them, and series without chaos are not called chaotic."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from attractor.known import analysed, arma, henon, logistic, lorenz, rossler
+
+from crosstrack.instances.attractor.systems import generate
+from crosstrack.models import AttractorAnalysis
+from crosstrack.models.attractor import Judgement
+from crosstrack.models.attractor.plan import Method, Slope
+from crosstrack.solvers import Request, find_backend
+from crosstrack.solvers.attractor.iaaft import prediction_error, sampled_error, surrogates_of
+from crosstrack.solvers.attractor.native import Embedding
+from crosstrack.solvers.attractor.spread import variants, widened
+from crosstrack.solvers.attractor.surrogates import Ranks, judge, long_error
+
+
+def ikeda(n):
+    z, found = 0.1 + 0.1j, []
+    for _ in range(n + 500):
+        z = 1 + 0.9 * z * complex(
+            math.cos(0.4 - 6 / (1 + abs(z) ** 2)), math.sin(0.4 - 6 / (1 + abs(z) ** 2))
+        )
+        found.append(z.real)
+    return np.array(found[500:])
+
+
+def lozi(n):
+    x, y, found = -0.1, 0.1, []
+    for _ in range(n + 500):
+        x, y = 1 + y - 1.7 * abs(x), 0.5 * x
+        found.append(x)
+    return np.array(found[500:])
+
+
+def gopy(n, phase=0.1):
+    """Return the strange attractor without chaos of Grebogi, Ott, Pelikan and Yorke (1984)."""
+    x, found = 0.5, []
+    for k in range(n + 500):
+        x = 3 * math.tanh(x) * math.cos(2 * math.pi * (phase + k * 0.6180339887498949))
+        found.append(x)
+    return np.array(found[500:])
+
+
+def slope_of(name, series, period=1.0):
+    backend = find_backend(name)
+    model = AttractorAnalysis(series, period=period)
+    plan = backend.run(model.blinded(), Request(options=backend.checked_options({}))).point
+    assert model.verify(plan).ok
+    return plan.exponent or plan.correlation
+
+
+#: Series, period, exponent and dimension: exact, Sprott 2003, appendix A, or computed from all coordinates (Lozi).
+KNOWN = {
+    "logistic": (logistic(2000), 1.0, math.log(2), 1.0),
+    "henon": (henon(3000), 1.0, 0.41922, 1.220),
+    "ikeda": (ikeda(3000), 1.0, 0.5076, 1.690),
+    "lozi": (lozi(3000), 1.0, 0.47023, 1.393),
+    "lorenz": (lorenz(3000, 0.05), 0.05, 0.9056, 2.068),
+    "rossler": (rossler(3000, 0.3), 0.3, 0.0714, 1.991),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_the_known_exponent_is_within_two_deviations(name):
+    series, period, exponent, _ = KNOWN[name]
+    slope = slope_of("rosenstein", series, period)
+    assert abs(slope.value - exponent) <= 2 * slope.deviation
+    assert slope.deviation < 0.35 * exponent
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_the_known_dimension_is_within_two_deviations(name):
+    series, _, _, dimension = KNOWN[name]
+    slope = slope_of("correlation-dimension", series)
+    assert abs(slope.value - dimension) <= 2 * slope.deviation
+    assert slope.deviation < 0.15 * dimension
+
+
+@pytest.mark.parametrize(("n", "method"), [(1000, "rosenstein"), (3000, "kantz")])
+def test_a_strange_attractor_without_chaos_is_not_chaotic(n, method):
+    _, answer = analysed("full-analysis", gopy(n), exponent_method=method)
+    assert answer.point.surrogates.judgement is not Judgement.CHAOTIC
+
+
+NULLS = {
+    "autoregressive": arma(1000, (1.8, -0.9), seed=2),
+    "white": arma(1000, (), seed=3),
+    "walk": arma(1000, (), seed=4).cumsum(),
+    "periodic": generate("sine", 1000).series,
+    "quasi-periodic": generate("two-sines", 1000).series,
+    "phases of henon": surrogates_of(henon(1000), 1, np.random.default_rng(1))[0],
+}
+
+
+@pytest.mark.parametrize("name", NULLS)
+def test_series_without_chaos_are_not_chaotic(name):
+    _, answer = analysed("surrogates", NULLS[name])
+    assert answer.point.surrogates.judgement is not Judgement.CHAOTIC
+
+
+def test_all_samples_of_a_long_series_are_compared():
+    series = generate("rossler", 20_000).series
+    model, answer = analysed("surrogates", series)
+    assert answer.statistics["samples compared"] == 20_000
+    assert answer.statistics["deviations below"] > 20
+    assert answer.point.surrogates.judgement is Judgement.CHAOTIC
+    assert "compared" not in answer.message
+    assert model.verify(answer.point).ok
+
+
+def test_many_surrogates_of_a_long_series_compare_fewer_samples(monkeypatch):
+    from crosstrack.solvers.attractor import surrogates
+
+    monkeypatch.setattr(surrogates, "VALUES", 39 * 2100)
+    _, answer = analysed("surrogates", henon(3000), delay=1, dimension=1)
+    assert answer.statistics["samples compared"] == 2100
+    assert "compared 2100 of 3000 samples" in answer.message
+
+
+def test_a_small_exponent_of_a_short_series_is_not_called_chaotic():
+    clear = Ranks(39, 0, 0.1, 1.0, 50.0, 0.0)
+    slope = Slope(Method.ROSENSTEIN, 0.02, 0.001, 0.0, 5.0)
+    assert judge(clear, slope, 10_000)[0].judgement is Judgement.CHAOTIC
+    test, said = judge(clear, slope, 1000)
+    assert test.judgement is Judgement.NONLINEAR and "20 nats over its length" in said
+    test, said = judge(clear, replace(slope, deviation=0.02), 10_000)
+    assert test.judgement is Judgement.NONLINEAR and "may be 0" in said
+
+
+@pytest.mark.parametrize(("delay", "dimension", "theiler"), [(1, 2, 1), (3, 4, 20)])
+def test_the_sampled_error_is_that_of_all_pairs(delay, dimension, theiler):
+    series = arma(700, (1.6, -0.8), seed=5)
+    wanted = prediction_error(series, delay, dimension, delay, theiler, 5)
+    assert long_error(series, delay, dimension, theiler, 5) == pytest.approx(wanted, rel=1e-12)
+    last = 60
+    states, times = np.sort(series)[:last, None].copy(), np.arange(last)
+    given = states, times, series[:last], times, 2, 3
+    assert sampled_error(*given) == pytest.approx(sampled_error.py_func(*given), rel=1e-12)
+    assert np.isnan(sampled_error(states, times, series[:last], times, last, 3))
+
+
+def test_deviations_add_in_squares():
+    slope = Slope(Method.ROSENSTEIN, 2.0, 0.3, 0.0, 5.0)
+    found = widened(slope, 0.4, [2.5, 1.5], relative=0.5, unconfirmed=9.0, absolute=0.2)
+    assert found.deviation == pytest.approx(math.sqrt(0.09 + 0.16 + 0.25 + 1.0 + 0.04))
+    alone = widened(slope, 0.0, [math.nan], relative=0.0, unconfirmed=0.2)
+    assert alone.deviation == pytest.approx(0.5)
+    assert replace(found, deviation=0.3).data() == slope.data()
+
+
+def test_other_embeddings_fit_the_series():
+    assert list(variants(Embedding(1, 2, 1), 1000)) == [Embedding(1, 3, 2), Embedding(1, 4, 3)]
+    many = list(variants(Embedding(4, 6, 20), 1000))
+    assert [(one.delay, one.dimension) for one in many] == [(4, 7), (4, 8), (2, 7), (4, 3)]
+    assert list(variants(Embedding(5, 5, 5), 50)) == [Embedding(2, 6, 5)]

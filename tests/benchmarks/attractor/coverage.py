@@ -1,0 +1,163 @@
+"""Coverage of stated deviations and false verdicts of the attractor estimates, for the problem's page.
+
+``python tests/benchmarks/attractor/coverage.py`` writes the tables ``coverage``, ``coverage-systems`` and
+``coverage-nulls`` of ``docs/measured/attractor.json``. A truth is covered if it lies within two stated deviations.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[2])]
+
+from benchmarks.attractor.known_systems import (  # noqa: E402
+    CALIBRATION,
+    HELD_OUT,
+    SYSTEMS,
+    null_series,
+    series_of,
+)
+from benchmarks.measured import write  # noqa: E402
+
+from crosstrack.models import AttractorAnalysis  # noqa: E402
+from crosstrack.models.attractor import Judgement, Slope  # noqa: E402
+from crosstrack.solvers import Request, find_backend  # noqa: E402
+
+SIZES, STARTS = (1_000, 3_000, 20_000), 2
+#: Lengths of the ten sets of null series.
+NULLS = (1_000, 3_000) * 4 + (2_000, 20_000)
+EXPONENT, DIMENSION = "rosenstein", "correlation-dimension"
+WITHIN = 2.0
+
+
+def estimate(name: str, series: np.ndarray, period: float = 1.0) -> Any:
+    """Return the estimate of a backend."""
+    model = AttractorAnalysis(series, period=period)
+    backend = find_backend(name)
+    request = Request(seed=0, options=backend.checked_options({}))
+    return backend.run(model, request).point
+
+
+def slope_of(name: str, method: str, count: int, start: int) -> Slope | None:
+    """Return the slope that a backend states for a system."""
+    plan = estimate(method, series_of(name, count, start), float(SYSTEMS[name].period))
+    return plan.exponent or plan.correlation
+
+
+def truth_of(name: str, method: str) -> float | None:
+    """Return the known exponent or dimension of a system."""
+    return SYSTEMS[name].dimension if method == DIMENSION else SYSTEMS[name].exponent
+
+
+def measure() -> dict[tuple[str, str, int], list[Slope | None]]:
+    """Return the slopes of all systems, by system, method and length."""
+    found = {}
+    for name in SYSTEMS:
+        for method in (EXPONENT, "kantz", DIMENSION):
+            if truth_of(name, method) is not None:
+                for count in SIZES:
+                    found[name, method, count] = [
+                        slope_of(name, method, count, start) for start in range(STARTS)
+                    ]
+        print(name, flush=True)
+    return found
+
+
+def covers(slope: Slope, truth: float) -> bool:
+    """Return whether the truth lies within two stated deviations."""
+    return abs(slope.value - truth) <= WITHIN * slope.deviation
+
+
+def summarise(found: dict[tuple[str, str, int], list[Slope | None]]) -> None:
+    """Write the coverage by set of systems, method and length, and by system."""
+    rows, groups = [], defaultdict(list)
+    for (name, method, count), slopes in found.items():
+        groups[method, name in HELD_OUT, count] += [(name, slope) for slope in slopes]
+        groups[method, name in HELD_OUT, 0] += [(name, slope) for slope in slopes]
+    for (method, held, count), entries in sorted(groups.items(), key=lambda one: one[0]):
+        stated = [(slope, truth_of(name, method)) for name, slope in entries if slope is not None]
+        good = [covers(slope, truth) for slope, truth in stated]
+        width = np.median([slope.deviation / truth for slope, truth in stated]) if stated else None
+        error = (
+            np.median([abs(slope.value / truth - 1) for slope, truth in stated]) if stated else None
+        )
+        rows.append(
+            [
+                method, "held out" if held else "calibration", f"{count:,}" if count else "all",
+                len(entries), len(stated), 100 * np.mean(good) if good else None,
+                None if width is None else 100 * width, None if error is None else 100 * error,
+            ]
+        )  # fmt: skip
+    columns = {
+        "backend": "", "systems": "", "samples": "", "series": "d", "stated": "d",
+        "covered, %": ".0f", "median deviation, %": ".1f", "median error, %": ".1f",
+    }  # fmt: skip
+    write(
+        "attractor", "coverage", __file__, columns, rows, ("numpy",),
+        "The truth is covered if it lies within two stated deviations. Deviations and errors are relative to the truth. "
+        f"The constants are calibrated on {', '.join(CALIBRATION)}; held out are {', '.join(HELD_OUT)}.",
+    )  # fmt: skip
+    for row in rows:
+        print(*row, sep=" | ")
+    lines = []
+    for name, known in SYSTEMS.items():
+        for method, source in (
+            (EXPONENT, known.exponent_source),
+            (DIMENSION, known.dimension_source),
+        ):
+            truth = truth_of(name, method)
+            if truth is not None:
+                cells = []
+                for count in SIZES:
+                    slope = found[name, method, count][0]
+                    missed = "" if slope is None or covers(slope, truth) else " (missed)"
+                    cells.append("none" if slope is None else f"{slope}{missed}")
+                lines.append([name, method, truth, source, *cells])
+    heads = {"system": "", "backend": "", "known": ".4g", "source": ""}
+    write(
+        "attractor", "coverage-systems", __file__,
+        {**heads, **{f"{count:,} samples": "" for count in SIZES}}, lines, ("numpy",),
+        "First of two starts. 'none' means that the backend states no figure.",
+    )  # fmt: skip
+
+
+def judge_all() -> None:
+    """Write the verdicts on systems and on series without chaos."""
+    rows: dict[str, list[int]] = {}
+
+    def enter(kind: str, series: np.ndarray, period: float = 1.0) -> None:
+        judgement = estimate("surrogates", series, period).surrogates.judgement
+        row = rows.setdefault(kind, [0, 0, 0, 0])
+        row[0] += 1
+        row[1 + list(Judgement).index(judgement)] += 1
+        print(kind, len(series), judgement, flush=True)
+
+    for seed, count in enumerate(NULLS):
+        for kind, series in null_series(count, seed):
+            enter(kind, series)
+    nulls = np.sum(list(rows.values()), axis=0)
+    rows["all without chaos"] = nulls.tolist()
+    for count in SIZES:
+        for name in SYSTEMS:
+            series = series_of(name, count)
+            enter(f"chaotic systems, {count:,} samples", series, float(SYSTEMS[name].period))
+    columns = {"series": "", "number": "d", **{str(one): "d" for one in Judgement}}
+    write(
+        "attractor", "coverage-nulls", __file__, columns,
+        [[kind, *row] for kind, row in rows.items()], ("numpy",),
+        f"Verdicts of 'surrogates'. Series without chaos have {min(NULLS):,} to {max(NULLS):,} samples.",
+    )  # fmt: skip
+    for kind, row in rows.items():
+        print(kind, *row, sep=" | ")
+
+
+if __name__ == "__main__":
+    if "judgements" not in sys.argv[1:]:
+        summarise(measure())
+    if "slopes" not in sys.argv[1:]:
+        judge_all()
