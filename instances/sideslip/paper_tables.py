@@ -17,11 +17,13 @@ from .paper import TABLE_2
 __all__ = ["table_1", "table_2", "table_3"]
 
 _ROADS = {"double lane": "lane-change", "serpentine line": "serpentine"}
+#: The measurements of the paper: five before the angle, without speed and steering angle.
+_PAPER: Mapping[str, Any] = {"ahead": 1, "inputs": False}
 #: Runs of Table 3: column, backend and options.
 _RUNS: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
-    ("error mean", "grnn", {}),
-    ("mean, features scaled", "grnn", {"scaling": True}),
-    ("mean, linear-regression", "linear-regression", {}),
+    ("error mean", "grnn", _PAPER),
+    ("mean, features scaled", "grnn", {**_PAPER, "scaling": True}),
+    ("mean, linear-regression", "linear-regression", _PAPER),
     ("mean, kalman-filter", "kalman-filter", {}),
     ("mean, rts-smoother", "rts-smoother", {}),
 )

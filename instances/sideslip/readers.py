@@ -2,7 +2,7 @@
 
 A file has a header with the columns ``time``, ``speed``, ``steering``, ``yaw_rate``,
 ``lateral_acceleration`` and, where it is known, ``sideslip``, in any order, each with its unit in
-brackets, such as ``speed [km/h]``. Other columns are ignored.
+brackets, such as ``speed [km/h]``. Other columns are not read, and the log names them in a warning.
 """
 
 from __future__ import annotations
@@ -78,6 +78,9 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
 
     def check(names: list[str], where: str) -> None:
         columns.update(_columns(names, where))
+        unread = [name for name in names if name not in columns]
+        if unread:
+            log.warning("%s: columns that are not read: %s", where, ", ".join(unread))
 
     def convert(text: str, where: str, name: str) -> float | None:
         if name not in columns:

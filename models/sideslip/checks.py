@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from .data import Recording
 
-__all__ = ["kinematic_error", "mean_error"]
+__all__ = ["kinematic_differences", "kinematic_error", "kinematic_rate", "mean_error"]
 
 Floats = NDArray[np.float64]
 
@@ -29,9 +29,34 @@ def kinematic_error(recording: Recording, sideslip: Floats) -> float:
     compared with the integral of the measurements by the trapezoidal rule, on average over all
     seconds without a halt; over the whole recording where it is shorter.
     """
+    apart, _, _ = kinematic_differences(recording, sideslip)
+    return float(np.degrees(np.abs(apart).mean())) if apart.size else 0.0
+
+
+def kinematic_rate(recording: Recording) -> Floats:
+    """Return the rate of the angle that was measured, ``a/u - ω``, rad/s; ``-ω`` below 1 m/s."""
+    rate = recording.lateral_acceleration / np.where(recording.moving, recording.speed, np.inf)
+    return np.asarray(rate - recording.yaw_rate)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def kinematic_differences(
+    recording: Recording, sideslip: Floats
+) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
+    """Return the change of the angle less the measured one over each second without a halt.
+
+    If no second is without a halt, neighbouring samples are compared. The result is empty if the vehicle never
+    moves at two samples in a row.
+
+    Returns
+    -------
+    differences : ndarray, shape (m,)
+        rad.
+    first, last : ndarray, shape (m,)
+        The samples at both ends.
+    """
     times, moving = recording.times, recording.moving
-    rate = recording.lateral_acceleration / np.where(moving, recording.speed, np.inf)
-    rate = rate - recording.yaw_rate
+    rate = kinematic_rate(recording)
     steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(times)
     change = np.concatenate([[0.0], np.cumsum(steps)])
     halts = np.concatenate([[0], np.cumsum(~moving)])
@@ -43,7 +68,4 @@ def kinematic_error(recording: Recording, sideslip: Floats) -> float:
     if not first.size:  # never a second without a halt: neighbouring samples
         first = np.flatnonzero(moving[:-1] & moving[1:])
         last = first + 1
-    if not first.size:
-        return 0.0
-    apart = sideslip[last] - sideslip[first] - (change[last] - change[first])
-    return float(np.degrees(np.abs(apart).mean()))
+    return sideslip[last] - sideslip[first] - (change[last] - change[first]), first, last

@@ -44,15 +44,15 @@ class Window(NamedTuple):
     lags : int
         How many.
     ahead : int
-        Periods from the newest of them to the angle: 1 in the paper, 0 uses the sample itself.
+        Periods from the newest of them to the angle: 0 uses the sample itself, 1 is that of the paper.
     inputs : bool
-        Whether speed and steering angle count among them.
+        Whether speed and steering angle count among them; False in the paper.
     """
 
     period: float
     lags: int = 5
-    ahead: int = 1
-    inputs: bool = False
+    ahead: int = 0
+    inputs: bool = True
 
     def features(self, recording: Recording) -> Floats:
         """Return the measurements before each sample, shape (n, 2 lags) or (n, 4 lags).
@@ -179,6 +179,8 @@ class KernelRegression:
         The width taken.
     error : float
         Root mean square error of drives that are left out, rad.
+    spread : float
+        Deviation of the angles that were learned, rad.
     """
 
     def __init__(
@@ -188,6 +190,7 @@ class KernelRegression:
         self._places = self._scale(examples.features)
         self._middle = float(examples.angles.mean())
         self._values = examples.angles - self._middle  # spreads cancel least about the mean
+        self.spread = float(examples.angles.std())
         self._half = 0.5 * np.einsum("ij,ij->i", self._places, self._places)
         out = left_out(examples.drives)
         scores = self._scores(self._places[out])
@@ -253,6 +256,8 @@ class StraightLine:
     ----------
     error : float
         Root mean square error of drives that are left out, rad.
+    spread : float
+        Deviation of the angles that were learned, rad.
     """
 
     def __init__(self, examples: TrainingSet) -> None:
@@ -262,6 +267,7 @@ class StraightLine:
         kept = sizes > sizes[0] * max(ones.shape) * np.finfo(float).eps
         self._basis = directions[kept].T / sizes[kept]
         rows, angles = ones @ self._basis, examples.angles
+        self.spread = float(angles.std())
         self._weights = rows.T @ angles
         off, leverage = np.empty((2, len(rows)))
         for one in np.unique(examples.drives):

@@ -16,6 +16,7 @@ from ...models.sideslip.data import UNKNOWN
 from ...models.sideslip.model import SideslipEstimation
 from ...models.sideslip.plan import SideslipEstimate
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from .gates import apply_gates
 
 __all__ = ["UNKNOWN", "Estimate", "SideslipBackend"]
 
@@ -33,12 +34,15 @@ class Estimate(NamedTuple):
         Counts of its own.
     message : str
         What a person should know.
+    spread : float
+        Deviation of the angles, or of a filter's errors, that were learned, rad; 0 if nothing was learned.
     """
 
     sideslip: Floats
     deviation: Floats
     statistics: Mapping[str, Any] = {}
     message: str = ""
+    spread: float = 0.0
 
 
 class SideslipBackend(Backend):
@@ -63,7 +67,7 @@ class SideslipBackend(Backend):
         """Return the estimate, or None where the run was stopped before there was one."""
 
     def run(self, problem: SideslipEstimation, request: Request) -> Answer:
-        """Estimate, and say that nothing is known of the angle while the vehicle rests."""
+        """Estimate, apply the gates, and claim nothing about the angle while the vehicle rests."""
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r}: {refusal}")
@@ -77,10 +81,17 @@ class SideslipBackend(Backend):
         known = np.isfinite(found.sideslip) & np.isfinite(found.deviation)
         lost = int((~known).sum())
         angle = np.where(known, np.clip(found.sideslip, -math.pi / 2, math.pi / 2), 0.0)
-        deviation = np.where(known & problem.recording.moving, found.deviation, UNKNOWN)
-        # Whatever a model says: more than nothing cannot be unknown.
-        plan = SideslipEstimate(angle, np.clip(deviation, 0.0, UNKNOWN))
-        own = {**found.statistics, **({"samples without an estimate": lost} if lost else {})}
+        claimed = np.clip(np.where(known, found.deviation, UNKNOWN), 0.0, UNKNOWN)
+        with np.errstate(all="ignore"):
+            gated = apply_gates(problem, angle, claimed, found.spread)
+        deviation = np.where(problem.recording.moving, gated.deviation, UNKNOWN)
+        plan = SideslipEstimate(angle, deviation)
+        counts = {
+            "samples without an estimate": lost,
+            "samples contradicted by kinematics": int(gated.contradicted.sum()),
+            "samples outside of the training range": int(gated.outside.sum()),
+        }
+        own = {**found.statistics, **{name: count for name, count in counts.items() if count}}
         limit = request.control.reason if request.control.stopped else None
         return Answer(
             Termination.FEASIBLE,
@@ -89,5 +100,5 @@ class SideslipBackend(Backend):
             None,
             seconds=seconds,
             statistics=own,
-            message=found.message,
+            message="; ".join(part for part in (found.message, *gated.messages) if part),
         )

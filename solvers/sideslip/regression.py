@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.sideslip.checks import kinematic_error
+from ...models.sideslip.checks import kinematic_differences, kinematic_error
 from ...models.sideslip.data import LEAST
 from ...models.sideslip.model import SideslipEstimation
 from ..backend import Request
 from ..option import Option
+from .gates import find_contradictions
 from .kalman import KalmanFilter
 from .learning import KernelRegression, StraightLine, Window, training_set
 from .native import Estimate, SideslipBackend
@@ -27,10 +29,12 @@ _WINDOW = {
         lower=1, upper=1000,
     ),
     "ahead": Option(
-        1, "Periods from the newest of them to the angle; 1 in the paper.", int,
+        0, "Periods from the newest of them to the angle; 1 in the paper.", int,
         lower=0, upper=1000,
     ),
-    "inputs": Option(False, "Whether speed and steering angle count among them.", bool),
+    "inputs": Option(
+        True, "Whether speed and steering angle count among them; False in the paper.", bool
+    ),
 }  # fmt: skip
 _WIDTH = {
     "width": Option(
@@ -92,11 +96,7 @@ class Grnn(_Learning):
         window, own = self.window(problem, request)
         learned = KernelRegression(training_set(problem.training, window), **own)
         found = learned(window.features(problem.recording), lambda: request.control.stopped)
-        return (
-            None
-            if found is None
-            else widen_by_kinematics(problem, *found[:2], describe_learning(learned))
-        )
+        return None if found is None else widen_by_kinematics(problem, *found[:2], learned)
 
 
 class KalmanGrnn(_Learning):
@@ -143,7 +143,11 @@ class KalmanGrnn(_Learning):
         usual = np.median(np.concatenate([one.deviation[drive.moving] for drive, one in claims]))
         unsure = np.maximum(here.deviation / usual, 1.0)
         return Estimate(
-            here.sideslip + near * error, deviation * unsure, describe_learning(learned)
+            here.sideslip + near * error,
+            deviation * unsure,
+            describe_learning(learned),
+            here.message,
+            learned.spread,
         )
 
 
@@ -157,32 +161,41 @@ class LinearRegression(_Learning):
         """Return the linear combination of the measurements."""
         window, _ = self.window(problem, request)
         learned = StraightLine(training_set(problem.training, window))
-        return widen_by_kinematics(
-            problem, *learned(window.features(problem.recording)), describe_learning(learned)
-        )
+        return widen_by_kinematics(problem, *learned(window.features(problem.recording)), learned)
 
 
 def widen_by_kinematics(
-    problem: SideslipEstimation, angle: Floats, deviation: Floats, said: dict[str, float]
+    problem: SideslipEstimation,
+    angle: Floats,
+    deviation: Floats,
+    learned: KernelRegression | StraightLine,
 ) -> Estimate:
-    """Return an estimate whose claim is wider where kinematics contradicts its angles.
+    """Return an estimate whose claim is wider everywhere if kinematics contradicts its angles on average.
 
-    Whatever the tyres do, the angle changes as yaw rate and acceleration say. How far the estimate is from that,
-    beyond how far the true angle is on any training drive, is its error or that of the sensors. It is
-    the mean distance of a difference of two angles, and so ``2 / √π`` deviations of one.
+    For any tyre the angle changes as yaw rate and acceleration give. The difference of the estimate from that,
+    beyond the largest one of the true angle on a training drive, is an error of the estimate or of the sensors. It is
+    the mean size of a difference of two angles, and so ``2 / √π`` deviations of one. Samples that kinematics
+    contradicts one by one are left to :mod:`crosstrack.solvers.sideslip.gates`.
     """
-    here = kinematic_error(problem.recording, angle)
-    known = [(drive, drive.sideslip) for drive in problem.training]
-    there = max(kinematic_error(drive, true) for drive, true in known if true is not None)
-    beyond = np.radians(np.sqrt(np.pi * max(here**2 - there**2, 0.0)) / 2.0)
-    claimed = (deviation[problem.recording.moving] ** 2).mean()
-    missing = max(beyond**2 - claimed, 0.0)
+    drive = problem.recording
+    bounded = np.clip(angle, -math.pi / 2, math.pi / 2)
+    trusted = find_contradictions(problem, bounded, deviation) == 0.0
+    apart, first, last = kinematic_differences(drive, bounded)
+    apart = apart[trusted[first] & trusted[last]]
+    here = math.degrees(float(np.abs(apart).mean())) if apart.size else 0.0
+    known = [(one, one.sideslip) for one in problem.training]
+    there = max(kinematic_error(one, true) for one, true in known if true is not None)
+    beyond = math.radians(math.sqrt(math.pi * max(here**2 - there**2, 0.0)) / 2.0)
+    claims = deviation[drive.moving & trusted]
+    missing = max(beyond**2 - float((claims**2).mean()), 0.0) if claims.size else 0.0
     message = (
         f"on average the angle's changes over a second are {here:.2g}° from those that yaw rate and "
-        f"acceleration give, and at most {there:.2g}° on training drives: deviations are wider for that"
+        f"acceleration give, and at most {there:.2g}° on training drives: all deviations are wider for that"
     )
     wider = np.sqrt(deviation**2 + missing)
-    return Estimate(angle, wider, said, message if missing else "")
+    return Estimate(
+        angle, wider, describe_learning(learned), message if missing else "", learned.spread
+    )
 
 
 def describe_learning(learned: KernelRegression | StraightLine) -> dict[str, float]:

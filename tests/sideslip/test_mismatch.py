@@ -79,7 +79,7 @@ def test_stiffness_a_million_times_wrong(front: float, rear: float, backend: typ
         found = answer(problem, backend)
         assert plan(problem, backend).sideslip.shape == (len(problem.recording),)
         assert found.statistics["widening"] > 1.2
-        assert ("contradict" in found.message) == (found.statistics["widening"] > 2)
+        assert ("measurements contradict" in found.message) == (found.statistics["widening"] > 2)
 
 
 def test_covariance_alone_would_claim_too_much() -> None:

@@ -100,9 +100,11 @@ def test_doubled_lines_are_dropped_and_told(tmp_path, caplog):
     assert drive.times == pytest.approx(np.arange(12) * 0.05)
     assert "2 lines repeat the one before" in caplog.text
     caplog.clear()
-    # What nobody reads may differ.
+    # Columns that are not read may differ; a warning names them.
     marked = [[*line, k] for k, line in enumerate(lines)]
-    assert len(read_recording(written(tmp_path, marked, HEADER + ",note"))) == 12
+    with caplog.at_level(logging.WARNING, logger="crosstrack"):
+        assert len(read_recording(written(tmp_path, marked, HEADER + ",slip angle [deg]"))) == 12
+    assert "line 1: columns that are not read: slip angle [deg]" in caplog.text
 
 
 def changed(row, column, value):

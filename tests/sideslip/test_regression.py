@@ -12,6 +12,7 @@ from crosstrack.models import SideslipEstimation
 from crosstrack.models.sideslip import Recording
 from crosstrack.solvers import Control, Limit, Request, Termination, find_backend
 from crosstrack.solvers.sideslip import learning
+from crosstrack.solvers.sideslip.gates import apply_gates
 from crosstrack.solvers.sideslip.learning import (
     KernelRegression,
     StraightLine,
@@ -113,7 +114,7 @@ def test_missing_samples_shift_no_feature():
             )
         }
     )  # fmt: skip
-    window = Window(0.05)
+    window = Window(0.05, inputs=False)
     assert window.features(few) == pytest.approx(window.features(straight)[kept], abs=1e-12)
 
 
@@ -244,7 +245,7 @@ def test_few_are_left_out_of_many(monkeypatch):
 
 @pytest.mark.parametrize("width", [None, 1e-6, 0.1, 1e6])
 def test_far_from_all_examples_nothing_is_claimed_to_be_known(width):
-    known = training_set([drive(k) for k in range(4)], Window(0.05))
+    known = training_set([drive(k) for k in range(4)], Window(0.05, inputs=False))
     learned = KernelRegression(known, width)
     usual, spread = np.median(learned(known.features)[1]), known.angles.std()
     for away in (1e2, 1e6):
@@ -272,13 +273,14 @@ def test_the_residual_is_what_the_filter_leaves(fields):
         for one, own in zip(model.training, there, strict=True)
     ]
     window = Window(0.05)
-    error, deviation, near = KernelRegression(training_set(left, window))(
-        window.features(model.recording)
-    )
+    learned = KernelRegression(training_set(left, window))
+    error, deviation, near = learned(window.features(model.recording))
     assert found.sideslip == pytest.approx(here.sideslip + near * error, abs=1e-12)
     usual = np.median(np.concatenate([one.deviation for one in there]))
     unsure = np.maximum(here.deviation / usual, 1)
-    assert found.deviation == pytest.approx(deviation * unsure, rel=1e-9)
+    gated = apply_gates(model, found.sideslip, deviation * unsure, learned.spread)
+    assert found.deviation == pytest.approx(gated.deviation, rel=1e-9)
+    assert gated.deviation[~gated.outside] == pytest.approx((deviation * unsure)[~gated.outside])
 
 
 @pytest.mark.parametrize(
@@ -364,6 +366,8 @@ def test_units_and_the_order_of_drives_change_nothing(name):
     again = estimate(name, changed, **own).point
     # The width of the kernel comes from sums in single precision, which depend on the order and the machine.
     assert again.sideslip == pytest.approx(first.sideslip, abs=1e-7)
+    # Other units contradict kinematics, so the claim is that of the order alone.
+    again = estimate(name, problem(asked, training[::-1]), **own).point
     assert again.deviation == pytest.approx(first.deviation, rel=1e-5)
 
 
