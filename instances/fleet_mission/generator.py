@@ -24,7 +24,7 @@ def random_mission(
     radius: float = 1.0,
     velocity_limit: float = 3.0,
     acceleration_limit: float = 2.0,
-    separation: float = 0.0,
+    separation: float | None = None,
     size: float = 1.0,
     depot: ArrayLike | None = None,
 ) -> FleetMission:
@@ -74,5 +74,5 @@ def random_mission(
         radius=radius,
         velocity_limit=np.full(2, velocity_limit),
         acceleration_limit=np.full(2, acceleration_limit),
-        separation=separation,
+        separation=2.0 * radius if separation is None else separation,
     )

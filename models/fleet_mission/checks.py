@@ -286,14 +286,21 @@ def _collision(model: MissionData, flown: list[tuple[int, Trajectory]], toleranc
 
 
 def _separation(model: MissionData, flown: list[tuple[int, Trajectory]], tolerance: float) -> Check:
-    """Return the check of the robots' distances from one another; reported where none is asked."""
-    found = Worst("distance between robots", "m", tolerance)
+    """Return the check of the distances of robots under way; only reported if none is required.
+
+    A robot waits in the depot's queue before its departure and after its return, off the map. There
+    is no other exemption.
+    """
+    required_ = model.separation > 0
+    name = "distance between robots" if required_ else "separation not required"
+    found = Worst(name, "m", tolerance)
     slack = tolerance * model.cell + _digits(model)
-    near = nearest([one for _, one in flown], model.depot, model.depot_radius, slack)
-    where = "never two outside of the depot"
+    near = nearest([one for _, one in flown], slack)
+    where = "never two under way at one time"
     if np.isfinite(near.distance):
         a, b = (flown[k][0] for k in near.pair)
         where = f"robots {a} and {b} (t = {near.time:.6g} s), {near.distance:.6g} m apart"
+    where += "; before departure and after return robots wait in the depot's queue"
     over = max(model.separation - near.distance, 0.0)
     found.add(over, where, model.cell, 2 * _digits(model), model.separation or None)
     return found.check()

@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..minimum_snap.polynomials import bernstein_matrix, derived, gauss_legendre
 from ..minimum_snap.trajectory import Trajectory
@@ -207,19 +207,15 @@ def _common(
     return first, second
 
 
-def nearest(trajectories: list[Trajectory], centre: ArrayLike, radius: float, slack: float) -> Near:
-    """Return how near any two robots come to one another, and where.
+def nearest(trajectories: list[Trajectory], slack: float) -> Near:
+    """Return how near any two robots come to one another while both are under way, and where.
 
     Branch and bound in time: the hull of the Bézier points of a difference bounds it from below.
 
     Parameters
     ----------
     trajectories : list of Trajectory
-        x, y (m) in time; before its first and after its last knot a robot does not count.
-    centre : array-like, shape (2,)
-        Of a disc, m.
-    radius : float
-        Its radius, m: robots in it do not count, nor do those no more than `slack` outside of it.
+        x, y (m) in time; before its first and after its last knot a robot is not under way.
     slack : float
         By how much the least distance may be less than what is returned, m.
     """
@@ -231,12 +227,7 @@ def nearest(trajectories: list[Trajectory], centre: ArrayLike, radius: float, sl
     if common is None:
         return best
     first, second = common
-    middle, apart, origin = np.asarray(centre, float), radius + slack, shapely.Point(0.0, 0.0)
-
-    def away(points: Floats) -> Floats:
-        off = points - middle
-        return np.asarray(np.hypot(off[..., 0], off[..., 1]))
-
+    origin = shapely.Point(0.0, 0.0)
     while len(first.times):
         places = [
             (first.control[:, 0], second.control[:, 0], first.times[:, 0]),
@@ -244,19 +235,15 @@ def nearest(trajectories: list[Trajectory], centre: ArrayLike, radius: float, sl
             (first.control[:, -1], second.control[:, -1], first.times[:, 1]),
         ]
         for a, b, times in places:
-            counts = (away(a) > apart) & (away(b) > apart)
-            distance = np.where(counts, np.hypot(*(a - b).T), np.inf)
+            distance = np.hypot(*(a - b).T)
             k = int(np.argmin(distance))
             if distance[k] < best.distance:
                 one, other = pairs[first.owner[k]].tolist()
                 best = Near(float(distance[k]), float(times[k]), (one, other))
-        home = (away(first.control).max(axis=1) <= apart) | (
-            away(second.control).max(axis=1) <= apart
-        )
         between = first.control - second.control
         # Boxes first, which cost little.
         box = np.maximum(np.maximum(between.min(axis=1), -between.max(axis=1)), 0.0)
-        open_ = np.flatnonzero(~home & (np.hypot(*box.T) < best.distance - slack))
+        open_ = np.flatnonzero(np.hypot(*box.T) < best.distance - slack)
         lower = shapely.distance(hulls_of(between[open_]), origin)
         open_ = open_[lower < best.distance - slack]
         long = first.times[open_, 1] - first.times[open_, 0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -52,7 +53,7 @@ class MissionData(Declared):
     radius: float = declared(Real(lower=0, unit="m"), default=0.0)
     velocity_limit: Floats = declared(EachAxis((2,)), default=1.0)
     acceleration_limit: Floats = declared(EachAxis((2,)), default=1.0)
-    separation: float = declared(Real(lower=0, unit="m"), default=0.0)
+    separation: float = declared(Optional(Real(lower=0, unit="m")), default=None)
     depot_radius: float = declared(Optional(Real(lower=0, unit="m")), default=None)
     objective: Objective = declared(Member(Objective), default=Objective.DEVIATION)
     q: float = declared(Real(lower=0), default=0.4)
@@ -64,10 +65,17 @@ class MissionData(Declared):
 
     def check(self) -> None:
         """Refuse places where no robot can be, and nodes that none can reach."""
-        if self.depot_radius is None:
+        if self.separation is None:
             # Resolved here, so that a default and the same value written out are one content.
-            room = max(self.separation, 2.0 * self.radius) + self.cell
-            object.__setattr__(self, "depot_radius", room)
+            object.__setattr__(self, "separation", 2.0 * self.radius)
+        if self.depot_radius is not None:
+            warnings.warn(
+                "depot_radius has no effect any more: robots under way keep the separation "
+                "everywhere, and wait in the depot's queue before and after",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            object.__setattr__(self, "depot_radius", None)
         count = len(self.nodes)
         if not count:
             raise InvalidData("nodes must hold at least one node, got none", field="nodes")

@@ -60,21 +60,19 @@ def missed_nodes(model: FleetMission, plan: MissionPlan) -> Floats:
 def apart_of(model: FleetMission, plan: MissionPlan, times: Floats) -> Floats:
     """Return the least distance of two robots at each of `times`, m.
 
-    Robots that are not under way, or at the depot, do not count; NaN where there are less than two.
+    Robots that are not under way do not count; NaN if less than two are.
     """
     places = np.full((len(plan.trajectories), len(times), 2), np.nan)
     for k, one in enumerate(plan.trajectories):
         if one is not None:
             under_way = (times >= one.times[0]) & (times <= one.times[-1])
             places[k, under_way] = one(times[under_way])
-    away = np.hypot(*np.moveaxis(places - model.depot, -1, 0))
-    places[~(away > model.depot_radius)] = np.nan
     least = np.full(len(times), np.inf)
     for k in range(len(places) - 1):
         apart = np.hypot(*np.moveaxis(places[k + 1 :] - places[k], -1, 0))
         least = np.minimum(least, np.where(np.isnan(apart), np.inf, apart).min(axis=0))
     # Where one more or one less counts, the least distance jumps: no line leads there.
-    counted = (away > model.depot_radius).sum(axis=0)
+    counted = np.isfinite(places[..., 0]).sum(axis=0)
     least[1:][np.diff(counted) != 0] = np.inf
     return np.where(np.isfinite(least), least, np.nan)
 

@@ -41,7 +41,8 @@ class FleetMission(MissionData, Model[MissionPlan]):
     nodes : ndarray, shape (n, 2)
         x, y, m.
     depot : ndarray, shape (2,)
-        x, y, m, where all robots begin and end.
+        x, y, m, of the begin and end of all routes. It is the gate of a queue: before its departure and
+        after its return a robot waits there, off the map, and takes no room.
     vehicles : int
         m, the number of robots; each has a node at least.
     cell : float
@@ -50,12 +51,11 @@ class FleetMission(MissionData, Model[MissionPlan]):
         Of each robot, m.
     velocity_limit, acceleration_limit : float or ndarray, shape (2,)
         Largest absolute value of each component, m/s and m/s².
-    separation : float
-        Least distance of the centres of two robots at any time, m; distances are only reported
-        where it is 0.
+    separation : float, optional
+        Least distance of the centres of two robots that are under way, m; two radii by default. With
+        0 no distance is required, and the verification states it.
     depot_radius : float, optional
-        Robots no further than this from the depot do not count for `separation`, m; by default a cell
-        more than the separation or two radii, whichever is greater.
+        Deprecated and without effect: robots near the depot keep the separation as well.
     objective : {"sum-deviation", "sum-variance", "sum", "max", "range", "max-sum"}
         Objective of the lengths L_k, as in :class:`~crosstrack.models.FleetRouting`. The paper's is
         "sum-variance".

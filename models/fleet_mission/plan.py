@@ -67,6 +67,17 @@ class MissionPlan:
         object.__setattr__(self, "visits", visits)
 
     @property
+    def parking(self) -> tuple[tuple[float, float] | None, ...]:
+        """Waiting place of each robot before its departure and after its return, m: the depot's queue.
+
+        None for a robot without a trajectory.
+        """
+        return tuple(
+            None if one is None else (float(one(one.times[0])[0]), float(one(one.times[0])[1]))
+            for one in self.trajectories
+        )
+
+    @property
     def end(self) -> float:
         """When the last robot is back, s."""
         return max(

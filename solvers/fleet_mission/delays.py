@@ -21,8 +21,8 @@ def departures(
 ) -> list[Trajectory]:
     """Return the trajectories with departures that keep the robots apart.
 
-    One after another, each robot leaves as early as those before it allow. After all of them are
-    back it always may.
+    One after another, each robot leaves as early as those before it allow. It may always leave after
+    all of them are back, as they wait in the depot's queue then.
 
     Parameters
     ----------
@@ -60,13 +60,6 @@ def _apart(
     """Return whether two robots keep their distance: at samples, and then for certain."""
     begin, end = max(one.times[0], other.times[0]), min(one.times[-1], other.times[-1])
     times = np.arange(begin, end, step)
-    if times.size:
-        a, b = one(times), other(times)
-        radius = problem.depot_radius
-        counts = (np.hypot(*(a - problem.depot).T) > radius + slack) & (
-            np.hypot(*(b - problem.depot).T) > radius + slack
-        )
-        if (np.hypot(*(a - b).T)[counts] < problem.separation).any():
-            return False
-    near = nearest([one, other], problem.depot, float(problem.depot_radius), slack)
-    return bool(near.distance >= problem.separation)
+    if times.size and (np.hypot(*(one(times) - other(times)).T) < problem.separation).any():
+        return False
+    return bool(nearest([one, other], slack).distance >= problem.separation)

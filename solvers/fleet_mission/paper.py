@@ -18,6 +18,7 @@ from ...models.minimum_snap.trajectory import Trajectory
 from ..backend import Answer, Backend, Feature, Guarantee, Option, Request, Termination
 from ..registry import find_backend
 from .corridor import Corridor
+from .delays import departures
 from .energies import READINGS, leg_energies
 from .flight import programmed, resting, slowed, times_along
 from .stages import Stages, Unanswered, planned, taking
@@ -103,6 +104,10 @@ class PaperPipeline(Backend):
                     self._flown(stages, Corridor(empty, empty, way, np.array(knots)), solver)
                 )
             stops.append(np.array(knots))
+        with stages.clock("departures"):
+            # The paper has robots leave at once; those that must keep apart leave one by one.
+            slack = 1e-3 * stages.request.tolerance * problem.cell
+            flights = departures(problem, flights, slack)
         return planned(routes, flights, stops)
 
     def _flown(self, stages: Stages, way: Corridor, solver: Backend) -> Trajectory:

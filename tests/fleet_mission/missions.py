@@ -44,10 +44,17 @@ def flown(*robots, pace=20.0):
 
 
 def plain(model):
-    """Return a plan for :func:`small` that keeps everything."""
+    """Return a plan for :func:`small` that keeps everything: one robot after the other."""
     a, b, c = model.nodes.tolist()
     home = model.depot.tolist()
-    return flown([home, (1, b), (0, a), (None, b)], [home, (2, c)])
+    return delayed(flown([home, (1, b), (0, a), (None, b)], [home, (2, c)]), 80.0)
+
+
+def delayed(plan, seconds):
+    """Return the plan with the second robot leaving later."""
+    first, second = plan.trajectories
+    moved = Trajectory(second.times + seconds, second.coefficients)
+    return MissionPlan(plan.routes, (first, moved), (plan.visits[0], plan.visits[1] + seconds))
 
 
 def box(x, y, right, top):
@@ -124,4 +131,4 @@ def wild():
         "robots that must keep apart",
         {"vehicles": 3, "nodes": [[8, 8], [8, 7], [7, 8], [8, 2]], "separation": 1.0},
     )
-    yield "robots that must keep apart on the way out", {"separation": 0.4, "depot_radius": 0.0}
+    yield "robots that must keep apart on the way out", {"separation": 0.4}

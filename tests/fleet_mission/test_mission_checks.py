@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fleet_mission.missions import SQUARE, flown, legs, plain, small
+from fleet_mission.missions import SQUARE, delayed, flown, legs, plain, small
 from hypothesis import given, settings, strategies as st
 from scipy.integrate import quad
 
@@ -113,7 +113,7 @@ def test_too_fast_too_hard_and_out_of_bounds():
     quick = flown(
         [[1, 1], (1, [8, 2]), (0, [8, 8]), (None, [8, 2])], [[1, 1], (2, [2, 8])], pace=10
     )
-    found = violated(model, quick)
+    found = violated(model, delayed(quick, 40.0))
     assert set(found) == {"velocity within its limit"}
     assert found["velocity within its limit"].worst == pytest.approx(7 * 35 / 16 / 10 - 1, rel=1e-6)
     calm = small(acceleration_limit=[0.001, 1])
@@ -181,7 +181,7 @@ def test_routes_that_are_none():
 
 
 def test_robots_that_meet():
-    model = small(separation=1.0, depot_radius=1.0)
+    model = small(separation=1.0)
     b, c = [8, 2], [2, 8]
     # Both pass the point (8, 4) at the same time, in opposite directions.
     met = flown(
@@ -191,16 +191,14 @@ def test_robots_that_meet():
     found = violated(model, met)["distance between robots"]
     assert found.worst == pytest.approx(1.0, abs=1e-4)
     assert "robots 0 and 1" in found.where
-    reported = model.verify(plain(model)).checks[-1]
-    # The second robot leaves for the north while the first goes east: apart as they leave the disc.
-    sampled = np.linspace(0, 40, 200_001)
-    one, other = (curve(sampled) for curve in plain(model).trajectories)
-    away = np.minimum(np.hypot(*(one - 1).T), np.hypot(*(other - 1).T)) > 1.0
-    least = np.hypot(*(one - other).T)[away].min()
+    # The second robot leaves for the north while the first is on its way back: both count near the depot.
+    plan = delayed(plain(model), -10.0)
+    reported = model.verify(plan).checks[-1]
+    one, other = (curve(np.linspace(70, 80, 200_001)) for curve in plan.trajectories)
+    least = np.hypot(*(one - other).T).min()
     assert float(reported.where.split("s), ")[1].split(" m")[0]) == pytest.approx(least, rel=1e-3)
-    apart = changed(plain(model), 1, times=plain(model).trajectories[1].times + 200)
-    apart = replace(apart, visits=(apart.visits[0], apart.visits[1] + 200))
-    assert model.verify(apart).checks[-1].where == "never two outside of the depot"
+    assert reported.ok == (least >= 1.0)
+    assert model.verify(plain(model)).checks[-1].where.startswith("never two under way")
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -262,5 +260,5 @@ def test_a_model_travels():
     again = FleetMission.from_json(model.to_json())
     assert again == model
     assert again.to_json() == model.to_json()
-    assert again.depot_radius == 1.0
+    assert again.separation == 0.5
     assert ct.models.model_type("fleet-mission") is FleetMission

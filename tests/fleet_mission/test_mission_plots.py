@@ -125,12 +125,7 @@ def test_what_is_limited_over_time(three):
     times, apart = line.get_xydata().T
     assert heights(found["distance of robots"]) == [0.6]
     for t, value in zip(times[::37], apart[::37], strict=True):
-        here = [
-            one(t)
-            for one in plan.trajectories
-            if one.times[0] <= t <= one.times[-1]
-            and np.hypot(*(one(t) - model.depot)) > model.depot_radius
-        ]
+        here = [one(t) for one in plan.trajectories if one.times[0] <= t <= one.times[-1]]
         pairs = [np.hypot(*(a - b)) for k, a in enumerate(here) for b in here[:k]]
         if np.isfinite(value):
             assert value == pytest.approx(min(pairs))
