@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import required
-from ..verification import Check, Verification, check_tolerance
+from ..verification import NEAR, Check, Verification, check_tolerance
 from .data import TourData
 from .plan import SIGNS, TourPlan
 
@@ -19,6 +20,9 @@ Floats = NDArray[np.float64]
 
 #: Digits that a path of many pieces leaves of its coordinates.
 DIGITS = 1e-13
+#: Share of a limit above which rounding leaves a check undecided.
+CEILING = NEAR
+UNDECIDABLE = "not decidable in double precision"
 
 
 def integrated(plan: TourPlan, turning_radius: float) -> Floats:
@@ -92,10 +96,14 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
         )
         # What is no number is worst of all.
         k = int(np.argmax(np.where(np.isnan(share), np.inf, share)))
-        value = float(values[k])
+        value, place = float(values[k]), places[k]
+        unknown = np.flatnonzero((scales > 0) & (excused > CEILING * scales))
+        if unknown.size:
+            value, place = np.inf, f"{places[int(unknown[0])]}: {UNDECIDABLE}"
         return Check.scaled(
-            name, "", value if np.isnan(value) else max(value, 0.0), unit, places[k], tolerance,
-            float(scales[k]), noise=float(excused[k]), limit=None if limits is None else float(limits[k]),
+            name, "", value if np.isnan(value) else max(value, 0.0), unit, place, tolerance,
+            float(scales[k]), noise=min(float(excused[k]), CEILING * float(size.min()) or math.inf),
+            limit=None if limits is None else float(limits[k]),
         )  # fmt: skip
 
     names = [f"vehicle {model.label(k)}" for k in plan.order]
@@ -161,6 +169,8 @@ def _joined(model: TourData, plan: TourPlan, poses: Floats, tolerance: float) ->
     where = "" if not off.size else "end" if k == len(said) else f"primitive {k}"
     worst = float(off[k]) if off.size else 0.0
     noise = DIGITS * float(np.abs(poses[:, 2]).max())
+    if noise > CEILING:
+        worst, where, noise = np.inf, f"{where}: {UNDECIDABLE}", CEILING
     return [
         Check.scaled(
             "headings without a jump", "", worst, "rad", where, tolerance, 1.0, noise=noise

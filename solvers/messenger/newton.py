@@ -29,7 +29,7 @@ __all__ = ["improve"]
 
 Floats = NDArray[np.float64]
 
-#: Barrier parameter at the end, relative to a leg'tilt typical length, and what it falls by.
+#: Barrier parameter at the end, relative to a leg's typical length, and what it falls by.
 LAST, FALL = 1e-9, 0.2
 #: Share of the way to a bound that a step may go.
 BOUNDARY = 0.995
@@ -87,7 +87,7 @@ def backward(
               price[j], mu, later, q)  # fmt: skip
         lx, ly = lam[j + 1, 0], lam[j + 1, 1]
         for i in range(m):
-            # What later makes of each primitive'tilt slope, and of the heading'tilt.
+            # What later makes of each primitive's slope, and of the heading's.
             for k in range(3):
                 seen[k, i] = (
                     later[i, 0] * ways[j, k, 0]
@@ -126,7 +126,7 @@ def backward(
         for k in range(3):
             shift[j, k] = col[k]
         solved(own, 3, shift[j])
-        # The value function at the leg'tilt start.
+        # The value function at the leg's start.
         now, v = curve[j], tilt[j]
         for i in range(m):
             v[i] = q[i]

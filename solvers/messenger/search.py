@@ -16,6 +16,7 @@ from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Reques
 from .annealing import anneal
 from .chain import confine
 from .emission import Chain, move_to_boundary
+from .last_leg import shorten_last_leg
 
 __all__ = ["TourSearch"]
 
@@ -98,6 +99,8 @@ class _Search:
         request, options = self.request, self.request.options
         if request.warm_start is not None:
             self.offer(request.warm_start)
+        if self.problem.start is not None:
+            self.anneal(1, self.nearest())  # quick for any number of vehicles
         self.anneal(LEAST)  # something to fall back upon
         proven = clock()
         orders = self.prove() if options["bound"] else []
@@ -177,6 +180,31 @@ class _Search:
             orders = [order for order, _ in found]
         return orders[:KEPT]
 
+    def nearest(self) -> Chain:
+        """Return the chain that meets next whichever vehicle is reached first by a straight line."""
+        problem = self.problem
+        assert problem.start is not None
+        chain = Chain(problem, interior=self.request.options["interior"])
+        place, time = problem.start[:2].copy(), 0.0
+        left = np.arange(problem.size)
+        rest = problem.speed**2 - np.square(problem.velocities).sum(axis=1)
+        while left.size:
+            apart = problem.positions[left] + problem.velocities[left] * time - place
+            along = (apart * problem.velocities[left]).sum(axis=1)
+            far = np.square(apart).sum(axis=1)
+            wait = (along + np.sqrt(along**2 + rest[left] * far)) / rest[left]
+            k = int(np.argmin(wait))
+            vehicle, time = int(left[k]), time + float(wait[k])
+            target = problem.where(vehicle, time)
+            heading = float(np.arctan2(*(target - place)[::-1]))
+            chain.order[chain.count] = vehicle
+            inside = float(problem.radius[vehicle])
+            chain.poses[vehicle] = (-inside * np.cos(heading), -inside * np.sin(heading), heading)
+            confine(chain.poses[vehicle], inside, int(chain.freedom[vehicle]))
+            chain.count += 1
+            place, left = target, np.delete(left, k)
+        return chain
+
     def guided(self, order: tuple[int, ...]) -> Chain:
         """Return the chain of an order, where its bound would have the UAV fly."""
         from .bound_search import guide
@@ -213,7 +241,10 @@ class _Search:
         if all(abs(length - one[0]) > 1e-9 * length for one in self.kept):
             self.kept = sorted([*self.kept, (length, self.runs, chain)])[:KEPT]
         if self.best is None or length < NEAR * self.best.length:
-            self.offer(self.polish(chain.plan()))
+            plan = chain.plan()
+            if self.best is None:
+                self.offer(plan)  # the polish may take longer than the time allows
+            self.offer(self.polish(plan))
 
     def polish(self, plan: TourPlan) -> TourPlan:
         """Return a plan no longer than `plan`, by the nonlinear program of its order and turns."""
@@ -229,6 +260,8 @@ class _Search:
 
     def offer(self, plan: TourPlan) -> None:
         """Keep `plan` where it is the best and keeps what the model asks."""
+        if self.request.options["interior"]:
+            plan = shorten_last_leg(self.problem, plan) or plan
         if self.best is not None and plan.length >= self.best.length:
             return
         found = self.problem.verify(plan, tolerance=self.request.tolerance)

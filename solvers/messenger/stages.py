@@ -77,7 +77,7 @@ def ended(
     t: float, nu: float, price: Floats, mu: float, curve: Floats, tilt: Floats,
 ) -> None:  # fmt: skip
     """Add to the value function (curve, tilt) at the end of leg `j` what holds there."""
-    if j == n:  # back at the start: the difference to the copy of the start'tilt state
+    if j == n:  # back at the start: the difference to the copy of the start's state
         for i in range(3):
             off = state[i] - base[i] - (turn if i == 2 else 0.0)
             curve[i, i] += STIFF

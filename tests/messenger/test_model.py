@@ -209,7 +209,7 @@ def test_a_wide_disc_does_not_widen_a_narrow_one(model, plan):
     assert violated(replace(wide, positions=positions), plan) == {"encounter within radius"}
 
 
-@pytest.mark.parametrize("far", [1e9, 1e15])
+@pytest.mark.parametrize("far", [1e9, 1e11])
 def test_a_far_vehicle_does_not_excuse_the_near_ones(far):
     model = MessengerTour([[100.0, 0.0], [far, 0.0]], radius=1.0, start=(0.0, 0.0, 0.0))
     plan = bound(model)

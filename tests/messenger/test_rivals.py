@@ -311,6 +311,9 @@ def test_wild_cases_have_valid_plans_or_none(name: str) -> None:
         if name == "direct-sampling":
             options["step"] = max((model.extent + model.turning_radius) / model.speed / 10, 1e-6)
         found = solved(model, name, seed=seed, options=options, time_limit=1)
+        if found.termination == Termination.REJECTED:
+            assert "not decidable in double precision" in str(found.verification), seed
+            continue
         if found.plan is None:
             # Algorithms with the shortest encounters always have a plan.
             assert name in (*MEMETIC[:2], "direct-sampling"), seed
