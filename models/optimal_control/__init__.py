@@ -24,6 +24,14 @@ if TYPE_CHECKING:
     from .rounding import RoundedPlan as RoundedPlan, round_controls as round_controls
     from .simulation import Breach as Breach, Simulation as Simulation, simulate as simulate
 
+#: Names that modules of other problems import, beside the public ones.
+SHARED = (
+    "lagrange.interpolation",
+    "plot.curves_of",
+    "plot.guessed",
+    "plot.nodes_of",
+    "plot.sampled",
+)
 MODELS = {"optimal-control": ".model:OptimalControlProblem"}
 PICTURES = {"optimal-control": ".plot:draw"}
 

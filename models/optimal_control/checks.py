@@ -28,6 +28,8 @@ Floats = NDArray[np.float64]
 
 #: Share of the size of a state or control from which its bound is what violations are held against.
 NEAR = 0.1
+#: Scale of a fixed time, relative to the times of its phase: what their rounding leaves.
+FIXED = 1e-5
 
 
 class _Found(NamedTuple):
@@ -301,6 +303,11 @@ def _times(phases: tuple[Course, ...]) -> Iterator[_Found]:
             np.array([phase.start_lower, phase.end_lower]),
             np.array([phase.start_upper, phase.end_upper]),
             np.full(2, plan.duration),
+        )
+        # A fixed time is no unknown: the plan has it but for rounding, however long the phase is.
+        fixed = [phase.start_lower == phase.start_upper, phase.end_lower == phase.end_upper]
+        sides.scale[np.array(fixed)[sides.entry]] = FIXED * max(
+            plan.duration, abs(plan.start), abs(plan.end)
         )
         places = f"start{label}", f"end{label}"
         yield from sides.worst(np.array([plan.start, plan.end]), [phase.time_unit] * 2, places)

@@ -88,7 +88,7 @@ def test_an_objective_that_stays_is_not_settled_where_the_hamiltonian_jumps():
     found = ct.solve(model, formulation="radau", isolate=False)
     assert found.termination == "locally_optimal"
     assert found.primal_bound == pytest.approx(0.3769919309, abs=1e-8)
-    assert any("Hamiltonian" in row["then"] for row in found.history)
+    assert any("Hamiltonian" in row["then"] or "released" in row["then"] for row in found.history)
     assert sum(map(np.sum, hamiltonian_gains(model, found.plan))) < 3e-6
     # An easy problem is looked at no more often than before.
     assert ct.solve(catalogue("linear-regulator")).statistics["meshes"] == 2
@@ -126,12 +126,12 @@ def test_the_history_tells_of_each_mesh():
 
 def test_the_best_plan_comes_back_where_refinement_does_not_settle():
     model = bang_singular()
-    found = ct.solve(model, formulation_options={"rounds": 5})
+    found = ct.solve(model, tolerance=1e-5, formulation_options={"rounds": 5})
     assert found.termination == "feasible" and found.verification.ok
     assert (
         "did not settle: given up after 5 meshes; the plan is that of mesh 3 of 5" in found.message
     )
-    assert found.history[2]["verified"] is True and found.history[4]["error"] > 2e-7
+    assert found.history[2]["verified"] is True and found.history[4]["error"] > 2e-6
 
 
 def test_the_error_left_is_named_with_the_tolerance_that_accepts_it():

@@ -1,6 +1,7 @@
 """Declarations and files that are refused, and with which words."""
 
 import copy
+import math
 from types import SimpleNamespace
 
 import casadi
@@ -316,3 +317,26 @@ def test_what_cannot_be_had_is_said(options, words):
     ) as caught:
         ct.solve(rest_to_rest().ocp, **options)
     assert all(word in str(caught.value) for word in words), caught.value
+
+
+@pytest.mark.parametrize(
+    ("expression", "words"),
+    [
+        (lambda x, u: math.sin(x), "numpy.sin"),
+        (lambda x, u: float(x + u), "numpy.sin"),
+        (lambda x, u: u if x > 0 else -u, "if_else"),
+        (lambda x, u: max(x, u), "fmax"),
+        (lambda x, u: u * (x > 0 and u > 0), "logic_and"),
+        (lambda x, u: u * (0 < x < 1), "logic_and"),
+        (lambda x, u: u if x in (1, 2) else x, "if_else"),
+    ],
+)
+def test_a_symbol_that_is_used_as_a_number_says_what_to_use(expression, words):
+    """CasADi raised a RuntimeError about mx_node.cpp."""
+    ocp = OptimalControlProblem("symbols")
+    phase = ocp.phase(time=(0, 1))
+    x, u = phase.state("x", initial=0), phase.control("u")
+    with pytest.raises(InvalidData, match=words):
+        phase.dynamics({x: expression(x, u)})
+    assert bool(casadi.MX(1) > 0)
+    assert float(casadi.MX(2.5)) == 2.5

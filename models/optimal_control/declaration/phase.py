@@ -15,6 +15,7 @@ from ...fields import Text, show
 from ..definition import Phase, Quantity, Restriction
 from .flight import fly
 from .guess import After, Guessed, draw_lines
+from .symbols import explain_symbols
 from .tables import domains
 from .terms import (
     bounds,
@@ -58,6 +59,7 @@ class PhaseBuilder(Guessed):
     opened: Callable[[], Any]
 
     def __post_init__(self) -> None:
+        explain_symbols()
         self.time = casadi.MX.sym(f"t of {self.name}")
         self.start = casadi.MX.sym(f"t0 of {self.name}")
         self.end = casadi.MX.sym(f"tf of {self.name}")

@@ -12,15 +12,15 @@ from typing import Any
 import casadi
 import numpy as np
 import scipy.sparse as sp
-from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from ...programs.blocks import Block
 from ...programs.nonlinear import NonlinearProgram
 from ...programs.triplets import Triplets, dm
 from ..sizes import Sizes
+from .calm import calm_rows
 from .derivatives import functions_of
-from .layout import Layout, PhaseLayout
+from .layout import Layout
 
 __all__ = ["Assembly"]
 
@@ -56,32 +56,13 @@ class Assembly:
         self.free_lengths = [
             one for one in layout.phases if one.phase.start_upper >= one.phase.end_lower
         ]
-        self.calm = [self._calm(one) for one in layout.phases]
+        self.calm = [calm_rows(one, layout.size) for one in layout.phases]
         self.row_count = (
             starts[-1]
             + self.boundaries
             + len(self.free_lengths)
             + sum(rows.shape[0] for rows in self.calm)
         )
-
-    def _calm(self, one: PhaseLayout) -> sp.csr_array:
-        """Return the rows that hold a phase's controls to half the degree where they must be calm."""
-        rows = Triplets()
-        count = 0
-        for k, scheme in enumerate(one.schemes):
-            many = one.mesh.calm_rows(k)
-            if not many:
-                continue
-            nodes = scheme.control_points
-            table = np.linalg.inv(legendre.legvander(nodes, nodes.size - 1))[-many:]
-            controls = one.visit_control[one.visit_starts[k] : one.visit_starts[k + 1]]
-            for number in range(one.nu):
-                rows.add(
-                    count + np.arange(many)[:, None], one.control_columns[number, controls], table
-                )
-                count += many
-        r, c, value, _ = rows.joined()
-        return sp.csr_array((value, (r, c)), shape=(count, self.layout.size))
 
     # -- structure -------------------------------------------------------------------------------
 

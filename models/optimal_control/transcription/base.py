@@ -21,11 +21,12 @@ from ..plan import ControlPlan, PhasePlan, Piecewise
 from ..sampling import courses, endpoint
 from ..sizes import Sizes, sizes_at
 from .assembly import Assembly
+from .calm import calm_strains
 from .dependence import dependences, drop_dependent
 from .derivatives import functions_of
-from .layout import Layout, PhaseLayout
+from .layout import Layout
 from .mesh import Mesh, even, read_mesh
-from .refinement import Finding, History, Rules, next_meshes, relative_change
+from .refinement import Finding, History, Rules, denser, next_meshes, relative_change
 from .schemes import Scheme
 from .starts import draw_start
 
@@ -35,6 +36,9 @@ Floats = NDArray[np.float64]
 
 #: How far before a knot, as a share of the phase, a control is looked up from the left.
 LEFT = 1e-13
+#: Difference between the objectives of two schemes on the same mesh up to which they agree, in shares of
+#: the tolerance, relative to the size of the objective.
+AGREED = 10.0
 #: Share to which a mesh reduces at least by how much an equation is off that follows from others.
 SHRINKS = 0.5
 
@@ -85,6 +89,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     precision: ClassVar[float] = 0.3
     #: How a mesh of this scheme may be refined.
     rules: ClassVar[Rules] = Rules()
+    #: Transcription of another scheme that must reach the same objective on the same mesh.
+    confirmed_by: ClassVar[type[Transcription] | None] = None
 
     @staticmethod
     @abstractmethod
@@ -323,7 +329,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         for one, part in zip(self.layout.phases, plan.phases, strict=True):
             own = duals[row : row + one.nx * one.defects].reshape(one.nx, one.defects).T
             row += one.nx * one.defects + one.paths * one.collocated + one.phase.integrals
-            phases.append(replace(part, costates=_costates(one, own, part.states.knots)))
+            phases.append(replace(part, costates=one.costates(own, part.states.knots)))
         return replace(plan, phases=tuple(phases))
 
     # -- refinement and other starts -------------------------------------------------------------
@@ -344,14 +350,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             found = next_meshes(
                 self.model, plan, self._meshes, self.rules, tolerance,
                 (objective, self.sizes.objective), self._history,
+                None if duals is None else calm_strains(self.layout, self.sizes, duals),
             )  # fmt: skip
-        if found.meshes is not None and rounds >= self.rounds:
-            found = replace(found, meshes=None, words=f"given up after {rounds} meshes")
-        elif found.meshes is not None:
-            nodes = sum(mesh.nodes for mesh in found.meshes)
-            if nodes > self.most_nodes:
-                words = f"given up: {nodes} nodes are needed, {self.most_nodes} are allowed"
-                found = replace(found, meshes=None, words=words)
+        found = found.limited(rounds, self.rounds, self.most_nodes)
         row = {
             "mesh": rounds,
             "intervals": sum(mesh.intervals for mesh in self._meshes),
@@ -371,6 +372,46 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             return restored._with(_told=rows)
         history = History(plan, objective, self._meshes, found.errors, found.accepted)
         return self._with(_meshes=found.meshes, _history=history, _told=rows)
+
+    def counterpart(self, point: Floats) -> Transcription | None:
+        """Return the transcription of the other scheme on the same mesh, started at `point`.
+
+        None if refinement is off.
+        """
+        other = self.confirmed_by
+        if other is None or not self.refine:
+            return None
+        made = other(self.model, dependent=self.dependent, most_nodes=self.most_nodes)
+        fixed = other.rules.fixed_degree
+        meshes = self._meshes
+        if fixed is not None:
+            meshes = tuple(
+                Mesh(mesh.fractions, np.full(mesh.intervals, fixed), mesh.calm) for mesh in meshes
+            )
+        plan = self.decode(point)
+        return made._with(_meshes=meshes, _start=plan, _history=None)
+
+    def compared(self, point: Floats, objective: float, tolerance: float) -> Self | None:
+        """Return the formulation on halved intervals if the other scheme ends elsewhere."""
+        own = float(self.program.objective(point))  # type: ignore[attr-defined]
+        difference = relative_change(self.sizes.objective, own, objective)
+        if difference <= AGREED * tolerance:
+            return None
+        assert self.confirmed_by is not None
+        rounds = len(self._rows)
+        words = f"{self.confirmed_by.name} ends at {objective:.9g}: all intervals refined"
+        meshes = denser(self._meshes, self.rules)
+        finer = Finding(meshes, np.nan, words).limited(rounds, self.rounds, self.most_nodes)
+        if meshes is None:
+            finer = replace(finer, words="no finer mesh is possible")
+        rows = (*self._rows[:-1], {**self._rows[-1], "then": finer.words})
+        object.__setattr__(self, "_rows", rows)
+        object.__setattr__(self, "_settled", False)
+        if finer.meshes is None:
+            return None
+        errors = tuple(np.full(mesh.intervals, np.inf) for mesh in self._meshes)
+        history = History(self.decode(point), own, self._meshes, errors)
+        return self._with(_meshes=finer.meshes, _history=history, _told=rows)
 
     @property
     def settled(self) -> bool:
@@ -454,14 +495,3 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             if spreads:
                 found["hamiltonian_spread"] = max(spreads)
         return found
-
-
-def _costates(one: PhaseLayout, duals: Floats, knots: Floats) -> Piecewise | None:
-    nodes, values = [], []
-    for k, scheme in enumerate(one.schemes):
-        found = scheme.costates(duals[one.row_starts[k] : one.row_starts[k + 1]])
-        if found is None:
-            return None
-        nodes.append(found[0])
-        values.append(found[1])
-    return Piecewise(knots, tuple(nodes), tuple(values))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...programs.blocks import Block
 from ..definition import Definition, Phase, Quantity
+from ..piecewise import Piecewise
 from .mesh import Mesh
 from .schemes import Scheme
 
@@ -187,6 +188,25 @@ class PhaseLayout:
         return int(self.row_starts[-1])
 
     # -- words -----------------------------------------------------------------------------------
+
+    def costates(self, duals: Floats, knots: Floats) -> Piecewise | None:
+        """Return the costates that the multipliers of the defects give; None if a scheme has none.
+
+        Parameters
+        ----------
+        duals : ndarray, shape (defects, nx)
+            Multipliers of the rows.
+        knots : ndarray, shape (intervals + 1,)
+            Times at which intervals begin and end.
+        """
+        nodes, values = [], []
+        for k, scheme in enumerate(self.schemes):
+            part = scheme.costates(duals[self.row_starts[k] : self.row_starts[k + 1]])
+            if part is None:
+                return None
+            nodes.append(part[0])
+            values.append(part[1])
+        return Piecewise(knots, tuple(nodes), tuple(values))
 
     def _at(self, points: Whole, interval: Whole | None = None) -> Whole:
         """Return phase, interval and node of points, of the interval that begins there if any."""

@@ -76,3 +76,9 @@ class Trapezoid(Transcription):
     summary: ClassVar[str] = "trapezoidal collocation (order 2), refined in intervals"
     rules: ClassVar[Rules] = Rules(fixed_degree=2, order=2)
     scheme = staticmethod(trapezoid)
+
+
+Gauss.confirmed_by = Radau
+Radau.confirmed_by = Gauss
+HermiteSimpson.confirmed_by = Radau
+Trapezoid.confirmed_by = HermiteSimpson

@@ -30,7 +30,7 @@ from .schemes import gauss_points
 if TYPE_CHECKING:
     from ..model import OptimalControlProblem
 
-__all__ = ["Finding", "History", "Rules", "next_meshes", "relative_change"]
+__all__ = ["Finding", "History", "Rules", "denser", "next_meshes", "relative_change"]
 
 Floats = NDArray[np.float64]
 
@@ -50,6 +50,9 @@ SHORTEST = 1e-9
 #: Gain that the Hamiltonian must promise for a settled objective to be looked at again, and change of
 #: the objective up to which it promised too much, in shares of the tolerance.
 PROMISED, CONFIRMED = 3.0, 0.3
+#: The same for a calm interval of a mesh that is still too coarse. On a singular arc, whose multipliers
+#: are noise, 2 to 100 were measured; at jumps of a control, 400 to 2e5.
+RELEASED = 300.0
 #: Share of the most that an interval promises, below which it is left alone when optimality is checked.
 PROMISING = 0.1
 #: What is done to intervals, in words.
@@ -142,6 +145,26 @@ class Finding:
     settled: bool = False
     accepted: float | None = None
 
+    def limited(self, rounds: int, most_rounds: int, most_nodes: int) -> Finding:
+        """Return the finding without its meshes if they are one too many, or too large.
+
+        Parameters
+        ----------
+        rounds : int
+            Meshes solved so far.
+        most_rounds, most_nodes : int
+            Limits on the meshes, and on the collocated nodes of all phases.
+        """
+        if self.meshes is None:
+            return self
+        if rounds >= most_rounds:
+            return replace(self, meshes=None, words=f"given up after {rounds} meshes")
+        nodes = sum(mesh.nodes for mesh in self.meshes)
+        if nodes > most_nodes:
+            words = f"given up: {nodes} nodes are needed, {most_nodes} are allowed"
+            return replace(self, meshes=None, words=words)
+        return self
+
 
 def relative_change(size: float, new: float, old: float) -> float:
     """Return by how much an objective differs from another, relative to its size."""
@@ -156,6 +179,7 @@ def next_meshes(
     tolerance: float,
     objectives: tuple[float, float],
     former: History | None,
+    strains: Sequence[Floats] | None = None,
 ) -> Finding:
     """Return finer meshes, or none where the plan verifies and its objective has settled.
 
@@ -175,8 +199,13 @@ def next_meshes(
         The objective, and its size.
     former : History, optional
         What the last meshes gave.
+    strains : sequence of ndarray, shape (intervals,), optional
+        Possible gain of the objective, per interval of each phase, without the rows that hold controls
+        calm (:func:`~.calm.calm_strains`); 0 by default.
     """
     objective, size = objectives
+    if strains is None:
+        strains = [np.zeros(mesh.intervals) for mesh in meshes]
     parameters = np.concatenate([*plan.parameters.values(), np.empty(0)])
     reports = [
         examine(phase, part, parameters)
@@ -197,12 +226,11 @@ def next_meshes(
     why = ""
     if verified is not None:
         if verified and change <= SETTLED * tolerance:
-            halved = _looked_again(model, plan, meshes, rules, objectives, tolerance, former)
+            halved, told = _looked_again(
+                model, plan, meshes, rules, objectives, tolerance, former, strains
+            )
             if halved is None:
                 return replace(here, settled=True)
-            told = (
-                "verified and settled, but the Hamiltonian is not constant: halved where it changes"
-            )
             return replace(here, meshes=halved, words=told, accepted=objective)
         # Each interval is good enough by itself, yet not all together: ask more of the worst.
         limit = max(0.1 * worst, 1e-3 * limit) if not verified else max(1e-2 * limit, 1e-2 * worst)
@@ -213,13 +241,14 @@ def next_meshes(
         if former is not None:
             noisy = _noisy(mesh, report, former.meshes[k], former.errors[k])
         merge = worst > SHARE * tolerance
-        finer, done = _refine(mesh, report, part, rules, limit, noisy, merge)
+        strained = strains[k] > RELEASED * tolerance * size
+        finer, done = _refine(mesh, report, part, rules, limit, noisy, strained, merge)
         made.append(finer)
         words.append(f"phase {part.name!r}: {done}" if done and len(meshes) > 1 else done)
     if all(new.same(old) for new, old in zip(made, meshes, strict=True)):
-        denser = _denser(meshes, rules)
-        done = "no finer mesh may be had" if denser is None else "all intervals refined"
-        return replace(here, meshes=denser, words=why + done)
+        refined = denser(meshes, rules)
+        done = "no finer mesh is possible" if refined is None else "all intervals refined"
+        return replace(here, meshes=refined, words=why + done)
     told = why + "; ".join(word for word in words if word)
     return replace(here, meshes=tuple(made), words=told)
 
@@ -232,15 +261,27 @@ def _looked_again(
     objectives: tuple[float, float],
     tolerance: float,
     former: History | None,
-) -> tuple[Mesh, ...] | None:
-    """Return meshes on which the optimum is looked at once more, None where nothing asks for it.
+    strains: Sequence[Floats],
+) -> tuple[tuple[Mesh, ...] | None, str]:
+    """Return meshes for another look at the optimum and why; None if nothing requests it.
 
-    That the objective no longer changes says nothing of intervals that the last meshes left alone.
-    Where the Hamiltonian promises a gain in such, they are halved.
+    That the objective no longer changes says nothing of intervals that the last meshes left alone, nor
+    of a restriction that all of them share. Intervals are halved where the Hamiltonian promises a gain
+    although they were left alone, and where the rows that hold controls calm cost something; there the
+    controls are released.
     """
-    if not rules.split or former is None:
-        return None
     objective, size = objectives
+    words = "verified and settled, but "
+    strain = sum(float(one.sum()) for one in strains)
+    if relative_change(size, objective, objective + strain) > PROMISED * tolerance:
+        least = PROMISING * max(float(one.max()) for one in strains)
+        chosen = [one >= least for one in strains]
+        words += f"controls held calm may cost {strain:.2g}: released"
+        if not rules.split:
+            return tuple(replace(mesh, calm=None) for mesh in meshes), words
+        return tuple(mesh.halved(one) for mesh, one in zip(meshes, chosen, strict=True)), words
+    if not rules.split or former is None:
+        return None, ""
     gains = [
         np.zeros(mesh.intervals) if gain is None else np.where(mesh.kept(old), gain, 0.0)
         for gain, mesh, old in zip(
@@ -249,12 +290,15 @@ def _looked_again(
     ]
     promised = sum(float(gain.sum()) for gain in gains)
     if not relative_change(size, objective, objective + promised) > PROMISED * tolerance:
-        return None
+        return None, ""
     least = PROMISING * max(float(gain.max()) for gain in gains)
-    return tuple(mesh.halved(gain >= least) for mesh, gain in zip(meshes, gains, strict=True))
+    words += "the Hamiltonian is not constant: halved where it changes"
+    return tuple(
+        mesh.halved(gain >= least) for mesh, gain in zip(meshes, gains, strict=True)
+    ), words
 
 
-def _denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
+def denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
     """Return meshes with two more nodes an interval, or twice the intervals where none may be had."""
     finer = []
     for mesh in meshes:
@@ -288,6 +332,7 @@ def _refine(
     rules: Rules,
     limit: float,
     noisy: NDArray[np.bool_],
+    strained: NDArray[np.bool_],
     merge: bool,
 ) -> tuple[Mesh, str]:
     """Return a finer mesh of one phase, and what was done."""
@@ -300,13 +345,16 @@ def _refine(
     for k in range(mesh.intervals):
         begin, end = mesh.fractions[k], mesh.fractions[k + 1]
         degree, quiet = int(mesh.degrees[k]), bool(mesh.calm[k])
-        if (
+        if quiet and strained[k]:
+            inner = [0.0] if rules.split else []
+            own, quiet, word = [degree] * (len(inner) + 1), False, "released"
+        elif (
             (report.chatters[k] or noisy[k])
             and not quiet
             and report.worst[k] > limit
             and rules.fixed_degree is None
         ):
-            inner: list[float] = []
+            inner = []
             own, quiet, word = [max(degree, CALM)], True, "held calm"
         else:
             inner, own, word = _decide(degree, report, k, rules, limit)
