@@ -34,6 +34,8 @@ Floats = NDArray[np.float64]
 MOST_COLUMNS = 1000
 _AXES = ("x", "y", "z", "yaw")
 _PREFIXES = ("", "v", "a", "j", "s")
+#: Headers that files of waypoints may have.
+_HEADERS = (_AXES, ("px", "py", "pz"), ("east", "north", "up"), ("e", "n", "u"))
 
 
 # -- rows ------------------------------------------------------------------------------------------
@@ -186,8 +188,8 @@ def _sample_shape(names: list[str]) -> tuple[int, int] | None:
 def read_waypoints(path: str | os.PathLike[str]) -> Floats:
     """Return the waypoints in a CSV or Excel file: one a line, one coordinate a column (m).
 
-    A line of names (``x,y,z``) may come first; files of uav_trajectories have none. They hold no
-    times: :func:`~crosstrack.instances.times_by_distance` is a first guess.
+    A line of names may come first: ``x,y,z,yaw``, ``px,py,pz``, ``east,north,up``, ``e,n,u`` (or the
+    first of them), or ``x0,x1,…``. Files of uav_trajectories have none. They hold no times: :func:`~crosstrack.instances.times_by_distance` is a first guess.
 
     Returns
     -------
@@ -197,7 +199,7 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
     ------
     InvalidData
         Naming file, line, column and value: what is no finite number, rows of different lengths,
-        fewer than two waypoints, a column of times.
+        fewer than two waypoints, a column of times, other names or names in another order.
     """
     file = str(as_path(path))
     points: list[list[float]] = []
@@ -214,6 +216,7 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
                     field="waypoints",
                 )
             if words and all(re.fullmatch(r"[a-z]\w*", name) for name in found):
+                _require_axes(found, where)
                 names = found
                 continue
             count = len(values)
@@ -224,6 +227,18 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
             f"{file}: must hold at least 2 waypoints, got {len(points)}", field="waypoints"
         )
     return np.array(points)
+
+
+def _require_axes(names: Sequence[str], where: str) -> None:
+    """Raise if the columns are not those of coordinates, in their order."""
+    numbered = [f"x{axis}" for axis in range(len(names))]
+    if list(names) not in (numbered, *(list(axes[: len(names)]) for axes in _HEADERS)):
+        raise InvalidData(
+            f"{where}: must name coordinates in their order, "
+            f"{' or '.join(','.join(axes) for axes in _HEADERS)} (or the first of them) or x0,x1,…; "
+            f"got {show(','.join(names))}",
+            field="waypoints",
+        )
 
 
 def describe_table(file: Path, header: str) -> str:

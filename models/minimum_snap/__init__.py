@@ -17,6 +17,14 @@ if TYPE_CHECKING:
     from .time_allocation import TimeAllocation as TimeAllocation
     from .trajectory import Extremes as Extremes, Trajectory as Trajectory
 
+#: Names that modules of other problems import, beside the public ones.
+SHARED = (
+    "bounds.derivative_unit",
+    "polynomials.bernstein_matrix",
+    "polynomials.derived",
+    "polynomials.factorials",
+    "polynomials.gauss_legendre",
+)
 MODELS = {
     "minimum-derivative": ".model:MinimumDerivative",
     "minimum-snap": ".model:MinimumSnap",

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fields import Array, Broadcast, Optional, Whole, declared, frozen
+from ...errors import InvalidData
+from ..fields import Array, Broadcast, Optional, Whole, declared, frozen, show
 from ..model import Model
 from .trajectory import Trajectory
 
@@ -17,8 +18,45 @@ __all__ = ["FREE", "Bound", "Halfspaces", "PathData", "derivative_name", "deriva
 
 Floats = NDArray[np.float64]
 
-#: Stands for a coordinate or derivative that is free; None and JSON's null mean the same.
-FREE = np.inf
+#: Largest magnitude of a coordinate or derivative: squares of larger ones overflow.
+MOST_MAGNITUDE = 1e100
+
+
+class _Free(float):
+    """Type of :data:`FREE`, so that a list distinguishes it from an infinity by accident."""
+
+    def __repr__(self) -> str:
+        return "FREE"
+
+
+#: A coordinate or derivative that is free; None and JSON's null mean the same. It is stored as an
+#: infinity in arrays of floats.
+FREE = _Free("inf")
+
+
+class Coordinates(Array):
+    """Array of coordinates or derivatives; entries may be free."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
+        """Return the checked array; a list that holds an infinity other than FREE is refused."""
+        array = super().coerce(name, value, sizes)
+        free = np.isinf(array)
+        if free.any() and isinstance(value, list | tuple):
+            entries = np.empty(array.shape, object)
+            entries[...] = value
+            for place in np.argwhere(free):
+                entry = entries[tuple(place)]
+                if entry is not None and type(entry) is not _Free:
+                    where = f"[{', '.join(map(str, place))}]"
+                    raise InvalidData(
+                        f"{name}{where} must be finite, or FREE or None for a free coordinate, "
+                        f"got {show(entry)}",
+                        field=name,
+                    )
+        large = ~free & (np.abs(array) > MOST_MAGNITUDE)
+        self._refuse(name, array, large, f"must be within ±{MOST_MAGNITUDE:g}")
+        return array
+
 
 _NAMES = ("position", "velocity", "acceleration", "jerk", "snap", "crackle", "pop")
 
@@ -79,16 +117,18 @@ class PathData(Model[Trajectory]):
     there.
     """
 
-    waypoints: Floats = declared(Array(("knots", "dimensions"), infinity=1))
+    waypoints: Floats = declared(Coordinates(("knots", "dimensions"), infinity=1))
     times: Floats = declared(Array(("knots",)))
     order: int = declared(Whole(1, 8), default=4)
     weights: Floats | None = declared(Optional(Array(("orders",), lower=0)), default=None)
     start: Floats = declared(
-        Optional(Array(("start rows", "dimensions"), infinity=1)), default=None
+        Optional(Coordinates(("start rows", "dimensions"), infinity=1)), default=None
     )
-    end: Floats = declared(Optional(Array(("end rows", "dimensions"), infinity=1)), default=None)
+    end: Floats = declared(
+        Optional(Coordinates(("end rows", "dimensions"), infinity=1)), default=None
+    )
     derivatives: Floats | None = declared(
-        Optional(Array(("knots", "derivative rows", "dimensions"), infinity=1)), default=None
+        Optional(Coordinates(("knots", "derivative rows", "dimensions"), infinity=1)), default=None
     )
     corridor_lower: Floats | None = declared(
         Optional(Broadcast(("knots", "dimensions"), infinity=-1)), default=None

@@ -25,6 +25,10 @@ __all__ = ["MinimumDerivative", "MinimumSnap"]
 Floats = NDArray[np.float64]
 
 
+#: Samples per segment at which two paths are compared.
+SAMPLES = 32
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class MinimumDerivative(PathData):
     """The piecewise polynomial through waypoints with the least ∫ (x^(r))² dt.
@@ -88,6 +92,8 @@ class MinimumDerivative(PathData):
         "legendre": ".models.minimum_snap.formulations.bases:LegendreFormulation",
     }
     default_formulation: ClassVar[str] = "legendre"
+    certifier: ClassVar[str] = "banded"
+    certified_distance: ClassVar[float] = 1e-6
 
     # -- checks ----------------------------------------------------------------------------------
 
@@ -144,6 +150,13 @@ class MinimumDerivative(PathData):
         next derivative.
         """
         return verify_trajectory(self, plan, tolerance)
+
+    def distance(self, plan: Trajectory, other: Trajectory) -> float:
+        """Return the largest distance between two paths at the same time, in the model's widest extent."""
+        shares = np.arange(SAMPLES) / SAMPLES
+        times = self.times[:-1, None] + shares * np.diff(self.times)[:, None]
+        apart = np.abs(plan(times.ravel()) - other(times.ravel())).max()
+        return float(apart / self.position_scale.max())
 
     def plan_to_data(self, plan: Trajectory) -> Any:
         """Return ``{"times": […], "coefficients": [[[…]]]}``."""

@@ -100,6 +100,7 @@ class Banded(Backend):
         if found.outcome is not Outcome.SOLVED:
             seconds = {"solve": clock() - begin}
             if found.outcome is Outcome.NOT_UNIQUE:
+                statistics["unique"] = "no"
                 message = (
                     "some motion costs nothing and moves nothing that is fixed, so there is no "
                     "unique optimum: fix more waypoints or derivatives"

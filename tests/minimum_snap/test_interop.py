@@ -294,3 +294,20 @@ def test_uav_trajectories(name):
     model = MinimumSnap(waypoints=points, times=times)
     found = model.verify(spline(times, points))
     assert found.ok, str(found)
+
+
+@pytest.mark.parametrize("header", ["x,y", "X, Y", "px,py", "east,north", "e,n", "x0,x1", "# x,y"])
+def test_headers_of_waypoints_name_coordinates_in_order(header, tmp_path):
+    file = tmp_path / "way.csv"
+    file.write_text(f"{header}\n1,2\n3,4\n", "utf-8")
+    assert instances.read_waypoints(file).tolist() == [[1, 2], [3, 4]]
+
+
+@pytest.mark.parametrize("header", ["y,x", "x,x", "x,vx", "id,x", "x,radius", "lat,lon", "x1,x2"])
+def test_other_columns_are_not_taken_for_coordinates(header, tmp_path):
+    file = tmp_path / "way.csv"
+    file.write_text(f"{header}\n1,2\n3,4\n", "utf-8")
+    with pytest.raises(
+        InvalidData, match="line 1: must name coordinates in their order, x,y,z,yaw"
+    ):
+        instances.read_waypoints(file)

@@ -1,6 +1,7 @@
 """Minimum-derivative trajectories: the model's data."""
 
 import json
+import math
 import pickle
 from dataclasses import replace
 
@@ -256,3 +257,25 @@ def test_half_spaces_are_distances():
     # A waypoint that is free in one coordinate can be moved inside.
     make(waypoints=[[0, 0], [1, 2], [3, None]], end=np.zeros((0, 2)), polytope_segments=[1],
          polytope_normals=[[1, 1]], polytope_offsets=[4])  # fmt: skip
+
+
+@pytest.mark.parametrize("entry", [math.inf, -math.inf, float("nan"), np.inf])
+def test_an_infinity_in_a_list_is_no_free_coordinate(entry):
+    with pytest.raises(InvalidData, match=r"waypoints\[1, 0\] must be finite"):
+        MinimumSnap([[0], [entry], [1]], [0, 1, 2])
+
+
+@pytest.mark.parametrize("free", [FREE, None])
+def test_a_free_coordinate_is_written_in_words(free):
+    model = MinimumSnap([[0], [free], [1]], [0, 1, 2])
+    assert model.digest == MinimumSnap(np.array([[0], [FREE], [1]]), [0, 1, 2]).digest
+    again = replace(model, times=[0, 1, 3])
+    assert np.isinf(again.waypoints[1, 0])
+    assert MinimumSnap.from_json(model.to_json()).digest == model.digest
+
+
+@pytest.mark.parametrize("waypoints", [[[0], [1e308], [-1e308]], [[0], [2e100], [1]]])
+def test_coordinates_whose_squares_overflow_are_refused(waypoints):
+    """The path was refused by an internal message about its coefficients."""
+    with pytest.raises(InvalidData, match=r"waypoints\[1, 0\] must be within ±1e\+100"):
+        MinimumSnap(waypoints, [0, 1, 2])
