@@ -29,6 +29,8 @@ Floats = NDArray[np.float64]
 _ROUNDING = 1e-9
 #: What stands for the way from the start to the end, which nobody takes.
 _NO_WAY = 1_000_000
+#: Keywords of the format; any other one would change the problem.
+_KNOWN = ("NAME", "TYPE", "COMMENT", "DIMENSION", "EDGE_WEIGHT_TYPE", "EDGE_WEIGHT_FORMAT")
 _HEAD = {"TYPE": "SOP", "EDGE_WEIGHT_TYPE": "EXPLICIT", "EDGE_WEIGHT_FORMAT": "FULL_MATRIX"}
 
 
@@ -151,6 +153,14 @@ def _matrix(file: Path) -> Floats:
             parts.append(_numbers(file, line.split()))
         elif key == "EDGE_WEIGHT_SECTION":
             inside = True
+        elif key and key not in _KNOWN:
+            raise InvalidData(
+                f"{file}: {show(key)} is not supported, and leaving it out would change the problem; "
+                f"allowed before EDGE_WEIGHT_SECTION: {', '.join(_KNOWN)}",
+                field="keyword",
+            )
+        elif key in head and key != "COMMENT":
+            raise InvalidData(f"{file}: {key} must be there once", field=key.lower())
         elif key:
             head[key] = value
     for key, value in _HEAD.items():
@@ -167,7 +177,7 @@ def _matrix(file: Path) -> Floats:
         )
     found = np.concatenate(parts)
     # The section may begin with the dimension, where a matrix has the 0 of its diagonal.
-    if found[:1] == size:
+    if found.size and found[0] == size:
         found = found[1:]
     if found.size != size**2:
         raise InvalidData(

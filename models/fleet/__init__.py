@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from .model import FleetRouting as FleetRouting
     from .plan import FleetPlan as FleetPlan
 
+#: Names that modules of other problems import, beside the public ones.
+SHARED = ("checks.objective_of",)
 MODELS = {"fleet-routing": ".model:FleetRouting"}
 PICTURES = {"fleet-routing": ".plot:draw"}
 

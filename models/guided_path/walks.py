@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from heapq import heapify, heappop, heappush
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -18,6 +19,11 @@ from .data import GuidedPathData
 from .plan import GuidedPathPlan
 
 __all__ = ["kept_order", "length_of", "passed", "reduced", "served"]
+
+
+#: Results of :func:`reduced` for each model, without and with passing: 0.1 to 0.3 s at 5,000 customers.
+_REDUCED: WeakKeyDictionary[GuidedPathData, dict[bool, tuple[GuidedPathData, tuple[int, ...]]]]
+_REDUCED = WeakKeyDictionary()
 
 
 def reduced(
@@ -38,8 +44,15 @@ def reduced(
     -------
     GuidedPathData, tuple of int
         The smaller model, whose relation is all precedence; and the number in `model` of each of its
-        customers, in increasing order after the start's.
+        customers, in increasing order after the start's. They are computed once for each model.
     """
+    results = _REDUCED.setdefault(model, {})
+    if passing not in results:
+        results[passing] = _reduced(model, passing)
+    return results[passing]
+
+
+def _reduced(model: GuidedPathData, passing: bool) -> tuple[GuidedPathData, tuple[int, ...]]:
     x = model.coordinates.tolist()
     before: list[set[int]] = [set() for _ in x]
     after: list[set[int]] = [set() for _ in x]

@@ -10,6 +10,18 @@ if TYPE_CHECKING:
     from .model import ResourceRouting as ResourceRouting
     from .resource import Resource as Resource
 
+#: Names that modules of other problems import, beside the public ones.
+SHARED = (
+    "arc_flow.ResourceFlowFormulation",
+    "route.Route",
+    "route.route_from_data",
+    "route.route_of_indices",
+    "route.route_to_data",
+    "routes.follow",
+    "routes.refuse_revisits",
+    "routes.require_positive",
+    "routes.require_route",
+)
 MODELS = {"resource-routing": ".model:ResourceRouting"}
 PICTURES = {"resource-routing": ".plot:draw"}
 

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 __all__ = ["PrintedSearch", "RoutingBackend"]
 
+#: Points above which a run with a time limit begins with the paper's first stage.
+FEW = 20
+
 
 class RoutingBackend(RouteSearch):
     """Base of the exact native algorithms for one surviving error; a subclass only searches."""
@@ -29,6 +32,10 @@ class RoutingBackend(RouteSearch):
             return ""
         what = "suspect points" if problem.corrections_limit is None else "a limit on corrections"
         return f"{what}: take resource-labelling"
+
+    def starter(self, problem: Any) -> str:
+        """Return the paper's first stage for instances whose search may not end in time."""
+        return "labelling" if len(problem.points) > FEW else ""
 
     def find(
         self, problem: ErrorCorrectionRouting, cutoff: float, request: Request

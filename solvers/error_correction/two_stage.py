@@ -24,6 +24,10 @@ class TwoStage(PrintedSearch, FactorSearch):
     name = "two-stage"
     summary = "the paper's algorithm: labelling for a bound, then pulses below it"
 
+    def starter(self, problem: Any) -> str:
+        """Return no heuristic: the first stage is one."""
+        return ""
+
     def find_as_printed(
         self, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:

@@ -34,7 +34,7 @@ from ...models.fleet import FleetRouting, Objective
 from ...models.fleet.data import LEXICOGRAPHIC
 from .bound_kernels import spanning_tree
 
-__all__ = ["lower_bound"]
+__all__ = ["lower_bound", "trip_bound"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -78,6 +78,24 @@ def lower_bound(model: FleetRouting, flag: Flag) -> float:
         weight = LEXICOGRAPHIC if model.objective is Objective.LEXICOGRAPHIC else 1.0
         value += weight * max(total, proof.prices(total, each=False))
     return value * (1.0 - SAFE) * unit
+
+
+def trip_bound(model: FleetRouting) -> float:
+    """Return the length of the longest trip to one node and back, a lower bound on every objective but the range.
+
+    It takes the shortest paths from the nearest depot and back, one search each way, and is computed before
+    anything that takes longer.
+    """
+    if model.objective is Objective.RANGE:
+        return 0.0
+    distances, homes = model.distances, model.depots
+    trips = _paths(distances[homes].min(axis=0), distances)
+    if model.symmetric:
+        trips *= 2.0
+    else:
+        trips += _paths(distances[:, homes].min(axis=1), distances.T)
+    weight = 1.0 + LEXICOGRAPHIC if model.objective is Objective.LEXICOGRAPHIC else 1.0
+    return weight * float(trips[model.customers].max()) * (1.0 - SAFE)
 
 
 @dataclass

@@ -17,8 +17,9 @@ from ...jit import clock
 from ...models.fleet import Deviation, FleetPlan, FleetRouting, Objective
 from ...models.fleet.checks import loads_of, objective_of
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
-from .bound import lower_bound
+from .bound import lower_bound, trip_bound
 from .search_kernels import anneal, measure
+from .start import first_routes, repair
 
 __all__ = ["FleetSearch"]
 
@@ -38,8 +39,13 @@ STEPS, LEAST, MOST = 250, 500, 50_000
 KEPT = 8
 #: Annealings from scratch of a generation, and rounds without better routes that end it.
 BORN, STALE = 8, 10
+#: Penalty for a violation as large as its limit, in units of mean plus longest load: at first, how it grows
+#: when both annealings of a round end with violations and shrinks when neither does, and at most.
+PENALTY, STRICTER, STRICTEST = 10.0, 2.0, 1e4
 #: Annealings that run side by side, whatever the number of threads, so that it changes no plan.
 ABREAST = 2
+#: Relative excess over a limit that the first routes may have, for sums in another order.
+ROUNDING = 1e-12
 #: By how much an objective must be less to count as such, relative.
 BETTER = 1e-9
 
@@ -80,7 +86,7 @@ class _Data:
         limits = (model.budget, model.deviation_limit, model.range_limit)
         rules = [
             float(CODES[model.objective]), weight, float(divisor), MEAN if flat else 0.0,
-            *(none if limit is None else limit / unit for limit in limits),
+            *(none if limit is None else limit / unit for limit in limits), PENALTY, -none,
         ]  # fmt: skip
 
         def each(limit: Floats | None, scale: float) -> Floats:
@@ -205,6 +211,7 @@ class _Search:
     pool: list[_Routes] = field(default_factory=list)
     best: FleetPlan | None = None
     objective: float = math.inf
+    packing: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     key: tuple[float, float] = (math.inf, math.inf)
     bound: float | None = None
     steps: int = 0
@@ -219,8 +226,7 @@ class _Search:
         self.data = _Data.of(model)
         seeds = np.random.SeedSequence(request.seed or 0).spawn(ABREAST)
         self.draws = [np.random.default_rng(seed) for seed in seeds]
-        if request.warm_start is not None:
-            self.offer(self.routes_of([list(route) for route in request.warm_start.routes]))
+        self.begin()
         # One processor gains nothing by threads.
         threads = min(ABREAST, request.threads or os.cpu_count() or 1)
         with ThreadPoolExecutor(threads) as pool:
@@ -241,11 +247,32 @@ class _Search:
         )  # fmt: skip
 
     @property
+    def ended(self) -> bool:
+        """Whether the run has to end."""
+        return self.request.control.stopped or self.request.left() == 0.0
+
+    @property
     def within_gap(self) -> bool:
         """Whether the best routes are proven to be as good as was asked."""
         if self.best is None or self.bound is None:
             return False
         return self.objective - self.bound <= self.request.gap * abs(self.objective)
+
+    def begin(self) -> None:
+        """Compute the bound that takes the least time, and the first routes."""
+        model, request = self.model, self.request
+        if request.options["bound"]:
+            self.prove(trip_bound(model))
+        self.packing = np.random.default_rng(np.random.SeedSequence([request.seed or 0, 1]))
+        if request.warm_start is not None:
+            self.offer(self.routes_of([list(route) for route in request.warm_start.routes]))
+            return
+        routes = first_routes(model, self.packing, lambda: self.ended)
+        if routes is not None:
+            plan = FleetPlan(tuple(map(tuple, routes)))
+            checked = model.verify(plan, tolerance=ROUNDING)
+            if checked.ok and checked.objective is not None:
+                self.keep(plan, checked.objective)
 
     def search(self, threads: ThreadPoolExecutor) -> None:
         """Anneal in rounds: each generation from scratch at first, then what was kept, recombined."""
@@ -261,28 +288,47 @@ class _Search:
             return routes.anneal(self.data, hot, steps, flag, draw)
 
         while idle < options["patience"] and not self.within_gap:
-            if request.control.stopped or request.left() == 0.0:
+            if self.ended:
                 return
             jobs = [self.drawn(draw) for draw in self.draws]
             self.steps += sum(threads.map(work, jobs))
             self.rounds += 1
             before = self.pool[0].key if self.pool else None
             better = [self.offer(routes) for routes, _, _ in jobs]
+            better += [self.repair(routes) for routes, _, _ in jobs]
             improved |= any(better)
+            self.weigh([routes.key[0] > 0.0 for routes, _, _ in jobs])
             stale = 0 if self.pool[0].key != before else stale + 1
-            if self.rounds == 1 and options["bound"]:
-                self.prove()  # when there is something to fall back upon
+            if self.rounds == 1 and options["bound"] and not self.within_gap:
+                begin = clock()
+                self.prove(lower_bound(self.model, flag))  # once routes are known
+                self.proving += clock() - begin
             if stale >= STALE and self.born >= BORN:
                 idle = 0 if improved else idle + 1
                 self.pool.clear()
                 self.born, stale, improved = 0, 0, False
 
-    def prove(self) -> None:
-        """Prove a lower bound."""
-        begin = clock()
-        control = self.request.control
-        self.bound = control.bound = lower_bound(self.model, control.flag)
-        self.proving = clock() - begin
+    def prove(self, bound: float) -> None:
+        """Report a lower bound, and end annealing once it is reached."""
+        control, data = self.request.control, self.data
+        control.prove(bound)
+        self.bound = max(bound, self.bound or 0.0)
+        unit = float(self.model.distances.max()) or 1.0
+        data.rules[8] = self.bound / (1.0 - min(self.request.gap, 0.5)) / unit
+
+    def weigh(self, broken: list[bool]) -> None:
+        """Raise the penalty if all annealings ended with violations, lower it if none did."""
+        if all(broken):
+            self.data.rules[7] = min(self.data.rules[7] * STRICTER, STRICTEST)
+        elif not any(broken):
+            self.data.rules[7] = max(self.data.rules[7] / STRICTER, PENALTY)
+
+    def repair(self, routes: _Routes) -> bool:
+        """Offer annealed routes without their overload; return whether they are the best so far."""
+        if not (routes.carried > self.data.capacity).any():
+            return False
+        fixed = repair(self.model, routes.lists(self.data), self.packing, lambda: self.ended)
+        return fixed is not None and self.offer(self.routes_of(fixed))
 
     def drawn(self, draw: np.random.Generator) -> tuple[_Routes, float, np.random.Generator]:
         """Return routes to anneal, and how hot: none yet, or two of those kept, recombined."""
@@ -339,6 +385,10 @@ class _Search:
         if routes.key[0] > 0.0:
             return first
         objective = objective_of(self.model, loads_of(self.model, plan))
+        return self.keep(plan, objective)
+
+    def keep(self, plan: FleetPlan, objective: float) -> bool:
+        """Keep a plan if it is the best so far; return whether it is."""
         if not objective < self.objective - BETTER * abs(self.objective) and self.best is not None:
             return False
         self.best, self.objective = plan, objective

@@ -23,8 +23,6 @@ __all__ = ["SUM", "anneal", "measure"]
 
 #: Codes of the objectives.
 SUM, MAX, DEVIATION, RANGE, VARIANCE = 0, 1, 2, 3, 5
-#: Energy of breaking a limit, in objectives for each breach as large as the limit.
-PENALTY = 10.0
 #: Probability of passing over a place in recreate (the paper's "blink").
 BLINK = 0.01
 #: The same for the range alone, which longer ways may lessen.
@@ -42,7 +40,8 @@ def measure(
     """Return energy, objective, and how much limits are broken, of the lengths of routes.
 
     `rules` holds the objective's code, q, the divisor in the deviation, the share of the mean load in
-    the energy, and the limits on sum, deviation and range.
+    the energy, the limits on sum, deviation and range, the penalty for a violation as large as its
+    limit in units of mean plus longest load, and the objective at which annealing ends.
     """
     m = loads.size
     total, most, least = 0.0, -math.inf, math.inf
@@ -78,7 +77,7 @@ def measure(
     else:
         objective = most + rules[1] * total
     energy = objective + rules[3] * mean
-    return energy + PENALTY * broken * (mean + most), objective, broken
+    return energy + rules[7] * broken * (mean + most), objective, broken
 
 
 @kernel
@@ -318,7 +317,7 @@ def anneal(
     cooling = (cold / hot) ** (1.0 / max(steps, 1))
     heat = hot * energy
     done = 0
-    while done < steps and not flag[0]:
+    while done < steps and not flag[0] and not (best_broken == 0.0 and best <= rules[8]):
         done += 1
         heat *= cooling
         count = _ruin(

@@ -27,6 +27,8 @@ from ...models.fleet.data import LEXICOGRAPHIC, Deviation, FleetData, Objective
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from .bound import trip_bound
+from .start import first_routes
 
 __all__ = ["SubsetDP", "shortest_tours"]
 
@@ -34,6 +36,10 @@ Floats = NDArray[np.float64]
 
 #: Customers and vehicles at the most: 3^15 pairs of a set and a part of it take a second a vehicle.
 MOST = 15
+#: Customers up to which the tables take less than about a second.
+SOON = 10
+#: Customers up to which the tables take milliseconds.
+FEW = 6
 #: Share of a limit that sums of lengths in another order may differ by.
 _ROUNDING = 1e-12
 
@@ -65,6 +71,10 @@ class SubsetDP(Backend):
         if problem.q > most and vehicles > 1:
             return f"it takes q up to {most:.6g}, beyond which a detour may pay, got {problem.q:g}"
         return ""
+
+    def starter(self, problem: Any) -> str:
+        """Return the search for fleets whose tables take seconds."""
+        return "fleet-search" if len(problem.customers) > SOON else ""
 
     def run(self, problem: FleetRouting, request: Request) -> Answer:
         """Solve, and say how the search ended."""
@@ -131,7 +141,8 @@ class _Search:
     def __init__(self, model: FleetRouting, request: Request) -> None:
         self.model, self.control = model, request.control
         self.plan: FleetPlan | None = None
-        self.value, self.bound, self.done = math.inf, -math.inf, False
+        self.value, self.bound, self.done = math.inf, trip_bound(model), False
+        self.floor = self.bound
         self.statistics: dict[str, float | int | str] = {"programs over subsets": 0}
         self.ways: dict[int, tuple[Floats, Floats]] = {}
         customers, homes = model.customers, model.homes
@@ -159,18 +170,32 @@ class _Search:
     def solve(self) -> None:
         """Find the best plan; what a stop leaves undone leaves `done` False."""
         objective = self.model.objective
+        self._start()
         least = self._sum(math.inf)
         if least is None:
             return
         self.bound = least  # of the sum; replaced where the objective is another
         if objective in (Objective.MAX, Objective.LEXICOGRAPHIC):
-            self.bound = -math.inf
+            self.bound = self.floor
             if math.isfinite(least) and not self._longest(least):
                 return
         elif objective is Objective.DEVIATION and self.model.q > 0 and math.isfinite(least):
             if not self._spread():
                 return
         self.done = True
+
+    def _start(self) -> None:
+        """Keep the first routes, which a stop before the tables are full leaves as the plan."""
+        if len(self.model.customers) <= FEW:
+            return
+        routes = first_routes(self.model, np.random.default_rng(0), lambda: self.control.stopped)
+        if routes is None:
+            return
+        plan = FleetPlan(tuple(map(tuple, routes)))
+        checked = self.model.verify(plan, tolerance=_ROUNDING)
+        if checked.ok and checked.objective is not None:
+            self.plan, self.value = plan, checked.objective
+            self.control.incumbent(self.value, plan)
 
     def _sum(self, limit: float) -> float | None:
         """Return the least sum with routes up to `limit`, infinite beyond the budget; None if stopped."""
@@ -224,7 +249,7 @@ class _Search:
                 high, held = middle, found
             else:
                 low = middle + 1
-                self.bound = float(lengths[low])
+                self.bound = max(self.floor, float(lengths[low]))
         self.bound = float(lengths[high])
         if self.model.objective is Objective.LEXICOGRAPHIC:
             # A longer route may pay as far as the sum can fall for it.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,8 @@ ROOM, TRACE = 16, 200_000_000
 SHARE = 3
 #: Customers that matter above which the paper's Algorithm 6 finds better tours than the first beams.
 MANY = 300
+#: Customers above which a run with a time limit begins with the paper's Algorithm 6.
+LARGE = 60
 #: Share of a bound left for the rounding of lengths that no unit divides.
 SAFE = 1e-12
 
@@ -83,6 +85,10 @@ class AStar(Backend):
         )
     }
     summary = "exact, by bounds on how often each gap is crossed; ours"
+
+    def starter(self, problem: Any) -> str:
+        """Return the paper's Algorithm 6 for tours that an exact search may not end on in time."""
+        return "insert-nearest" if problem.size > LARGE else ""
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Solve, and say how the search ended."""
@@ -171,9 +177,9 @@ class _Search:
 
     def solve(self) -> None:
         """Search until the plan is proven, or stopped."""
-        self.start(self.model.sorted_customers)
         if self.request.warm_start is not None:
             self.start(self.request.warm_start.order)
+        self.start(self.model.sorted_customers)
         if len(self.kept) > MANY:
             merged = self.request.within(InsertIndex(), self.model, options={"passing": True}).point
             if merged is not None:

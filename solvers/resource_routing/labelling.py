@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from .elementary import Found
+    from .start import Start
 
 __all__ = ["ResourceLabelling"]
 
@@ -26,6 +27,8 @@ __all__ = ["ResourceLabelling"]
 FIRST, RISE, LAST = 0.004, 2.2, 8.0
 #: The same for the straight line, below which few points are taken first.
 LEAST, GROWTH = 0.02, 4.0
+#: By how much the longest route of interest exceeds the known one, relative.
+MARGIN = 1e-9
 #: What rounding adds to a length, relative.
 SLACK = 1e-12
 
@@ -53,17 +56,29 @@ class ResourceLabelling(RouteSearch):
     ) -> tuple[Found, Mapping[str, float | int | str]]:
         """Return the best route no longer than `cutoff`, and the number of arcs.
 
-        Where all pairs of points are arcs, points far from the straight line are left out first.
+        If all pairs of points are arcs, points far from the straight line are left out first. A run with
+        a time limit begins with searches that keep few labels per point, see :mod:`.start`; it returns
+        their route if it is stopped.
         """
-        from .outcomes import NOTHING
+        import numpy as np
 
+        from .outcomes import FOUND, NOTHING
+        from .start import Start
+
+        start = Start(problem, request)
         made = settled = 0
         for rows, proven, ceiling in _stages(problem, cutoff):
-            found, arcs = _under(problem, rows, ceiling, request.control.flag)
+            found, arcs = _under(problem, rows, ceiling, request.control.flag, start)
             made, settled = made + found.made, settled + found.settled
+            known = start.route is not None and start.length * (1.0 + MARGIN) <= ceiling
+            if found.status == NOTHING and known:
+                # Rounding hides the known route, which no route is shorter than.
+                found = replace(found, status=FOUND)
             bound = max(found.bound, min(proven, found.length))
             if found.status != NOTHING:
                 break
+        if start.route is not None and not found.route.size and found.status != NOTHING:
+            found = replace(found, route=np.array(start.route.route), length=start.length)
         return replace(found, made=made, settled=settled, bound=bound), {"arcs": arcs}
 
 
@@ -98,7 +113,11 @@ def _stages(
 
 
 def _under(
-    problem: ResourceRouting, rows: NDArray[np.int64], cutoff: float, flag: NDArray[np.int8]
+    problem: ResourceRouting,
+    rows: NDArray[np.int64],
+    cutoff: float,
+    flag: NDArray[np.int8],
+    start: Start,
 ) -> tuple[Found, int]:
     """Return the best route through `rows` no longer than `cutoff`, and the number of arcs."""
     import numpy as np
@@ -114,6 +133,8 @@ def _under(
         return Found(STOPPED, np.empty(0, np.int64), math.inf, 0.0, 0, 0), 0
     ahead = np.ascontiguousarray(lengths_to(net, np.array([net.end]))[:, 0])
     least = float(ahead[net.start])
+    start.search(net, ahead, rows)
+    cutoff = min(cutoff, start.length * (1.0 + MARGIN))
 
     def search(critical: NDArray[np.int64], proven: float) -> Found:
         bits = np.full(len(ahead), -1)

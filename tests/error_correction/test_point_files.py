@@ -84,6 +84,17 @@ def test_the_contests_file_is_read_as_it_is(form, rows, tmp_path):
     assert table.ids is None
 
 
+def test_sheets_that_are_not_read_are_named(tmp_path, caplog):
+    file = workbook(tmp_path / "points.xlsx", ROWS)
+    book = openpyxl.load_workbook(file)
+    book.create_sheet("empty")
+    book.create_sheet("limits").append(["theta", 30])
+    book.save(file)
+    with caplog.at_level(logging.WARNING, "crosstrack"):
+        assert len(ec.read_points(file).points) == len(ROWS)
+    assert "points.xlsx: only the sheet 'Sheet' is read, not 'limits'" in caplog.text
+
+
 def test_columns_that_are_not_used_are_named(tmp_path, caplog):
     file = workbook(tmp_path / "points.xlsx", [TITLE, HEADER, *ROWS])
     with caplog.at_level(logging.WARNING, "crosstrack"):

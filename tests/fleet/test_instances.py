@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -225,7 +226,7 @@ def test_lorries(tmp_path):
         ("DIMENSION: 3", "DIMENSION: 99999999999", "DIMENSION must be a whole number"),
         ("DIMENSION: 3", "DIMENSION: 3.5", "DIMENSION must be a whole number"),
         ("DIMENSION: 3", "DIMENSION: three", "DIMENSION must be a whole number"),
-        ("EUC_2D", "GEO", "EDGE_WEIGHT_TYPE must be EUC_2D or EXPLICIT, got 'GEO'"),
+        ("EUC_2D", "XRAY1", "EDGE_WEIGHT_TYPE must be one of EUC_2D, .*, EXPLICIT, got 'XRAY1'"),
         ("2 3.0 4e0", "2 3.0 west", "NODE_COORD_SECTION must hold numbers"),
         ("2 3.0 4e0", "2 3.0 nan", "NODE_COORD_SECTION must hold 3 × 2 finite numbers"),
         ("2 3.0 4e0", "2 3.0", "NODE_COORD_SECTION must hold"),
@@ -277,6 +278,89 @@ def test_bad_files_of_vrplib(old, new, message, tmp_path):
     path = written(tmp_path, LORRIES.replace(old, new), "bad-k2.vrp")
     with pytest.raises(InvalidData, match=message):
         read_vrplib(path)
+
+
+BURMA = """16.47 96.10 16.47 94.44 20.09 92.54 22.39 93.37 25.23 97.24 22.00 96.05 20.47 97.02
+17.20 96.29 16.30 97.38 14.05 98.12 16.53 97.38 21.52 95.59 19.41 97.13 20.09 94.55"""
+ULYSSES = """38.24 20.42 39.57 26.15 40.56 25.32 36.26 23.12 33.48 10.54 37.56 12.19 38.42 13.11 37.52 20.44
+41.23 9.10 41.17 13.05 36.08 -5.21 38.47 15.13 38.15 15.35 37.51 15.17 35.49 14.32 39.36 19.56"""
+
+
+@pytest.mark.parametrize(("numbers", "optimum"), [(BURMA, 3323), (ULYSSES, 6859)])
+def test_geographical_distances_have_the_published_optima(numbers, optimum, tmp_path):
+    """TSPLIB's burma14 and ulysses16."""
+    places = np.array(numbers.split(), float).reshape(-1, 2)
+    rows = "\n".join(f"{k} {x} {y}" for k, (x, y) in enumerate(places.tolist(), 1))
+    text = f"DIMENSION: {len(places)}\nEDGE_WEIGHT_TYPE: GEO\nNODE_COORD_SECTION\n{rows}\nEOF\n"
+    model = read_tsplib(written(tmp_path, text), 1, objective="sum")
+    assert ct.solve(model, "subset-dp").primal_bound == optimum
+
+
+def test_rounded_types_of_distances(tmp_path):
+    for kind, apart in (("CEIL_2D", [5, 2, 7]), ("ATT", [2, 1, 2])):
+        model = read_tsplib(written(tmp_path, EUCLIDEAN.replace("EUC_2D", kind)), 2)
+        assert model.costs[np.triu_indices(3, 1)].tolist() == apart
+
+
+@pytest.mark.parametrize(
+    "part",
+    ["TIME_WINDOW_SECTION\n1 0 9\n2 0 9\n3 0 9\n4 0 9", "SERVICE_TIME : 10", "BACKHAUL_SECTION\n2 1",
+     "SERVICE_TIME_SECTION\n1 0\n2 1\n3 1\n4 1", "PRIZE_SECTION\n1 0\n2 9\n3 9\n4 9",
+     "RELEASE_TIME_SECTION\n1 0\n2 1\n3 1\n4 1", "MUTUALLY_EXCLUSIVE_GROUP_SECTION\n1 2 3",
+     "VEHICLES_DEPOT_SECTION\n1 1", "LINEHAUL_SECTION\n2 1", "VEHICLES_FIXED_COST_SECTION\n1 5",
+     "CAPACITY_SECTION\n1 5", "FIXED_EDGES_SECTION\n1 2\n-1", "VEHICLES_MAX_DURATION : 4",
+     "NEW_THING : 1", "TYPE : VRPTW", "NODE_COORD_TYPE : THREED_COORDS", "CAPACITY : 11"],
+)  # fmt: skip
+def test_what_the_model_does_not_express_is_refused_by_name(part, tmp_path):
+    """The sections were left out, and another problem was solved."""
+    path = written(
+        tmp_path, LORRIES.replace("DEMAND_SECTION", f"{part}\nDEMAND_SECTION"), "a-k2.vrp"
+    )
+    with pytest.raises(InvalidData, match=part.split()[0]):
+        read_vrplib(path)
+    with pytest.raises(InvalidData):
+        read_tsplib(path, 2)
+
+
+@pytest.mark.parametrize("key", ["DISTANCE", "VEHICLES_MAX_DISTANCE"])
+def test_a_limit_on_the_length_is_the_battery(key, tmp_path):
+    path = written(tmp_path, LORRIES.replace("CAPACITY", f"{key} : 42.5\nCAPACITY"), "a-k2.vrp")
+    assert read_vrplib(path).battery.tolist() == [42.5, 42.5]
+    assert read_vrplib(path, battery=50).battery.tolist() == [50, 50]
+
+
+def test_a_file_of_vehicles_is_no_tour(tmp_path):
+    with pytest.raises(InvalidData, match="TYPE must be one of TSP, ATSP"):
+        read_tsplib(written(tmp_path, LORRIES), 2)
+    with pytest.raises(InvalidData, match="nothing may follow EOF"):
+        read_vrplib(written(tmp_path, LORRIES.replace("EOF", "EOF\n1 2 3"), "a-k2.vrp"))
+
+
+ROUTES = Path(__file__).resolve().parents[3] / "shared" / "data" / "fleet-vrplib"
+
+
+@pytest.mark.skipif(not ROUTES.exists(), reason="../shared/data/fleet-vrplib is absent")
+def test_every_public_file_is_read_whole_or_refused_by_name():
+    expressed = {"E-n22-k4.txt"}
+    for path in sorted(ROUTES.rglob("*")):
+        if path.suffix not in (".vrp", ".txt"):
+            continue
+        asked = set(re.findall(r"^ *([A-Z_]+)", path.read_text(), re.M)) - {
+            "NAME",
+            "COMMENT",
+            "EOF",
+        }
+        plain = asked <= {
+            "TYPE", "DIMENSION", "EDGE_WEIGHT_TYPE", "EDGE_WEIGHT_FORMAT", "NODE_COORD_SECTION",
+            "EDGE_WEIGHT_SECTION", "CAPACITY", "VEHICLES", "DEMAND_SECTION", "DEPOT_SECTION",
+            "VEHICLES_MAX_DISTANCE",
+        }  # fmt: skip
+        if path.parent.name == "CVRP" or path.name in expressed:
+            assert plain
+            assert read_vrplib(path, use_all=False).size > 1
+        elif not plain:
+            with pytest.raises(InvalidData, match=r"is not supported|must be one of|SERVICE_TIME"):
+                read_vrplib(path, use_all=False)
 
 
 def test_files_that_are_not_there(tmp_path):

@@ -144,6 +144,10 @@ def test_public_matrices_are_no_lines(path):
         (" 0  2  5", " 0 -1  5", "node 1 must come first"),
         ("0  7  2", "0  7 -1", "node 4 last"),
         (SOP, "", "TYPE must be SOP, got None"),
+        ("TYPE: SOP", "TYPE: SOP\nCAPACITY: 3", "'CAPACITY' is not supported"),
+        ("TYPE: SOP", "TYPE: SOP\nTYPE: SOP", "TYPE must be there once"),
+        (SOP[SOP.index("EDGE_WEIGHT_SECTION") + 19 :], "", "must hold 4 × 4 numbers, got 0"),
+        ("EOF", "TIME_WINDOW_SECTION\n1 0 5\nEOF", "finite numbers, got 'TIME_WINDOW_SECTION'"),
     ],
 )
 def test_bad_files_of_tsplib(old, new, message, tmp_path):

@@ -98,7 +98,7 @@ def test_an_interrupted_search_proves_little_and_nothing_wrong(listed):
     assert (listed or answer.dual_bound > 0) and answer.dual_bound <= best.primal_bound
     for seconds in (1e-6, 1e-4, 1e-3, 3e-3, 1e-2):
         found = ct.solve(model, NAME, time_limit=seconds)
-        assert found.termination in ("no_solution", "optimal")
+        assert found.termination in ("no_solution", "feasible", "optimal")
         assert found.dual_bound is None or found.dual_bound <= best.primal_bound
 
 

@@ -128,3 +128,15 @@ def test_pictures(model, route, axes):
     figure = ct.plot(model, route)
     assert len(figure.get_axes()) == axes
     figure.canvas.draw()
+
+
+@pytest.mark.parametrize("rate", [1e-9, 1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_a_resource_of_any_rate_is_used_up(rate, share):
+    """A check without rates up to 1e-3 passed all tests."""
+    limit = 5.0 * rate
+    model = ResourceRouting(
+        ("start", "end"), (Resource("charge", rate, limits={"end": limit}),), 0, 1,
+        points=[[0.0, 0.0], [5.0 * share, 0.0]],
+    )  # fmt: skip
+    assert model.verify(Route((0, 1))).ok == (share < 1)

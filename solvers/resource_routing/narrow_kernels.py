@@ -1,0 +1,113 @@
+"""A search for some route with resources that keeps few labels per point, as a start of the exact search."""
+
+from __future__ import annotations
+
+from heapq import heappop, heappush
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from .label_kernels import Labels, dominated, extend, grown, make, route_of
+from .network import Network
+
+__all__ = ["narrow"]
+
+
+@kernel
+def use_of(net: Network, labels: Labels, label: int) -> float:
+    """Return the largest share that a level of `label` has of what may leave its point."""
+    share, point = 0.0, labels.point[label]
+    for k in range(labels.level.shape[1]):
+        most = net.most[point, k]
+        if 0.0 < most < np.inf:
+            share = max(share, labels.level[label, k] / most)
+    return share
+
+
+@kernel
+def passes(labels: Labels, label: int, point: int) -> bool:
+    """Return whether the route of `label` visits `point`."""
+    while label >= 0:
+        if labels.point[label] == point:
+            return True
+        label = labels.parent[label]
+    return False
+
+
+@kernel(interpretable=True)
+def narrow(
+    net: Network,
+    ahead: NDArray[np.float64],
+    width: int,
+    weight: float,
+    revisits: bool,
+    ceiling: float,
+    flag: NDArray[np.int8],
+) -> tuple[NDArray[np.int64], float]:
+    """Return the first route that a best-first search with at most `width` labels per point reaches.
+
+    Parameters
+    ----------
+    net : Network
+        Arcs, limits and resets.
+    ahead : ndarray, shape (n,)
+        The least length from each point to the end; inf if it cannot be reached.
+    width : int
+        Labels extended per point.
+    weight : float
+        Weight of the largest used share of a resource in the order of the search, in lengths of the
+        shortest way from start to end.
+    revisits : bool
+        Whether routes may visit a point twice.
+    ceiling : float
+        Length that a route must be below.
+    flag : ndarray of int8, shape (1,)
+        A nonzero entry stops the search.
+
+    Returns
+    -------
+    route : ndarray of int64
+        Points from start to end, empty if no route was found.
+    length : float
+        Its length, inf if no route was found.
+    """
+    count, resources = len(ahead), len(net.initial)
+    heads, extended = np.full(count, -1), np.zeros(count, np.int64)
+    bits, via = np.full(count, -1), np.zeros((count, 0))
+    room = 2 * count + 1024
+    labels = make(room, resources, 0)
+    labels.point[0], labels.parent[0], labels.length[0] = net.start, -1, 0.0
+    for k in range(resources):
+        labels.level[0, k] = net.initial[k]
+    scale = weight * ahead[net.start]
+    used = 1
+    heap = [(0.0, 0)]
+    if ahead[net.start] == np.inf:
+        heap.clear()
+    while len(heap) > 0 and flag[0] == 0:
+        _, label = heappop(heap)
+        here = labels.point[label]
+        if here == net.end:
+            return route_of(labels, label), labels.length[label]
+        if extended[here] >= width or dominated(labels, heads, label, via, np.inf):
+            continue
+        extended[here] += 1
+        labels.following[label] = heads[here]
+        heads[here] = label
+        begin, stop = net.first[here], net.first[here + 1]
+        if used + stop - begin >= room:
+            room = 2 * (used + stop - begin)
+            labels = grown(labels, used, room)
+        for arc in range(begin, stop):
+            there = net.head[arc]
+            if ahead[there] == np.inf or extended[there] >= width:
+                continue
+            if not extend(net, labels, used, label, arc, bits):
+                continue
+            key = labels.length[used] + ahead[there]
+            if key >= ceiling or (not revisits and passes(labels, label, there)):
+                continue
+            heappush(heap, (key + scale * use_of(net, labels, used), used))
+            used += 1
+    return np.empty(0, np.int64), np.inf

@@ -1,0 +1,83 @@
+"""The first routes of the exact search: what searches with few labels per point find."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.resource_routing.model import ResourceRouting
+from ...models.resource_routing.route import Route
+from ..backend import Request
+from .narrow_kernels import narrow
+from .network import Network
+
+__all__ = ["Start"]
+
+#: Labels per point, from search to search. With 4 the routes through 100 × 100 crossings are within 2 % of
+#: the bound after 0.03 s, with 64 after 0.6 s.
+WIDTHS = (1, 4, 16, 64)
+#: Weights of the resources in the order of a search: the second one if the first finds no route.
+WEIGHTS = (0.0, 0.3)
+#: Points above which a run with a time limit begins with these searches.
+FEW = 20
+#: Shares of the time limit after which no search begins if a route is known, and after which all end.
+IMPROVING, SEEKING = 0.1, 0.5
+
+
+@dataclass
+class Start:
+    """The best route of the searches with few labels per point, and its length.
+
+    Parameters
+    ----------
+    problem : ResourceRouting
+        The model.
+    request : Request
+        Time limit and control of the run; without a time limit nothing is searched.
+    """
+
+    problem: ResourceRouting
+    request: Request
+    route: Route | None = None
+    length: float = math.inf
+
+    def search(self, net: Network, ahead: NDArray[np.float64], rows: NDArray[np.int64]) -> None:
+        """Search `net`, unless a route is known, and report each shorter route.
+
+        Parameters
+        ----------
+        net : Network
+            The arcs between the points `rows`.
+        ahead : ndarray, shape (n,)
+            The least length from each of them to the end.
+        rows : ndarray of int64, shape (n,)
+            The points.
+        """
+        whole, control = self.request.time_limit, self.request.control
+        if whole is None or self.route is not None or len(self.problem.kinds) <= FEW:
+            return
+        with control.stage(SEEKING * whole) as part:
+            for width in WIDTHS:
+                for weight in WEIGHTS:
+                    route, _ = narrow(
+                        net, ahead, width, weight, self.problem.revisits, self.length, part.flag
+                    )
+                    if route.size:
+                        self._keep(Route(tuple(rows[route].tolist())))
+                    if part.stopped:
+                        return
+                    if self.route is not None:
+                        break
+                if self.route is not None and part.progress.seconds > IMPROVING * whole:
+                    return
+
+    def _keep(self, route: Route) -> None:
+        checked = self.problem.verify(route)
+        value = checked.objective
+        if not checked.ok or checked.within_tolerance or value is None or value >= self.length:
+            return
+        self.route, self.length = route, value
+        self.request.control.incumbent(value, route)
