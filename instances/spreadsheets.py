@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import logging
 import os
 import zipfile
 from collections.abc import Callable, Iterator
@@ -18,6 +19,10 @@ __all__ = ["read_columns", "table_rows", "xlsx_rows"]
 
 #: Bytes that a file may hold, packed and unpacked, and rows and columns that are read of its sheet.
 PACKED, UNPACKED, ROWS, COLUMNS = 32 << 20, 256 << 20, 200_000, 64
+#: Rows of the other sheets that are looked at.
+GLANCE = 100
+
+log = logging.getLogger("crosstrack")
 
 
 def read_columns(
@@ -98,7 +103,8 @@ def table_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
 def xlsx_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
     """Yield the number and the cells, as text, of every row of the first sheet that is not blank.
 
-    A formula counts as the value that Excel stored with it; links to other files are not followed.
+    A formula is read as the value that Excel stored with it; links to other files are not followed. If
+    other sheets hold something, the log ``crosstrack`` names them in a warning.
 
     Raises
     ------
@@ -119,6 +125,12 @@ def xlsx_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
     try:
         with file.open("rb") as stream:
             book = openpyxl.load_workbook(stream, read_only=True, data_only=True, keep_links=False)
+            unread = [sheet.title for sheet in book.worksheets[1:] if _holds_something(sheet)]
+            if unread:
+                log.warning(
+                    "%s: only the sheet %r is read, not %s",
+                    file, book.worksheets[0].title, ", ".join(map(repr, unread)),
+                )  # fmt: skip
             # One row and one column more than allowed, so that they are found and not cut off.
             rows = book.worksheets[0].iter_rows(
                 max_row=ROWS + 1, max_col=COLUMNS + 1, values_only=True
@@ -140,6 +152,12 @@ def xlsx_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
         raise InvalidData(
             f"{file}: cannot be read as an Excel file (.xlsx): {type(error).__name__}: {error}"
         ) from None
+
+
+def _holds_something(sheet: Any) -> bool:
+    """Return whether one of the first cells of a sheet is not empty."""
+    rows = sheet.iter_rows(max_row=GLANCE, max_col=COLUMNS, values_only=True)
+    return any(cell is not None for row in rows for cell in row)
 
 
 def _require_bounded(file: Path) -> None:

@@ -37,6 +37,11 @@ if TYPE_CHECKING:
         write_paths_geojson as write_paths_geojson,
     )
 
+#: Names that modules of other problems import, beside the public ones.
+SHARED = (
+    "maps.resolve_references",
+    "paper.PAPER",
+)
 CATALOGUE = {"grid-path": ".listing:catalogue_entries"}
 PAPERS = {"grid-path": ".paper:PAPER"}
 REFERENCES = {"grid-path": ".maps:resolve_references"}

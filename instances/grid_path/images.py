@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import warnings
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,23 @@ from ...errors import BackendMissing, InvalidData
 from ...files import LARGEST_FILE, as_path
 from ...models.fields import Real
 from ...models.grid_path.gridmap import MOST, GridMap
+from ...models.records import Member
 
 __all__ = ["SUFFIXES", "read_image"]
 
 #: What Pillow decodes by itself; others, such as EPS, it hands to further programs.
 _FORMATS = ("PNG", "BMP", "GIF", "JPEG", "PPM", "WEBP")
+#: Brightness of a cell that no sensor has seen, in maps of ROS (``map_saver``).
+UNKNOWN = 205 / 255
 #: What names of such files end in.
 SUFFIXES = (".png", ".bmp", ".gif", ".jpg", ".jpeg", ".pgm", ".pbm", ".ppm", ".webp")
+
+
+class Unknown(StrEnum):
+    """State of cells that no sensor has seen."""
+
+    BLOCKED = "blocked"  #: paths keep away from them
+    FREE = "free"  #: paths may cross them
 
 
 def read_image(
@@ -31,8 +42,12 @@ def read_image(
     origin: ArrayLike = (0.0, 0.0),
     upward: bool = False,
     threshold: float = 0.5,
+    unknown: str = "blocked",
 ) -> GridMap:
     """Return the map in an image: dark pixels are blocked cells.
+
+    The map savers of ROS write cells that no sensor has seen with the gray 205. These cells are
+    blocked as well, unless `unknown` says otherwise.
 
     Parameters
     ----------
@@ -47,6 +62,8 @@ def read_image(
         Whether y grows upward: then the lowest line of pixels is row 0, else the highest.
     threshold : float
         Brightness below which a pixel is blocked: 0 is black, 1 white.
+    unknown : {"blocked", "free"}
+        State of pixels of the gray 205 of 255 in images of 8 bits.
 
     Raises
     ------
@@ -64,6 +81,7 @@ def read_image(
         ) from None
     file = as_path(path)
     bound = Real(0, 1).coerce("threshold", threshold, {})
+    state = Member(Unknown).coerce("unknown", unknown, {})
     raw = _bytes(file)
     try:
         with warnings.catch_warnings():
@@ -83,9 +101,12 @@ def read_image(
             f"{file}: cannot be read as an image: {type(error).__name__}: {error}", field="map"
         ) from None
     blocked = bright < bound
+    unseen = np.abs(bright - UNKNOWN) < 1e-9
+    blocked |= unseen & (state is Unknown.BLOCKED)
     if blocked.all():
         raise InvalidData(
-            f"{file}: no pixel is as bright as the threshold {bound:g}, so no cell is free",
+            f"{file}: no pixel is as bright as the threshold {bound:g}, so no cell is free"
+            + (" (gray 205 is unknown: unknown='free' makes it free)" if unseen.any() else ""),
             field="map",
         )
     return GridMap(blocked[::-1] if upward else blocked, cell, origin, upward)  # type: ignore[arg-type]

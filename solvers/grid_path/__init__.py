@@ -1,5 +1,7 @@
 """Shortest paths on a grid; the loops are compiled by Numba."""
 
+#: Names that modules of other problems import, beside the public ones.
+SHARED = ("smoothing.smooth",)
 BACKENDS = {
     "a-star": ".exact:AStar",
     "dijkstra": ".exact:Dijkstra",

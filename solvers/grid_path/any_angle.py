@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,9 @@ from .smoothing import without_collinear
 __all__ = ["AnyAngle"]
 
 Floats = NDArray[np.float64]
+
+#: Cells above which a run with a time limit begins with a shortened path along neighbours.
+LARGE = 40_000
 
 
 class AnyAngle(AnyDirection):
@@ -27,6 +31,10 @@ class AnyAngle(AnyDirection):
     guarantee = Guarantee.EXACT
     features = frozenset({Feature.GAP, Feature.DUAL_BOUND, Feature.INTERRUPT})
     summary = "shortest paths in any direction, by A* over corners in sight; ours"
+
+    def starter(self, problem: Any) -> str:
+        """Return the shortened path along neighbours for maps whose search may not end in time."""
+        return "shortcut-greedy" if problem.map.blocked.size > LARGE else ""
 
     def leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
         """Search, and walk back from the goal."""

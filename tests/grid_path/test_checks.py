@@ -27,3 +27,23 @@ def test_a_path_along_the_edge_of_the_map_beside_a_blocked_cell_is_found():
     around = GridPlan(([[0.5, 0.5], [1, 1], [2, 1], [2.5, 0.5]],))
     assert not model.verify(along).ok
     assert model.verify(around).ok
+
+
+@pytest.mark.parametrize("cell", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("blocked", [(0, 1), (1, 0)])
+def test_a_diagonal_step_beside_a_blocked_cell_is_found(cell, blocked):
+    """Both cells beside the corner must be free, whichever of them is blocked."""
+    rows = [["." for _ in range(3)] for _ in range(3)]
+    free = {
+        "map": {"blocked": ["".join(row) for row in rows], "cell": cell},
+        "start": (0, 0),
+        "goals": (1, 1),
+    }
+    rows[blocked[0]][blocked[1]] = "@"
+    cut = {**free, "map": {"blocked": ["".join(row) for row in rows], "cell": cell}}
+    centre = [[0.5 * cell, 0.5 * cell], [1.5 * cell, 1.5 * cell]]
+    assert GridPath(**free, connectivity="8").verify(GridPlan((centre,))).ok
+    found = GridPath(**cut, connectivity="8").verify(GridPlan((centre,)))
+    assert "steps to neighbours" in [check.name for check in found.violated]
+    four = GridPath(**free, connectivity="4").verify(GridPlan((centre,)))
+    assert "steps to neighbours" in [check.name for check in four.violated]

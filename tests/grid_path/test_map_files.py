@@ -239,6 +239,19 @@ def test_bad_images(raw, message, tmp_path):
     assert str(caught.value).startswith(str(file))
 
 
+@pytest.mark.parametrize("suffix", [".pgm", ".png"])
+def test_cells_that_no_sensor_has_seen_are_blocked_by_default(suffix, tmp_path):
+    """Maps of ROS: 254 is free, 0 occupied and 205 unknown."""
+    file = saved(np.array([[254, 205, 0], [254, 204, 206]], np.uint8), tmp_path / f"a{suffix}")
+    assert read_image(file).data()["blocked"] == [".@@", "..."]
+    assert read_grid(file, unknown="free").data()["blocked"] == ["..@", "..."]
+    with pytest.raises(InvalidData, match="unknown must be one of"):
+        read_image(file, unknown="maybe")
+    unseen = saved(np.full((2, 2), 205, np.uint8), tmp_path / f"b{suffix}")
+    with pytest.raises(InvalidData, match="unknown='free'"):
+        read_image(unseen)
+
+
 def test_images_that_are_no_maps(tmp_path, monkeypatch):
     dark = saved(np.zeros((2, 2), np.uint8), tmp_path / "dark.png")
     with pytest.raises(

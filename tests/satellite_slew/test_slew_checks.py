@@ -112,3 +112,28 @@ def test_a_limit_is_its_own_scale(steered, size):
         assert scales[name].scale == scales[name].limit == size
         assert scales[name].tolerance == pytest.approx(1e-6 * size)
     assert scales["initial body rates"].scale == scales["body rates integrated anew"].scale == size
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.1, 0.25])
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_the_reserve_is_taken_off_both_limits(steered, margin, share):
+    """The torque limit could be checked without its reserve, and no test noticed."""
+    checks = {
+        check.name.partition(",")[0]: check for check in SatelliteSlew().verify(steered.plan).checks
+    }
+    phase = steered.plan.phases[0]
+    assert phase is not None
+    for field, name in (
+        ("torque_limit", "control torque limit"),
+        ("gimbal_rate_limit", "gimbal rate limit"),
+    ):
+        small = {field: 1e-3}
+        over = {
+            c.name.partition(",")[0]: c for c in SatelliteSlew(**small).verify(steered.plan).checks
+        }[name]
+        largest = over.worst + 1e-3
+        assert checks[name].worst == 0.0
+        model = SatelliteSlew(**{field: largest / (1 - margin) / share}, margin=margin)
+        found = {c.name.partition(",")[0]: c for c in model.verify(steered.plan).checks}[name]
+        assert found.ok == (share < 1), (field, found)
+        assert found.limit == pytest.approx(largest / share)

@@ -134,9 +134,9 @@ def test_options_are_checked_and_a_search_stops():
         ct.solve(SatelliteSlew(), LAWS[0], backend_options={"peak_rate": 2.0})
     with pytest.raises(UnsupportedOption, match="damping"):
         ct.solve(SatelliteSlew(), LAWS[0], backend_options={"damping": 1.0})
-    begin = time.perf_counter()
+    before, begin = threading.active_count(), time.perf_counter()
     found = ct.solve(SatelliteSlew(), LAWS[1], time_limit=0.2, isolate=False)
     assert found.limit == "time"
     assert found.termination == "no_solution"
     assert time.perf_counter() - begin < 5
-    assert threading.active_count() < 20
+    assert threading.active_count() < before + 10
