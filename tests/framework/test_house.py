@@ -18,6 +18,7 @@ import crosstrack
 MAY_LOAD = {
     "cli": {"click"},
     "errors": set(),
+    "compilation": {"numba"},
     "jit": {"numba"},
     "lazy": set(),
     "version": set(),

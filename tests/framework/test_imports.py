@@ -1,17 +1,19 @@
 """The arrows between modules: downward only, and never in a circle."""
 
 import ast
+import importlib
 import re
 
 import pytest
 from imports import circles, graph, imported, modules
 
 #: What each room may import of the package, itself and the leaves at the root included.
-LEAVES = {"errors", "jit", "lazy", "version"}
+LEAVES = {"compilation", "errors", "jit", "lazy", "version"}
 MAY_IMPORT = {
     "errors": set(),
     "files": {"errors"},
-    "jit": set(),
+    "compilation": set(),
+    "jit": {"compilation"},
     "lazy": set(),
     "version": set(),
     "models": {*LEAVES, "models"},
@@ -20,6 +22,9 @@ MAY_IMPORT = {
     # Campaigns run what the catalogue holds: they stand above both, and no other module imports them.
     "bench": {*LEAVES, "files", "models", "instances", "solvers", "bench"},
 }
+
+
+ROOMS = ("instances", "models", "solvers")
 
 
 def room_of(module):
@@ -61,25 +66,10 @@ def test_a_circle_is_found():
 
 
 def test_a_problem_imports_no_other_problem_but_its_public_names(checkout):
-    """A problem that stands on another uses what the other's folder exports, or shares a kit."""
+    """A name is public if the folder of the other problem exports it, or lists it as SHARED."""
     from crosstrack.models.problems import PROBLEMS
 
-    allowed = {
-        # A slew is an optimal control problem: its plan, checks and pictures are that problem's.
-        ("satellite_slew", "optimal_control"),
-        # The path of a robot is one of the functions of a black box.
-        ("black_box", "grid_path"),
-        # A fleet's distances are those of paths on a map, and a mission is both and a trajectory.
-        ("fleet", "grid_path"),
-        ("fleet_mission", "grid_path"),
-        ("fleet_mission", "fleet"),
-        ("fleet_mission", "minimum_snap"),
-        # Errors that are corrected are resources that are reset: its routes are that problem's.
-        ("error_correction", "resource_routing"),
-        # Where a vehicle is to find its way, the true map is one that paths are found on.
-        ("unknown_grid", "grid_path"),
-    }
-    wrong = []
+    wrong, used = [], set()
     for module, package, tree in modules(checkout):
         parts = module.split(".")
         if len(parts) < 3 or parts[2] not in PROBLEMS:
@@ -87,18 +77,26 @@ def test_a_problem_imports_no_other_problem_but_its_public_names(checkout):
         for node in ast.walk(tree):
             for name in imported(node, package):
                 other = name.split(".")
-                if (
-                    len(other) > 2
-                    and other[0] == "crosstrack"
-                    and other[2] in PROBLEMS
-                    and other[2] != parts[2]
-                    and (parts[2], other[2]) not in allowed
-                ):
+                foreign = other[0] == "crosstrack" and len(other) > 2 and other[2] in PROBLEMS
+                if not foreign or other[2] == parts[2]:
+                    continue
+                folder = importlib.import_module(".".join(other[:3]))
+                inner = ".".join(other[3:])
+                used.add((folder.__name__, inner))
+                exported = other[-1] in getattr(folder, "__all__", ())
+                if not exported and inner not in getattr(folder, "SHARED", ()):
                     wrong.append(f"{module} line {node.lineno} imports {name}")
     assert not wrong, "\n".join(wrong)
+    rooms = [f"crosstrack.{room}.{one}" for room in ROOMS for one in PROBLEMS]
+    offered = {
+        (folder, name)
+        for folder in rooms
+        for name in getattr(importlib.import_module(folder), "SHARED", ())
+    }
+    assert offered <= used, f"SHARED, but no other problem uses it: {sorted(offered - used)}"
 
 
-@pytest.mark.parametrize("room", ["instances", "models", "solvers"])
+@pytest.mark.parametrize("room", ROOMS)
 def test_every_problem_has_its_folder(room, checkout):
     from crosstrack.models.problems import PROBLEMS
 

@@ -1,0 +1,253 @@
+"""Break the checks of plans one line at a time, and show that the tests notice.
+
+A verification that no test guards may be weakened by any edit. This script applies small faults
+(mutations) to the modules that hold the checks, a fault at a time, and runs the tests of that
+problem. A mutation that no test notices has survived; all must die. The faults are drawn from every
+place that could be changed, evenly over the functions and by a seed, so that two runs agree::
+
+    python tests/mutations.py                  # about 120 mutations, every problem: an hour or two
+    python tests/mutations.py grid_path fleet  # some problems
+    python tests/mutations.py grid_path --list # what would be changed
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+#: Modules with checks apart from each problem's ``checks.py``, and functions of them; None for all.
+MODULES: dict[str, tuple[str, ...]] = {
+    "attractor/model.py": ("verify",),
+    "black_box/model.py": ("verify",),
+    "minimum_snap/knots.py": ("*",),
+    "minimum_snap/time_allocation.py": ("verify",),
+    "satellite_slew/flight.py": ("*",),
+    "sideslip/model.py": ("verify",),
+}
+#: Mutations that change no verdict, as ``file:old source -> new source``: the reason for each.
+EQUIVALENT: dict[str, str] = {}
+#: Mutations for each problem unless the command line names another number.
+SHARE = 9
+#: Seconds for the tests of one mutation.
+PATIENCE = 900
+
+_SWAPS: dict[type[ast.AST], type[ast.AST]] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
+    ast.And: ast.Or, ast.Or: ast.And, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
+    ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt,
+    ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
+}  # fmt: skip
+_CALLS = {"max": "min", "min": "max", "maximum": "minimum", "minimum": "maximum",
+          "argmax": "argmin", "any": "all", "all": "any"}  # fmt: skip
+#: Keywords and positions of a check's numbers, which get a value that hides every violation.
+_WORST = {"Check": 2, "scaled": 2}
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """One fault: which text of a file becomes which other text."""
+
+    file: str
+    line: int
+    old: str
+    new: str
+    begin: int
+    end: int
+    function: str
+
+    @property
+    def key(self) -> str:
+        """Name of the mutation that does not depend on the line."""
+        return f"{self.file}:{self.old} -> {self.new}"
+
+    def apply(self, text: str) -> str:
+        """Return the file's text with the fault."""
+        raw = text.encode()
+        return (raw[: self.begin] + self.new.encode() + raw[self.end :]).decode()
+
+
+def find_mutations(path: Path, functions: tuple[str, ...] = ("*",)) -> list[Mutation]:
+    """Return every mutation of the functions of the file at `path`."""
+    text = path.read_text("utf-8")
+    tree = ast.parse(text)
+    starts = [0]
+    for line in text.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line.encode()))
+    raw = text.encode()
+    found: dict[tuple[int, str], Mutation] = {}
+    for function in ast.walk(tree):
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        if "*" not in functions and function.name not in functions:
+            continue
+        for node, new in _faults(function):
+            begin = starts[node.lineno - 1] + node.col_offset  # type: ignore[attr-defined]
+            end = starts[node.end_lineno - 1] + node.end_col_offset  # type: ignore[attr-defined]
+            old = raw[begin:end].decode()
+            if ast.dump(ast.parse(new, mode="eval")) != ast.dump(
+                ast.parse(f"({old})", mode="eval")
+            ):
+                line = node.lineno  # type: ignore[attr-defined]
+                name = path.relative_to(ROOT).as_posix()
+                found[begin, new] = Mutation(name, line, old, new, begin, end, function.name)
+    return list(found.values())
+
+
+def _faults(function: ast.FunctionDef) -> Iterator[tuple[ast.AST, str]]:
+    """Yield the expressions of `function` with the source of a faulty one each."""
+    for node in _expressions(function):
+        if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in _SWAPS:
+            other = ast.unparse(node)
+            copy = ast.parse(other, mode="eval").body
+            assert isinstance(copy, ast.BinOp | ast.BoolOp)
+            copy.op = _SWAPS[type(node.op)]()  # type: ignore[assignment]
+            yield node, f"({ast.unparse(copy)})"
+        elif isinstance(node, ast.Compare) and type(node.ops[0]) in _SWAPS:
+            copy = ast.parse(ast.unparse(node), mode="eval").body
+            assert isinstance(copy, ast.Compare)
+            copy.ops[0] = _SWAPS[type(node.ops[0])]()  # type: ignore[assignment]
+            yield node, f"({ast.unparse(copy)})"
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.Invert):
+            yield node, f"({ast.unparse(node.operand)})"
+        elif isinstance(node, ast.Call):
+            name = node.func.id if isinstance(node.func, ast.Name) else None
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else name
+            if name in _CALLS:
+                copy = ast.parse(ast.unparse(node), mode="eval").body
+                assert isinstance(copy, ast.Call)
+                if isinstance(copy.func, ast.Name):
+                    copy.func.id = _CALLS[name]
+                else:
+                    copy.func.attr = _CALLS[name]  # type: ignore[attr-defined]
+                yield node, ast.unparse(copy)
+            elif name in ("abs", "fabs") and len(node.args) == 1:
+                yield node, f"({ast.unparse(node.args[0])})"
+            elif name in _WORST and len(node.args) > _WORST[name]:
+                yield node.args[_WORST[name]], "0.0"
+
+
+def _expressions(function: ast.FunctionDef) -> Iterator[ast.AST]:
+    """Yield the nodes of a body, without annotations, defaults and messages."""
+    todo: list[ast.AST] = list(function.body)
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.FunctionDef | ast.JoinedStr | ast.Raise):
+            continue
+        if isinstance(node, ast.AnnAssign):
+            todo += [node.value] if node.value is not None else []
+            continue
+        yield node
+        todo += ast.iter_child_nodes(node)
+
+
+def choose_mutations(problem: str, number: int, seed: int = 1) -> list[Mutation]:
+    """Return `number` mutations of a problem's checks: every check's violation, then a draw."""
+    folder = ROOT / "models" / problem
+    every: list[Mutation] = []
+    if (folder / "checks.py").exists():
+        every += find_mutations(folder / "checks.py")
+    for name, functions in MODULES.items():
+        if name.startswith(f"{problem}/"):
+            every += find_mutations(ROOT / "models" / name, functions)
+    every = [one for one in every if one.key not in EQUIVALENT]
+    blind = [one for one in every if one.new == "0.0"]
+    rest = [one for one in every if one.new != "0.0"]
+    random.Random(seed).shuffle(rest)
+    # Functions take turns, so that a long one does not take every place.
+    turns: dict[str, int] = {}
+    order = []
+    for one in rest:
+        name = f"{one.file}:{one.function}"
+        turns[name] = turns.get(name, 0) + 1
+        order.append((turns[name], one))
+    order.sort(key=lambda pair: pair[0])
+    return [*blind, *(one for _, one in order)][: max(number, len(blind))]
+
+
+def run_tests(problem: str, mutation: Mutation, folder: Path) -> tuple[bool, float, str]:
+    """Return whether the tests of `problem` fail with `mutation`, the seconds, and the test."""
+    target = folder / "crosstrack" / "models" / Path(mutation.file).relative_to("models")
+    original = target.read_text("utf-8")
+    begin = time.perf_counter()
+    target.write_text(mutation.apply(original), "utf-8")
+    tests = sorted((ROOT / "tests" / problem).glob("test_*.py"))
+    # Tests of checks come first: most mutations die there within seconds.
+    tests.sort(key=lambda path: ("check_limits" not in path.name, "check" not in path.name))
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "--tb=no",
+               "-p", "no:cacheprovider", "-m", "not slow", *map(str, tests)]  # fmt: skip
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        done = subprocess.run(
+            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
+        )  # fmt: skip
+        dead, said = done.returncode == 1, done.stdout
+        assert done.returncode in (0, 1, 2), done.stdout + done.stderr
+        dead = dead or done.returncode == 2
+    except subprocess.TimeoutExpired:
+        dead, said = True, "FAILED the tests take too long"
+    finally:
+        target.write_text(original, "utf-8")
+    failed = [line for line in said.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return dead, time.perf_counter() - begin, failed[0].split(" - ")[0] if failed else ""
+
+
+def main() -> int:
+    """Run the command line; the exit code is 1 if a mutation survived."""
+    parser = argparse.ArgumentParser(description="Break the checks of plans and run their tests")
+    parser.add_argument("problems", nargs="*", help="folders in models/; all by default")
+    parser.add_argument("--number", type=int, default=SHARE, help="mutations for each problem")
+    parser.add_argument("--seed", type=int, default=1, help="of the draw")
+    parser.add_argument("--list", action="store_true", help="show the mutations and run nothing")
+    parser.add_argument("--json", type=Path, help="file for the table")
+    options = parser.parse_args()
+    every = sorted(path.parent.name for path in (ROOT / "models").glob("*/checks.py"))
+    every = sorted({*every, *(name.split("/")[0] for name in MODULES)})
+    unknown = set(options.problems) - set(every)
+    if unknown:
+        parser.error(f"no problem {min(unknown)!r}; known: {', '.join(every)}")
+    rows: list[dict[str, object]] = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "crosstrack").mkdir()
+        for path in ROOT.iterdir():
+            if path.name == "models":
+                ignored = shutil.ignore_patterns("__pycache__")
+                shutil.copytree(path, folder / "crosstrack" / "models", ignore=ignored)
+            elif not path.name.startswith(".") and path.name != "tests":
+                (folder / "crosstrack" / path.name).symlink_to(path)
+        for problem in options.problems or every:
+            for mutation in choose_mutations(problem, options.number, options.seed):
+                old = " ".join(mutation.old.split())
+                head = f"{mutation.file}:{mutation.line} {old} -> {mutation.new}"
+                if options.list:
+                    print(head)
+                    continue
+                dead, seconds, test = run_tests(problem, mutation, folder)
+                state = "died" if dead else "SURVIVED"
+                print(f"{state:8} {seconds:6.1f} s  {head}  {test}", flush=True)
+                rows.append({
+                    "file": mutation.file, "line": mutation.line, "old": mutation.old,
+                    "new": mutation.new, "died": dead, "test": test,
+                })  # fmt: skip
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=1) + "\n", "utf-8")
+    survivors = sum(not row["died"] for row in rows)
+    if not options.list:
+        print(f"{len(rows)} mutations, {len(rows) - survivors} died, {survivors} survived")
+    return 1 if survivors else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
