@@ -4,11 +4,17 @@ Importing Numba takes half a second and compiling many; small problems need neit
 :data:`BUDGET` seconds that a process spends in kernels are interpreted, by the same source and with
 the same results, bit for bit. A kernel that uses the budget up starts again, compiled, and from then
 on every kernel compiles at its first call, or is loaded from the cache on disk.
+
+A run with a wall-clock limit (:func:`within`) compiles a kernel only if that is expected to fit in
+the time left. Otherwise the kernel is interpreted until the limit, and a background process compiles
+it for later runs (:mod:`crosstrack.compilation`).
 """
 
 from __future__ import annotations
 
+import ctypes
 import logging
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -17,17 +23,23 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar, cast, overload
 
+from . import compilation
+
 log = logging.getLogger("crosstrack")
 
 __all__ = [
     "BUDGET",
     "MOST_LABELS",
     "Kernel",
+    "Limit",
+    "OutOfTime",
     "clock",
     "compile_always",
+    "end_interpretation",
     "interpreting",
     "kernel",
     "watched",
+    "within",
 ]
 
 #: Labels of one search above which it gives up rather than fill the memory: about 3 GB.
@@ -42,6 +54,12 @@ _MOST = 30_000
 _PER_BYTECODE = 1.5e-3
 #: Seconds of silence, after which a person is told what takes so long.
 _SILENCE = 1.0
+#: Seconds for importing Numba, and for each kernel that is loaded from the cache, as measured.
+_IMPORT, _LOAD = 0.8, 0.03
+#: Share of the time left that compiling may be expected to take: other processes may slow it down.
+_SHARE = 0.15
+#: Seconds that an interpreted kernel may run beyond the limit, to return what it has.
+_GRACE = 0.3
 
 F = TypeVar("F", bound=Callable[..., Any])
 Watcher = Callable[[], AbstractContextManager[Any]]
@@ -57,13 +75,59 @@ class _BudgetUsedUp(Exception):
     """Raised by the kernels that an interpreted one calls, and caught where that was called."""
 
 
-class _Here(threading.local):
-    """When the kernel that this thread interprets must end; 0 where it interprets none."""
+class OutOfTime(Exception):
+    """An interpreted kernel has reached the wall-clock limit of its run."""
 
+
+class _DoesNotFit(Exception):
+    """Compiling is expected to take more time than is left."""
+
+
+class _Here(threading.local):
+    """State of the thread: the kernel being interpreted, and the limits of the run."""
+
+    #: End of the budget for the kernel that is being interpreted; 0 if none is.
     deadline = 0.0
+    #: Limit for the kernel that is interpreted because compiling takes too long, and when it began.
+    stretched: Limit | None = None
+    begun = 0.0
+    #: The limit of the run in this thread.
+    limit: Limit | None = None
+
+
+class Limit:
+    """Wall-clock limit of one run.
+
+    Parameters
+    ----------
+    seconds : float, optional
+        Seconds from now; None for no limit.
+    share : float
+        Share of them that interpreted kernels may use, in 0..1.
+
+    Attributes
+    ----------
+    interpreted : set of str
+        Names of the kernels that were interpreted because compiling does not fit.
+    """
+
+    def __init__(self, seconds: float | None, share: float = 1.0) -> None:
+        begin = perf_counter()
+        whole = float("inf") if seconds is None else seconds
+        self.end, self.interpretation_end = begin + whole, begin + share * whole
+        self.interpreted: set[str] = set()
+
+    @property
+    def is_interpreted_too_long(self) -> bool:
+        """Whether kernels have used up the time for interpretation."""
+        return bool(self.interpreted) and perf_counter() > self.interpretation_end
 
 
 _here = _Here()
+#: Limits of all runs of the process; a helper thread of a run, which has none itself, takes the last.
+_limits: list[Limit] = []
+#: Threads in kernels that :data:`_Here.stretched` interprets.
+_stretching: set[int] = set()
 
 
 class Kernel:
@@ -83,6 +147,10 @@ class Kernel:
             if perf_counter() > deadline:
                 raise _BudgetUsedUp
             return self.py_func(*arguments)
+        if _here.stretched is not None:
+            if perf_counter() > max(_here.stretched.interpretation_end, _here.begun) + _GRACE:
+                raise OutOfTime
+            return self.py_func(*arguments)
         if not self._ready:
             if self.interpretable and _left > 0.0 and _is_small(arguments):
                 import numpy as np
@@ -97,8 +165,46 @@ class Kernel:
                 finally:
                     _here.deadline = 0.0
                     _left -= perf_counter() - begin
-            self._compile(arguments)
-        return self.dispatcher(*arguments)
+        try:
+            if not self._ready:
+                self._compile(arguments)
+            return self.dispatcher(*arguments)
+        except _DoesNotFit:
+            return self._stretch(arguments)
+
+    def _stretch(self, arguments: tuple[Any, ...]) -> Any:
+        """Interpret the loop until the limit of the run, and have it compiled in the background."""
+        limit = _limit()
+        limit.interpreted.add(self.py_func.__name__)
+        compilation.request(self.py_func.__module__, self.py_func.__qualname__, arguments)
+        import numpy as np
+
+        thread = threading.get_ident()
+        _stretching.add(thread)
+        _here.stretched, _here.begun = limit, perf_counter()
+        try:
+            with np.errstate(all="ignore"):
+                return self.py_func(*arguments)
+        finally:
+            _here.stretched = None
+            _stretching.discard(thread)
+
+    def _require_time(self, arguments: tuple[Any, ...] | None) -> None:
+        """Raise unless the time left is enough to compile for `arguments`, or to load what was."""
+        left = _limit().end - perf_counter()
+        if left == float("inf"):
+            return
+        called = _called(self)
+        size = sum(len(kernel.py_func.__code__.co_code) // 2 for kernel in called)
+        seconds = 0.0 if "numba" in sys.modules else _IMPORT
+        if left <= seconds + _LOAD * len(called):
+            raise _DoesNotFit
+        if seconds + _PER_BYTECODE * size <= _SHARE * left:
+            return
+        with _compiling:  # Numba's registries are not safe for threads
+            known = arguments is not None and compilation.is_cached(self.dispatcher, arguments)
+        if not known:
+            raise _DoesNotFit
 
     @cached_property
     def dispatcher(self) -> Any:
@@ -124,7 +230,12 @@ class Kernel:
             made = numba.njit(**how)(self.py_func)
         later = getattr(made, "_compile_for_args", None)
         if later is not None:  # what Numba calls for arguments of other types than those met before
-            made._compile_for_args = lambda *args, **kws: self._timed(partial(later, *args, **kws))
+
+            def compile_for(*arguments: Any, **keywords: Any) -> Any:
+                self._require_time(None if keywords else arguments)
+                return self._timed(partial(later, *arguments, **keywords))
+
+            made._compile_for_args = compile_for
         return made
 
     @cached_property
@@ -132,8 +243,14 @@ class Kernel:
         """What Numba asks of a name that compiled code calls."""
         return _type_of_callee()(self.dispatcher)
 
+    def compile_for(self, arguments: tuple[Any, ...]) -> None:
+        """Compile for the types of `arguments` without running the loop."""
+        compile_always()
+        self._compile(arguments)
+
     def _compile(self, arguments: tuple[Any, ...]) -> None:
         """Compile for the types of `arguments`, or load what was, while the watchers wait."""
+        self._require_time(arguments)
 
         def work() -> None:
             import numba
@@ -259,6 +376,37 @@ def compile_always() -> None:
     """Compile every kernel at its first call from now on, for whoever measures."""
     global _left
     _left = 0.0
+
+
+def _limit() -> Limit:
+    """Return the limit of the run that this thread works for."""
+    limit = _here.limit or (_limits[-1] if _limits else None)
+    return _UNLIMITED if limit is None else limit
+
+
+_UNLIMITED = Limit(None)
+
+
+@contextmanager
+def within(limit: Limit) -> Iterator[None]:
+    """Apply `limit` to the kernels that this thread calls, and the helper threads of its run."""
+    former, _here.limit = _here.limit, limit
+    _limits.append(limit)
+    try:
+        yield
+    finally:
+        _limits.remove(limit)
+        _here.limit = former
+
+
+def end_interpretation(thread: int) -> None:
+    """Raise :class:`OutOfTime` in a thread that interprets a kernel beyond its limit.
+
+    Only a loop that calls no other kernel and polls no flag needs it.
+    """
+    if thread in _stretching:
+        error = ctypes.py_object(OutOfTime)
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), error)
 
 
 @contextmanager

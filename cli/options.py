@@ -67,6 +67,9 @@ tolerance = click.option(
     type=float,
     help="Largest violation accepted, relative to each constraint's scale (default: 1e-6).",
 )
+memory_limit = click.option(
+    "--memory-limit", type=float, help="MiB that a run may hold in memory, at least 64 (Linux)."
+)
 _READING: list[Callable[..., Any]] = [
     click.option(
         "--data",
@@ -91,6 +94,7 @@ _READING: list[Callable[..., Any]] = [
 _COMMON: list[Callable[..., Any]] = [
     click.option("--formulation", help="Formulation for backends that take programs."),
     click.option("--time-limit", type=float, help="Seconds for a run, building included."),
+    memory_limit,
     click.option("--gap", type=float, help="Relative gap at which an exact backend may stop."),
     tolerance,
     click.option("--seed", type=int, help="Seed for backends that draw."),

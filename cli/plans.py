@@ -18,6 +18,7 @@ from .options import (
     details,
     draw,
     in_process,
+    memory_limit,
     only,
     pairs,
     picture_path,
@@ -166,6 +167,7 @@ def export(
     show_default=True,
     help="Seconds for each program solved.",
 )
+@memory_limit
 @in_process
 @as_json
 def diagnose(
@@ -174,6 +176,7 @@ def diagnose(
     backend: str | None,
     formulation: str | None,
     time_limit: float,
+    memory_limit: float | None,
     in_process: bool,
     as_json: bool,
 ) -> int:
@@ -188,7 +191,9 @@ def diagnose(
         search = partial(
             diagnosis.diagnose, model, backend, formulation=formulation, time_limit=time_limit
         )
-        if in_process:
+        if memory_limit is not None:
+            found = search(memory_limit=memory_limit)
+        elif in_process:
             found = search()
         else:
             with Worker() as worker:

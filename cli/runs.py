@@ -20,6 +20,7 @@ from .options import (
     details,
     draw,
     in_process,
+    memory_limit,
     numbers,
     only,
     pairs,
@@ -91,7 +92,7 @@ def solve(
     with progress(f"{instance}: {backend}") as news:
         solution = dispatch.solve(
             model,
-            chosen,
+            "auto" if auto else chosen,
             warm_start=start,
             starts=starts,
             isolate=False if in_process else None if is_plain(chosen) else True,
@@ -230,6 +231,7 @@ def compare(
 )
 @click.option("--first", help="The first objective of a sweep, such as sum.")
 @click.option("--time-limit", type=float, help="Seconds for each run (default: 60).")
+@memory_limit
 @click.option("--formulation", help="Formulation for backends that take programs.")
 @click.option("--gap", type=float, help="Relative gap at which an exact backend may stop.")
 @click.option("--seed", type=int, help="Seed for backends that draw.")

@@ -132,6 +132,35 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         """Whether :meth:`refined`, once it has said None, did so as nothing is missing."""
         return True
 
+    def counterpart(self, point: NDArray[np.float64]) -> Formulation[ModelT, PlanT] | None:
+        """Return another approximation of the model, started at `point`, whose optimum must agree.
+
+        The default is None: an approximation without a counterpart is accepted as it is.
+        """
+        return None
+
+    def compared(
+        self, point: NDArray[np.float64], objective: float, tolerance: float
+    ) -> Self | None:
+        """Return a finer formulation if the optimum at `point` differs from the counterpart's.
+
+        Parameters
+        ----------
+        point : ndarray
+            An optimum of :attr:`program` for which :meth:`refined` returned None.
+        objective : float
+            Objective of the counterpart's optimum.
+        tolerance : float
+            Largest violation that may stay, scaled as the model's verification scales it.
+
+        Returns
+        -------
+        Formulation, optional
+            None if the two agree, or if no finer formulation is allowed; then :attr:`settled` is
+            False.
+        """
+        return None
+
     @property
     def history(self) -> tuple[Mapping[str, Any], ...]:
         """A row for each program so far, of the same names and JSON values; empty where none is told."""

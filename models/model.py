@@ -56,6 +56,11 @@ class Model(Declared, ABC, Generic[PlanT]):
     agreement : float, optional
         Largest :meth:`distance` at which two plans agree, for models that no backend proves
         anything of, such as estimation; None where plans are judged by bounds alone.
+    certifier : str
+        Name of the exact backend whose plan other backends' optimal plans are compared with, for models
+        whose objective hides the shape of the plan; empty without one.
+    certified_distance : float
+        Largest :meth:`distance` to the certified plan at which a plan is accepted as optimal.
     rivals : bool
         Whether all backends answer one question, so that one plan can be the best of all; where each
         estimates something else, comparisons rank nobody by objectives.
@@ -77,6 +82,8 @@ class Model(Declared, ABC, Generic[PlanT]):
     default_formulation: ClassVar[str] = ""
     objective_unit: ClassVar[str] = ""
     agreement: ClassVar[float | None] = None
+    certifier: ClassVar[str] = ""
+    certified_distance: ClassVar[float] = math.inf
     rivals: ClassVar[bool] = True
     plan_type: ClassVar[type] = object
     second_objectives: ClassVar[dict[str, str]] = {}
@@ -354,6 +361,11 @@ class Model(Declared, ABC, Generic[PlanT]):
     def preferred_formulation(self) -> str:
         """The formulation that this very model takes when none is named: one of :attr:`formulations`."""
         return self.default_formulation
+
+    @property
+    def preferred_backend(self) -> str:
+        """The backend that ``"auto"`` takes for this very model if it can; empty for the usual order."""
+        return ""
 
     @property
     def prefers_native(self) -> bool:

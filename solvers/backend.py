@@ -281,6 +281,14 @@ class Backend(ABC):
         """
         return ""
 
+    def starter(self, problem: Any) -> str:
+        """Return the heuristic of the same problem whose plan a run with a time limit begins with.
+
+        It gets a share of the time, and its plan is the answer if the run has no better one. Empty
+        for none: runs that end soon need no heuristic.
+        """
+        return ""
+
     #: Whether no other exact backend can do what this one cannot, so that ``"auto"`` does not go on.
     conclusive: ClassVar[bool] = False
 

@@ -103,6 +103,7 @@ def compare(
     formulation: str | None = None,
     formulation_options: Mapping[str, Any] | None = None,
     time_limit: float | None = 60.0,
+    memory_limit: float | None = None,
     grace: float = GRACE,
     gap: float | None = None,
     tolerance: float | None = None,
@@ -134,7 +135,10 @@ def compare(
     formulation, formulation_options : optional
         For the backends that take programs.
     time_limit : float, optional
-        Seconds for each job, the building of the program included.
+        Seconds for each job, with the building of the program. Compiling is not counted: only the
+        first run of a backend has it, and :attr:`Solution.seconds` reports it apart.
+    memory_limit : float, optional
+        MiB that the processes of a job may hold in memory, at least 64; Linux only.
     grace : float
         Seconds beyond it before the worker is killed with its process group.
     gap, tolerance : float, optional
@@ -196,6 +200,7 @@ def compare(
         "formulation_options": given("formulation_options", formulation_options),
         "time_limit": time_limit, "gap": gap, "tolerance": tolerance, "seed": seed, "threads": threads,
         "evaluations": evaluations, "target_value": target, "compiled": compiled,
+        "memory_limit": memory_limit,
     }  # fmt: skip
     known = {_name_of(backend) for backend in backends}
     for name in own:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,6 +17,8 @@ from ..models.programs.linear import QuadraticProgram
 from ..models.verification import TOLERANCE, check_number
 from .backend import Backend, Guarantee, Termination
 from .dispatch import solve
+from .isolation import Worker
+from .job import check_memory
 from .registry import find_backend, recommended
 from .solution import Solution
 
@@ -119,6 +122,7 @@ def diagnose(
     *,
     formulation: str | None = None,
     time_limit: float | None = 60.0,
+    memory_limit: float | None = None,
 ) -> Diagnosis:
     """Say why `model` has no plan, in the paper's words.
 
@@ -136,6 +140,9 @@ def diagnose(
         The formulation to filter; ``"paper"`` unless another is named.
     time_limit : float, optional
         Seconds for each search, or program that the filter solves.
+    memory_limit : float, optional
+        MiB that the diagnosis may hold in memory, at least 64; Linux only. It then runs in a worker
+        process.
 
     Returns
     -------
@@ -146,10 +153,22 @@ def diagnose(
     ------
     UnsupportedFormulation
         The backend is not exact, or takes no program.
+    WorkerFailure
+        The memory limit is reached.
     """
     model = as_model(model)
     if time_limit is not None:
         check_number("time_limit", time_limit)
+    if memory_limit is not None:
+
+        def work() -> dict[str, Any]:
+            options: dict[str, Any] = {"formulation": formulation, "time_limit": time_limit}
+            return diagnose(model, backend, **options).to_dict()
+
+        with Worker() as worker:
+            return Diagnosis.from_dict(
+                worker.call(work, deadline=math.inf, memory_limit=check_memory(memory_limit))
+            )
     searches = table(__package__, "DIAGNOSES")
     if backend is None and formulation is None and model.kind in searches:
         native: Callable[[Any, float | None], Diagnosis] = resolve(searches[model.kind])

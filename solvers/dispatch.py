@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from ..errors import UnsupportedOption
@@ -12,7 +13,8 @@ from ..models.fields import Flag, Optional
 from ..models.model import Model, as_model
 from ..models.records import given
 from ..models.verification import TOLERANCE, Verification, check_tolerance
-from .backend import Backend, Control
+from .backend import Backend, Control, Guarantee
+from .environment import require_accounts
 from .execution import execute, multistart
 from .fallback import go_on
 from .isolation import in_worker
@@ -35,6 +37,7 @@ def solve(
     formulation: str | None = None,
     formulation_options: Mapping[str, Any] | None = None,
     time_limit: float | None = None,
+    memory_limit: float | None = None,
     gap: float | None = None,
     tolerance: float | None = None,
     seed: int | None = None,
@@ -69,7 +72,12 @@ def solve(
     formulation_options, backend_options : mapping, optional
         Options of their own.
     time_limit : float, optional
-        Seconds, the building of the program included.
+        Wall-clock seconds for the call, with building, loading and compiling; the verification of
+        the answer follows. Kernels that cannot be compiled in time are interpreted, the message
+        names them, and a background process compiles them for later calls.
+    memory_limit : float, optional
+        MiB that the run may hold in memory, at least 64; Linux only. The run moves to a worker
+        process, which is killed beyond the limit and keeps its incumbent.
     gap : float, optional
         Relative gap at which an exact backend may stop (default 1e-6).
     tolerance : float, optional
@@ -120,6 +128,7 @@ def solve(
         formulation=formulation,
         formulation_options=given("formulation_options", formulation_options),
         time_limit=time_limit,
+        memory_limit=memory_limit,
         gap=gap,
         tolerance=tolerance,
         seed=seed,
@@ -131,10 +140,14 @@ def solve(
         starts=starts,
         verbose=verbose,
         backend_options=given("backend_options", backend_options),
+        counts_compilation=True,
     ).resolved()
+    assert isinstance(job.backend, Backend)
+    chosen = isinstance(backend, str) and backend == "auto"
+    job = replace(job, has_fallback=chosen and job.backend.guarantee is Guarantee.EXACT)
     with shown(verbose):
         solution = run_job(job, isolate, on_incumbent)
-        if isinstance(backend, str) and backend == "auto":
+        if job.has_fallback:
             solution = go_on(job, solution, lambda one: run_job(one, isolate, on_incumbent))
     return solution.lasting(time.perf_counter() - begin)
 
@@ -150,6 +163,11 @@ def run_job(
         raise UnsupportedOption(
             f"model {model.kind!r} hides data from backends, which run in a worker: isolate=False"
         )
+    if job.memory_limit is not None:
+        require_accounts()
+        if isolate is False:
+            raise UnsupportedOption("memory_limit is kept in a worker process only: isolate=False")
+        isolate = True
     apart = hides or (needs_worker(job) if isolate is None else isolate)
     if job.starts > 1 and not hides and isolate is None and listener is None:
 

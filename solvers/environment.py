@@ -14,9 +14,10 @@ from ..version import __version__
 from .job import Job
 from .running import processors
 
-__all__ = ["GIB", "environment", "require_accounts", "resident"]
+__all__ = ["MIB", "environment", "require_accounts", "resident"]
 
 GIB = 2.0**30
+MIB = 2.0**20
 
 
 @cache

@@ -6,7 +6,7 @@ import copy
 import logging
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -16,6 +16,7 @@ from ..errors import InvalidData
 from ..models.verification import Verification
 from .assembly import Claim, assemble
 from .backend import Answer, Backend, Control, Request
+from .certification import certified
 from .enums import Feature, Limit, Termination
 from .interrupts import on_interrupt
 from .job import GAP, Job
@@ -31,6 +32,8 @@ __all__ = ["GRACE", "claim", "execute", "multistart", "warm_objective"]
 
 #: Seconds of a first start whose time is used up before it began.
 NO_TIME = 1e-9
+#: Share of the time limit that interpreted kernels may use if another backend can go on.
+INTERPRETED = 0.5
 #: Seconds of a first start from which the others are worth processes of their own.
 LONG = 1.0
 
@@ -80,35 +83,47 @@ def claim(
     control: Control | None = None,
 ) -> Claim:
     """Run `job` here and return what its backend claims; the parameters are those of :func:`execute`."""
-    run = Run(job, job.target(), listener)
+    share = INTERPRETED if job.has_fallback else 1.0
+    limit = jit.Limit(job.time_limit if job.counts_compilation else None, share)
+    run = Run(job, job.target(), listener, limit)
     control = control or Control()
     control.criterion = job.criterion
     backend = run.target.backend
 
     @contextmanager
     def compiling() -> Iterator[None]:
-        if on_prepare is not None:
-            on_prepare(True)
+        tell = None if job.counts_compilation else on_prepare
+        if tell is not None:
+            tell(True)
         begin = time.perf_counter()
-        with control.paused():
+        with nullcontext() if job.counts_compilation else control.paused():
             yield
         run.seconds["compile"] = run.seconds.get("compile", 0.0) + time.perf_counter() - begin
-        if on_prepare is not None:
-            on_prepare(False)
+        if tell is not None:
+            tell(False)
 
     if job.compiled:
         jit.compile_always()
     with compiling():
         backend.prepare()
     started = jit.clock()
-    with jit.watched(compiling):
+    with jit.watched(compiling), jit.within(limit):
         problem, request = _build(run, control)
     if job.time_limit is not None:
-        left = max(job.time_limit - (jit.clock() - started), 1e-3)
-        request = replace(request, time_limit=left)
+        left = job.time_limit - (jit.clock() - started)
+        if job.counts_compilation:
+            left = limit.end - time.perf_counter()
+        request = replace(request, time_limit=max(left, 1e-3))
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):
-        with jit.watched(compiling):
+        with jit.watched(compiling), jit.within(limit):
             answer, problem = refine(run, problem, request)
+            answer = certified(run, request, answer)
+        if limit.interpreted:
+            names = ", ".join(sorted(limit.interpreted))
+            run.notes.append(
+                "compiling does not fit in the time limit: interpreted, and compiled in the background "
+                f"for later calls: {names}"
+            )
         if control.reason is Limit.INTERRUPTED and answer.limit is None:
             # Asked for when all was done but this.
             answer = replace(answer, limit=Limit.INTERRUPTED)

@@ -27,7 +27,7 @@ import cloudpickle
 from ..errors import WorkerFailure
 from .assembly import Claim, assemble, claim_from_data
 from .backend import Backend, Limit, Termination
-from .environment import GIB, require_accounts, resident
+from .environment import MIB, require_accounts, resident
 from .execution import GRACE, warm_objective
 from .interrupts import on_interrupt
 from .job import Job
@@ -239,26 +239,43 @@ class Worker:
         said = f"; it said: {' | '.join(lines[-4:])}" if lines else ""
         return f"worker died: {how}{said}"
 
-    def call(self, function: Callable[..., Any], *arguments: Any, deadline: float) -> Any:
+    def call(
+        self,
+        function: Callable[..., Any],
+        *arguments: Any,
+        deadline: float,
+        memory_limit: float | None = None,
+    ) -> Any:
         """Return what `function` returns in the worker, as JSON carries it.
 
         Raises
         ------
         WorkerFailure
-            It raised, killed the worker, or took more than `deadline` seconds. A
+            It raised, killed the worker, took more than `deadline` seconds, or held more than
+            `memory_limit` MiB. A
             :class:`~crosstrack.errors.CrosstrackError` that it raised is raised here.
         """
+        self._limit_memory(memory_limit)
         number = self._send("call", (function, arguments))
         end = time.monotonic() + deadline
         while (event := self._next(end)) is not None:
             if event["event"] == "died":
                 raise WorkerFailure(self._buried())
+            if event["event"] == "memory":
+                raise WorkerFailure(_too_large(event["held"], memory_limit))
             if event.get("number") == number:
                 if event["event"] == "error":
                     raise raised(event) or WorkerFailure(f"{event['type']}: {event['message']}")
                 return event["result"]
         self.close()
         raise WorkerFailure(f"no answer within {deadline:g} s; the worker was killed")
+
+    def _limit_memory(self, limit: float | None) -> None:
+        """Watch the memory of the process from now on; `limit` is in MiB."""
+        if limit is not None:
+            require_accounts()
+        self._memory = None if limit is None else limit * MIB
+        self._held = 0.0
 
     def solve(
         self, job: Job, *, grace: float = GRACE, listener: Listener | None = None
@@ -293,10 +310,8 @@ class Worker:
         # What a backend must not see does not even reach its process: the plan is verified here.
         sent = replace(job, model=job.model.blinded()) if hides else job
         self._oracle = job.model.oracle() if hides else None
-        if job.memory_limit is not None:
-            require_accounts()
-            self._memory = job.memory_limit * GIB
-        number = self._send("solve", sent)
+        self._limit_memory(job.memory_limit)
+        number = self._send("solve", (sent, time.monotonic()))
         deadline = begin + job.time_limit + grace if job.time_limit is not None else float("inf")
         left = Claim(Termination.NO_SOLUTION)
         paused = 0.0
@@ -322,7 +337,7 @@ class Worker:
                 return _salvage(job, replace(left, termination=Termination.FAILED), why, begin)
             if kind == "memory":
                 self.close()
-                why = f"killed: {event['held'] / GIB:.3g} GiB in memory, {job.memory_limit:g} GiB allowed"
+                why = _too_large(event["held"], job.memory_limit)
                 return _salvage(job, replace(left, limit=Limit.MEMORY), why, begin)
             if event.get("number") != number:
                 continue
@@ -357,6 +372,7 @@ class Worker:
                     solution = assemble(job, claim_from_data(job, event["claim"]), self._oracle)
                 else:
                     solution = Solution.from_dict(event["solution"], job.model)
+                    solution = replace(solution, options=job.options())
                 total = {"total": time.monotonic() - begin}
                 return replace(solution, seconds={**solution.seconds, **total})
             elif kind == "error":
@@ -367,6 +383,10 @@ class Worker:
                     raise known
                 why = f"{event['type']}: {event['message']}"
                 return _salvage(job, replace(left, termination=Termination.FAILED), why, begin)
+
+
+def _too_large(held: float, limit: float | None) -> str:
+    return f"killed: {held / MIB:.0f} MiB in memory, memory_limit is {limit:g} MiB"
 
 
 def _pump(stream: IO[bytes], lines: queue.SimpleQueue[dict[str, Any] | None]) -> None:

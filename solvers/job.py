@@ -19,12 +19,25 @@ from .backend import Backend, Feature, Guarantee
 from .registry import accepted, default_formulation, find_backend, recommended
 from .stopping import Criterion
 
-__all__ = ["GAP", "UNPOLISHED", "Job", "Target"]
+__all__ = ["GAP", "LEAST_MEMORY", "UNPOLISHED", "Job", "Target", "check_memory"]
 
 #: The relative gap that is asked of every exact backend unless another is given.
 GAP = 1e-6
+#: MiB below which no process of ours can run.
+LEAST_MEMORY = 64.0
 #: What comparisons ask of every solver of quadratic programs: its own precision.
 UNPOLISHED: Mapping[str, Any] = {"polish": False}
+
+
+def check_memory(value: Any) -> float:
+    """Return a memory limit in MiB; raise :class:`UnsupportedOption` if a process needs more."""
+    number = check_number("memory_limit", value)
+    if number < LEAST_MEMORY:
+        raise UnsupportedOption(
+            f"memory_limit is in MiB and must be at least {LEAST_MEMORY:g}, which Python with NumPy "
+            f"needs, got {show(value)} (1 GiB is 1024 MiB)"
+        )
+    return number
 
 
 @dataclass(frozen=True)
@@ -69,12 +82,17 @@ class Job:
     compiled: bool = False
     memory_limit: float | None = None
     repeat: int = 0
+    #: True if `time_limit` is wall-clock time with compiling, as in one call; comparisons leave the
+    #: seconds of compiling out, which only the first run of a backend has.
+    counts_compilation: bool = False
+    #: True if another backend continues when this one has no plan, so that time is left for it.
+    has_fallback: bool = False
 
     def __post_init__(self) -> None:
         if self.time_limit is not None:
             check_number("time_limit", self.time_limit)
         if self.memory_limit is not None:
-            check_number("memory_limit", self.memory_limit)
+            check_memory(self.memory_limit)
         if self.gap is not None:
             check_number("gap", self.gap, strict=False)
         if self.tolerance is not None:

@@ -7,12 +7,12 @@ from typing import Any
 
 from ..jit import clock
 from .backend import Answer, Request
-from .enums import Termination
+from .enums import Limit, Termination
 from .running import Run
 
 __all__ = ["SECOND", "look_again", "wants_none"]
 
-#: What the statistics call it.
+#: Key of the statistics: "better", "no better", "stopped" by its limit, or "skipped" for lack of time.
 SECOND = "second look"
 
 #: The seed of the second start.
@@ -56,7 +56,12 @@ def look_again(
     if answer.termination is not Termination.LOCALLY_OPTIMAL or value is None:
         return answer, problem
     if request.control.stopped or (left is not None and left < ROOM * run.spent[-1]):
-        return answer, problem
+        run.notes.append(
+            "a second, drawn start was skipped: the first program took "
+            f"{run.spent[-1]:.2g} s and {max(left or 0.0, 0.0):.2g} s were left; "
+            "a larger time_limit may lead to a better optimum"
+        )
+        return replace(answer, statistics={**answer.statistics, SECOND: "skipped"}), problem
     begin, options = clock(), dict(request.options)
     if "max_iter" in options:
         most = ITERATIONS * int(answer.statistics.get("iterations", 0)) + MORE
@@ -67,7 +72,14 @@ def look_again(
     with request.control.stage(seconds) as part:  # whose end is not the run's
         asked = replace(request, time_limit=seconds, control=part, options=options)
         found = run.attend(other.program, asked)
-    answer = replace(answer, statistics={**answer.statistics, SECOND: "no better"})
+    outcome = "no better"
+    if found.limit is Limit.TIME:
+        outcome = "stopped"
+        run.notes.append(
+            f"a second, drawn start was stopped after {clock() - begin:.2g} s; "
+            "a larger time_limit may lead to a better optimum"
+        )
+    answer = replace(answer, statistics={**answer.statistics, SECOND: outcome})
     best = found.primal_bound is not None and found.primal_bound < value - BETTER * abs(value)
     run.spent[-1] += clock() - begin
     if not best or found.termination is not Termination.LOCALLY_OPTIMAL:

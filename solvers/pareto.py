@@ -47,6 +47,7 @@ def front(
     formulation: str | None = None,
     formulation_options: Mapping[str, Any] | None = None,
     time_limit: float | None = 60.0,
+    memory_limit: float | None = None,
     gap: float | None = None,
     tolerance: float | None = None,
     seed: int | None = None,
@@ -84,6 +85,8 @@ def front(
         By default 0.05; a second objective that is whole descends one by one.
     time_limit : float, optional
         Seconds for each run.
+    memory_limit : float, optional
+        MiB that each run may hold in memory, as in :func:`crosstrack.solve`.
     record : path-like, optional
         A JSONL file to which each answer is added as soon as it is there.
     resume : bool
@@ -129,8 +132,8 @@ def front(
         Job,
         backend=backend, formulation=formulation,
         formulation_options=given("formulation_options", formulation_options),
-        time_limit=time_limit, gap=gap, tolerance=tolerance, seed=seed, threads=threads,
-        backend_options=given("backend_options", backend_options),
+        time_limit=time_limit, memory_limit=memory_limit, gap=gap, tolerance=tolerance, seed=seed, threads=threads,
+        backend_options=given("backend_options", backend_options), counts_compilation=True,
     )  # fmt: skip
 
     def limited(limit: float | None) -> Model[Any]:
@@ -217,6 +220,7 @@ def sweep(
     backend: str | Backend = "auto",
     formulation: str | None = None,
     time_limit: float | None = 60.0,
+    memory_limit: float | None = None,
     gap: float | None = None,
     tolerance: float | None = None,
     seed: int | None = None,
@@ -242,7 +246,7 @@ def sweep(
         Its values.
     first, second : str
         Two of the model's ``second_objectives``.
-    backend, formulation, time_limit, gap, tolerance, seed, threads, backend_options, isolate
+    backend, formulation, time_limit, memory_limit, gap, tolerance, seed, threads, backend_options, isolate
         As in :func:`crosstrack.solve`.
     record, resume, on_point
         As in :func:`front`.
@@ -270,8 +274,8 @@ def sweep(
         changed: dict[str, Any] = {name: value, "name": f"{label}, {name} = {value}"}
         asked = dataclasses.replace(model, **changed)
         job = Job(
-            asked, backend, formulation, time_limit=time_limit, gap=gap, tolerance=tolerance, seed=seed,
-            threads=threads, backend_options=own,
+            asked, backend, formulation, time_limit=time_limit, memory_limit=memory_limit, gap=gap, tolerance=tolerance, seed=seed,
+            threads=threads, backend_options=own, counts_compilation=True,
         )  # fmt: skip
         _taken(job)
         jobs.append((value, job))

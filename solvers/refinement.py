@@ -8,6 +8,7 @@ proven.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -17,6 +18,7 @@ import numpy as np
 from ..errors import InvalidData
 from ..jit import clock
 from .backend import Answer, Request
+from .confirmation import confirm
 from .enums import PROVING, Feature, Limit, Termination
 from .job import Target
 from .looking import SECOND, look_again
@@ -69,7 +71,7 @@ class _Totals:
         """Return `answer` with the seconds and counts of all rounds."""
         if not self.rounds:
             return answer
-        counts = {**self.counts, "refinements": self.rounds}
+        counts = {**answer.statistics, **self.counts, "refinements": self.rounds}
         return replace(answer, seconds=self.seconds, statistics=counts)
 
 
@@ -92,7 +94,9 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
         return answer
 
     def left() -> float | None:
-        return None if deadline is None else deadline - clock()
+        if deadline is None:
+            return None
+        return min(deadline - clock(), run.limit.end - time.perf_counter())
 
     answer = attend(problem, request)
     formulation = run.target.formulation
@@ -169,14 +173,20 @@ def _approximate(
 ) -> tuple[Answer, Any]:
     """Solve finer and finer approximations, each from the last, until one is fine enough."""
     rounds: list[_Round] = []
-    ended, settled = "", False
+    ended, failure, settled = "", "", False
+    confirmed: dict[str, Any] = {}
     while answer.point is not None and answer.termination in CLAIMS_PLAN:
         formulation = run.target.formulation
         assert formulation is not None
         finer = _refined(run, answer)
         rounds.append((run.target, problem, answer))
-        run.history = [dict(row) for row in formulation.history]
         settled = finer is None and formulation.settled
+        if settled:
+            confirmation = confirm(run, request, answer, left())
+            confirmed, failure = confirmation.statistics, confirmation.failure
+            finer = confirmation.finer
+            settled = finer is None and not failure
+        run.history = [dict(row) for row in formulation.history]
         if finer is None:
             break
         # A point that is not quite optimal yet is as good a start as any.
@@ -205,9 +215,11 @@ def _approximate(
             run.history.append(failed)
     for row, spent in zip(run.history, run.spent, strict=False):
         row["seconds"] = spent
+    if failure:
+        answer = replace(answer, message=f"not settled: {failure}")
     if run.history and not (settled and (len(rounds) == 1 or run.history[-1].get("verified"))):
         answer, problem = _best(run, rounds, answer, problem, settled)
-    return answer, problem
+    return replace(answer, statistics={**answer.statistics, **confirmed}), problem
 
 
 #: What was asked of whom, the program, and its answer.
@@ -248,5 +260,6 @@ def _best(
         run.target, problem, answer = rounds[chosen]
         if not settled:
             words.append(f"the plan is that of mesh {chosen + 1} of {len(rounds)}")
-            answer = replace(answer, termination=Termination.FEASIBLE)
+    if not settled and answer.termination in CLAIMS_PLAN:
+        answer = replace(answer, termination=Termination.FEASIBLE)
     return replace(answer, limit=limit, message="; ".join(filter(None, words))), problem

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import logging
 from collections.abc import Iterator, Mapping, Sequence
@@ -68,22 +69,78 @@ _SOLVERS: Mapping[str, str] = {
     "trust-constr": ".solvers.nlp.trust_constr:TrustConstr",
 }
 
-_session: dict[str, Backend] = {}
+_session: list[Backend] = []
 
 
 def register_backend(backend: Backend | type[Backend]) -> Backend | type[Backend]:
     """Make a backend known by its name in this session; usable as a class decorator.
 
     Workers receive it with their jobs, so it needs no installation. A distribution announces its
-    backends in the entry-point group ``crosstrack.backends`` instead.
+    backends in the entry-point group ``crosstrack.backends`` instead. A name belongs to the types
+    that the backend accepts: backends of different problems may share one. Registering a backend
+    again, as when a notebook's cell runs twice, replaces the former one of this session.
+
+    Parameters
+    ----------
+    backend : Backend or type of Backend
+        The backend, or its class, which is called without arguments.
+
+    Returns
+    -------
+    Backend or type of Backend
+        `backend` itself.
+
+    Raises
+    ------
+    InvalidData
+        It is no backend, or a backend of crosstrack with this name accepts the same models.
     """
     instance = backend() if isinstance(backend, type) else backend
     if not isinstance(instance, Backend):
         raise InvalidData(
             f"a backend must be a subclass of Backend, got {show(backend)}", field="backend"
         )
-    _session[instance.name] = instance
+    for declared in _installed():
+        if declared.name != instance.name:
+            continue
+        with contextlib.suppress(BackendBroken):
+            other = declared.load()
+            if type(other) is type(instance):
+                return backend
+            shared = _shared(instance, other)
+            if shared:
+                raise InvalidData(
+                    f"backend name {instance.name!r} is taken for {shared} by "
+                    f"{type(other).__module__}.{type(other).__name__}: choose another name",
+                    field="name",
+                )
+    instance.problem = _problem(instance)
+    _session[:] = [
+        other for other in _session if other.name != instance.name or not _shared(instance, other)
+    ]
+    _session.append(instance)
     return backend
+
+
+def _accepted_types(backend: Backend) -> tuple[type[Model[Any]], ...]:
+    """Return the types of problems that `backend` accepts."""
+    types = backend.accepts
+    return types if isinstance(types, tuple) else (types,)
+
+
+def _shared(backend: Backend, other: Backend) -> str:
+    """Return the kind of a problem that both backends accept; empty if they accept none."""
+    for one in _accepted_types(backend):
+        for two in _accepted_types(other):
+            if issubclass(one, two) or issubclass(two, one):
+                return repr(getattr(one, "kind", one.__name__))
+    return ""
+
+
+def _problem(backend: Backend) -> str:
+    """Return the problem whose models `backend` accepts itself; empty for programs or several."""
+    owners = {problem_of(getattr(kind, "kind", "")) for kind in _accepted_types(backend)}
+    return owners.pop() if len(owners) == 1 else ""
 
 
 @dataclass(frozen=True)
@@ -123,15 +180,14 @@ def _installed() -> tuple[_Declared, ...]:
     taken = {one.name for one in ours}
     points = importlib.metadata.entry_points(group=GROUP)
     theirs = {point.name: _Declared(point.name, "", point) for point in points}
+    for name in taken & set(theirs):
+        log.warning("backend %r of %s is left out: the name is taken", name, theirs[name].target)
     return (*native, *ours, *(one for name, one in theirs.items() if name not in taken))
 
 
 def _declared(name: str | None = None) -> Sequence[_Declared]:
-    """Return all backends, or those called `name`; what the session registered replaces others."""
-    known = _installed()
-    if _session:
-        session = (_Declared(one.name, one.problem, one) for one in _session.values())
-        known = (*(one for one in known if one.name not in _session), *session)
+    """Return all backends, or those called `name`, those of the session last."""
+    known = (*_installed(), *(_Declared(one.name, one.problem, one) for one in _session))
     return known if name is None else [one for one in known if one.name == name]
 
 
@@ -180,7 +236,7 @@ def find_backend(
     if model is None:
         raise InvalidData(
             f"backend {backend!r} belongs to each of the problems "
-            f"{', '.join(one.problem for one in found)}: name it together with a model",
+            f"{', '.join(one.problem or 'programs' for one in found)}: name it together with a model",
             field="backend",
         )
     loaded: list[Backend] = []
@@ -191,7 +247,11 @@ def find_backend(
             log.warning("%s", error)
     if not loaded:
         raise BackendBroken(f"no backend {backend!r} can be loaded")
-    return next((one for one in loaded if accepted(model, one, None) is not None), loaded[0])
+    fits = [one for one in loaded if accepted(model, one, None) is not None]
+    for hidden in fits[1:]:
+        if not is_ours(hidden):
+            log.warning("backend name %r: %s is used, not %s", backend, fits[0], hidden)
+    return fits[0] if fits else loaded[0]
 
 
 @dataclass(frozen=True)
@@ -392,10 +452,11 @@ def exact(model: Model[Any], formulation: str | None = None) -> Iterator[Backend
 
 
 def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
-    """Return the backend that ``"auto"`` means for `model`: the first exact one that is installed.
+    """Return the backend that ``"auto"`` means for `model`.
 
-    Where there is none, one that finds plans and proves bounds; else the one with the best guarantee.
-    Raises :class:`UnsupportedFormulation` where no installed backend accepts the model.
+    That is the model's preferred backend, or the first exact one that is installed, or one that
+    finds plans and proves bounds, or the one with the best guarantee. It raises
+    :class:`UnsupportedFormulation` if no installed backend accepts the model.
     """
     best: Backend | None = None
     order = [Guarantee.LOCAL, Guarantee.HEURISTIC, Guarantee.RELAXATION]
@@ -404,6 +465,11 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
         finds = Feature.INCUMBENTS in one.features
         return -1 if finds and one.guarantee in PROVING else order.index(one.guarantee)
 
+    if formulation is None and model.preferred_backend:
+        for backend, step in _takers(model, None):
+            native = isinstance(step, backend.accepts)
+            if native and step is model and backend.name == model.preferred_backend:
+                return backend
     for backend, step in _takers(model, formulation):
         program = formulation is None and not isinstance(step, backend.accepts)
         if program and best is not None and step.prefers_native:

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from .. import jit
 from ..errors import CrosstrackError, InvalidData, show
 from ..jit import clock
 from .backend import Answer, Control, Request
 from .control import GRACE
-from .enums import Limit, Termination
+from .enums import Feature, Limit, Termination
 from .job import Job, Target
 from .output import captured, log as output
-from .registry import is_plain
+from .registry import find_backend, is_plain
 from .solution import Incumbent
 
 __all__ = ["GRACE", "PATIENCE", "Listener", "Run", "processors"]
@@ -30,6 +32,10 @@ log = logging.getLogger("crosstrack")
 PATIENCE = 2.0
 #: Seconds between two looks at the criteria that stop a run.
 POLL = 0.1
+#: Seconds beyond the limit after which an interpreted loop is ended that does not end by itself.
+STRETCH = 0.5
+#: Share of the time limit for the heuristic that an exact backend begins with.
+STARTING = 0.3
 
 Listener = Callable[[Incumbent[Any]], None]
 
@@ -52,14 +58,19 @@ class Run:
         What the backend is given; the formulation changes as it is refined.
     listener : callable, optional
         Called with every incumbent, in the caller's thread.
+    limit : jit.Limit, optional
+        Wall-clock limit that compiling must keep.
     """
 
     job: Job
     target: Target
     listener: Listener | None = None
+    limit: jit.Limit = field(default_factory=lambda: jit.Limit(None))
     seconds: dict[str, float] = field(default_factory=dict)
     incumbents: list[Incumbent[Any]] = field(default_factory=list)
     last_point: Any = None
+    #: Objective of the starter's plan; worse plans of the backend are no incumbents.
+    start_objective: float = math.inf
     #: Seconds of each program's solution, where a formulation is refined.
     spent: list[float] = field(default_factory=list)
     #: What is told of each of them.
@@ -81,8 +92,11 @@ class Run:
         return point if formulation is None else formulation.decode(point)
 
     def hear(self, seconds: float, objective: float, point: Any, evaluations: int | None) -> None:
-        """Keep an incumbent, and tell the listener."""
+        """Keep an incumbent and pass it to the listener."""
+        if objective > self.start_objective:
+            return
         self.last_point = point
+        self.limit.interpretation_end = self.limit.end  # no other backend need go on
         plan = None
         if self.listener is not None:
             try:
@@ -103,6 +117,35 @@ class Run:
         waits = control.reason is not Limit.INTERRUPTED and self.last_point is None
         return most if control.patience is None or waits else min(control.patience, most)
 
+    def _run(self, problem: Any, request: Request) -> Answer:
+        """Run the backend, after its starter if it has one and the time is limited."""
+        backend = self.target.backend
+        name = backend.starter(problem) if request.time_limit is not None else ""
+        if not name or request.warm_start is not None:
+            return backend.run(problem, request)
+        assert request.time_limit is not None
+        heuristic = find_backend(name, problem)
+        try:
+            first = request.within(heuristic, problem, time_limit=STARTING * request.time_limit)
+        except jit.OutOfTime:  # the backend may still return a plan that takes no search
+            return backend.run(problem, request)
+        checked = None if first.point is None else problem.verify(first.point)
+        if checked is None or not checked.ok or checked.within_tolerance:
+            return backend.run(problem, request)
+        self.start_objective = checked.objective
+        request.control.incumbent(checked.objective, first.point)
+        warm = first.point if Feature.WARM_START in backend.features else None
+        answer = backend.run(problem, replace(request, warm_start=warm))
+        counts = {**answer.statistics, "starter": name}
+        value = math.inf if answer.primal_bound is None else answer.primal_bound
+        open_ = answer.termination in (Termination.NO_SOLUTION, Termination.FEASIBLE)
+        if open_ and (answer.point is None or checked.objective < value):
+            return replace(
+                answer, termination=Termination.FEASIBLE, point=first.point,
+                primal_bound=checked.objective, statistics=counts,
+            )  # fmt: skip
+        return replace(answer, statistics=counts)
+
     def attend(self, problem: Any, request: Request) -> Answer:
         """Run the backend in a thread, so that this one can hear incumbents, the clock and Ctrl-C.
 
@@ -114,8 +157,8 @@ class Run:
 
         def work() -> None:
             try:
-                with printed.by_this_thread():
-                    box.append(backend.run(problem, request))
+                with printed.by_this_thread(), jit.within(self.limit):
+                    box.append(self._run(problem, request))
             except (
                 BaseException
             ) as error:  # handed to the waiting thread, which raises or records it
@@ -142,10 +185,14 @@ class Run:
                     except queue.Empty:
                         printed.forward()
                         control.check()
+                        if self.limit.is_interpreted_too_long:
+                            control.stop(Limit.TIME)
                         if control.stopped:
                             stop_seen = stop_seen or time.perf_counter()
                             late = time.perf_counter() - stop_seen
                             given_up = late > self._patience(control)
+                            if late > STRETCH and thread.ident is not None and not brief:
+                                jit.end_interpretation(thread.ident)
                         if given_up:
                             break
                         continue
@@ -172,6 +219,9 @@ class Run:
         outcome = box[0]
         if isinstance(outcome, Answer):
             return outcome
+        if isinstance(outcome, jit.OutOfTime):
+            reason = control.reason or Limit.TIME
+            return Answer(Termination.NO_SOLUTION, reason, dual_bound=control.bound)
         if not isinstance(outcome, BaseException):
             outcome = TypeError(f"run() must return an Answer, got {show(outcome)}")
         if isinstance(outcome, CrosstrackError) or not isinstance(outcome, Exception):

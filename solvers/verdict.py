@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,7 +13,7 @@ from ..errors import CrosstrackError
 from ..models.model import Model
 from ..models.verification import ROUNDING
 from .enums import PROVING, Guarantee, Termination
-from .registry import find_backend
+from .registry import find_backend, recommended
 from .repeats import Spread, name_backend, spreads, spreads_table
 from .report.tables import frame, markup, render, solutions_table
 from .solution import Solution
@@ -27,6 +28,8 @@ __all__ = ["Outcome", "Verdict", "judge"]
 MANY = 2
 #: Excess over the best plan, in tolerances, above which a search counts as stopped at a worse point.
 WORSE = 20.0
+#: Excess of the default backend's plan over another, relative, above which the verdict names it.
+CLEARLY = 0.05
 
 
 class Outcome(StrEnum):
@@ -170,9 +173,10 @@ def judge(
     if model is not None and model.agreement is not None:
         searches = []  # an estimate that is further from the truth has not stopped too early
     notes = _notes(solutions, plans, clean, searches)
+    warning = _default_is_worse(model, clean)
 
     def verdict(outcome: Outcome, evidence: str) -> Verdict:
-        return Verdict(instance, outcome, evidence, tuple(notes), tuple(solutions))
+        return Verdict(instance, outcome, evidence + warning, tuple(notes), tuple(solutions))
 
     # Contradictions first: one is enough.
     if clean and empty:
@@ -231,6 +235,35 @@ def judge(
             "no exact bound",
         )
     return verdict(Outcome.INCONCLUSIVE, "no verified plan and no proof of infeasibility")
+
+
+def _default_is_worse(model: Model[Any] | None, clean: Sequence[Solution[Any]]) -> str:
+    """Return a clause if the recommended backend's plan is clearly worse than another one."""
+    # The objective of an estimate does not rank estimates by their distance to the truth.
+    if model is None or model.agreement is not None or len(clean) < 2:
+        return ""
+    try:
+        default = recommended(model).name
+    except CrosstrackError:
+        return ""
+    own = [s for s in clean if s.backend == default]
+    best = min(clean, key=_value)
+    if not own or best.backend == default:
+        return ""
+    mine = min(own, key=_value)
+    more = _value(mine) - _value(best)
+    more -= 0.0 if mine.verification is None else mine.verification.spread
+    size = max(_scale(best), abs(_value(best)))
+    if more <= CLEARLY * size:
+        return ""
+    far = f"{100.0 * more / size:.0f} %" if size > 0 else f"{more:.3g}"
+    return (
+        f"; the default backend {_who(mine)} has {_value(mine):.10g}, {far} worse than {_who(best)}"
+    )
+
+
+def _value(solution: Solution[Any]) -> float:
+    return math.inf if solution.primal_bound is None else float(solution.primal_bound)
 
 
 def _agreement(

@@ -26,7 +26,9 @@ import socket
 import struct
 import sys
 import threading
+import time
 import traceback
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
@@ -214,7 +216,7 @@ def _serve() -> None:
             )
 
 
-def _solve(number: int, job: Any, send: Any, stops: _Stops, channel: socket.socket) -> None:
+def _solve(number: int, payload: Any, send: Any, stops: _Stops, channel: socket.socket) -> None:
     from .assembly import claim_to_data
     from .backend import Control
     from .execution import claim, execute
@@ -222,6 +224,11 @@ def _solve(number: int, job: Any, send: Any, stops: _Stops, channel: socket.sock
     from .registry import is_ours
     from .running import PATIENCE
 
+    job, sent = payload
+    if job.counts_compilation and job.time_limit is not None:
+        # One clock for all processes of a machine: the limit includes the start of this one.
+        spent = min(max(time.monotonic() - sent, 0.0), job.time_limit)
+        job = replace(job, time_limit=max(job.time_limit - spent, 1e-3))
     model = job.model
     asking = Asking(channel) if model.is_blinded else None
 

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -135,7 +136,13 @@ def pytest_configure(config: pytest.Config) -> None:
     if not getattr(config.option, "numprocesses", None) or hasattr(config, "workerinput"):
         return
     processes = [subprocess.Popen([sys.executable, "-c", script]) for script in _COMPILE]
-    assert not any(process.wait(600) for process in processes), "the loops do not compile"
+    for process in processes:
+        # Only a preparation: on a slow machine, or after an error, the tests compile by themselves.
+        try:
+            if process.wait(1800):
+                warnings.warn("the loops could not be compiled before the tests", stacklevel=2)
+        except subprocess.TimeoutExpired:
+            process.kill()
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

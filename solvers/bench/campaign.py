@@ -21,7 +21,7 @@ from ...models.records import Table
 from ...models.verification import TOLERANCE
 from ..backend import Backend, Feature
 from ..crosscheck import task_of
-from ..job import GAP
+from ..job import GAP, LEAST_MEMORY
 from ..registry import (
     accepted,
     backend_states,
@@ -80,7 +80,7 @@ _SPECS: dict[str, Spec] = {
     "seeds": _List(Whole(0), 1),
     "repeats": Whole(1),
     "time_limit": Optional(Real(0.0, strict=True, unit="s")),
-    "memory_limit": Optional(Real(0.0, strict=True, unit="GiB")),
+    "memory_limit": Optional(Real(LEAST_MEMORY, unit="MiB")),
     "gap": Real(0.0),
     "tolerance": Real(0.0, 1.0, strict=True),
     "threads": Optional(Whole(1)),
@@ -113,7 +113,7 @@ class Set:
     time_limit : float, optional
         Seconds for each job, the building of the program included.
     memory_limit : float, optional
-        GiB that the process of a job and all its children may hold in memory.
+        MiB that the process of a job and all its children may hold in memory, at least 64.
     gap, tolerance : float
         The same for all: the relative gap at which an exact backend may stop, and the largest violation
         that our own verification accepts.

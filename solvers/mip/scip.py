@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -45,7 +46,9 @@ class Scip(ProgramBackend):
             str,
             ("default", "optimality", "feasibility", "easycip", "hardlp", "numerics"),
         ),
-        "memory_limit": Option(None, "Megabytes the search may use; None for all.", float, lower=1),
+        "memory_limit": Option(
+            None, "Deprecated: MiB; use memory_limit of the call.", float, lower=1
+        ),
     }
     summary = "SCIP: branch and cut with constraint propagation"
 
@@ -104,6 +107,11 @@ def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request
         model.setObjlimit(allowed(request.cutoff))
     memory = request.options["memory_limit"]
     if memory is not None:
+        warnings.warn(
+            "the option memory_limit of backend 'scip' is deprecated: use memory_limit of the call",
+            DeprecationWarning,
+            stacklevel=2,
+        )
         model.setParam("limits/memory", memory)
     if program.continuous:
         # Duals are those of the rows given only if nothing has changed or removed them.

@@ -344,14 +344,16 @@ def test_a_job_that_takes_too_much_memory_is_killed_and_keeps_its_plan(chatty):
     hungry = Hungry("hungry")
     hungry.chatty = chatty
     with Worker() as worker:
-        found = worker.solve(Job(model, hungry, memory_limit=0.5, time_limit=60))
+        found = worker.solve(Job(model, hungry, memory_limit=512, time_limit=60))
         assert found.limit is Limit.MEMORY and found.termination is Termination.FEASIBLE
-        assert found.plan is not None and "GiB allowed" in found.message
-        assert found.options["memory_limit"] == 0.5
-        right = worker.solve(Job(model, Fixed(guarantee=Guarantee.HEURISTIC), memory_limit=8.0))
+        assert found.plan is not None and "memory_limit is 512 MiB" in found.message
+        assert found.options["memory_limit"] == 512
+        right = worker.solve(Job(model, Fixed(guarantee=Guarantee.HEURISTIC), memory_limit=8192))
         assert right.plan is not None and right.limit is None
     with pytest.raises(UnsupportedOption, match="memory_limit"):
         Job(model, "two-stage", memory_limit=-1)
+    with pytest.raises(UnsupportedOption, match="in MiB and must be at least 64"):
+        Job(model, "two-stage", memory_limit=4)  # GiB in earlier versions
 
 
 def test_the_time_left_is_a_bound_until_jobs_have_ended():

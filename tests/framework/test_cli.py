@@ -86,7 +86,7 @@ def test_solve_in_words(instance):
         (["solve", "error-correction/1", "--plot", "no/such/folder/a.png"], 2, "folder"),
         (["solve", "error-correction/1", "--backend", "HIGHS"], 2, "did you mean 'highs'?"),
         (["solve", "ERROR-CORRECTION/7"], 2, "did you mean 'error-correction/7'"),
-        (["solve", "error-correction/1", "--tim-limit", "1"], 2, "Did you mean '--time-limit'?"),
+        (["solve", "error-correction/1", "--tim-limit", "1"], 2, "'--time-limit'"),
         (["slove", "error-correction/1"], 2, "Did you mean 'solve'?"),
         (
             ["solve", "error-correction/1", "--backend", "highs", "--formulation", "Paper"],

@@ -92,6 +92,20 @@ def test_verdict_is_interval_logic(answers, outcome, words):
         )
 
 
+@pytest.mark.parametrize(
+    ("default", "other", "words"),
+    [(10.4, 10.0, ""), (10.6, 10.0, "the default backend label-setting has 10.6, 6 % worse than h"),
+     (0.2, 1e-3, "worse than h"), (9.0, 10.0, "")],
+)  # fmt: skip
+def test_the_verdict_names_a_default_that_is_clearly_worse(default, other, words, model):
+    """The plan was 32 times as long, and the verdict was INCONCLUSIVE without a word."""
+    own = replace(answer("a", default, None, "feasible"), backend="label-setting")
+    verdict = judge("i", [own, answer("h", other, None, "feasible")], model)
+    assert verdict.outcome == "INCONCLUSIVE"
+    assert ("default backend" in verdict.evidence) == bool(words)
+    assert words in verdict.evidence
+
+
 def test_backends_agree_and_the_table_says_so(model):
     result = ct.compare(
         [model], ["label-setting", "two-stage", "highs", "highs:paper", "labelling"], time_limit=30

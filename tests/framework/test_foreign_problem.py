@@ -1,11 +1,17 @@
 """A problem of another distribution is a problem like ours; a broken one harms nobody."""
 
+import itertools
 import json
 import shutil
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from commands import joined, run_all
+
+import crosstrack as ct
 
 SOURCE = Path(__file__).parents[2] / "docs" / "stranger"
 EXAMPLE = "error-correction/example-1"
@@ -30,6 +36,38 @@ def place(tmp_path_factory):
     (folder / "poor.json").write_text('{"items": [0]}')
     shutil.copy(SOURCE / "campaign.toml", folder)
     return folder
+
+
+@pytest.fixture
+def covering(monkeypatch):
+    """The modules of the distribution, imported from its source."""
+    monkeypatch.syspath_prepend(str(SOURCE))
+    from covering import enumerating, model, solving
+
+    yield SimpleNamespace(
+        Covering=model.Covering, exact=solving.CoverByWeight(), program=enumerating.Enumeration()
+    )
+    for name in [name for name in sys.modules if name.partition(".")[0] == "covering"]:
+        del sys.modules[name]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_exact_example_equals_brute_force_on_real_weights(seed, covering):
+    """It truncated weights to whole numbers: a feasible instance was called infeasible."""
+    random = np.random.default_rng(seed)
+    size = int(random.integers(1, 9))
+    weights = random.choice([0.1, 0.5, 0.9, 1.5, float(random.uniform(0, 3))], size)
+    costs = random.choice([0.0, 1.0, 2.5, float(random.uniform(0, 5))], size)
+    model = covering.Covering(costs, weights, int(random.integers(0, 6)))
+    choices = itertools.product((0.0, 1.0), repeat=size)
+    values = [costs @ x for x in map(np.array, choices) if weights @ x >= model.demand - 1e-9]
+    for backend in (covering.exact, covering.program):
+        answer = ct.solve(model, backend, isolate=False)
+        if values:
+            assert answer.termination == "optimal", answer
+            assert answer.primal_bound == pytest.approx(min(values))
+        else:
+            assert answer.termination == "infeasible"
 
 
 def test_every_command_works_on_it(installed, place):

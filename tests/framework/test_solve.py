@@ -362,6 +362,29 @@ def test_session_backends_are_found_by_name(model):
     assert "mine-of-this-test" in [state.name for state in backend_states()]
 
 
+def test_a_name_belongs_to_what_the_backend_accepts(model, monkeypatch):
+    """`greedy` of the documentation replaced the backend of guided paths."""
+    from crosstrack.solvers import registry
+
+    monkeypatch.setattr(registry, "_session", [])
+    register_backend(Fixed("greedy"))
+    assert ct.solve(model, "greedy").termination == "optimal"
+    assert ct.solve(ct.load("guided-path/example-5"), "greedy").plan is not None
+    again = Fixed("greedy", guarantee=Guarantee.HEURISTIC)
+    register_backend(again)
+    assert find_backend("greedy", model) is again, "a cell of a notebook that runs twice"
+    assert len([state for state in backend_states() if state.name == "greedy"]) == 2
+    with pytest.raises(InvalidData, match="belongs to each of the problems"):
+        find_backend("greedy")
+
+
+@pytest.mark.parametrize("name", ["label-setting", "two-stage"])
+def test_a_name_that_is_taken_for_the_same_models_is_refused(name, model):
+    with pytest.raises(InvalidData, match=f"'{name}' is taken for 'error-correction' by"):
+        register_backend(Fixed(name))
+    assert not isinstance(find_backend(name, model), Fixed)
+
+
 def test_exceptions_cross_the_process(model):
     class Refusing(Fixed):
         def run(self, problem, request):

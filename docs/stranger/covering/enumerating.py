@@ -42,7 +42,10 @@ class Enumeration(Backend):
             x = np.array(values)
             rows = problem.matrix @ x
             inside = (x >= problem.column_lower).all() and (x <= problem.column_upper).all()
-            if inside and (rows >= problem.row_lower).all() and (rows <= problem.row_upper).all():
+            # Sums of real numbers are rounded: 0.1 taken ten times is less than 1.
+            slack = 1e-9 * np.maximum(1.0, abs(problem.matrix) @ abs(x))
+            above = (rows >= problem.row_lower - slack).all()
+            if inside and above and (rows <= problem.row_upper + slack).all():
                 value = problem.objective(x)
                 if value < best:
                     best, point = value, x

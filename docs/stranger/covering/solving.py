@@ -16,7 +16,7 @@ from .model import Choice, Covering
 
 
 class CoverByWeight(Backend):
-    """The cheapest choice for every weight up to the demand."""
+    """The cheapest choice for every weight up to the demand, which may be any real number."""
 
     name = "dynamic-programming"
     accepts = Covering
@@ -27,17 +27,26 @@ class CoverByWeight(Backend):
     summary = "the cheapest choice for every weight"
 
     def run(self, problem, request):
-        best = {0: (0.0, ())}
-        for item, weight in enumerate(problem.weights.astype(int).tolist()):
-            for reached, (cost, items) in list(best.items()):
-                further = min(reached + weight, problem.demand)
-                more = (cost + float(problem.costs[item]), (*items, item))
-                if further not in best or more[0] < best[further][0]:
-                    best[further] = more
-        if problem.demand not in best:
+        best = [(0.0, 0.0, ())]  # cost, weight, items: each heavier than all that cost less
+        for item, weight in enumerate(problem.weights.tolist()):
+            cost = float(problem.costs[item])
+            more = [(c + cost, w + weight, (*items, item)) for c, w, items in best]
+            best = pareto([*best, *more], float(problem.demand))
+        cost, weight, items = best[-1]
+        # Sums of weights in another order differ by rounding, which the check accepts as well.
+        if weight < problem.demand * (1 - 1e-12):
             return Answer(Termination.INFEASIBLE)
-        cost, items = best[problem.demand]
         return Answer(Termination.OPTIMAL, point=Choice(items), dual_bound=cost)
+
+
+def pareto(choices, demand):
+    """Return the choices that no cheaper one outweighs; weight beyond the demand does not count."""
+    kept = []
+    for cost, weight, items in sorted(choices, key=lambda c: (c[0], -c[1])):
+        enough = min(weight, demand)
+        if not kept or enough > kept[-1][1]:
+            kept.append((cost, enough, items))
+    return kept
 
 
 def diagnose_covering(model, time_limit):

@@ -1,0 +1,130 @@
+"""Background process that compiles kernels for later runs."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import importlib
+import logging
+import operator
+import os
+import pickle
+import struct
+import subprocess
+import sys
+import threading
+from typing import Any
+
+log = logging.getLogger("crosstrack")
+
+__all__ = ["is_cached", "request", "serve"]
+
+#: Niceness of the background process: it must not slow the run that it serves.
+_NICE = 10
+
+_lock = threading.Lock()
+_process: subprocess.Popen[bytes] | None = None
+_requested: set[bytes] = set()
+
+
+def is_cached(dispatcher: Any, arguments: tuple[Any, ...]) -> bool:
+    """Return whether Numba's cache on disk holds `dispatcher` compiled for these arguments."""
+    cache: Any = getattr(dispatcher, "_cache", None)
+    file = getattr(cache, "_cache_file", None)
+    if file is None:
+        return False
+    import numba
+
+    type_of: Any = numba.typeof
+    signature = tuple(type_of(value) for value in arguments)
+    try:
+        context = dispatcher.targetctx
+        context.refresh()
+        return cache._index_key(signature, context.codegen()) in file._load_index()
+    except Exception as error:  # a private interface: without it kernels are compiled again
+        log.debug("the cache of compiled code cannot be read", exc_info=error)
+        return False
+
+
+def request(module: str, name: str, arguments: tuple[Any, ...]) -> None:
+    """Have the kernel `name` of `module` compiled for the types of `arguments` in the background.
+
+    The process starts with the first request. It ends after the last one, when this process has
+    ended too.
+    """
+    global _process
+    try:
+        body = pickle.dumps((module, name, [_describe(value) for value in arguments]))
+    except Exception as error:  # a class that only this process knows
+        log.debug("%s.%s cannot be compiled elsewhere", module, name, exc_info=error)
+        return
+    with _lock:
+        if body in _requested:
+            return
+        _requested.add(body)
+        if _process is None or _process.poll() is not None:
+            command = "from crosstrack.compilation import serve; serve()"
+            _process = subprocess.Popen(
+                [sys.executable, "-P", "-c", command],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            )
+            log.info("kernels are being compiled in the background")
+        assert _process.stdin is not None
+        with contextlib.suppress(OSError):  # it was killed; the next run compiles instead
+            _process.stdin.write(struct.pack("<Q", len(body)) + body)
+            _process.stdin.flush()
+
+
+@atexit.register
+def _leave() -> None:
+    """Let the process finish alone, without a warning that it still runs."""
+    if _process is not None and _process.stdin is not None:
+        with contextlib.suppress(OSError):
+            _process.stdin.close()
+        _process.returncode = 0
+
+
+def serve() -> None:
+    """Compile what is requested on the standard input, until that ends."""
+    if hasattr(os, "nice"):
+        os.nice(_NICE)
+    stream = sys.stdin.buffer
+    while len(head := stream.read(8)) == 8:
+        module, name, description = pickle.loads(stream.read(struct.unpack("<Q", head)[0]))
+        with contextlib.suppress(Exception):  # the run that needs the kernel reports the error
+            kernel = operator.attrgetter(name)(importlib.import_module(module))
+            kernel.compile_for(tuple(_sample(part) for part in description))
+
+
+def _describe(value: Any) -> Any:
+    """Return what determines the compiled types of `value`: arrays without their entries."""
+    import numpy as np
+
+    if isinstance(value, np.ndarray):
+        order = "C" if value.flags.c_contiguous else "F" if value.flags.f_contiguous else "A"
+        return "array", value.dtype, value.ndim, order, value.flags.writeable
+    if isinstance(value, tuple):
+        kind = type(value) if hasattr(value, "_fields") else None
+        return "tuple", kind, [_describe(part) for part in value]
+    return "value", value
+
+
+def _sample(description: Any) -> Any:
+    """Return a value of the types that `description` names."""
+    import numpy as np
+
+    if description[0] == "value":
+        return description[1]
+    if description[0] == "tuple":
+        parts = [_sample(part) for part in description[2]]
+        return tuple(parts) if description[1] is None else description[1](*parts)
+    _, dtype, dimensions, order, writeable = description
+    array = np.zeros((4,) * dimensions, dtype, order="F" if order == "F" else "C")
+    if order == "A":
+        array = array[(slice(None, None, 2),) * dimensions]
+    array.flags.writeable = writeable
+    return array

@@ -1,0 +1,125 @@
+"""Wall-clock limits: compiling counts, and a run that has no time for it interprets its kernels."""
+
+import time
+
+import numpy as np
+import pytest
+
+from crosstrack import compilation, jit
+
+COLD = """
+import sys, time
+import crosstrack as ct
+model = eval(sys.argv[1])
+begin, cpu = time.perf_counter(), time.process_time()
+answer = ct.solve(model, time_limit=float(sys.argv[2]))
+print(time.perf_counter() - begin, time.process_time() - cpu)
+print(answer.plan is not None)
+print(answer.statistics.get("backends tried", ""), answer.message)
+"""
+#: Seconds beyond the limit: imports, verification and the last loop, on a machine with other work.
+SLACK = 2.0
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        "ct.models.MinimumSnap([[0, 0], [1, 2], [3, 1]], [0, 1, 2], velocity_limit=4.0)",
+        "ct.load('minimum-snap/gate-2d')",
+        "ct.load('messenger/B-03-04')",
+        "ct.load('fleet-mission/pocket')",
+    ],
+)
+def test_an_empty_cache_does_not_stretch_the_time_limit(model, run_python, tmp_path):
+    """The first model took 9.8 s of CPU at a limit of 1 s."""
+    limit = 3.0
+    said = run_python(
+        "-c", COLD, model, str(limit), cwd=tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache")
+    ).splitlines()
+    wall, cpu = map(float, said[0].split())
+    assert cpu < limit + SLACK
+    assert wall < 3 * (limit + SLACK), "generous, as the machine may be loaded"
+    assert said[1] == "True"
+    assert "compil" in said[2] or "interior-point: no_solution" in said[2]
+
+
+MODULE = """
+import numpy as np
+from crosstrack.jit import kernel
+
+@kernel
+def count(values, pair, out):
+    found = 0
+    for i in range(len(values)):
+        found += values[i] > pair[0]
+    out[0] = found
+    return found
+"""
+LATER = """
+import sys, time
+sys.path.insert(0, sys.argv[1])
+import numpy as np
+from counted import count
+from crosstrack import compilation, jit
+jit.compile_always()
+values, out = np.arange(5.0)[::2], np.zeros(1, int)
+values.flags.writeable = False
+limit = jit.Limit(float(sys.argv[2]))
+with jit.within(limit):
+    print(count(values, (1.5, 2), out), sorted(limit.interpreted))
+if compilation._process is not None:
+    compilation._process.stdin.close()
+    compilation._process.wait(120)
+"""
+
+
+def test_the_background_process_compiles_for_later_runs(run_python, tmp_path):
+    (tmp_path / "counted.py").write_text(MODULE)
+    script = tmp_path / "later.py"
+    script.write_text(LATER)
+
+    def run(seconds):
+        where = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        return run_python(str(script), str(tmp_path), str(seconds), cwd=tmp_path, **where).strip()
+
+    assert run(1e-3) == "2 ['count']"
+    assert run(30.0) == "2 []"
+
+
+def test_a_kernel_that_fits_is_compiled(monkeypatch):
+    monkeypatch.setattr(jit, "_left", 0.0)
+
+    @jit.kernel
+    def increase(x):
+        return x + 1
+
+    limit = jit.Limit(60.0)
+    with jit.within(limit):
+        assert increase(1) == 2
+    assert not limit.interpreted
+    assert increase._ready
+
+
+def test_an_interpreted_loop_ends_at_the_limit(monkeypatch):
+    """The inner kernel raises; helper threads of a run have its limit too."""
+    monkeypatch.setattr(jit, "_left", 0.0)
+    monkeypatch.setattr(jit, "_GRACE", 0.05)
+    monkeypatch.setattr(compilation, "request", lambda *arguments: None)
+
+    @jit.kernel
+    def step(x):
+        return x + 1
+
+    @jit.kernel
+    def forever(flag):
+        x = 0
+        while flag[0] == 0:
+            x = step(x)
+        return x
+
+    limit = jit.Limit(0.1)
+    begin = time.perf_counter()
+    with jit.within(limit), pytest.raises(jit.OutOfTime):
+        forever(np.zeros(1, np.int8))
+    assert time.perf_counter() - begin < 5.0
+    assert limit.interpreted == {"forever"}
