@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import hashlib
 import importlib
 import logging
 import operator
@@ -17,7 +18,7 @@ from typing import Any
 
 log = logging.getLogger("crosstrack")
 
-__all__ = ["is_cached", "request", "serve"]
+__all__ = ["is_cached", "name_by_key", "request", "serve"]
 
 #: Niceness of the background process: it must not slow the run that it serves.
 _NICE = 10
@@ -44,6 +45,31 @@ def is_cached(dispatcher: Any, arguments: tuple[Any, ...]) -> bool:
     except Exception as error:  # a private interface: without it kernels are compiled again
         log.debug("the cache of compiled code cannot be read", exc_info=error)
         return False
+
+
+def name_by_key(file: Any, stamp: object) -> None:
+    """Have Numba's cache file name the compiled code by types and `stamp`, and write the index last.
+
+    Numba numbers the code of a kernel in the order of the index that it has read. Two processes
+    that compile one kernel for different types at the same time choose the same number, and a later
+    run loads the code for the other types.
+
+    Parameters
+    ----------
+    file : numba.core.caching.IndexDataCacheFile
+        The cache of one kernel; it is changed in place.
+    stamp : object
+        Value that changes when the kernel's code does.
+    """
+
+    def save(key: Any, data: Any) -> None:
+        digest = hashlib.sha256(pickle.dumps((stamp, key))).hexdigest()
+        name = file._data_name(int(digest[:15], 16))
+        file._save_data(name, data)
+        file._save_index({**file._load_index(), key: name})
+
+    file._source_stamp = stamp
+    file.save = save
 
 
 def request(module: str, name: str, arguments: tuple[Any, ...]) -> None:

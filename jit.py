@@ -221,9 +221,9 @@ class Kernel:
             made = numba.njit(cache=True, **how)(self.py_func)
             # Numba looks at this function's file alone, and would call what a kernel of another file
             # was when this one was compiled.
-            kept = getattr(getattr(made, "_cache", None), "_cache_file", None)
-            if kept is not None:  # not where NUMBA_DISABLE_JIT is set
-                kept._source_stamp = _stamp(self)
+            file = getattr(getattr(made, "_cache", None), "_cache_file", None)
+            if file is not None:  # None if NUMBA_DISABLE_JIT is set
+                compilation.name_by_key(file, _stamp(self))
         except RuntimeError as error:
             # Neither beside the source nor in the user's folder may anything be written.
             log.info("compiled code is not kept: %s", error)

@@ -13,7 +13,7 @@ from fakes import Fixed
 from hypothesis import given, settings, strategies as st
 
 import crosstrack as ct
-from crosstrack import jit
+from crosstrack import compilation, jit
 from crosstrack.instances.error_correction.generator import random_small, uniform_slab
 from crosstrack.jit import kernel
 from crosstrack.solvers import Request, find_backend
@@ -365,3 +365,31 @@ def test_what_is_kept_on_disk_follows_the_kernels_that_it_calls(tmp_path, run_py
     assert printed() == ["7.0", "1"]
     (package / "below.py").write_text(inner.format("20.0"))
     assert printed() == ["61.0", "0"]
+
+
+def test_two_processes_that_compile_one_kernel_do_not_swap_its_code(tmp_path):
+    """Both read an empty index, and the first writes its code after the second."""
+    from numba.core.caching import IndexDataCacheFile
+
+    def numba_file():
+        return IndexDataCacheFile(str(tmp_path), "numba", "stamp")
+
+    def our_file():
+        file = IndexDataCacheFile(str(tmp_path), "ours", "")
+        compilation.name_by_key(file, "stamp")
+        return file
+
+    def race(make):
+        first, second = make(), make()
+        second._load_index = dict
+        delayed = []
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(first, "_save_data", lambda *arguments: delayed.append(arguments))
+            first.save("whole numbers", "code for whole numbers")
+        second.save("reals", "code for reals")
+        first._save_data(*delayed[0])
+        return make().load("reals")
+
+    assert race(numba_file) == "code for whole numbers"  # the fault that our file does not have
+    assert race(our_file) == "code for reals"
+    assert our_file().load("whole numbers") is None  # compiled again
