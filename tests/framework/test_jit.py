@@ -194,7 +194,8 @@ def test_compiling_is_timed_apart_and_no_part_of_the_time_limit(monkeypatch):
     assert answer.termination == "optimal", answer
     assert answer.seconds["compile"] > 1.0
     assert answer.seconds["solve"] < 0.9
-    assert told == [True, False, True, False]
+    # Once for the preparation and once for each kernel that this process has not called before.
+    assert told == [True, False] * (len(told) // 2) and len(told) >= 4
 
 
 def test_what_a_proof_compiles_is_no_part_of_the_solving(monkeypatch):
