@@ -51,8 +51,9 @@ __all__ = [
     "Run",
     "answered",
     "first_order_precision",
-    "pause",
     "prefers_dense",
+    "slice_iterations",
+    "time_left",
     "told",
     "too_large",
 ]
@@ -97,8 +98,12 @@ LINEAR_ALGEBRA = Option(
 DENSE = 0.1
 #: Gigabytes of dense data above which a dense solver is refused.
 MEMORY = 2.0
-#: Seconds of a solve that goes on from where it paused.
-SLICE = 0.5
+#: Entries of the matrices times iterations between two looks at the stop flag, about 0.3 s.
+SLICE = 3e7
+#: Seconds for solvers that need a number if the run has no time limit.
+UNLIMITED = 1e9
+#: Least and largest number of iterations between two looks; OSQP adapts its weights every 50.
+FEWEST, MOST = 50, 20_000
 
 _EPS = ("eps_abs", "eps_rel")
 #: How the libraries over many solvers tell each its time limit and its tolerances; one that is not
@@ -156,10 +161,30 @@ def first_order_precision(request: Request) -> float:
     return request.options.get("eps") or solver_tolerance(request.tolerance * share, 1e-11, 1e-6)
 
 
-def pause(clock: Clock) -> float:
-    """Return the seconds after which a solver without a callback pauses, so that a stop is heard."""
+def slice_iterations(*matrices: Any) -> int:
+    """Return the iterations after which a solver without a callback polls the stop flag.
+
+    The number depends on the data only, so that the same program takes the same iterations on a
+    busy machine.
+
+    Parameters
+    ----------
+    *matrices : sparse matrix
+        Matrices that an iteration multiplies by or solves with.
+
+    Returns
+    -------
+    int
+        A multiple of 50.
+    """
+    entries = sum(matrix.nnz for matrix in matrices)
+    return FEWEST * int(min(max(SLICE / FEWEST / max(entries, 1), 1), MOST // FEWEST))
+
+
+def time_left(clock: Clock) -> float:
+    """Return the seconds that a solve may take, as a positive number for any solver."""
     left = clock.left()
-    return SLICE if left is None else max(min(SLICE, left), 1e-3)
+    return UNLIMITED if left is None else max(left, 1e-3)
 
 
 def prefers_dense(program: QuadraticProgram, request: Request, largest: int) -> bool:

@@ -12,7 +12,15 @@ import scipy.sparse as sp
 from ...models.programs.linear import QuadraticProgram
 from ..attempts import Clock, Ended, Ending, Meaning, limited, over, own_options
 from ..backend import Feature, Limit, Option, Request
-from .base import COMMON, EPS, POLISH, QuadraticBackend, first_order_precision, pause
+from .base import (
+    COMMON,
+    EPS,
+    POLISH,
+    QuadraticBackend,
+    first_order_precision,
+    slice_iterations,
+    time_left,
+)
 from .forms import stacked_rows
 
 __all__ = ["Osqp"]
@@ -66,15 +74,18 @@ class Osqp(QuadraticBackend):
             solver.warm_start(x=np.asarray(request.warm_start, float))
         clock.lap("build")
         control, iterations = request.control, 0
+        step = slice_iterations(program.hessian, matrix)
         status = osqp.SolverStatus
         unfinished = {
-            int(status.OSQP_TIME_LIMIT_REACHED),
+            int(status.OSQP_MAX_ITER_REACHED),
             int(status.OSQP_SOLVED_INACCURATE),
             int(status.OSQP_PRIMAL_INFEASIBLE_INACCURATE),
             int(status.OSQP_DUAL_INFEASIBLE_INACCURATE),
         }
         while True:
-            solver.update_settings(time_limit=pause(clock) + setup)
+            solver.update_settings(
+                time_limit=time_left(clock) + setup, max_iter=min(step, allowed - iterations)
+            )
             setup = 0.0
             found = solver.solve(raise_error=False)
             iterations += int(found.info.iter)
@@ -83,7 +94,6 @@ class Osqp(QuadraticBackend):
             paused = value in unfinished and iterations < allowed
             if not paused or over(request, clock) is not None:
                 break
-            solver.update_settings(max_iter=allowed - iterations)
         clock.lap("solve")
         timed = Ended.STOPPED, limited(control, Limit.TIME)
         infeasible = {

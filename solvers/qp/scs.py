@@ -13,7 +13,7 @@ from ...models.programs.cones import ConeKind, order
 from ..attempts import Clock, Ended, Ending, Meaning, limited, over, own_options
 from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
-from .base import COMMON, EPS, POLISH, first_order_precision, pause
+from .base import COMMON, EPS, POLISH, first_order_precision, slice_iterations, time_left
 from .forms import ConicForm, Convex, columnwise
 
 __all__ = ["Scs"]
@@ -72,16 +72,19 @@ class Scs(ConvexBackend):
             x = np.asarray(request.warm_start, float)
             slack = form.slack(x)
             start = {"warm_start": True, "x": x, "y": np.zeros(slack.size), "s": slack}
-        # The time limit is a setting of the workspace, which therefore is made for a slice.
-        solver = scs.SCS(data, cone, time_limit_secs=pause(clock), **settings)
+        # The limits are settings of the workspace, which therefore is made for a slice.
+        settings["max_iters"] = min(allowed, slice_iterations(data["P"], form.matrix))
+        solver = scs.SCS(data, cone, time_limit_secs=time_left(clock), **settings)
         clock.lap("build")
         iterations = 0
         while True:
             found = solver.solve(**start)
             info = found["info"]
             iterations += int(info["iter"])
-            more = "time_limit" in info["status"] and iterations < allowed
-            if not more or over(request, clock) is not None:
+            timed = "time_limit" in info["status"]
+            paused = "max_iters" in info["status"] and iterations < allowed
+            more = timed or paused
+            if not paused or over(request, clock) is not None:
                 break
             start = {"warm_start": True, "x": found["x"], "y": found["y"], "s": found["s"]}
         clock.lap("solve")
