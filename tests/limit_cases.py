@@ -27,8 +27,8 @@ def assert_limit(name, allowed, verify, *, rel=1e-3, beside=()):
         broken = {check.name for check in found.violated}
         assert broken == {*beside, *([name] if share > 1.0 else [])}, f"{share} of {name}: {found}"
         check = next(check for check in found.checks if check.name == name)
-        assert check.worst == pytest.approx(share * allowed, rel=rel), str(check)
-        assert check.tolerance == pytest.approx(allowed, rel=rel), str(check)
+        assert check.worst == pytest.approx(share * allowed, rel=rel, abs=0.0), str(check)
+        assert check.tolerance == pytest.approx(allowed, rel=rel, abs=0.0), str(check)
 
 
 def assert_count(name, verify):

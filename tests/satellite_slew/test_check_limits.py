@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from crosstrack.models import ControlPlan, PhasePlan, SatelliteSlew
 from crosstrack.models.optimal_control.plan import Piecewise
 from crosstrack.models.satellite_slew.dynamics import CONTROLS, STATES
-from crosstrack.models.satellite_slew.flight import verify_flight
+from crosstrack.models.satellite_slew.flight import Tracking, verify_flight
 
 TOLERANCE = 1e-6
 #: Units of mass and of time.
@@ -325,3 +325,25 @@ def test_the_end_of_a_flight_has_no_tolerance(name, unit, share):
         assert breach.time == times[40 if name == ENDS[2] else -1]
     price = 1.0 + one.fields["rate_weight"] * (controls**2).sum(axis=1)
     assert found.objective == pytest.approx(np.diff(times) @ price, rel=1e-12)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_largest_errors_of_a_flight_are_magnitudes(sign):
+    times, states, controls = flight(slew(UNITS[1]))
+    verification, breach = verify_flight(
+        slew(UNITS[1]).model(), times, states, controls, TOLERANCE, (0.1, 0.1)
+    )
+    quaternions, rates = np.zeros((81, 4)), np.zeros((81, 3))
+    # The scalar part of an error is nearly 1.
+    quaternions[:, 0] = 1.0
+    quaternions[7, 2], rates[9, 1] = 0.03 * sign, 0.02 * sign
+    found = Tracking(
+        times=times, attitudes=states[:, :4], rates=states[:, 4:7], gimbals=states[:, 7:],
+        quaternion_errors=quaternions, rate_errors=rates, commanded=np.zeros((80, 3)),
+        applied=np.zeros((80, 3)), gimbal_rates=controls, saturated=np.arange(80) >= 60,
+        measures=np.ones(81), verification=verification, breach=breach,
+    )  # fmt: skip
+    assert found.ok
+    assert (found.max_quaternion_error, found.max_rate_error) == (0.03, 0.02)
+    assert found.saturated_share == 0.25
+    assert "25 % of the samples saturated from t = 6 s; verified" in str(found)
