@@ -97,6 +97,8 @@ def test_the_smallest_violation_of_each_exact_check(name, unit):
     assert cases
     for _, model, route in cases:
         assert_count(name, lambda bad, m=model, r=route: m.verify(Route(r) if bad else ROUTE))
+        assert model.verify(Route(route)).violated[0].where.startswith("point ")
+        assert all(check.where == "" for check in model.verify(ROUTE).checks)
 
 
 def test_a_limit_of_0_has_no_tolerance():
