@@ -1,4 +1,4 @@
-"""Every check of a tour at its limit: 1.1 times what is accepted is refused, 0.9 times is not."""
+"""Limits of the checks of a tour: 1.1 times the accepted violation is refused, 0.9 times is not."""
 
 import cmath
 import math
@@ -13,7 +13,7 @@ from crosstrack.models import MessengerTour, Primitive, TourPlan
 DIGITS = 1e-13
 #: Turning radius and speed, in the unit of length.
 TURN, SPEED = 0.1, 10.0
-#: Where a path begins, its heading, and the tolerance: beside the far one, digits count.
+#: Begin of a path, its heading, and the tolerance, which is as small as the digits of the far one.
 NEAR, FAR = (1 + 2j, 0.7, 1e-6), (-400 - 300j, -40.0, 1e-10)
 QUARTER = 0.5 * math.pi
 #: A rectangle with round corners: leg, turn, and the length of a line or the angle of a turn.
@@ -95,9 +95,9 @@ def followed(plan, *pieces):
 
 
 def limits(unit, start, heading, tolerance):
-    """Yield each check with a tolerance, what it accepts, its place, and the case for a share of that.
+    """Yield the name of each check, its largest accepted violation, its place, and a case.
 
-    A case returns model and plan.
+    The case returns model and plan for a share of that violation.
     """
     plan = flight(LOOP[:3], unit, start, heading)
     model = model_for(plan, unit)

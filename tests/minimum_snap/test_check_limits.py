@@ -1,4 +1,4 @@
-"""Every check of a trajectory at its limit: 1.1 times what is accepted is refused, 0.9 times is not."""
+"""Limits of the checks of a trajectory: 1.1 times the accepted violation is refused, 0.9 times is not."""
 
 import math
 from dataclasses import fields
@@ -14,7 +14,7 @@ from crosstrack.models.minimum_snap import FREE
 from crosstrack.models.minimum_snap.trajectory import Trajectory
 
 TOLERANCE = 1e-6
-#: Waypoints in the unit of length; the axes are held against their extents, 3 and a tenth of that.
+#: Waypoints in the unit of length, and the scale of each axis: its extent, a tenth of 3 at least.
 PLACES = np.array([[0.0, 0.0], [1.0, 0.2], [1.0, 0.3], [3.0, 0.2]])
 EXTENTS = np.array([3.0, 0.3])
 DURATIONS = np.array([1.0, 0.5, 2.0])
@@ -113,7 +113,7 @@ def at_knots(unit):
             )  # fmt: skip
         for order, word in enumerate(WORDS, start=1):
             least = usual(unit, order, axis)
-            # A derivative is held against the usual one, or itself if that is larger.
+            # The scale is the usual derivative, or its own value if that is larger.
             for value in (0.5 * least, -5.0 * least):
                 off = TOLERANCE * max(least, abs(value))
                 for knot in (0, 3):
@@ -136,7 +136,9 @@ def at_knots(unit):
 
 
 def limits(unit):
-    """Yield each check with a tolerance, what it accepts, and model and plan for a share of that."""
+    """Yield the name of each check, its largest accepted violation, and a case.
+
+    The case returns model and plan for a share of that violation."""
     length, time = unit
     yield from at_knots(unit)
     for knot in range(4):
@@ -149,7 +151,7 @@ def limits(unit):
             return model_for(unit), Trajectory(times, plan.coefficients)
 
         yield "times", shift, late
-    # Positions are held against the extent, here on axis 0.
+    # The scale of a position is the extent, here on axis 0.
     place = TOLERANCE * 3.0 * length
     for side, sign in (("upper", 1.0), ("lower", -1.0)):
         edge = {f"corridor_{side}": sign * only(sign + 0.5) * length}
@@ -170,7 +172,7 @@ def limits(unit):
     for order, word in enumerate(WORDS, start=1):
         height, sign = peak(order)
         height /= (DURATIONS[1] * time) ** order
-        # A limit is its own scale, and a limit of 0 is held against the usual derivative.
+        # The scale is the limit, or the usual derivative if the limit is 0.
         for limit, scale in ((length, length), (0.0, usual(unit, order, 0))):
             for side in (1.0, -1.0):
                 yield f"{word} limit", TOLERANCE * scale, lambda x, v=limit, r=scale, s=sign * side, w=word, h=height: (

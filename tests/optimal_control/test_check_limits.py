@@ -1,4 +1,4 @@
-"""Every check of a motion at its limit: 1.1 times what is accepted is refused, 0.9 times is not."""
+"""Limits of the checks of a motion: 1.1 times the accepted violation is refused, 0.9 times is not."""
 
 from itertools import pairwise
 
@@ -111,7 +111,7 @@ def along(unit):
             yield "continuity of states", size * units, where, lambda x, k=state, j=jump: (
                 given, plan(unit, off=[(k, (x * j * RISE, -x * j * FALL))])
             )  # fmt: skip
-    # What is kept is held against its first value, or what is declared if that is more.
+    # The scale of an invariant is its first value, or the declared scale if that is larger.
     for scale in (0.1, 1.0):
         allowed = TOLERANCE * max(scale, STILL**2)
         bump = allowed / (2.0 * STILL) * BUMP
@@ -133,7 +133,7 @@ def along(unit):
             yield check, TOLERANCE * abs(value) * units, f"{name} at t = ", lambda x, n=name, s=side, v=value, g=sign, w=units: (
                 problem(unit, **{n: {s: (v - g * x * TOLERANCE * abs(v)) * w}}), plan(unit)
             )  # fmt: skip
-    # A bound of little beside the course is held against the course.
+    # The scale is the size of the course if the bound is much smaller.
     little = TOLERANCE * SIZES["x"]
     yield "bounds of states", little * length, "x at t = ", lambda x: (
         problem(unit, x={"lower": (0.02 + x * little) * length}), plan(unit)
@@ -203,7 +203,9 @@ def at_ends(unit):
 
 
 def limits(unit):
-    """Yield each check, what it accepts, its place, and problem and plan for a share of that."""
+    """Yield the name of each check, its largest accepted violation, its place, and a case.
+
+    The case returns problem and plan for a share of that violation."""
     yield from along(unit)
     yield from at_ends(unit)
     length, _ = unit

@@ -1,4 +1,4 @@
-"""Every check of a route at its limit: 1.1 times what is accepted is refused, 0.9 times is not."""
+"""Limits of the checks of a route: 1.1 times the accepted violation is refused, 0.9 times is not."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def model_for(unit, form="points", legs=(1.0, 1.0, 1.0), begin=0.0, **how):
 
 
 def limits(unit, form):
-    """Yield each check with a tolerance, what it accepts, and the model for a share of that."""
+    """Yield the name of each check, its largest accepted violation, and the model for a share of it."""
     own = np.zeros((3, 2)) if form == "points" else np.array(USES)
     for stop, word in enumerate(("station", "station", "end")):
         limit = FUEL_LIMITS[word]

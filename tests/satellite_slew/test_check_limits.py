@@ -1,4 +1,4 @@
-"""Every check of a slew and of a flight at its limit: 1.1 times what is accepted is refused, 0.9 times is not."""
+"""Limits of the checks of a slew: 1.1 times the accepted violation is refused, 0.9 times is not."""
 
 from functools import cache
 
@@ -174,7 +174,9 @@ def ends(unit):
 
 
 def limits(unit):
-    """Yield each check, what it accepts, its place, and model and plan for a share of that."""
+    """Yield the name of each check, its largest accepted violation, its place, and a case.
+
+    The case returns model and plan for a share of that violation."""
     one = slew(unit)
     yield from ends(unit)
     rates, inner = one.fields["rate_limit"], BUMP(NODES / 2 + 0.5)[:, None]

@@ -1,4 +1,4 @@
-"""The check of an angle at its limit, and the two errors: 1.1 times is refused, 0.9 times is not."""
+"""Limit of the check of an angle, and both errors: 1.1 times the accepted violation is refused."""
 
 import math
 from dataclasses import replace

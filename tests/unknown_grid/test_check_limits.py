@@ -1,4 +1,4 @@
-"""Every check of runs at its limit: the smallest violation is refused, and a run without it is not."""
+"""Limits of the checks of runs: the smallest violation is refused, and a run without it is not."""
 
 import pytest
 from limit_cases import assert_count, names_of
