@@ -329,6 +329,29 @@ def test_the_end_of_a_flight_has_no_tolerance(name, unit, share):
     assert found.objective == pytest.approx(np.diff(times) @ price, rel=1e-12)
 
 
+@pytest.mark.parametrize("column", [0, 4, 7])
+def test_nan_in_a_flight_is_the_largest_violation(column):
+    """A flight that is not a number was verified."""
+    one = slew(UNITS[1])
+    times, states, controls = flight(one)
+    states[-1, column] = np.nan
+    found, breach = verify_flight(one.model(), times, states, controls, TOLERANCE, (0.1, 0.1))
+    broken = {0: {ENDS[0], ENDS[2]}, 4: {FLOWN[0], ENDS[1]}, 7: {FLOWN[2], FLOWN[3]}}[column]
+    assert {check.name for check in found.violated} == broken
+    assert {check.worst for check in found.violated} == {np.inf}
+    # The torque of the last sample counts from its begin.
+    assert breach.time == times[-2 if column == 7 else -1]
+
+
+def test_overflow_in_a_plan_is_the_largest_violation():
+    one = slew(UNITS[1])
+    off = np.zeros((NODES.size, 11))
+    off[12, :7] = 1e200
+    found = one.model().verify(one.plan(off))
+    broken = {check.name: check.worst for check in found.violated}
+    assert broken["total momentum"] == broken["norm of the quaternion"] == np.inf
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_largest_errors_of_a_flight_are_magnitudes(sign):
     times, states, controls = flight(slew(UNITS[1]))
