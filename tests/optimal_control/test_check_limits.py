@@ -1,5 +1,6 @@
 """Limits of the checks of a motion: 1.1 times the accepted violation is refused, 0.9 times is not."""
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -244,10 +245,15 @@ def in_two(unit, *, gap=0.0, late=0.0, shift=None, off=((), ())):
     return ControlPlan((first, part(unit, name="second", start=start, shift=shift, off=off[1])))
 
 
+@cache
+def cases_of(unit):
+    return [*limits(unit)]
+
+
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("name", LIMITS)
 def test_the_limit_of_each_check(name, unit):
-    cases = [case for case in limits(unit) if case[0] == name]
+    cases = [case for case in cases_of(unit) if case[0] == name]
     assert cases
     for _, allowed, where, case in cases:
 

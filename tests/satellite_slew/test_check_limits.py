@@ -230,10 +230,15 @@ def limits(unit):
     )  # fmt: skip
 
 
+@cache
+def cases_of(unit):
+    return [*limits(unit)]
+
+
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("name", LIMITS)
 def test_the_limit_of_each_check(name, unit):
-    cases = [case for case in limits(unit) if case[0] == name]
+    cases = [case for case in cases_of(unit) if case[0] == name]
     assert cases
     for _, allowed, where, case in cases:
 
