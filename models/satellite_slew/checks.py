@@ -188,6 +188,7 @@ def _worst(
     tolerance: float, scale: float, limit: float | None = None,
 ) -> Check:  # fmt: skip
     """Return the check of an excess, shape (samples, entries), at its largest."""
+    over = np.where(np.isnan(over), np.inf, over)
     row, column = (int(k) for k in np.unravel_index(int(over.argmax()), over.shape))
     where = f"t = {times[row]:.6g} s, {entries[column]}"
     worst = max(0.0, over[row, column])

@@ -214,6 +214,7 @@ def _held(
     least = name == "singularity measure"
     values = values if least else np.abs(values)
     over = limit - values if least else values - limit
+    over = np.where(np.isnan(over), np.inf, over)
     row, column = (int(k) for k in np.unravel_index(int(over.argmax()), over.shape))
     where = f"t = {times[row]:.6g} s" + (f", {entries[column]}" if entries[column] else "")
     worst = max(0.0, float(over[row, column]))
