@@ -113,12 +113,12 @@ RISING, FALLING = ["@.", ".@"], [".@", "@."]
 
 def squeezed(lines, shift, *, bent):
     """Return a fault and its ends: a path past the corner of two cells, off by `shift` cells."""
-    sign = 1 if lines is RISING else -1
-    corner = [1 + shift, 1 + sign * shift]
+    corner = np.array([1 + shift, 1 + shift if lines is RISING else 1 - shift])
     ends = ((0, 1), (1, 0)) if lines is RISING else ((0, 0), (1, 1))
     begin, end = (np.array(cell[::-1]) + 0.5 for cell in ends)
-    points = [begin, corner, end] if bent else [begin + corner - 1, end + corner - 1]
-    points = points if bent else [begin, *points, end]
+    # Not at a right angle, and from farther on one side of the corner than on the other.
+    slanted = [corner + (begin - 1) * [0.8, 0.4], corner - (begin - 1) * [0.4, 0.2]]
+    points = [begin, *([corner] if bent else slanted), end]
     return [points], lines, ends, {}
 
 
