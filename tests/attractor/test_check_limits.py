@@ -150,6 +150,39 @@ def test_chaos_needs_an_exponent_above_0(growing, scale):
     assert analysis("noise", scale).verify(noise).ok
 
 
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("ahead", [1, 3])
+def test_the_objective_is_the_error_of_prediction(ahead, scale):
+    """The nearest state by the largest difference predicts the last coordinate `ahead` samples on."""
+    model = analysis("chaos", scale)
+    states = model.states(ahead, 2)
+    last, errors = len(states) - ahead, []
+    for i in range(last):
+        apart = [np.abs(states[i] - states[j]).max() for j in range(last)]
+        j = min((j for j in range(last) if abs(i - j) > THEILER), key=lambda j: apart[j])
+        errors.append(states[i + ahead, -1] - states[j + ahead, -1])
+    wanted = np.sqrt(np.mean(np.square(errors)) / 2.0) / states.std()
+    found = model.verify(AttractorEstimate(ahead, 2, THEILER))
+    assert found.objective == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("fields", "objective"),
+    [
+        ({"true_exponent": 2.0, "chaotic": True}, 0.75),
+        ({"true_exponent": 2.0, "true_dimension": 4.0}, (0.5 + 0.25) / 2),
+        ({"true_exponent": 0.5, "chaotic": False}, 0.5),
+        ({"true_dimension": 3.0}, 0.0),
+    ],
+)
+def test_the_objective_is_the_mean_error_of_known_figures(fields, objective):
+    """An exponent of 1 and a dimension of 3 are claimed, and noise."""
+    slopes = Slope("rosenstein", 1.0, 0.0, 1, 4), Slope("line", 3.0, 0.0, 0.1, 0.2)
+    plan = AttractorEstimate(1, 1, 0, *slopes, SurrogateTest("noise", 1, 1))
+    found = AttractorAnalysis(SERIES["chaos"], **fields).verify(plan)
+    assert found.objective == pytest.approx(objective, rel=1e-12)
+
+
 def test_every_check_is_tested():
     slopes = Slope("rosenstein", 0.0, 0.0, 1, 4), Slope("line", 0.0, 0.0, 0.1, 0.2)
     plan = AttractorEstimate(1, 1, 0, *slopes, SurrogateTest("noise", 1, 1))

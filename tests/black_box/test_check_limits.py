@@ -9,9 +9,9 @@ from crosstrack.models import BlackBoxMinimisation
 from crosstrack.models.black_box import BlackBoxPoint, PythonFunction, model as checks
 
 TOLERANCE = 1e-6
-#: A variable of a width of 2, one of 8, and one that is fixed.
-BOUNDS = np.array([[-1.0, 1.0], [-5.0, 3.0], [2.0, 2.0]])
-INSIDE = (0.5, 3.0, 2.0)
+#: A variable of a width of 8, one of 2, and two that are fixed.
+BOUNDS = np.array([[-5.0, 3.0], [-1.0, 1.0], [2.0, 2.0], [-2.0, -2.0]])
+INSIDE = (3.0, 0.5, 2.0, -2.0)
 
 
 def box(scale, function="sphere", **fields):
@@ -32,21 +32,22 @@ def moved(variable, shift, tolerance=TOLERANCE):
 
 def of_shares(scale, share):
     """The variable that is farthest beyond relative to its width is named, not the farthest."""
-    x = [-1.0 - share * 2e-6, 3.0 + 0.8 * share * 8e-6, 2.0]
+    x = [3.0 + 0.8 * share * 8e-6, -1.0 - share * 2e-6, 2.0, -2.0]
     found = box(scale).verify(BlackBoxPoint(scale * np.array(x)), tolerance=TOLERANCE)
-    assert share == 0.0 or found.checks[0].where == "x[0]"
+    assert share == 0.0 or found.checks[0].where == "x[1]"
     return found
 
 
 LIMITS = {
     "bounds": [
-        moved(0, -2e-6),
-        moved(0, 2e-6),
-        moved(1, -8e-6),
-        moved(1, 8e-6),
+        moved(0, -8e-6),
+        moved(0, 8e-6),
+        moved(1, -2e-6),
+        moved(1, 2e-6),
         # Without a width, digits of the bound: 1e-9 of it, times the tolerance.
         moved(2, 0.01 * 2e-9, tolerance=0.01),
         moved(2, -0.01 * 2e-9, tolerance=0.01),
+        moved(3, 0.01 * 2e-9, tolerance=0.01),
         of_shares,
     ]
 }
@@ -65,26 +66,29 @@ def test_a_variable_that_is_fixed_at_0_may_be_nothing_else(x):
     found = model.verify(BlackBoxPoint([x, 0.0]))
     assert_only("bounds", found)
     assert found.violated[0].where == "x[0]"
+    other = model.verify(BlackBoxPoint([0.0, 2.0]))
+    assert_only("bounds", other)
+    assert other.violated[0].where == "x[1]"
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_one_value_that_is_no_number_is_enough(bad, place):
-    values = np.arange(3.0)
+    values = 2.0 * np.arange(3.0)
     whole = box(1.0, PythonFunction(lambda x: values, vectorized=True), samples=3)
     found = whole.verify(BlackBoxPoint(INSIDE))
     assert found.ok
-    assert (found.objective, found.spread) == (1.0, pytest.approx(2.0 / 3.0**0.5))
+    assert (found.objective, found.spread) == (2.0, pytest.approx(4.0 / 3.0**0.5))
     values[place] = bad
     found = whole.verify(BlackBoxPoint(INSIDE))
     assert_only("value is a number", found)
     assert (found.violated[0].worst, found.violated[0].where) == (1.0, f"{bad:g}")
-    assert found.objective is None
+    assert (found.objective, found.spread) == (None, 0.0)
 
 
-@pytest.mark.parametrize("x", [INSIDE[:2], (*INSIDE, 0.0)])
+@pytest.mark.parametrize("x", [INSIDE[:3], (*INSIDE, 0.0)])
 def test_another_number_of_variables_is_refused(x):
-    with pytest.raises(InvalidData, match=f"x must have 3 entries, got {len(x)}"):
+    with pytest.raises(InvalidData, match=f"x must have 4 entries, got {len(x)}"):
         box(1.0).verify(BlackBoxPoint(x))
 
 
