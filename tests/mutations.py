@@ -3,7 +3,9 @@
 A verification that no test guards may be weakened by any edit. This script applies small faults
 (mutations) to the modules that hold the checks, a fault at a time, and runs the tests of that
 problem. A mutation that no test notices has survived; all must die. The faults are drawn from every
-place that could be changed, evenly over the functions and by a seed, so that two runs agree::
+place that could be changed, evenly over the functions and by a seed, so that two runs agree.
+Tests whose file is named after checks run first, and the others only if a fault survives them.
+Usage::
 
     python tests/mutations.py                  # about 120 mutations, every problem: an hour or two
     python tests/mutations.py grid_path fleet  # some problems
@@ -41,7 +43,13 @@ EQUIVALENT: dict[str, str] = {
     "models/minimum_snap/time_allocation.py:max(0.0, -float(plan.durations[least])) -> 0.0": (
         "a trajectory refuses durations that are not > 0, so that the violation is always 0"
     ),
-}
+    "models/grid_path/checks.py:len(path) - 1 -> (len(path) + 1)":
+        "a further group of segments is empty",
+    "models/grid_path/checks.py:cells + extent - a -> (cells + extent + a)":
+        "a longer part of the segment, and what is outside of the box has a negative depth",
+    "models/grid_path/checks.py:np.maximum(first, last).min(axis=1) -> np.maximum(first, last).max(axis=1)":
+        "as before",
+}  # fmt: skip
 #: Mutations for each problem unless the command line names another number.
 SHARE = 9
 #: Seconds for the tests of one mutation.
@@ -180,31 +188,71 @@ def choose_mutations(problem: str, number: int, seed: int = 1) -> list[Mutation]
     return [*blind, *(one for _, one in order)][: max(number, len(blind))]
 
 
-def run_tests(problem: str, mutation: Mutation, folder: Path) -> tuple[bool, float, str]:
-    """Return whether the tests of `problem` fail with `mutation`, the seconds, and the test."""
-    target = folder / "crosstrack" / "models" / Path(mutation.file).relative_to("models")
-    original = target.read_text("utf-8")
-    begin = time.perf_counter()
-    target.write_text(mutation.apply(original), "utf-8")
-    tests = sorted((ROOT / "tests" / problem).glob("test_*.py"))
-    # Tests of checks come first: most mutations die there within seconds.
-    tests.sort(key=lambda path: ("check_limits" not in path.name, "check" not in path.name))
+def run_tests(tests: list[Path], folder: Path) -> tuple[bool, str]:
+    """Return whether `tests` fail on the package in `folder`, and which one."""
     command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "--tb=no",
                "-p", "no:cacheprovider", "-m", "not slow", *map(str, tests)]  # fmt: skip
-    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
-        done = subprocess.run(
-            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
-        )  # fmt: skip
-        dead, said = done.returncode == 1, done.stdout
-        assert done.returncode in (0, 1, 2), done.stdout + done.stderr
-        dead = dead or done.returncode == 2
+        done = _run(command, folder)
     except subprocess.TimeoutExpired:
-        dead, said = True, "FAILED the tests take too long"
-    finally:
-        target.write_text(original, "utf-8")
-    failed = [line for line in said.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return dead, time.perf_counter() - begin, failed[0].split(" - ")[0] if failed else ""
+        return True, "FAILED the tests take too long"
+    assert done.returncode in (0, 1, 2), done.stdout + done.stderr
+    lines = done.stdout.splitlines()
+    failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
+    return done.returncode != 0, failed[0].split(" - ")[0] if failed else ""
+
+
+class Suite:
+    """The tests of a problem, those of checks first: most mutations die there within seconds."""
+
+    def __init__(self, problem: str, folder: Path) -> None:
+        tests = sorted((ROOT / "tests" / problem).glob("test_*.py"))
+        tests.sort(key=lambda path: "check_limits" not in path.name)
+        of_checks = [path for path in tests if "check" in path.name]
+        others = [path for path in tests if "check" not in path.name]
+        self.folder, self.parts = folder, [part for part in (of_checks, others) if part]
+        self.passing = 0
+
+    def try_mutation(self, mutation: Mutation) -> tuple[bool, float, str]:
+        """Return whether a test fails with `mutation`, the seconds, and the test."""
+        begin = time.perf_counter()
+        for number, part in enumerate(self.parts):
+            if number == self.passing:  # a test that always fails would notice every fault
+                failing, test = run_tests(part, self.folder)
+                if failing:
+                    raise RuntimeError(f"the tests fail without any fault: {test}")
+                self.passing += 1
+                begin = time.perf_counter()
+            dead, test = self._run_broken(part, mutation)
+            if dead:
+                return True, time.perf_counter() - begin, test
+        return False, time.perf_counter() - begin, ""
+
+    def _run_broken(self, tests: list[Path], mutation: Mutation) -> tuple[bool, str]:
+        target = self.folder / "crosstrack" / mutation.file
+        original = target.read_text("utf-8")
+        target.write_text(mutation.apply(original), "utf-8")
+        try:
+            return run_tests(tests, self.folder)
+        finally:
+            target.write_text(original, "utf-8")
+
+
+def check_import(folder: Path) -> None:
+    """Raise unless the tests would import the models from `folder`, where the faults are."""
+    code = "import crosstrack.models as models; print(models.__file__)"
+    done = _run([sys.executable, "-c", code], folder)
+    found = Path(done.stdout.strip())
+    if folder.resolve() not in found.resolve().parents:
+        raise RuntimeError(f"the tests would import {found}, not the copy in {folder}")
+
+
+def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run `command` with the package in `folder` first on the path."""
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
+    )  # fmt: skip
 
 
 def main() -> int:
@@ -231,14 +279,16 @@ def main() -> int:
                 shutil.copytree(path, folder / "crosstrack" / "models", ignore=ignored)
             elif not path.name.startswith(".") and path.name != "tests":
                 (folder / "crosstrack" / path.name).symlink_to(path)
+        check_import(folder)
         for problem in options.problems or every:
+            suite = Suite(problem, folder)
             for mutation in choose_mutations(problem, options.number, options.seed):
                 old = " ".join(mutation.old.split())
                 head = f"{mutation.file}:{mutation.line} {old} -> {mutation.new}"
                 if options.list:
                     print(head)
                     continue
-                dead, seconds, test = run_tests(problem, mutation, folder)
+                dead, seconds, test = suite.try_mutation(mutation)
                 state = "died" if dead else "SURVIVED"
                 print(f"{state:8} {seconds:6.1f} s  {head}  {test}", flush=True)
                 rows.append({

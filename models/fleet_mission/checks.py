@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 
 #: Digits that coordinates leave of a position.
 DIGITS = 1e-13
+#: Share of the tolerance of a distance that the search for the least distance may leave open.
+SEARCHED = 0.01
 #: Units in the last place of the terms of a derivative at a knot that its rounding may reach.
 ULPS = 16 * float(np.finfo(float).eps)
 #: Greatest derivatives of the polynomial of degree 7 that steps from rest to rest in a unit of time.
@@ -139,6 +141,8 @@ def _places(
 ) -> Iterator[Check]:
     """Yield the checks of nodes passed in their order, and of both ends."""
     noise = _digits(model)
+    # The time for a cell at the speed that other checks are held against.
+    pause = _scale(model, 0) / _scale(model, 1)
     passed = Worst("nodes passed at their times", "m", tolerance, "24")
     late = Worst("visits in order", "s", tolerance)
     ends = Worst("begins and ends at the depot", "m", tolerance)
@@ -153,7 +157,7 @@ def _places(
         allowed = np.clip(times, one.times[0], one.times[-1])
         stops = np.concatenate([one.times[:1], times, one.times[-1:]])
         late.add(
-            -np.diff(stops), lambda s, k=k: f"robot {k}, stop {s}", 1.0,
+            -np.diff(stops), lambda s, k=k: f"robot {k}, stop {s}", pause,
             ULPS * float(np.abs(one.times).max()),
         )  # fmt: skip
         if len(times):
@@ -294,7 +298,8 @@ def _separation(model: MissionData, flown: list[tuple[int, Trajectory]], toleran
     required_ = model.separation > 0
     name = "distance between robots" if required_ else "separation not required"
     found = Worst(name, "m", tolerance)
-    slack = tolerance * model.cell + _digits(model)
+    # What the search leaves open is excused beside the tolerance, so it must be far less.
+    slack = SEARCHED * (tolerance * model.cell + _digits(model))
     near = nearest([one for _, one in flown], slack)
     where = "never two under way at one time"
     if np.isfinite(near.distance):

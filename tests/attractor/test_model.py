@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from attractor.counted import fitted, plain_divergence, plain_sums
 from hypothesis import given, settings, strategies as st
 from scipy.signal import lfilter
 
@@ -44,46 +45,6 @@ SHORT = {
     "trend": np.arange(50.0) + RNG.normal(size=50),
     "ratio 1e6": np.where(np.arange(55) % 7 == 0, 1e6, 1.0) * (1 + logistic(55)),
 }
-
-
-def plain_divergence(states, theiler, ahead, radius=None):
-    """The mean logarithm of the distance from neighbours, by loops over all pairs."""
-    last = len(states) - ahead[-1]
-    sums, counts = np.zeros(len(ahead)), np.zeros(len(ahead))
-    for i in range(last):
-        best, near = math.inf, []
-        for j in range(last):
-            apart = sum((a - b) ** 2 for a, b in zip(states[i], states[j], strict=True))
-            if abs(i - j) <= theiler or apart == 0:
-                continue
-            if radius is not None and apart <= radius**2:
-                near.append(j)
-            elif radius is None and apart < best:
-                best, near = apart, [j]
-        for k, step in enumerate(ahead if near else ()):
-            mean = np.mean([math.dist(states[i + step], states[j + step]) for j in near])
-            if mean > 0:
-                sums[k] += math.log(mean)
-                counts[k] += 1
-    with np.errstate(invalid="ignore"):
-        return sums / counts
-
-
-def plain_sums(states, theiler, radii):
-    """The share of pairs within each radius by their largest difference, by loops over all pairs."""
-    within, pairs = np.zeros(len(radii)), 0
-    for i in range(len(states)):
-        for j in range(len(states)):
-            if abs(i - j) > theiler:
-                pairs += 1
-                apart = max(abs(a - b) for a, b in zip(states[i], states[j], strict=True))
-                within += apart <= radii
-    return within / pairs
-
-
-def fitted(x, y):
-    """The slope of the line of least squares."""
-    return float(np.polyfit(x, y, 1)[0])
 
 
 def checked(model, plan):
