@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...jit import clock
+from ...models.messenger.checks import integrated
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import TourPlan
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
@@ -17,6 +18,7 @@ from .annealing import anneal
 from .chain import confine
 from .emission import Chain, move_to_boundary
 from .last_leg import shorten_last_leg
+from .rim_flight import fly_to_rims
 
 __all__ = ["TourSearch"]
 
@@ -99,8 +101,8 @@ class _Search:
         request, options = self.request, self.request.options
         if request.warm_start is not None:
             self.offer(request.warm_start)
-        if self.problem.start is not None:
-            self.anneal(1, self.nearest())  # quick for any number of vehicles
+        if self.problem.start is not None:  # quick for any number of vehicles
+            self.anneal(1, self.flown(self.nearest()))
         self.anneal(LEAST)  # something to fall back upon
         proven = clock()
         orders = self.prove() if options["bound"] else []
@@ -203,6 +205,28 @@ class _Search:
             confine(chain.poses[vehicle], inside, int(chain.freedom[vehicle]))
             chain.count += 1
             place, left = target, np.delete(left, k)
+        return chain
+
+    def flown(self, chain: Chain) -> Chain:
+        """Offer the flight from rim to rim in the order of `chain`, and return it as a chain."""
+        problem = self.problem
+        if problem.heading is None or problem.turning_radius == 0.0:
+            return chain
+        plan = fly_to_rims(problem, chain.order[1 : chain.count].tolist())
+        if plan is None:
+            return chain
+        if self.request.options["interior"]:
+            self.offer(plan)
+        ends = np.searchsorted(
+            [one.leg for one in plan.primitives], np.arange(problem.size), "right"
+        )
+        headings = integrated(plan, problem.turning_radius)[ends, 2]
+        for k, (vehicle, heading) in enumerate(zip(plan.order, headings.tolist(), strict=True)):
+            offset = plan.points[k] - problem.where(vehicle, float(plan.times[k]))
+            chain.order[1 + k], chain.poses[vehicle] = vehicle, (*offset, heading)
+            confine(
+                chain.poses[vehicle], float(problem.radius[vehicle]), int(chain.freedom[vehicle])
+            )
         return chain
 
     def guided(self, order: tuple[int, ...]) -> Chain:
