@@ -14,7 +14,7 @@ from ..verification import NEAR, Check, Verification, check_tolerance
 from .data import TourData
 from .plan import SIGNS, TourPlan
 
-__all__ = ["integrated", "verify_tour"]
+__all__ = ["UNDECIDABLE", "decidable_length", "integrated", "verify_tour"]
 
 Floats = NDArray[np.float64]
 
@@ -136,6 +136,11 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
         checks.append(worst("ends at the last encounter", beyond, "m", ["end"], float(size.min())))
     # A length is its own scale.
     return Verification(float(flown[-1]), tuple(checks), scale=0.0)
+
+
+def decidable_length(model: TourData) -> float:
+    """Return the length flown (m) beyond which double precision decides no encounter of a tour."""
+    return CEILING * float(_sizes(model).max()) / DIGITS
 
 
 def _sizes(model: TourData) -> Floats:

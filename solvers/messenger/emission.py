@@ -195,20 +195,22 @@ def cut(
     points, primitives, number, flown = [], [], 0, 0.0
     for sign, length, towards in path:
         h = h if towards is None else towards
-        end = flown + length
+        # What is left of the primitive keeps the digits that differences of lengths flown lose.
+        rest, end = length, flown + length
         while number < len(order) and stops[order[number]] < end:
-            step = max(stops[order[number]] - flown, 0.0)
+            step = min(max(stops[order[number]] - flown, 0.0), rest)
             if step > 0.0:
                 primitives.append(Primitive(number, LETTERS[sign], step, h))
                 x, y, h = advance(x, y, h, step, sign, r)
+                rest -= step
             flown = max(flown, stops[order[number]])
             points.append((x, y))
             number += 1
         if number == len(order) and not problem.closed:
             break
-        if end > flown:
-            primitives.append(Primitive(number, LETTERS[sign], end - flown, h))
-            x, y, h = advance(x, y, h, end - flown, sign, r)
+        if rest > 0.0:
+            primitives.append(Primitive(number, LETTERS[sign], rest, h))
+            x, y, h = advance(x, y, h, rest, sign, r)
         flown = end
     points += [(x, y)] * (len(order) - len(points))
     times = np.array([min(stops[i], flown) for i in order]) / speed

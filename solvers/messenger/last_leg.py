@@ -1,36 +1,46 @@
 """The last leg of an open tour: the heading at its end is free, and the disc is met at its rim.
 
-The shortest paths of a bounded curvature to a point, with any heading there, are an arc and a line,
-or two arcs if the point is within a turning circle (Boissonnat and Bui, "Accessibility region for
-a car that only moves forwards along optimal paths", INRIA 2181, 1994). A line ends
-with the disc's centre straight ahead; a second arc ends such that the centre is on its chord;
-a single arc ends as it enters the disc. A vehicle
-that moves is met as soon as such a path is as long as the distance flown by then.
+The boundary of what a vehicle of bounded curvature reaches after a given length consists of ends of
+an arc and a line, and of ends of two arcs (Cockayne and Hall, SIAM Journal on Control 13, 1975), so
+the disc is first met at one of these.
+
+- A line ends with the disc's centre straight ahead. Between the times at which the centre is ahead of
+  the pose or as far from the turning circle as the radius, the length of arc and line changes at most
+  as fast as the disc moves, which is slower than the UAV: there is one root at most, and a bracket.
+- The ends of two arcs of a given length are a cardioid, and its critical points are roots of a quartic.
+  The distance from it to the centre changes at most by the sum of both ways, so a step of
+  the distance left cannot pass over the first contact.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.messenger.dubins import advance
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import SIGNS, Primitive, TourPlan
 
-__all__ = ["shorten_last_leg", "shortest_to_disc"]
+__all__ = ["Disc", "shorten_last_leg", "shortest_to_disc"]
 
-Floats = NDArray[np.float64]
+Path = list[tuple[int, float]]
 
-#: Times at which the sign of path minus flight is looked at, and places on an arc.
-SAMPLES = 1500
+FULL = 2.0 * math.pi
 #: Share of the radius that the path goes inside the rim, so that rounding keeps it within.
 MARGIN = 1e-10
 #: Least gain of a leg, relative to the tour.
 GAIN = 1e-13
+#: Distance from the rim that counts as contact, as a share of the radius and of the turning radius.
+TOUCH, ROUNDING = 1e-11, 1e-14
+#: Smallest step, as a share of the radius: a disc that dips in by less may be passed over.
+FINEST = 1e-7
+#: Angle in which rounding may put a point on the wrong side of the line ahead, rad.
+AHEAD = 1e-9
 
 
 class Disc(NamedTuple):
@@ -102,110 +112,100 @@ def shortest_to_disc(
         return []
     if not 0.0 < most < math.inf:
         return None
-    best: list[tuple[int, float]] | None = None
-    for path in _candidates(x, y, heading, disc, speed, turning, most):
-        length = sum(part for _, part in path)
+    # In the frame of the UAV, the turning radius and the UAV's speed being 1.
+    turned = cmath.exp(-1j * heading)
+    place = complex(disc.x - x, disc.y - y) * turned / turning
+    velocity = complex(disc.vx, disc.vy) * turned / speed
+    reach, most = disc.radius / turning, most / turning
+    best: Path | None = None
+    for path in _lines(place, velocity, reach, most):
+        length = path[0][1] + path[1][1]
         if length <= most:
             best, most = path, length
-    return best
+    best = _arcs(place, velocity, reach, min(most, 2.0 * FULL)) or best
+    return None if best is None else [(sign, turning * part) for sign, part in best]
 
 
-def _candidates(
-    x: float, y: float, heading: float, disc: Disc, speed: float, turning: float, most: float
-) -> Iterator[list[tuple[int, float]]]:
-    """Yield paths to the disc: of an arc and a line, of two arcs, and of one arc, for both turns."""
-    for sign in (1, -1):
-        centre = x - sign * turning * math.sin(heading), y + sign * turning * math.cos(heading)
-
-        def line(t: Floats, sign: int = sign, centre: Any = centre) -> Floats:
-            """Return arc and line to the rim of the disc as it is at `t`, m, shape (2, n)."""
-            u, v = disc.x + disc.vx * t - centre[0], disc.y + disc.vy * t - centre[1]
-            ahead = np.sqrt(np.maximum(u * u + v * v - turning * turning, 0.0))
-            # Where the line leaves the circle, seen from its centre.
-            angle = np.arctan2(v, u) - sign * np.arctan2(ahead, turning)
-            arc = np.mod(sign * (angle - heading) + 0.5 * np.pi, 2.0 * np.pi)
-            possible = (ahead >= disc.radius) & (np.hypot(u, v) >= turning)
-            return np.where(possible, np.stack([turning * arc, ahead - disc.radius]), np.inf)
-
-        def arcs(t: Floats, sign: int = sign, centre: Any = centre) -> Floats:
-            """Return both arcs to the rim of the disc as it is at `t`, m, shape (2, n).
-
-            The second arc is longer than half a circle. The costate is constant: it points from the
-            end of the path to the place of the switch and, as the end is free on the rim, to the
-            disc's centre. Angles are seen from the centre of the first circle, mirrored so that it
-            turns left, and relative to the heading.
-            """
-            u, v = disc.x + disc.vx * t - centre[0], disc.y + disc.vy * t - centre[1]
-            r, reach = turning, disc.radius
-            # |centre|^2 = 8 r^2 s^2 - 6 r reach s + r^2 + reach^2 with s the sine of half the arc.
-            root = 36.0 * (r * reach) ** 2 - 32.0 * r * r * (r * r + reach**2 - u * u - v * v)
-            with np.errstate(all="ignore"):
-                s = (np.sqrt(root) + 6.0 * r * reach) / (16.0 * r * r)
-            half = np.pi - np.arcsin(np.clip(np.nan_to_num(s), 0.0, 1.0))
-            chord = 2.0 * r * np.sin(half) - reach
-            switch = sign * (np.arctan2(v, u) - heading) - np.arctan2(
-                chord * np.cos(half), r + chord * np.sin(half)
-            )
-            first = np.mod(switch + 0.5 * np.pi, 2.0 * np.pi)
-            possible = (s > 0.0) & (s <= 1.0)
-            return np.where(possible, r * np.stack([first, 2.0 * half]), np.inf)
-
-        shapes = ((line, 0), (arcs, -sign))
-        for shape, second in shapes:
-            parts = _met(shape, most / speed, speed)
-            if parts is not None:
-                yield [(sign, parts[0]), (second, parts[1])]
-        turned = _entered(x, y, heading, sign, disc, speed, turning, most)
-        if turned is not None:
-            yield [(sign, turned)]
-
-
-def _met(
-    shape: Callable[[Floats], Floats], most: float, speed: float
-) -> tuple[float, float] | None:
-    """Return the parts of the path at the first time at which the flight is as long as the path."""
+def _lines(q: complex, w: complex, reach: float, most: float) -> Iterator[Path]:
+    """Yield the paths of an arc and a line to a disc at `q` that moves by `w` per length flown."""
     from scipy.optimize import brentq
 
-    def excess(t: Floats) -> Floats:
-        return np.asarray(shape(t).sum(axis=0) - speed * t)
+    for sign in (1, -1):
+        p, v = (q, w) if sign > 0 else (q.conjugate(), w.conjugate())
+        cuts = [0.0, most, -p.imag / v.imag if v.imag else 0.0]
+        square = abs(v) ** 2
+        if square > 0.0:  # the distance from the turning circle is the radius
+            middle = -((p - 1j) * v.conjugate()).real / square
+            aside = abs(p - 1j + v * middle) ** 2
+            half = math.sqrt(max(1.0 + reach**2 - aside, 0.0) / square)
+            cuts += [middle - half, middle + half]
+        for low, high in pairwise(sorted(min(max(cut, 0.0), most) for cut in cuts)):
+            at = p + v * 0.5 * (low + high)
+            if low == high or abs(at - 1j) ** 2 < 1.0 + reach**2:
+                continue
+            data = (p, v, reach, at.imag >= 0.0)
+            if _excess(low, *data) >= 0.0 >= _excess(high, *data):
+                root = brentq(_excess, low, high, args=data, xtol=1e-300, rtol=1e-15)
+                arc, ahead = _tangent(p + v * root, at.imag >= 0.0)
+                yield [(sign, arc), (0, max(ahead - reach, 0.0))]
+                break
 
-    times = np.linspace(0.0, most * (1.0 + 1e-9), SAMPLES)
-    over = excess(times)
-    for k in np.flatnonzero((over[:-1] > 0) & np.isfinite(over[:-1]) & (over[1:] <= 0)).tolist():
-        low, high = float(times[k]), float(times[k + 1])
-        t = brentq(lambda t: float(excess(np.array([t]))[0]), low, high, xtol=1e-300, rtol=1e-15)
-        first, second = shape(np.array([t]))[:, 0].tolist()
-        # At a jump of the length the path does not exist.
-        if abs(first + second - speed * t) <= 1e-9 * max(speed * t, 1e-300):
-            return first, second
+
+def _tangent(p: complex, above: bool) -> tuple[float, float]:
+    """Return the arc to the left and the line that lead to `p`, which is above the line ahead."""
+    ahead = math.sqrt(max(abs(p - 1j) ** 2 - 1.0, 0.0))
+    arc = (cmath.phase(p - 1j) + math.atan2(1.0, ahead)) % FULL
+    if above and arc > FULL - AHEAD:
+        arc = 0.0
+    elif not above and arc < AHEAD:
+        arc += FULL
+    return arc, ahead
+
+
+def _excess(length: float, p: complex, v: complex, reach: float, above: bool) -> float:
+    """Return by how much arc and line to the rim of a disc are longer than the length flown."""
+    arc, ahead = _tangent(p + v * length, above)
+    return arc + ahead - reach - length
+
+
+def _arcs(q: complex, w: complex, reach: float, most: float) -> Path | None:
+    """Return the two arcs that first meet a disc at `q` that moves by `w` per length flown."""
+    from scipy.optimize import brentq
+
+    def gap(length: float) -> float:
+        """Return the distance of the rim from the ends of arcs."""
+        return _nearest(q + w * length, length)[0] - reach
+
+    length, before = 0.0, 0.0
+    while length <= most:
+        left, sign, arc = _nearest(q + w * length, length)
+        left -= reach
+        if left < -TOUCH * reach:
+            length = brentq(gap, before, length, xtol=1e-300, rtol=1e-15)
+            left, sign, arc = _nearest(q + w * length, length)
+            left = 0.0
+        if left <= TOUCH * reach + ROUNDING:
+            return [(sign, arc), (-sign, length - arc)]
+        before = length
+        length += max(left, FINEST * reach) / (1.0 + abs(w))
     return None
 
 
-def _entered(
-    x: float, y: float, heading: float, sign: int, disc: Disc, speed: float, turning: float, most: float
-) -> float | None:  # fmt: skip
-    """Return the length of the arc that enters the disc, m; None if it does not within a circle."""
-    from scipy.optimize import brentq
+def _nearest(q: complex, length: float) -> tuple[float, int, float]:
+    """Return the distance from `q` to the ends of two arcs of a length, and the nearest ones.
 
-    def outside(arc: Floats) -> Floats:
-        turned = heading + sign * arc / turning
-        px = x + sign * turning * (np.sin(turned) - math.sin(heading))
-        py = y - sign * turning * (np.cos(turned) - math.cos(heading))
-        t = arc / speed
-        apart = np.hypot(disc.x + disc.vx * t - px, disc.y + disc.vy * t - py)
-        return np.asarray(apart - disc.radius)
-
-    lengths = np.linspace(0.0, min(most, 2.0 * math.pi * turning), SAMPLES)
-    within = np.flatnonzero(outside(lengths) <= 0.0)
-    if not within.size or within[0] == 0:
-        return None
-    low, high = lengths[within[0] - 1], lengths[within[0]]
-    found = brentq(
-        lambda arc: float(outside(np.array([arc]))[0]), low, high, xtol=1e-300, rtol=1e-15
-    )
-    # The end of the bracket that is inside.
-    return (
-        float(found)
-        if float(outside(np.array([found]))[0]) <= 0
-        else float(np.nextafter(found, high))
-    )
+    Seen from the centre of the first circle, the ends are -2 z + k z² up to a factor i, z = exp(i arc)
+    and k = exp(-i length). The distance is stationary at a root of a polynomial of degree 4.
+    """
+    best = (math.inf, 0, 0.0)
+    k = cmath.exp(-1j * length)
+    for sign in (1, -1):
+        p = ((q if sign > 0 else q.conjugate()) - 1j) / 1j
+        a, b = p.conjugate() - k, -k * p.conjugate()
+        roots = np.roots([b, a, 0.0, -a.conjugate(), -b.conjugate()])
+        for arc in (0.0, *(cmath.phase(root) % FULL for root in roots.tolist())):
+            z = cmath.exp(1j * arc)
+            distance = abs(p + 2.0 * z - k * z * z)
+            if arc <= length and distance < best[0]:
+                best = (distance, sign, arc)
+    return best

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...jit import clock
+from ...models.messenger.checks import UNDECIDABLE, decidable_length, integrated
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import TourPlan
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
@@ -17,6 +18,7 @@ from .annealing import anneal
 from .chain import confine
 from .emission import Chain, move_to_boundary
 from .last_leg import shorten_last_leg
+from .rim_flight import fly_to_rims
 
 __all__ = ["TourSearch"]
 
@@ -24,9 +26,11 @@ __all__ = ["TourSearch"]
 HOT, WARM, COLD = 0.3, 0.02, 1e-3
 #: Steps of one annealing, by the number of vehicles, and the least.
 STEPS, LEAST = 20, 300
+#: Vehicles from which on an annealing from scratch is longer than the flight from rim to rim.
+MANY = 150
 #: Tours kept to be annealed again.
 KEPT = 4
-#: Share of the time for the bound; where there is no limit, programs that are solved for it.
+#: Share of the time for the bound, and again for orders; without a limit, programs solved for it.
 BOUND_SHARE, BOUND_PROGRAMS = 0.2, 3000
 #: Programs that are solved for tours without curvature, where the bound's search met no whole order.
 SKETCH_PROGRAMS = 300
@@ -89,6 +93,7 @@ class _Search:
     runs: int = 0
     idle: int = 0
     polishes: int = 0
+    undecidable: float = math.inf
 
     def __post_init__(self) -> None:
         self.draw = np.random.default_rng(self.request.seed or 0)
@@ -99,9 +104,10 @@ class _Search:
         request, options = self.request, self.request.options
         if request.warm_start is not None:
             self.offer(request.warm_start)
-        if self.problem.start is not None:
-            self.anneal(1, self.nearest())  # quick for any number of vehicles
-        self.anneal(LEAST)  # something to fall back upon
+        if self.problem.start is not None:  # quick for any number of vehicles
+            self.anneal(1, self.flown(self.nearest()))
+        if self.best is None or not self.many:
+            self.anneal(LEAST)  # something to fall back upon
         proven = clock()
         orders = self.prove() if options["bound"] else []
         proven = clock() - proven
@@ -110,7 +116,8 @@ class _Search:
             if not self.ended:
                 self.anneal(steps, self.guided(order))
         while not self.ended:
-            again = len(self.kept) == KEPT and self.runs % 2 == 1
+            again = bool(self.kept) and self.many
+            again = again or (len(self.kept) == KEPT and self.runs % 2 == 1)
             one = int(self.draw.integers(len(self.kept))) if again else 0
             self.anneal(steps, self.kept[one][2].copy() if again else None)
         limit = self.request.control.reason if self.request.control.stopped else None
@@ -122,16 +129,40 @@ class _Search:
             return Answer(
                 Termination.NO_SOLUTION, limit, None, None, self.bound, seconds=seconds,
                 statistics=statistics,
-                message=(
-                    "no tour was found in time" if limit is not None
-                    else "no tour was found whose coordinates floating-point numbers can hold"
-                ),
+                message=self.reason(limit),
             )  # fmt: skip
         done = self.within_gap
         return Answer(
             Termination.OPTIMAL if done else Termination.FEASIBLE, None if done else limit, self.best,
             self.best.length, self.bound, seconds=seconds, statistics=statistics,
         )  # fmt: skip
+
+    def reason(self, limit: Limit | None) -> str:
+        """Return why no tour was found."""
+        if self.undecidable < math.inf:
+            problem, most = self.problem, decidable_length(self.problem)
+            paces = np.hypot(*problem.velocities.T)
+            row = int(paces.argmax())
+            advice = (
+                "use a larger radius, or nearer positions"
+                if problem.at_rest
+                else f"legs grow with velocities[{row}] of {paces[row]:.4g} m/s at a speed of "
+                f"{problem.speed:g} m/s: use slower or fewer vehicles, or a larger radius"
+            )
+            return (
+                "no tour was found that double precision can check: the shortest one is "
+                f"{self.undecidable:.3g} m long, and beyond {most:.3g} m rounding exceeds a tenth of the "
+                f"radius, {float(problem.radius.max()):g} m, or of the room of a vehicle without one; "
+                f"{advice}"
+            )
+        if limit is not None:
+            return "no tour was found in time"
+        return "no tour was found whose coordinates floating-point numbers can hold"
+
+    @property
+    def many(self) -> bool:
+        """Whether annealing from scratch takes too long for the number of vehicles."""
+        return self.problem.size >= MANY
 
     @property
     def ended(self) -> bool:
@@ -153,7 +184,8 @@ class _Search:
         from .bound_search import OrderSearch, best_orders
 
         control, left = self.request.control, self.request.left()
-        end = math.inf if left is None else clock() + BOUND_SHARE * left
+        begin = clock()
+        end = math.inf if left is None else begin + BOUND_SHARE * left
         search = OrderSearch(self.problem, curved=True)
 
         def rising(bound: float) -> None:
@@ -174,7 +206,7 @@ class _Search:
             # Without curvature the search dives for tours.
             def enough(sketch: OrderSearch) -> bool:
                 many = len(sketch.tours) >= KEPT or sketch.chains.solved >= SKETCH_PROGRAMS
-                return control.stopped or many or self.request.left() == 0.0
+                return control.stopped or many or clock() > 2.0 * end - begin
 
             found = best_orders(self.problem, enough, gap=self.request.gap)
             orders = [order for order, _ in found]
@@ -203,6 +235,28 @@ class _Search:
             confine(chain.poses[vehicle], inside, int(chain.freedom[vehicle]))
             chain.count += 1
             place, left = target, np.delete(left, k)
+        return chain
+
+    def flown(self, chain: Chain) -> Chain:
+        """Offer the flight from rim to rim in the order of `chain`, and return it as a chain."""
+        problem = self.problem
+        if problem.heading is None or problem.turning_radius == 0.0:
+            return chain
+        plan = fly_to_rims(problem, chain.order[1 : chain.count].tolist())
+        if plan is None:
+            return chain
+        if self.request.options["interior"]:
+            self.offer(plan)
+        ends = np.searchsorted(
+            [one.leg for one in plan.primitives], np.arange(problem.size), "right"
+        )
+        headings = integrated(plan, problem.turning_radius)[ends, 2]
+        for k, (vehicle, heading) in enumerate(zip(plan.order, headings.tolist(), strict=True)):
+            offset = plan.points[k] - problem.where(vehicle, float(plan.times[k]))
+            chain.order[1 + k], chain.poses[vehicle] = vehicle, (*offset, heading)
+            confine(
+                chain.poses[vehicle], float(problem.radius[vehicle]), int(chain.freedom[vehicle])
+            )
         return chain
 
     def guided(self, order: tuple[int, ...]) -> Chain:
@@ -270,3 +324,5 @@ class _Search:
                 self.idle = 0
             self.best = plan
             self.request.control.incumbent(plan.length, plan)
+        elif any(UNDECIDABLE in one.where for one in found.checks):
+            self.undecidable = min(self.undecidable, plan.length)

@@ -8,11 +8,12 @@ import pytest
 from numpy.random import default_rng
 
 import crosstrack as ct
+from crosstrack.instances.messenger import generate
 from crosstrack.models import MessengerTour
 from crosstrack.models.messenger.checks import integrated
 from crosstrack.models.messenger.dubins import dubins_length
 from crosstrack.solvers.messenger.chain import arrive
-from crosstrack.solvers.messenger.emission import Chain
+from crosstrack.solvers.messenger.emission import Chain, cut
 
 QUICK = {"bound": False, "polish": False, "patience": 1, "steps": 200}
 
@@ -221,6 +222,39 @@ def test_what_numbers_cannot_hold_ends_without_a_plan():
     found = searched(model)
     assert found.plan is None
     assert "no tour" in found.message
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "fastest", "closed"), [(200, 3.5, False), (200, 3.5, True), (40, 9.99, False)]
+)
+def test_many_or_fast_vehicles_have_a_plan(vehicles, fastest, closed):
+    """Up to 1e10 m are flown, so a turn that is off by 1e-10 m misses a disc."""
+    model = generate(vehicles, 8.0, 1, fastest=fastest)
+    model = MessengerTour(model.positions, model.velocities, radius=model.radius, closed=closed)
+    answer = ct.solve(model, time_limit=1, seed=0)
+    assert answer.verified
+    assert answer.primal_bound <= {3.5: 1e6, 9.99: 1e11}[fastest]
+
+
+def test_a_cut_path_keeps_the_lengths_of_its_turns():
+    """A billion metres on, differences of lengths flown have 1e-7 m."""
+    model = MessengerTour([[0.0, 1e9], [0.0, 2e9]])
+    path = [(0, 1e9, None), (1, 3.3, None), (0, 1e9, None)]
+    plan = cut(model, (0.0, 0.0, 0.0), path, {0: 1e9 + 1.1, 1: 2e9 + 3.3})
+    turns = [one.length for one in plan.primitives if one.turn == "L"]
+    assert len(turns) == 2
+    assert sum(turns) == pytest.approx(3.3, abs=1e-15)
+
+
+@pytest.mark.parametrize("velocity", [0.0, 9.99])
+def test_a_tour_that_cannot_be_checked_names_the_reason(velocity):
+    far = 3e13 * (1 - velocity / 10)
+    model = MessengerTour([[0.0, far]], [[0.0, velocity]], radius=5.0)
+    answer = ct.solve(model, time_limit=5, seed=0)
+    assert answer.termination == "no_solution"
+    reason = "velocities[0] of 9.99 m/s" if velocity else "nearer positions"
+    for part in ("3e+13 m long", "beyond 5e+12 m", "radius, 5 m", reason):
+        assert part in answer.message, part
 
 
 def test_chains_of_other_models_are_not_shared():
