@@ -57,8 +57,7 @@ picture = ct.plot(trap, remembering)
 # ``current-view`` uses the same rule on the current view only, and ``baseline-1`` is the paper's
 # first baseline, which moves to the visible cell nearest to the target. In the pocket,
 # ``current-view`` oscillates: when one end of the wall leaves the view, it is treated as free
-# again. ``baseline-1`` stays at the cell nearest to the target. In the pocket the first walks to and fro: as soon as one end of the wall is out of sight, it seems open again. The
-# second stays where it is nearest the target.
+# again. ``baseline-1`` stays at the cell nearest to the target.
 
 forgetting = ct.solve(trap, "current-view")
 nearest = ct.solve(trap, "baseline-1")
