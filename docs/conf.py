@@ -1,4 +1,4 @@
-"""Settings of the site. Building it reads nothing from the network."""
+"""Sphinx configuration. The build needs no network access."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ autodoc_member_order = "bysource"
 autosummary_generate = False
 toc_object_entries_show_parents = "hide"
 numpydoc_show_class_members = False
-# Types in docstrings are links where they are public; `crosstrack_api` says which.
+# Public types in docstrings are links; `crosstrack_api` defines the names.
 numpydoc_xref_param_type = True
 numpydoc_xref_ignore = "all"
 
@@ -78,6 +78,6 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "nested_sections": False,
     "write_computation_times": False,
-    # A picture is the value of its block, and not printed.
+    # Figures are the value of their block; do not print them.
     "capture_repr": (),
 }

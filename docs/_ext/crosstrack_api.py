@@ -1,12 +1,12 @@
-"""The reference: a page for every public class, and one for each problem.
+"""API reference with one page per public class and one page per problem.
 
-* ``crosstrack-api MODULE``: the public names of a module, those in ``:not:`` excepted or those in ``:only:``. Functions
-  and exceptions are described where the directive stands; a class has a page of its own, which is written before
-  Sphinx reads;
-* ``crosstrack-problem-api``: the problems, each a link to a page that is written likewise.
+* ``crosstrack-api MODULE``: the public names of a module, without those in ``:not:``, or only those in ``:only:``.
+  Functions and exceptions are documented in place. Each class has a separate page, which is generated before
+  Sphinx reads the sources;
+* ``crosstrack-problem-api``: links to the generated pages of the problems.
 
-A role that names something public by another path, such as ``crosstrack.models.MinimumSnap``, is led to where it is
-documented.
+A role with an alias of a public name, such as ``crosstrack.models.MinimumSnap``, is resolved to the documented
+object.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from sphinx.application import Sphinx
 from sphinx.domains.python import PythonDomain
 from sphinx.environment import BuildEnvironment
 
-#: Where pages are written, below the folder of sources.
+#: Folder of the generated pages, relative to the source folder.
 FOLDER = "generated/api"
 
-#: What belongs to a problem beside its folders' own names: the heading, the module, and the names.
+#: Additional entries of a problem's page: heading, module and names.
 MORE = {
     "messenger": [("Relaxation", "models.messenger.relaxation", "euclidean_relaxation")],
     "minimum_snap": [
@@ -41,7 +41,7 @@ MORE = {
         ("", "models.minimum_snap.formulations.hermite", ""),
     ],
     "optimal_control": [
-        ("Declaring", "models.optimal_control.declaration.problem", "ControlProblemBuilder"),
+        ("Declaration", "models.optimal_control.declaration.problem", "ControlProblemBuilder"),
         ("", "models.optimal_control.declaration.phase", "PhaseBuilder"),
         ("", "models.optimal_control.declaration.guess", "Guessed"),
         ("Transcriptions", "models.optimal_control.transcription.base", "Transcription"),
@@ -55,12 +55,12 @@ MORE = {
     ],
     "black_box": [("Landscapes", "models.black_box.functions", "Landscape")],
     "unknown_grid": [
-        ("Looks and lenses", "models.unknown_grid.world", "Looks"),
+        ("Observations and camera", "models.unknown_grid.world", "Looks"),
         ("", "models.unknown_grid.camera", "Pinhole"),
-        ("An environment of Gymnasium", "solvers.unknown_grid.gymnasium", ""),
+        ("Gymnasium environment", "solvers.unknown_grid.gymnasium", ""),
     ],
 }
-#: Where the picture of a problem is not in ``plot``, or not all of that is public.
+#: Module and name of the plot function if it is not ``plot`` with all its public names.
 PLOTS = {
     "minimum_snap": ("plot.picture", ""),
     "error_correction": ("plot", "draw"),
@@ -69,7 +69,7 @@ PLOTS = {
 
 
 def public(name: str, only: str = "", left_out: str = "") -> dict[str, Any]:
-    """Return what a module makes public, by name."""
+    """Return the public objects of a module by name."""
     module = importlib.import_module(name)
     chosen = only.replace(",", " ").split() or getattr(module, "__all__", ())
     without = left_out.replace(",", " ").split()
@@ -77,27 +77,27 @@ def public(name: str, only: str = "", left_out: str = "") -> dict[str, Any]:
 
 
 def has_page(value: Any) -> bool:
-    """Return whether something public has a page of its own."""
+    """Return True if the object is documented on a separate page."""
     return inspect.isclass(value) and not issubclass(value, BaseException)
 
 
 class Api(Made):
-    """The public names of a module: a table, functions described, and classes on pages of their own."""
+    """Public names of a module: a table, documented functions, and links to the pages of classes."""
 
     required_arguments = 1
     option_spec = {"not": directives.unchanged, "only": directives.unchanged}
 
     def make(self) -> str:
         name = self.arguments[0]
-        found = public(name, self.options.get("only", ""), self.options.get("not", ""))
-        # A whole module can be linked to.
-        told = "currentmodule" if "only" in self.options else "module"
-        lines = ["```{eval-rst}", f".. {told}:: {name}", "", ".. autosummary::", ""]
-        lines += [f"   {n}" for n in found]
-        if any(map(has_page, found.values())):
+        objects = public(name, self.options.get("only", ""), self.options.get("not", ""))
+        # Only a complete module is registered as a link target.
+        directive = "currentmodule" if "only" in self.options else "module"
+        lines = ["```{eval-rst}", f".. {directive}:: {name}", "", ".. autosummary::", ""]
+        lines += [f"   {n}" for n in objects]
+        if any(map(has_page, objects.values())):
             lines += ["", ".. toctree::", "   :hidden:", ""]
-        lines += [f"   /{FOLDER}/{name}.{n}" for n, value in found.items() if has_page(value)]
-        for n, value in found.items():
+        lines += [f"   /{FOLDER}/{name}.{n}" for n, value in objects.items() if has_page(value)]
+        for n, value in objects.items():
             if inspect.isclass(value):
                 if not has_page(value):
                     lines += ["", f".. autoclass:: {n}", "   :show-inheritance:"]
@@ -109,7 +109,7 @@ class Api(Made):
 
 
 class ProblemApi(Made):
-    """The problems, each a link to its page of the reference."""
+    """Links to the reference pages of the problems."""
 
     def make(self) -> str:
         from crosstrack.models.problems import PROBLEMS
@@ -119,7 +119,7 @@ class ProblemApi(Made):
 
 
 def problem_page(problem: str) -> str:
-    """Return the page of the reference of a problem."""
+    """Return the reference page of a problem as Markdown."""
 
     def part(heading: str, module: str, only: str = "") -> str:
         options = f":only: {only}\n" if only else ""
@@ -130,10 +130,10 @@ def problem_page(problem: str) -> str:
     plot, drawn = PLOTS.get(problem, ("plot", ""))
     parts = [
         f"# {problem.replace('_', ' ').capitalize()}",
-        f"[The problem](../../problems/{page}.md) with its equations and backends.",
+        f"[Description of the problem](../../problems/{page}.md) with equations and backends.",
         part("Models and plans", f"models.{problem}"),
-        *(part(*one) for one in MORE.get(problem, ())),
-        part("Pictures", f"models.{problem}.{plot}", drawn),
+        *(part(*entry) for entry in MORE.get(problem, ())),
+        part("Plots", f"models.{problem}.{plot}", drawn),
     ]
     if public(f"crosstrack.instances.{problem}"):
         parts.append(part("Instances, readers and writers", f"instances.{problem}"))
@@ -141,7 +141,7 @@ def problem_page(problem: str) -> str:
 
 
 def class_page(module: str, name: str, value: type) -> str:
-    """Return the page of a class."""
+    """Return the reference page of a class as reStructuredText."""
     lines = [
         name,
         "=" * len(name),
@@ -155,8 +155,8 @@ def class_page(module: str, name: str, value: type) -> str:
     return "\n".join([*lines, "   :members:", ""])
 
 
-def _asked(pages: list[str]) -> Iterator[tuple[str, str, type]]:
-    """Yield the module, the name and the class, for all classes that pages ask for."""
+def _classes_on(pages: list[str]) -> Iterator[tuple[str, str, type]]:
+    """Yield module, name and class of each class that the pages reference."""
     pattern = r"^```\{crosstrack-api\} (\S+)\n((?::.*\n)*)```$"
     for page in pages:
         for name, options in re.findall(pattern, page, re.M):
@@ -167,18 +167,18 @@ def _asked(pages: list[str]) -> Iterator[tuple[str, str, type]]:
 
 
 def _write(app: Sphinx) -> None:
-    """Write the pages that have changed, and remove those of what is gone."""
+    """Write changed pages and remove obsolete ones."""
     from crosstrack.models.problems import PROBLEMS
 
     problems = {f"{problem}.md": problem_page(problem) for problem in PROBLEMS}
     source = Path(app.srcdir)
     by_hand = [path.read_text("utf-8") for path in sorted((source / "api").glob("*.md"))]
-    asked = list(_asked([*by_hand, *problems.values()]))
-    classes = {f"{module}.{n}": class_page(module, n, v) for module, n, v in asked if has_page(v)}
+    listed = list(_classes_on([*by_hand, *problems.values()]))
+    classes = {f"{module}.{n}": class_page(module, n, v) for module, n, v in listed if has_page(v)}
     pages = {**problems, **{f"{name}.rst": text for name, text in classes.items()}}
-    # What docstrings call by a name that only one class has, in parameters, results and errors.
-    count = Counter(n for _, n, _ in asked)
-    named = {n: f"{module}.{n}" for module, n, _ in asked if count[n] == 1}
+    # Unique class names, which docstrings use in Parameters, Returns and Raises.
+    count = Counter(n for _, n, _ in listed)
+    named = {n: f"{module}.{n}" for module, n, _ in listed if count[n] == 1}
     app.config.numpydoc_xref_aliases_complete = named
     folder = source / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
@@ -192,7 +192,7 @@ def _write(app: Sphinx) -> None:
 
 
 def _same(target: str) -> tuple[str, str] | None:
-    """Return what a class or a function is known by, whichever path leads to it."""
+    """Return the defining module and qualified name of a class or function, or None."""
     try:
         value = pkgutil.resolve_name(target)
     except (ImportError, AttributeError, ValueError):
@@ -203,12 +203,12 @@ def _same(target: str) -> tuple[str, str] | None:
 
 @cache
 def _homes(domain: PythonDomain) -> dict[tuple[str, str] | None, str]:
-    """Return where classes and functions are documented."""
-    return {_same(name): name for name, one in domain.objects.items() if not one.aliased}
+    """Return the documented path of each class and function by its defining name."""
+    return {_same(name): name for name, entry in domain.objects.items() if not entry.aliased}
 
 
 def _elsewhere(app: Sphinx, env: BuildEnvironment, node: Any, text: nodes.Node) -> Any:
-    """Lead a role to the place where the same class or function is documented."""
+    """Resolve a role to the documented path of the same class or function."""
     target = node.get("reftarget", "")
     target = app.config.numpydoc_xref_aliases_complete.get(target, target)
     if node.get("refdomain") != "py" or not target.startswith("crosstrack."):
@@ -224,7 +224,7 @@ def _elsewhere(app: Sphinx, env: BuildEnvironment, node: Any, text: nodes.Node) 
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the directives, and what writes pages and mends links."""
+    """Register the directives and the event handlers that write pages and resolve links."""
     app.add_directive("crosstrack-api", Api)
     app.add_directive("crosstrack-problem-api", ProblemApi)
     app.connect("builder-inited", _write)

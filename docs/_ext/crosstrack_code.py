@@ -1,11 +1,10 @@
-"""Equations that name the code that writes them.
+"""Directive for equations with links to the code that implements them.
 
-* ``crosstrack-equation MODULE:OBJECT``: a displayed formula, the content, and below it a link to the source
-  of that function, class, method or property; ``:number:`` is the equation's number in the paper, and
-  ``:check:`` says that the object does not write it but measures how far a plan breaks it.
+* ``crosstrack-equation MODULE:OBJECT``: a displayed formula (the content) with a link to the source of the
+  function, class, method or property below. ``:number:`` is the equation number in the paper. ``:check:`` marks
+  an object that computes the violation of the equation instead of implementing it.
 
-An object that does not exist is an error of the build. The pages of source are made here, of those modules only
-that an equation names.
+An unknown object is a build error. The extension generates source pages for the referenced modules only.
 """
 
 from __future__ import annotations
@@ -26,12 +25,13 @@ from sphinx.environment import BuildEnvironment
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.nodes import make_refnode
 
-#: Where the modules that a page names are noted, in its metadata, which Sphinx merges and forgets by page.
-NOTED = "crosstrack-code"
+#: Reference type of the links, and metadata key of the modules referenced by a page. Sphinx merges and
+#: purges metadata per page.
+LINK_TYPE = "crosstrack-code"
 
 
-def located(target: str) -> tuple[str, Path, int]:
-    """Return the module, the file and the line of what ``module:object`` names."""
+def locate(target: str) -> tuple[str, Path, int]:
+    """Return the module, the file and the line number of the object ``module:object``."""
     value = pkgutil.resolve_name(target)
     if isinstance(value, property):
         value = value.fget
@@ -42,24 +42,24 @@ def located(target: str) -> tuple[str, Path, int]:
 
 
 def source_link(env: BuildEnvironment, target: str) -> nodes.Node:
-    """Return a link to the source of the object that ``module:object`` names.
+    """Return a link to the source of the object ``module:object``.
 
     Raises
     ------
     ImportError, AttributeError, TypeError, ValueError, OSError
-        The object does not exist or has no source.
+        The object does not exist or its source is not available.
     """
-    module, file, line = located(target)
+    module, file, line = locate(target)
     env.note_dependency(str(file))
-    env.metadata[env.docname].setdefault(NOTED, set()).add(module)
+    env.metadata[env.docname].setdefault(LINK_TYPE, set()).add(module)
     name = target.removeprefix("crosstrack.")
-    link = addnodes.pending_xref("", nodes.literal(name, name), reftype=NOTED, refdomain="")
+    link = addnodes.pending_xref("", nodes.literal(name, name), reftype=LINK_TYPE, refdomain="")
     link.attributes.update(reftarget=target, refdoc=env.docname, module=module, line=line)
     return link
 
 
 class Equation(SphinxDirective):
-    """A displayed formula and the object that writes it."""
+    """Displayed formula with a link to the implementing object."""
 
     required_arguments = 1
     has_content = True
@@ -75,9 +75,9 @@ class Equation(SphinxDirective):
         latex = "\n".join(self.content)
         formula = nodes.math_block(latex, latex, docname=self.env.docname, number=None, label=None)
         number = self.options.get("number")
-        verb = "checked by " if "check" in self.options else "written by "
-        said = f"Equation {number}, {verb}" if number else verb.capitalize()
-        below = nodes.paragraph("", said, link, classes=["written-by"])
+        verb = "checked in " if "check" in self.options else "implemented in "
+        caption = f"Equation {number}, {verb}" if number else verb.capitalize()
+        below = nodes.paragraph("", caption, link, classes=["written-by"])
         return [nodes.container("", formula, below, classes=["crosstrack-equation"])]
 
 
@@ -86,23 +86,25 @@ def _page(module: str) -> str:
 
 
 def _linked(app: Sphinx, env: BuildEnvironment, node: Any, text: nodes.Node) -> nodes.Node | None:
-    """Return the link to a line of a page of source."""
-    if node["reftype"] != NOTED or app.builder.format != "html":
+    """Return the link to a line of a source page."""
+    if node["reftype"] != LINK_TYPE or app.builder.format != "html":
         return None
     line = f"line-{node['line']}"
     return make_refnode(app.builder, node["refdoc"], _page(node["module"]), line, text)
 
 
 def _sources(app: Sphinx) -> Iterator[tuple[str, dict[str, Any], str]]:
-    """Yield a page with the source of every module that an equation names."""
-    for module in sorted(set().union(*(one.get(NOTED, ()) for one in app.env.metadata.values()))):
+    """Yield a page with the source of every referenced module."""
+    for module in sorted(
+        set().union(*(page.get(LINK_TYPE, ()) for page in app.env.metadata.values()))
+    ):
         source = inspect.getsource(importlib.import_module(module))
         code = app.builder.highlighter.highlight_block(source, "python", lineanchors="line")  # type: ignore[attr-defined]
         yield _page(module), {"title": module, "body": f"<h1>{module}</h1>{code}"}, "page.html"
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the directive and what makes its links."""
+    """Register the directive and the event handlers for its links."""
     app.add_directive("crosstrack-equation", Equation)
     app.connect("missing-reference", _linked)
     app.connect("html-collect-pages", _sources)

@@ -1,6 +1,6 @@
-"""The table of extras, made from ``pyproject.toml`` and from the backends that name an extra.
+"""Table of extras, generated from ``pyproject.toml`` and the declarations of the backends.
 
-* ``crosstrack-extras``: for each extra its packages, and the backends or the uses that it brings.
+* ``crosstrack-extras``: the packages of each extra, and the backends or functions that it enables.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from typing import Any
 from crosstrack_site import Made, markdown_table
 from sphinx.application import Sphinx
 
-#: Extras for work on crosstrack itself.
+#: Extras for development of crosstrack.
 OWN = {"test", "docs", "benchmark"}
-#: What extras bring beside backends, or what to know of their backends.
+#: Functions that an extra enables in addition to backends, or remarks on its backends.
 WORDS = {
-    "gpu": "swarms on a graphics card",
-    "learn": "training, and policies that learn",
-    "ecos": "under the GNU GPL, unlike all others",
-    "gurobi": "without a licence, small programs only",
-    "plot": "pictures: `ct.plot`, `--plot`",
+    "gpu": "particle swarms on a GPU",
+    "learn": "training and learned policies",
+    "ecos": "licensed under the GNU GPL, unlike all others",
+    "gurobi": "small programs only without a licence",
+    "plot": "plots: `ct.plot`, `--plot`",
     "xlsx": "tables in Excel files",
     "pandas": "answers as data frames: `to_frame`",
     "cluster": "campaigns on other machines: `--cluster`",
@@ -29,7 +29,7 @@ WORDS = {
 
 
 class Extras(Made):
-    """The extras that people install: their packages, and what each brings."""
+    """Table of the extras for users with their packages and functions."""
 
     wide = True
 
@@ -50,17 +50,17 @@ class Extras(Made):
             if extra in OWN:
                 continue
             (joined,) = re.findall(r"^crosstrack\[(.+)\]$", packages[0]) or ("",)
-            held = joined.split(",") if joined else packages
-            named = ", ".join(f"`{one}`" for one in held)
-            brings = [", ".join(backends.get(extra, [])), WORDS.get(extra, "")]
+            members = joined.split(",") if joined else packages
+            named = ", ".join(f"`{package}`" for package in members)
+            uses = [", ".join(backends.get(extra, [])), WORDS.get(extra, "")]
             rows.append(
                 (
                     f"`{extra}`",
                     f"the extras {named}" if joined else named,
-                    "; ".join(filter(None, brings)),
+                    "; ".join(filter(None, uses)),
                 )
             )
-        return markdown_table(("extra", "packages", "brings"), rows)
+        return markdown_table(("extra", "packages", "adds"), rows)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -1,10 +1,10 @@
-"""Pages about everything at once: the catalogue, the campaign, and what the conformance suite found.
+"""Directives for the pages on the catalogue, the campaign and the conformance suite, and for examples.
 
-* ``crosstrack-catalogue FILE``: every instance with a picture, its sizes, and its best value, which a source states
-  or the records of a campaign hold;
-* ``crosstrack-campaign FILE``: what the records of a campaign amount to, problem by problem;
-* ``crosstrack-example``: Python that is run, with what it prints and draws;
-* ``crosstrack-conformance FILE``: the backends of programs beside what the suite found of them.
+* ``crosstrack-catalogue FILE``: every instance with a picture, its sizes, and its best known value from a source or
+  from the records of a campaign;
+* ``crosstrack-campaign FILE``: the summary of the records of a campaign by problem;
+* ``crosstrack-example``: Python code that is run, with its output and its last figure;
+* ``crosstrack-conformance FILE``: the results of the conformance suite by backend.
 """
 
 from __future__ import annotations
@@ -22,41 +22,41 @@ from crosstrack_site import Made, executes, markdown_table
 from docutils import nodes
 from sphinx.application import Sphinx
 
-#: Why the leader of a problem leads, where numbers do not say it; the numbers come from the records.
+#: Remarks on the recommended backend of a problem, beyond the numbers of the records.
 REASONS = {
-    "attractor": "Each backend estimates something else, an embedding, an exponent or a dimension, so they are "
-    "no rivals: take the one that is named after what you want, or `full-analysis` for all of it.",
-    "black-box": "Without a model of the function nobody proves anything. Take a deterministic search in few "
-    "dimensions, and run whatever draws from several seeds.",
-    "error-correction": "Label setting uses what a route is; a program has a row and a column for every leg, and "
-    "grows with the square of the points. Take a solver of programs only for what the model does not know.",
-    "fleet-mission": "The paper's pipeline optimises stage after stage and verifies nothing in between; "
-    "`staged` repairs what a later stage broke.",
-    "fleet-routing": "Exact backends prove small fleets; for others take `fleet-search`, and the "
-    "routing solvers where the objective is the plain sum.",
-    "grid-path": "Searches on the grid need milliseconds where programs need seconds. `any-angle` answers another "
-    "question: shortest among all polylines, not among the moves of the grid.",
-    "guided-path-tour": "Both exact searches prove; the dynamic programme is quicker where the precedence is "
-    "loose, and A* where it is tight or the customers are many.",
-    "messenger-tour": "Heuristics find the tour, relaxations bound it: run both, and read the gap.",
-    "minimum-derivative": "The native solver uses the band of the system; general solvers build the program first.",
-    "minimum-snap": "Without corridors the native banded solver is exact and needs no program, whose building takes "
-    "longer than its solving. With corridors, have two solvers check one another.",
-    "optimal-control": "Ipopt is the only one that solves nearly all of it. Others are worth a second opinion on "
+    "attractor": "The backends estimate different quantities (an embedding, an exponent or a dimension), so they do "
+    "not compete: select the one with the required quantity, or `full-analysis` for all of them.",
+    "black-box": "Without a model of the function no backend can prove a bound. Use a deterministic method in few "
+    "dimensions, and run randomised methods with several seeds.",
+    "error-correction": "Label setting exploits the structure of a route. A program has a row and a column per leg, and "
+    "grows with the square of the number of points. Use a solver of programs only for constraints that the model "
+    "does not have.",
+    "fleet-mission": "The paper's pipeline optimises each stage without verification in between; "
+    "`staged` repairs infeasible results of later stages.",
+    "fleet-routing": "Exact backends prove small fleets. For larger ones use `fleet-search`, or the "
+    "routing solvers if the objective is the total length.",
+    "grid-path": "Searches on the grid take milliseconds, programs take seconds. `any-angle` solves another "
+    "problem: the shortest polyline instead of the shortest path along grid moves.",
+    "guided-path-tour": "Both exact searches prove optimality. The dynamic program is faster for loose precedence, "
+    "and A* for tight precedence or many customers.",
+    "messenger-tour": "Heuristics find tours and relaxations prove bounds: run both to obtain the gap.",
+    "minimum-derivative": "The native solver uses the band structure; general solvers first build the program.",
+    "minimum-snap": "Without corridors the native banded solver is exact and builds no program, which would take "
+    "longer than the solution. With corridors, compare two solvers.",
+    "optimal-control": "Only Ipopt solves nearly all instances. Use other solvers as a second opinion on "
     "small meshes.",
-    "resource-routing": "Labels use the structure; programs are for what the model does not know.",
-    "satellite-slew": "Steering laws give a flight at once and no optimum; Ipopt gives the optimum.",
-    "sideslip": "Estimates are judged by their distance from the truth, which a backend never sees. Filters run "
-    "along with the car; smoothers and moving horizons look back.",
-    "time-allocation": "The native descent has the gradient of the banded system; transcribed, the same "
-    "problem takes longer.",
-    "unknown-grid": "`oracle`, which sees the whole map, is left out: it is what others are measured against, and "
-    "no choice. Networks were trained on maps of this making and lead on them; replanning by A* needs no training "
-    "and asks nothing of the map.",
+    "resource-routing": "Labels exploit the structure; use programs for constraints that the model does not have.",
+    "satellite-slew": "Steering laws return a feasible slew immediately, but not an optimum. Ipopt finds a local optimum.",
+    "sideslip": "Estimates are evaluated by their distance from the truth, which is hidden from backends. Filters run "
+    "online; smoothers run offline, and moving horizons use a window of past samples.",
+    "time-allocation": "The native descent uses the gradient of the banded system; the transcribed problem takes longer.",
+    "unknown-grid": "`oracle`, which reads the whole map, is omitted: it is a reference, not a competitor. Networks "
+    "were trained on similar maps and lead on them; replanning by A* needs no training and makes no assumptions on "
+    "the map.",
 }  # fmt: skip
 
 
-#: What else the catalogue's published figures hold: a figure's key, and the words that stand before it.
+#: Labels of further published values in the catalogue, by key.
 FIGURES = {
     "optimum": "on other data",
     "printed": "printed",
@@ -74,19 +74,19 @@ FIGURES = {
     "greedy": "greedy (m)",
     "eight neighbours": "along eight neighbours",
 }
-#: Width and height of a small picture at most, in pixels; it is shown at two fifths of that.
+#: Maximum width and height of a small picture, in pixels. It is shown at two fifths of this size.
 SMALL = (320, 240)
 
 
 def number_text(value: Any) -> str:
-    """Return a figure, or several, as the catalogue shows them."""
+    """Return one or several numbers as text."""
     if isinstance(value, list | tuple):
         return " and ".join(map(number_text, value))
     return f"{value:.10g}" if isinstance(value, int | float) else str(value)
 
 
 def sizes_of(words: str) -> tuple[dict[str, str], str]:
-    """Return the counts in a model's own words, by what is counted, and the words that are left.
+    """Return the counts in a model's description by noun, and the remaining words.
 
     >>> sizes_of("3 robots, 40 × 40 cells, any direction")
     ({'robots': '3', 'cells': '40 × 40'}, 'any direction')
@@ -94,18 +94,18 @@ def sizes_of(words: str) -> tuple[dict[str, str], str]:
     counts: dict[str, str] = {}
     rest = []
     for part in re.split(r"[,;:] ", words):
-        found = re.match(r"(\d+(?: × \d+)?) ([a-z]+)\b ?(.*)", part)
-        if found:
-            counts[found[2]] = found[1]
-        rest.append(found[3] if found else part)
+        match = re.match(r"(\d+(?: × \d+)?) ([a-z]+)\b ?(.*)", part)
+        if match:
+            counts[match[2]] = match[1]
+        rest.append(match[3] if match else part)
     return counts, ", ".join(filter(None, rest))
 
 
 def best_known(entry: Any, verdict: Any) -> tuple[str, str]:
-    """Return the best value of an instance, and who says so: a source, or the campaign."""
+    """Return the best known value of an instance and its source."""
     known = entry.published.get("objective", entry.published.get("optimum"))
     source = entry.published.get("source", entry.published.get("formula", ""))
-    # Without a source, a value beside seeded data is the paper's, about data that it does not print.
+    # Without a source, the value of a seeded instance is the paper's, for data that it does not print.
     if known is not None and (source or entry.provenance != "seeded"):
         return number_text(known), source or "stated"
     from crosstrack.solvers.bench.standing import are_rivals
@@ -121,7 +121,7 @@ def best_known(entry: Any, verdict: Any) -> tuple[str, str]:
 
 
 def figures_of(entry: Any) -> str:
-    """Return what else is printed of an instance, with its source even where there is no figure."""
+    """Return the other published values of an instance, with the source of an instance without values."""
     known = dict(entry.published)
     parts = []
     if "source" in known and not known.keys() & {"objective", "optimum"}:
@@ -137,7 +137,7 @@ def figures_of(entry: Any) -> str:
 
 
 class Catalogue(Made):
-    """Every instance, by problem: a picture, its sizes, its best known value and where that is from."""
+    """Tables of all instances by problem: picture, sizes, best known value and its source."""
 
     required_arguments = 1
     wide = True
@@ -149,30 +149,32 @@ class Catalogue(Made):
 
         path = Path(self.env.app.srcdir) / self.arguments[0]
         self.env.note_dependency(str(path))
-        verdicts = {one.solutions[0].digest: one for one in read_records(path).verdicts}
+        verdicts = {verdict.solutions[0].digest: verdict for verdict in read_records(path).verdicts}
         groups: dict[str, list[Any]] = {}
         for entry in entries():
             groups.setdefault(entry.name.partition("/")[0], []).append(entry)
         parts = [
             "## Contents",
             f"{sum(map(len, groups.values()))} instances of {len(groups)} problems: "
-            + ", ".join(f"[{name}](#{name}) ({len(found)})" for name, found in groups.items())
+            + ", ".join(f"[{name}](#{name}) ({len(members)})" for name, members in groups.items())
             + ".",
         ]
         pages = {problem.replace("_", "-") for problem in PROBLEMS}
-        for name, found in groups.items():
+        for name, members in groups.items():
             parts.append(f"## {name}")
             if name in pages:
-                parts.append(f"[The problem](problems/{name}.md), with its equations and backends.")
-            parts.append(self._table(found, verdicts))
+                parts.append(
+                    f"[Description of the problem](problems/{name}.md) with equations and backends."
+                )
+            parts.append(self._table(members, verdicts))
         return "\n\n".join(parts)
 
     def _table(self, entries: list[Any], verdicts: dict[str, Any]) -> str:
-        """Return the table of a problem, with a column for each size that two instances have."""
+        """Return the table of a problem, with a column for each size that at least two instances have."""
         models = [entry.build() for entry in entries]
         sizes = [sizes_of(model.describe()) for model in models]
         words = {word for counts, _ in sizes for word in counts}
-        # One vehicle belongs to the column of those that have several.
+        # "1 vehicle" belongs to the column "vehicles".
         sizes = [
             ({f"{word}s" if f"{word}s" in words else word: n for word, n in counts.items()}, rest)
             for counts, rest in sizes
@@ -183,23 +185,23 @@ class Catalogue(Made):
         for entry, model, (counts, rest) in zip(entries, models, sizes, strict=True):
             value, source = best_known(entry, verdicts.get(model.digest))
             unit = f" {model.objective_unit}" if value and value != "infeasible" else ""
-            left = [f"{n} {word}" for word, n in counts.items() if word not in columns]
+            further = [f"{n} {word}" for word, n in counts.items() if word not in columns]
             rows.append(
                 {
                     "": self._picture(entry, model),
                     "instance": f"`{entry.name}`<br>{entry.title}",
                     **{word: counts.get(word, "") for word in columns},
-                    "further": ", ".join([*left, rest] if rest else left),
+                    "further": ", ".join([*further, rest] if rest else further),
                     "data": entry.provenance,
                     "best known": f"{value}{unit}<br>{source}" if value else "",
-                    "printed besides": figures_of(entry),
+                    "other printed values": figures_of(entry),
                 }
             )
         heads = [head for head in rows[0] if any(row[head] for row in rows)]
         return markdown_table(heads, ([row[head] for head in heads] for row in rows))
 
     def _picture(self, entry: Any, model: Any) -> str:
-        """Return the picture of an instance without a plan; drawn once, for its content has a digest."""
+        """Return the picture of an instance without a plan, cached by its digest."""
         import crosstrack
 
         folder = Path(self.env.app.srcdir) / "generated" / "catalogue"
@@ -213,7 +215,7 @@ class Catalogue(Made):
 
 
 def _lazy(app: Sphinx, tree: nodes.document) -> None:
-    """Say how large the small pictures are, so that those out of sight wait until they come into it."""
+    """Set the size of the small pictures, so that the browser loads them lazily."""
     from PIL import Image
 
     for node in tree.findall(nodes.image):
@@ -224,12 +226,12 @@ def _lazy(app: Sphinx, tree: nodes.document) -> None:
 
 
 class Campaign(Made):
-    """What the records of a campaign amount to: verdicts, and for each problem a table and a choice."""
+    """Summary of the records of a campaign: verdicts, and a table and a recommendation per problem."""
 
     required_arguments = 1
     wide = True
-    #: Backends of a problem that are shown at most.
-    most = 12
+    #: Maximum number of backends shown per problem.
+    limit = 12
 
     def make(self) -> str:
         from crosstrack.solvers.bench import read_records
@@ -237,16 +239,16 @@ class Campaign(Made):
         path = Path(self.env.app.srcdir) / self.arguments[0]
         self.env.note_dependency(str(path))
         records = read_records(path)
-        counts = Counter(str(one.outcome) for one in records.verdicts)
+        counts = Counter(str(verdict.outcome) for verdict in records.verdicts)
         words = ", ".join(f"{count} {word}" for word, count in counts.most_common())
         where = records.solutions[0].environment
         head = (
             f"{len(records.solutions)} answers of {len({s.backend for s in records.solutions})} backends on "
             f"{len(records.verdicts)} instances: {words}. Run on {where.get('processors')} processors "
             f"({where.get('processor')}, {where.get('memory')} GiB), Python {where.get('python')}, one thread "
-            "a job, at a relative gap and a tolerance of 1e-6."
+            "per job, relative gap and tolerance 1e-6."
         )
-        parts = ["## All together", head]
+        parts = ["## Summary", head]
         for kind in records.standings:
             own = [v for v in records.verdicts if v.solutions[0].model == kind]
             parts += self._problem(kind, own, records.standings[kind])
@@ -256,40 +258,42 @@ class Campaign(Made):
         from crosstrack.solvers.bench.standing import are_rivals
         from crosstrack.solvers.report.tables import seconds_text
 
-        counts = Counter(str(one.outcome) for one in verdicts)
+        counts = Counter(str(verdict.outcome) for verdict in verdicts)
         limits = sorted({float(s.options["time_limit"]) for v in verdicts for s in v.solutions})
-        able = [one for one in standings if one.solved and are_rivals(kind)]
+        able = [standing for standing in standings if standing.solved and are_rivals(kind)]
         parts = [f"## {kind}"]
         words = ", ".join(f"{count} {word}" for word, count in counts.most_common())
-        text = f"{len(verdicts)} instances ({words}), {' or '.join(f'{one:g}' for one in limits)} s a job. "
+        text = f"{len(verdicts)} instances ({words}), {' or '.join(f'{limit:g}' for limit in limits)} s per job. "
         if able:
             first = able[0]
             text += (
-                f"**Take `{first.label}`**: it solved {first.solved} of {first.of}, typically in "
+                f"**Recommended: `{first.label}`**. It solved {first.solved} of {first.of}, typically in "
                 f"{seconds_text(first.typical)}"
             )
-            # Of those that solve all that they accept, the quickest one.
+            # The fastest backend among those that solve every instance they accept.
             whole = [
-                one
-                for one in able
-                if 2 * one.solved >= first.solved and one.solved == one.instances
+                standing
+                for standing in able
+                if 2 * standing.solved >= first.solved and standing.solved == standing.instances
             ]
-            quick = min(whole, key=lambda one: one.median, default=first)
+            quick = min(whole, key=lambda standing: standing.median, default=first)
             if quick is not first and quick.median < first.median:
                 text += (
-                    f"; where `{quick.label}` fits, it solved {quick.solved} of {quick.instances}, with a "
-                    f"median of {seconds_text(quick.median)} against {seconds_text(first.median)}"
+                    f"; `{quick.label}` solved {quick.solved} of {quick.instances} accepted instances, with a "
+                    f"median of {seconds_text(quick.median)} instead of {seconds_text(first.median)}"
                 )
             text += ". "
         parts.append(text + REASONS.get(kind, ""))
         rows = [
             (
-                f"`{one.label}`", len({s.instance for s, _ in one.answers if s.stored_plan is not None}),
-                f"{one.solved}\u00a0of\u00a0{one.of}", one.instances, one.proven, one.best, one.fastest,
-                seconds_text(one.typical), seconds_text(one.median),
-                "" if one.integral is None else f"{100 * one.integral:.3g} %",
+                f"`{standing.label}`",
+                len({s.instance for s, _ in standing.answers if s.stored_plan is not None}),
+                f"{standing.solved}\u00a0of\u00a0{standing.of}", standing.instances,
+                standing.proven, standing.best, standing.fastest,
+                seconds_text(standing.typical), seconds_text(standing.median),
+                "" if standing.integral is None else f"{100 * standing.integral:.3g} %",
             )
-            for one in standings[: self.most]
+            for standing in standings[: self.limit]
         ]  # fmt: skip
         left = len(standings) - len(rows)
         columns = (
@@ -306,12 +310,12 @@ class Campaign(Made):
         )
         parts.append(markdown_table(columns, rows))
         if left > 0:
-            parts.append(f"{left} more solved fewer; the report shows all.")
+            parts.append(f"The report also contains {left} backends that solved fewer instances.")
         return parts
 
 
 class Example(Made):
-    """Python that is run as it stands, with what it prints, and the last figure that it makes."""
+    """Python code that is run, with its output and its last figure."""
 
     has_content = True
 
@@ -322,10 +326,10 @@ class Example(Made):
         if not executes(self.env.app):
             return f"```python\n{code}\n```"
         names: dict[str, Any] = {}
-        printed = io.StringIO()
-        with contextlib.redirect_stdout(printed):
+        output = io.StringIO()
+        with contextlib.redirect_stdout(output):
             exec(compile(code, "<example>", "exec"), names)  # noqa: S102 - the page is the site's own
-        parts = [f"```python\n{code}\n```", f"```text\n{printed.getvalue().rstrip()}\n```"]
+        parts = [f"```python\n{code}\n```", f"```text\n{output.getvalue().rstrip()}\n```"]
         figures = [value for value in names.values() if isinstance(value, Figure)]
         if figures:
             folder = Path(self.env.app.srcdir) / "generated"
@@ -334,12 +338,12 @@ class Example(Made):
                 f"{Path(self.env.docname).name}-{hashlib.sha256(code.encode()).hexdigest()[:8]}.png"
             )
             figures[-1].savefig(folder / name, dpi=110)
-            parts.append(f"![What the example draws](generated/{name})")
+            parts.append(f"![Figure of the example](generated/{name})")
         return "\n\n".join(parts)
 
 
 class Conformance(Made):
-    """The backends of programs, beside what the conformance suite found of each."""
+    """Table of the results of the conformance suite by backend."""
 
     required_arguments = 1
     wide = True
@@ -350,26 +354,26 @@ class Conformance(Made):
         data = json.loads(path.read_text())
         rows = [
             (
-                f"`{one['name']}`", one["version"] or "", one["passed"], one["unsupported"],
-                one["failed"], ", ".join(one["features"]),
+                f"`{backend['name']}`", backend["version"] or "", backend["passed"], backend["unsupported"],
+                backend["failed"], ", ".join(backend["features"]),
             )
-            for one in data["backends"]
+            for backend in data["backends"]
         ]  # fmt: skip
         columns = ("backend", "version", "passed", "unsupported", "failed", "declares")
         failures = [
-            (f"`{one['name']}`", *failure.split(": ", 2))
-            for one in data["backends"]
-            for failure in one["failures"]
+            (f"`{backend['name']}`", *failure.split(": ", 2))
+            for backend in data["backends"]
+            for failure in backend["failures"]
         ]
         parts = [data["words"], markdown_table(columns, rows)]
         if failures:
-            parts.append("What failed:")
-            parts.append(markdown_table(("backend", "programs", "case", "what came out"), failures))
+            parts.append("Failures:")
+            parts.append(markdown_table(("backend", "programs", "case", "result"), failures))
         return "\n\n".join(parts)
 
 
 def _report(app: Sphinx, error: Exception | None) -> None:
-    """Write the campaign's report beside the pages, with its pictures where examples are run."""
+    """Write the campaign's report to the site, with pictures if the build runs examples."""
     if error is not None or app.builder.format != "html":
         return
     import crosstrack

@@ -1,4 +1,4 @@
-"""Lists of the papers' contents with their status, from the declarations of the problems.
+"""Lists of the contents of the papers with their status, from the declarations of the problems.
 
 * ``crosstrack-as-printed PROBLEM``: every equation, algorithm, parameter table and figure of the paper with its
   status, each with a link to the code;
@@ -28,16 +28,16 @@ class Code(SphinxRole):
 
 
 def measured_cells(folder: Path, problem: str, table: Any) -> tuple[int, int]:
-    """Return how many printed cells of a result table have a value of ours, and how many a reason instead.
+    """Return the number of printed cells with a measured value, and the number with a reason instead.
 
     Parameters
     ----------
     folder : Path
-        The folder of measured files.
+        Folder of the measured files.
     problem : str
-        The problem.
+        Name of the problem.
     table : ResultTable
-        The table.
+        Result table of the paper.
     """
     path = folder / f"{problem}.json"
     data = json.loads(path.read_text("utf-8")) if path.exists() else {}
@@ -70,10 +70,10 @@ class AsPrinted(Made):
         paper = paper_of(self.arguments[0])
         counts = ", ".join(f"{count} {status}" for status, count in paper.counts.items())
         rows = [
-            (one.label, one.about, one.status, f"{{crosstrack-code}}`{one.code}`", one.reason)
-            for one in paper.items
+            (item.label, item.about, item.status, f"{{crosstrack-code}}`{item.code}`", item.reason)
+            for item in paper.items
         ]
-        columns = ("paper", "content", "status", "code", "reason or reading")
+        columns = ("paper", "content", "status", "code", "reason or interpretation")
         head = f"{paper.reference}. {len(paper.items)} items: {counts}."
         return f"{head}\n\n{markdown_table(columns, rows)}"
 
@@ -94,8 +94,8 @@ class Papers(Made):
         for name, parts in groups.items():
             tables = [(problem, table) for problem, paper in parts for table in paper.tables]
             printed = sum(table.printed_cells for _, table in tables)
-            found = [measured_cells(folder, problem, table) for problem, table in tables]
-            ours = [sum(counts) for counts in zip(*found, strict=True)]
+            cells = [measured_cells(folder, problem, table) for problem, table in tables]
+            ours = [sum(counts) for counts in zip(*cells, strict=True)]
             pages = ", ".join(f"[{problem}](problems/{problem}.md)" for problem, _ in parts)
             counts = [sum(paper.counts[status] for _, paper in parts) for status in Status]
             rows.append([name, pages, sum(counts), *counts, printed, *ours])

@@ -1,14 +1,14 @@
-"""What the site makes at build time from crosstrack itself, so that nobody types it.
+"""Sphinx directives that generate tables and outputs from crosstrack at build time.
 
-Directives, all for MyST pages:
+All directives are for MyST pages:
 
 * ``crosstrack-backends``: the tables of :func:`crosstrack.backends`;
-* ``crosstrack-options``: the backends' own options;
-* ``crosstrack-help [commands]``: the real ``--help`` of the command line, or of every subcommand;
-* ``crosstrack-problems``: the problems, each a link to its page;
+* ``crosstrack-options``: the options of each backend;
+* ``crosstrack-help [commands]``: the output of ``--help`` of the command line, or of every subcommand;
+* ``crosstrack-problems``: the list of problems with links to their pages;
 * ``crosstrack-formulations KIND``: the formulations of a model, with the size of an instance;
 * ``crosstrack-instances PROBLEM``: the catalogue's instances of a problem;
-* ``crosstrack-run COMMAND``: a command line, and what it prints; files are shared by a page.
+* ``crosstrack-run COMMAND``: a command line and its output. All commands of a page share a folder.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str
 
 
 class Made(SphinxDirective):
-    """A directive whose content is Markdown that a function makes."""
+    """Base of directives with generated Markdown content."""
 
     has_content = False
     wide = False
@@ -50,7 +50,7 @@ class Made(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         text = self.make()
         if self.wide:
-            # A container about all of it would lose what stands below headings.
+            # A container around the whole text would lose the content below headings.
             text = re.sub(r"(?:^\|.*\n?)+", r":::{container} wide\n\g<0>\n:::\n", text, flags=re.M)
         return self.parse_text_to_nodes(text, allow_section_headings=True)
 
@@ -59,12 +59,12 @@ class Made(SphinxDirective):
 
 
 def executes(app: Sphinx) -> bool:
-    """Return whether this build runs examples; the quick one does not."""
+    """Return True if this build runs the examples (``plot_gallery`` is enabled)."""
     return str(app.config.plot_gallery) not in ("0", "False")
 
 
 class Backends(Made):
-    """The backends of this installation, a table for each kind of thing that they accept."""
+    """Tables of the installed backends, one per accepted type."""
 
     wide = True
 
@@ -75,7 +75,7 @@ class Backends(Made):
         tables: dict[str, list[Sequence[str]]] = {}
         for state in crosstrack.backends():
             backend = find_backend(state.name, problem=state.problem)
-            comes = f"`{backend.extra}`" if backend.extra else "always there"
+            extra = f"`{backend.extra}`" if backend.extra else "always installed"
             rows = tables.setdefault(state.accepts, [])
             rows.append(
                 (
@@ -84,10 +84,10 @@ class Backends(Made):
                     state.guarantee,
                     ", ".join(state.features),
                     state.version or "",
-                    comes,
+                    extra,
                 )
             )
-        columns = ("backend", "", "proves", "understands", "version", "extra")
+        columns = ("backend", "", "proves", "features", "version", "extra")
         return "\n\n".join(
             f"Backends that accept `{accepts}`:\n\n{markdown_table(columns, rows)}"
             for accepts, rows in tables.items()
@@ -95,7 +95,7 @@ class Backends(Made):
 
 
 class Options(Made):
-    """The options that are a backend's own."""
+    """Tables of the options of each backend."""
 
     def make(self) -> str:
         import crosstrack
@@ -118,7 +118,7 @@ class Options(Made):
 
 
 class Help(Made):
-    """The command line's own help; with the argument ``commands``, that of every subcommand."""
+    """Help text of the command line, or of every subcommand with the argument ``commands``."""
 
     optional_arguments = 1
 
@@ -136,26 +136,28 @@ class Help(Made):
     def block(arguments: list[str]) -> str:
         environment = {**os.environ, "COLUMNS": "88", "NO_COLOR": "1"}
         command = [sys.executable, "-P", "-m", "crosstrack", *arguments, "--help"]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
-        return f"```text\n{done.stdout.rstrip()}\n```"
+        process = subprocess.run(
+            command, capture_output=True, text=True, check=True, env=environment
+        )
+        return f"```text\n{process.stdout.rstrip()}\n```"
 
 
 class Problems(Made):
-    """The problems with the first line of what they are, each a link to its page."""
+    """List of the problems with links and the first line of their docstrings."""
 
     def make(self) -> str:
         from crosstrack.models.problems import PROBLEMS
 
         lines = []
         for problem in PROBLEMS:
-            said = (importlib.import_module(f"crosstrack.models.{problem}").__doc__ or "").strip()
+            doc = (importlib.import_module(f"crosstrack.models.{problem}").__doc__ or "").strip()
             page = problem.replace("_", "-")
-            lines.append(f"[{page}](problems/{page}.md)\n: {said.splitlines()[0]}\n")
+            lines.append(f"[{page}](problems/{page}.md)\n: {doc.splitlines()[0]}\n")
         return "\n".join(lines)
 
 
 class Formulations(Made):
-    """The formulations of a model, with the size of the program of one instance."""
+    """Table of the formulations of a model, with the program size for one instance."""
 
     required_arguments = 1
 
@@ -173,7 +175,7 @@ class Formulations(Made):
 
 
 class Instances(Made):
-    """The catalogue's instances of a problem."""
+    """Table of the catalogue's instances of a problem."""
 
     required_arguments = 1
     wide = True
@@ -193,12 +195,12 @@ class Instances(Made):
 
 
 class Run(Made):
-    """A command line and what it printed, run in a folder that the whole page shares."""
+    """A command line and its output, run in a folder that all commands of the page share."""
 
     required_arguments = 1
     final_argument_whitespace = True
-    #: Lines shown at most; what is longer loses its middle.
-    most = 60
+    #: Maximum number of lines shown. The middle of a longer output is omitted.
+    limit = 60
 
     def make(self) -> str:
         line = self.arguments[0]
@@ -206,28 +208,28 @@ class Run(Made):
             return f"```console\n$ crosstrack {line}\n```"
         folders = self.env.temp_data.setdefault("crosstrack-run", tempfile.TemporaryDirectory())
         environment = {**os.environ, "COLUMNS": "88", "NO_COLOR": "1"}
-        # What is printed depends on the code, not on the page.
+        # The output depends on the code, not only on the page.
         self.env.note_reread()
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-P", "-m", "crosstrack", *shlex.split(line)],
             cwd=folders.name, capture_output=True, text=True, env=environment, timeout=300,
         )  # fmt: skip
-        # What stands on standard error is why it failed; the exit code of a failure is part of it.
-        lines = [text.rstrip() for text in done.stdout.rstrip().split("\n")]
-        if len(lines) > self.most:
-            half = self.most // 2
+        # Standard error explains a failure, and the output includes a non-zero exit code.
+        lines = [text.rstrip() for text in process.stdout.rstrip().split("\n")]
+        if len(lines) > self.limit:
+            half = self.limit // 2
             lines = [*lines[:half], "…", *lines[-half:]]
-        printed = "\n".join(lines)
-        if done.returncode in (1, 2) or "Traceback" in done.stderr:
-            raise self.error(f"crosstrack {line}: exit code {done.returncode}\n{done.stderr}")
-        code = f"\n$ echo $?\n{done.returncode}" if done.returncode else ""
-        return f"```text\n$ crosstrack {line}\n{printed}{code}\n```"
+        output = "\n".join(lines)
+        if process.returncode in (1, 2) or "Traceback" in process.stderr:
+            raise self.error(f"crosstrack {line}: exit code {process.returncode}\n{process.stderr}")
+        code = f"\n$ echo $?\n{process.returncode}" if process.returncode else ""
+        return f"```text\n$ crosstrack {line}\n{output}{code}\n```"
 
 
 class _Pictures:
-    """Saves the figures that a block of an example has made.
+    """Image scraper that saves the figures of a block of an example.
 
-    :func:`crosstrack.plot` returns a figure of its own, which no global state knows.
+    :func:`crosstrack.plot` returns a figure that is not registered in pyplot's global state.
     """
 
     def __repr__(self) -> str:
@@ -250,31 +252,31 @@ class _Pictures:
 _pictures = _Pictures()
 
 
-#: An accented letter with an index, which docutils would write below the letter.
+#: Accented letter with an index, which docutils would typeset below the letter.
 _ACCENTED = re.compile(
     r"(\\(?:bar|d?dot|hat|tilde|vec)(?![a-zA-Z]) *(?:\{[^{}]*\}|\\[a-zA-Z]+|\w))(?= *[_^])"
 )
 
 
 def _formula(self: Any, node: nodes.math | nodes.math_block) -> None:
-    """Write a formula as MathML, which browsers draw without a script and a network."""
+    """Write a formula as MathML, which browsers render without scripts or network access."""
     from docutils.utils.math import MathError
     from docutils.utils.math.latex2mathml import tex2mathml
 
     block = isinstance(node, nodes.math_block)
     latex = node.astext().strip()
     try:
-        made = tex2mathml(_ACCENTED.sub(r"{\1{}}", latex), as_block=block)
+        markup = tex2mathml(_ACCENTED.sub(r"{\1{}}", latex), as_block=block)
     except MathError as error:
         logger.warning("formula %r: %s", latex, error, location=node)
-        made = html.escape(latex)
-    # TeX sets a thin space between the name of a function and its argument, and after operators such as max.
+        markup = html.escape(latex)
+    # TeX inserts a thin space between a function name and its argument, and after operators such as max.
     space = 'rspace="0.1667em"'
-    made = re.sub(r"<mo(?=>&ApplyFunction;</mo>(?!\s*<mo[^>]*>\())", f"<mo {space}", made)
-    # Bars stand about what they enclose, and are no relation.
-    made = re.sub(r"<mo(?=[^>]*>[|‖]<)", '<mo lspace="0" rspace="0"', made)
-    made = re.sub(r"<mo(?=[^>]*>[a-z]{2,}<)", f'<mo lspace="0" {space}', made)
-    self.body.append(f'<div class="formula">{made}</div>' if block else made)
+    markup = re.sub(r"<mo(?=>&ApplyFunction;</mo>(?!\s*<mo[^>]*>\())", f"<mo {space}", markup)
+    # Bars are delimiters, not relations.
+    markup = re.sub(r"<mo(?=[^>]*>[|‖]<)", '<mo lspace="0" rspace="0"', markup)
+    markup = re.sub(r"<mo(?=[^>]*>[a-z]{2,}<)", f'<mo lspace="0" {space}', markup)
+    self.body.append(f'<div class="formula">{markup}</div>' if block else markup)
     raise nodes.SkipNode
 
 

@@ -1,9 +1,9 @@
-"""Tables of measured values: what a script wrote to ``docs/measured``, and what the campaign's records hold.
+"""Tables of measured values from ``docs/measured`` and from the records of the campaign.
 
-* ``crosstrack-measured PROBLEM/TABLE``: the table, and when and with what it was measured;
-* ``crosstrack-beside PREFIX …``: what is known of the catalogue's instances, and our values beside it: the
-  best verified ones of the campaign, or those that ``:measured: PROBLEM/TABLE COLUMN`` names. ``:figure:`` names
-  another published figure than the objective.
+* ``crosstrack-measured PROBLEM/TABLE``: a table with date, script and versions of the measurement;
+* ``crosstrack-beside PREFIX …``: known values of the catalogue's instances compared with the best verified values
+  of the campaign, or with the column ``:measured: PROBLEM/TABLE COLUMN``. ``:figure:`` selects a published value
+  other than the objective.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from crosstrack_site import Made, markdown_table
 from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 
-#: Relative difference up to which two answers of the campaign count as equally good.
+#: Relative tolerance for equal objectives in the campaign.
 EQUAL = 1e-6
 
 
 def cell(value: Any, form: str) -> str:
-    """Return a value in its column's format; words as they are, and nothing for None."""
+    """Return the formatted value, a string unchanged, or an empty string for None."""
     if value is None:
         return ""
     return format(value, form) if isinstance(value, int | float) else str(value)
 
 
 class Table(Made):
-    """A directive that reads a file beside the pages."""
+    """Base of directives that read a file in the source folder."""
 
     required_arguments = 1
     wide = True
 
     def path(self, *parts: str) -> Path:
-        """Return a file's path; the page is read again when it changes."""
+        """Return the path of a file and register it as a dependency of the page."""
         path = Path(self.env.app.srcdir, *parts)
         self.env.note_dependency(str(path))
         return path
@@ -43,20 +43,20 @@ class Table(Made):
     def measured(self, name: str) -> dict[str, Any]:
         """Return the table ``PROBLEM/TABLE``."""
         problem, _, table = name.partition("/")
-        found = json.loads(self.path("measured", f"{problem}.json").read_text("utf-8"))
-        return dict(found[table])
+        tables = json.loads(self.path("measured", f"{problem}.json").read_text("utf-8"))
+        return dict(tables[table])
 
     @staticmethod
     def source(table: dict[str, Any]) -> str:
-        """Return when and with what a table was measured."""
+        """Return a sentence with the date, script and versions of the measurement."""
         versions = ", ".join(f"{package} {number}" for package, number in table["versions"].items())
-        made = f"Measured on {table['date']} by `{table['script']}`: {versions}"
+        measured = f"Measured on {table['date']} by `{table['script']}`: {versions}"
         where = f"{table['processors']} processors of a shared machine."
-        return f"{table['said']} {made}, {where}".strip()
+        return f"{table['said']} {measured}, {where}".strip()
 
 
 class Measured(Table):
-    """A table that a benchmark's script wrote, and below it what it depends on."""
+    """Table written by a benchmark script, with the conditions of the measurement."""
 
     def make(self) -> str:
         table = self.measured(self.arguments[0])
@@ -67,52 +67,52 @@ class Measured(Table):
 
 @cache
 def records(path: Path) -> dict[str, list[Any]]:
-    """Return the answers of a campaign by instance, those of backends that see what is hidden left out."""
+    """Return the answers of a campaign by instance, without backends that read hidden data."""
     from crosstrack.solvers import find_backend
     from crosstrack.solvers.bench import read_records
 
-    found: dict[str, list[Any]] = {}
-    for one in read_records(path).solutions:
-        if not find_backend(one.backend, problem=one.problem or None).sees_hidden:
-            found.setdefault(one.instance, []).append(one)
-    return found
+    answers: dict[str, list[Any]] = {}
+    for solution in read_records(path).solutions:
+        if not find_backend(solution.backend, problem=solution.problem or None).sees_hidden:
+            answers.setdefault(solution.instance, []).append(solution)
+    return answers
 
 
 def best(answers: list[Any]) -> Any:
-    """Return the best verified answer: of those that are equally good a proven one, then the quickest."""
+    """Return the best verified answer; ties are broken by proof and then by time."""
     good = [
         s for s in answers if s.primal_bound is not None and s.verification and s.verification.ok
     ]
     if not good:
         return None
-    least = min(s.primal_bound for s in good)
-    near = [s for s in good if s.primal_bound - least <= EQUAL * max(abs(least), EQUAL)]
+    minimum = min(s.primal_bound for s in good)
+    ties = [s for s in good if s.primal_bound - minimum <= EQUAL * max(abs(minimum), EQUAL)]
     order = ("optimal", "locally_optimal")
     ranks = {word: rank for rank, word in enumerate(order)}
-    return min(near, key=lambda s: (ranks.get(str(s.termination), 2), s.seconds.get("total", 0.0)))
+    return min(ties, key=lambda s: (ranks.get(str(s.termination), 2), s.seconds.get("total", 0.0)))
 
 
-def proof(answers: list[Any], found: Any) -> str:
-    """Return what the campaign has proven of an instance: the optimum, a gap to a bound, that there is no plan."""
+def proof(answers: list[Any], incumbent: Any) -> str:
+    """Return the proven result of an instance: the optimum, a gap to a bound, or infeasibility."""
     words = {str(s.termination) for s in answers}
-    if found is None:
-        return "no plan exists" if "infeasible" in words else ""
-    if found.termination == "optimal":
+    if incumbent is None:
+        return "infeasible" if "infeasible" in words else ""
+    if incumbent.termination == "optimal":
         return "optimal"
     bounds = [s.dual_bound for s in answers if s.dual_bound is not None]
-    # One above a verified plan, by the digits of a solver, proves nothing.
-    bounds = [one for one in bounds if one <= found.primal_bound * (1 + EQUAL)]
-    if not bounds or not found.primal_bound:
+    # A bound above a verified plan is invalid (rounding errors of a solver).
+    bounds = [bound for bound in bounds if bound <= incumbent.primal_bound * (1 + EQUAL)]
+    if not bounds or not incumbent.primal_bound:
         return ""
-    return f"gap {1 - max(bounds) / found.primal_bound:.2%}"
+    return f"gap {1 - max(bounds) / incumbent.primal_bound:.2%}"
 
 
 class Beside(Table):
-    """Instances with what is known of them, our value, and by how much it differs."""
+    """Table of instances with known value, measured value and difference."""
 
     final_argument_whitespace = True
     option_spec = {"measured": directives.unchanged, "figure": directives.unchanged}
-    #: The columns; those that would be empty are left out.
+    #: Columns; empty ones are omitted.
     heads = (
         *("instance", "printed", "paper", "known", "ours", "difference", "proven", "backend"),
         *("seconds", "seconds, paper (another machine)", "known from"),
@@ -122,15 +122,17 @@ class Beside(Table):
         from crosstrack.instances import entries
 
         prefixes = tuple(self.arguments[0].split())
-        found = [entry for entry in entries() if entry.name.startswith(prefixes)]
-        ours, below = self.measured_values() if "measured" in self.options else self.campaign(found)
-        rows = [self.row(entry, *ours[entry.name]) for entry in found if entry.name in ours]
+        matches = [entry for entry in entries() if entry.name.startswith(prefixes)]
+        ours, below = (
+            self.measured_values() if "measured" in self.options else self.campaign(matches)
+        )
+        rows = [self.row(entry, *ours[entry.name]) for entry in matches if entry.name in ours]
         heads = [head for head in self.heads if any(row.get(head) for row in rows)]
         table = markdown_table(heads, [[row.get(head) or "" for head in heads] for row in rows])
         return f"{table}\n\n{below}"
 
     def row(self, entry: Any, value: float | None, more: dict[str, str]) -> dict[str, Any]:
-        """Return the cells of an instance."""
+        """Return the row of an instance."""
         known = entry.published
         own = "figure" in self.options
         figure = known.get(self.options.get("figure", "objective"), known.get("optimum"))
@@ -146,7 +148,7 @@ class Beside(Table):
         return row
 
     def measured_values(self) -> tuple[dict[str, tuple[float | None, dict[str, str]]], str]:
-        """Return the values of a script by instance, and what they depend on."""
+        """Return the measured values by instance, and the conditions of the measurement."""
         name, _, column = self.options["measured"].partition(" ")
         table = self.measured(name)
         forms = table["columns"]
@@ -159,19 +161,20 @@ class Beside(Table):
         return values, self.source(table)
 
     def campaign(
-        self, found: list[Any]
+        self, matches: list[Any]
     ) -> tuple[dict[str, tuple[float | None, dict[str, str]]], str]:
-        """Return the campaign's best values of instances as they are today, and where they are from."""
+        """Return the best values of the campaign for the current instances, and their source."""
         known, values = records(self.path("campaign", "records.jsonl")), {}
-        for entry in found:
+        for entry in matches:
             digest = entry.build().digest
-            answers = [one for one in known.get(entry.name, []) if one.digest == digest]
-            one = best(answers)
-            more = {"proven": proof(answers, one)}
-            if one is not None:
-                more |= {"backend": f"`{one.backend}`", "seconds": f"{one.seconds['total']:.2g}"}
-            values[entry.name] = (None if one is None else one.primal_bound, more)
-        words = "Ours are the best verified values of the [campaign](../choose.md), at its time limits and on "
+            answers = [answer for answer in known.get(entry.name, []) if answer.digest == digest]
+            answer = best(answers)
+            more = {"proven": proof(answers, answer)}
+            if answer is not None:
+                seconds = f"{answer.seconds['total']:.2g}"
+                more |= {"backend": f"`{answer.backend}`", "seconds": seconds}
+            values[entry.name] = (None if answer is None else answer.primal_bound, more)
+        words = "Our values are the best verified ones of the [campaign](../choose.md), with its time limits and "
         return values, f"{words}one thread."
 
 

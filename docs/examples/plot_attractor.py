@@ -1,18 +1,18 @@
 """
-Is this motion chaotic?
-=======================
+Detect chaos in a time series
+=============================
 
-A series is measured once, and nothing else is known of what made it. Its states are rebuilt from delayed values, and two
-slopes are read from how they lie and part: the largest Lyapunov exponent and the correlation dimension. This
-example estimates both where the truth is known, shows that linear noise has a positive exponent as well, and what tells the
-two apart.
+This example decides whether a measured time series is chaotic. States are reconstructed from
+delayed values, and two quantities are estimated from them: the largest Lyapunov exponent and the
+correlation dimension. The example estimates both for a system with known values, shows that linear
+noise can also have a positive exponent, and uses surrogates to distinguish the two.
 """
 
 # %%
-# A motion that is known
-# ----------------------
-# One coordinate of Lorenz' equations, 5000 samples. A diagnosis tells what the series lets an estimate mean, before anything
-# is fitted.
+# A known system
+# --------------
+# The series is one coordinate of the Lorenz system, 5000 samples. The diagnosis shows before any
+# fit which estimates the series supports.
 
 import math
 
@@ -24,8 +24,9 @@ print(lorenz)
 print(ct.diagnose(lorenz))
 
 # %%
-# The full analysis chooses an embedding, fits both slopes and sets the series against surrogates. The exponent and the
-# dimension are known for this one, 0.906 nats/s and 2.05, but backends do not see them.
+# The full analysis selects an embedding, fits both slopes and compares the series with surrogates.
+# The known values are 0.906 nats/s for the exponent and 2.05 for the dimension. They are hidden
+# from the backends.
 
 found = ct.solve(lorenz, "full-analysis", seed=1)
 print(found.plan)
@@ -37,21 +38,22 @@ print(f"{few} variables at the least, {enough} suffice")
 print(found.verification)
 
 # %%
-# Every slope stands beside the curve it was fitted to, and the region is shaded. A slope whose curve is not straight
-# there says nothing.
+# The plot shows each curve with the fitted slope and the shaded region of the fit. A slope is
+# meaningless if its curve is not straight there.
 
 curves = ct.plot(lorenz, found)
 
 # %%
-# The slopes of the curves from place to place show it better: they are level where there is a scaling region.
+# The local slopes show this more clearly: they are constant in a scaling region.
 
 slopes = ct.plot(lorenz, found, view="slopes")
 
 # %%
-# A noise that is called chaotic
+# Noise with a positive exponent
 # ------------------------------
-# Filtered noise is no motion on an attractor. But nearby values part for a while in any series, so a line that
-# is fitted to a region given beforehand has a positive slope. The delay and the dimension are those of the paper.
+# Filtered noise is not a motion on an attractor. But nearby values diverge for a while in any
+# series, so a line fitted to a fixed region has a positive slope. The delay and the dimension are
+# those of the paper.
 
 noise = ct.load("attractor/ar2")
 forced = ct.solve(
@@ -63,8 +65,9 @@ print(f"exponent of noise: {exponent} nats/s, {exponent.value / math.log(2):.3g}
 assert exponent.value > 2 * exponent.deviation
 
 # %%
-# Asked to choose its region, the same backend finds none, and says so; and surrogates, which are linear noise with
-# the same values and the same spectrum, are predicted no worse than the series.
+# If the same backend selects the region itself, it finds no scaling region and reports this.
+# Surrogates are linear noise with the same values and the same spectrum. They are predicted as well
+# as the series.
 
 judged = ct.solve(noise, "full-analysis", seed=1)
 print(judged.plan)
@@ -74,18 +77,19 @@ assert str(judged.plan.surrogates.judgement) == "noise"
 # %%
 # Two methods, one exponent
 # -------------------------
-# Rosenstein's method follows the nearest neighbour, Kantz' all within a radius. Both are estimates, so however well they
-# agree, nothing is proven, and the verdict says so.
+# Rosenstein's method follows the nearest neighbour, Kantz' method all neighbours within a radius.
+# Both are estimates, so agreement is not a proof, and the verdict states this.
 
 henon = ct.load("attractor/henon")
 comparison = ct.compare([henon], ["rosenstein", "kantz"])
 print(comparison)
 
 # %%
-# One's own series
-# ----------------
-# An array and the time between samples are all it takes; ``read_series`` of ``crosstrack.instances.attractor`` reads
-# a file with units. Without a plan, the picture is the series and its delay plot.
+# Use your own series
+# -------------------
+# A series is an array with the time between samples. ``read_series`` of
+# ``crosstrack.instances.attractor`` reads a file with units. Without a plan, the plot shows the
+# series and its delay plot.
 
 positions = [math.sin(0.31 * k) + 0.4 * math.sin(0.31 * math.sqrt(2) * k) for k in range(1500)]
 own = AttractorAnalysis(positions, period=0.1, unit="m", name="two sines")

@@ -1,17 +1,17 @@
 """
-Bases and backends, honestly
-============================
+Polynomial bases and QP solvers
+===============================
 
-A trajectory problem can be written as a quadratic program in many ways that are equal on paper. On
-a computer they are not. This page measures what four formulations and several solvers make of the
-same problems, here and now: whatever it says of a number is printed by the code above it. Seconds
-are those of the machine that built the page, so they are shown as ratios within one run.
+A trajectory problem has many mathematically equivalent quadratic programs, which behave differently
+in floating-point arithmetic. This example compares four formulations and several solvers on the
+same problems. All numbers are printed by the code. Seconds depend on the machine that built the
+page, so they are shown as ratios within one run.
 """
 
 # %%
 # One problem, four programs
 # --------------------------
-# A random walk of ten segments in space, in each of the four formulations.
+# The instance is a random walk of ten segments in space.
 
 import time
 import warnings
@@ -33,17 +33,17 @@ for basis in BASES:
     print(f"{basis:12} {program.row_count:5} {program.size:8} {program.hessian.nnz:16}")
 
 # %%
-# ``paper`` has powers of absolute time, as its equations are printed. ``monomial`` has powers of each
-# segment's own time, ``legendre`` integrated Legendre polynomials with a Hessian of zeros and ones. In
-# ``hermite`` the columns are the free derivatives at the knots, and all equations are substituted:
-# without corridor and limits it has no rows.
+# ``paper`` uses powers of absolute time, as the paper prints its equations. ``monomial`` uses
+# powers of the local time of each segment, and ``legendre`` integrated Legendre polynomials with a
+# Hessian of zeros and ones. In ``hermite`` the columns are the free derivatives at the knots, and
+# all equations are substituted: without corridor and limits it has no rows.
 #
-# How hard they are to solve
-# --------------------------
-# A solver meets the optimality system of the program, Hessian and rows in one symmetric matrix. Its
-# condition number says by how much rounding may be magnified: with 1e16 no digit of the answer is
-# certain, and numbers above that only say so. Many solvers scale the matrix first, so it is measured
-# both ways.
+# Condition numbers
+# -----------------
+# A solver works on the optimality (KKT) system of the program, which combines Hessian and rows in
+# one symmetric matrix. Its condition number bounds the amplification of rounding errors: at 1e16 no
+# digit of the answer is reliable, and larger numbers are not distinguished. Many solvers scale the
+# matrix first, so the condition number is computed with and without scaling.
 
 
 def condition(program, scaled):
@@ -77,15 +77,15 @@ panels[0].set_ylabel("condition number")
 panels[1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
 
 # %%
-# The reason for the first row is the clock. On the last segment, seven powers of a large time are
-# multiplied with coefficients that cancel. A segment's own time begins at 0 everywhere, and the other
-# rows hardly know how long the path is. In ``legendre`` it matters little whether anybody scales.
+# Absolute time causes the large numbers in the first row. On the last segment, seven powers of a
+# large time are multiplied by coefficients that cancel. The local time of each segment starts at 0,
+# so the other rows depend little on the length of the path. ``legendre`` depends little on scaling.
 #
-# What comes of it
-# ----------------
-# The paper's own problem with three segments, with five, and with the same five a minute after the
-# clock began. One solver, in each basis. The first line of a problem is the answer of the direct
-# solver, which needs no basis of this kind.
+# Effect on the answers
+# ---------------------
+# This block solves the paper's problem with three segments, with five, and with the same five
+# segments shifted by one minute. The same solver runs in each basis. The first line of each problem
+# is the answer of the direct solver, which does not use these bases.
 
 for name in ("paper", "paper-5", "paper-late"):
     model = ct.load(f"minimum-snap/{name}")
@@ -97,15 +97,16 @@ for name in ("paper", "paper-5", "paper-late"):
         print(f"  {basis:9} {answer.termination:12} {checked[:70]}")
 
 # %%
-# Verification looks at the trajectory, not at the status of the solver. Where the powers of absolute
-# time have lost the digits that the waypoints need, the plan is rejected, and no wrong trajectory
-# comes out.
+# The verification evaluates the trajectory, not the status of the solver. If powers of absolute
+# time lose the digits that the waypoints need, the plan is rejected, and no wrong trajectory is
+# returned.
 #
-# What a status is worth
-# ----------------------
-# Now a corridor of 100 boxes with limits of velocity and acceleration. Its program holds them at
-# eight instants of each segment at first; in every basis, this program has the same optimal value.
-# Here the solvers are called directly, with settings as they come, and believed.
+# Status and actual error
+# -----------------------
+# This instance is a corridor of 100 boxes with limits on velocity and acceleration. Its program
+# initially enforces them at eight instants of each segment. The program has the same optimal value
+# in every basis. The solvers are called directly with default settings, without any check of their
+# results.
 
 boxes = corridor(100, seed=1, name="a corridor of 100 boxes")
 reference = ct.solve(boxes.formulate("legendre").program, "clarabel", time_limit=20)
@@ -124,25 +125,26 @@ for basis in ("monomial", "hermite", "legendre"):
         print(f"{basis:10} {solver:9} {says:18} {error:+.1e}")
 
 # %%
-# Look for a *yes* beside an error that is no rounding. It need not be a fault of the solver. In the
-# reduced basis the objective is a small difference of large numbers: what is fixed costs a constant,
-# and the columns take nearly all of it back. A solver that is content with a relative gap of 1e-8 is
-# content with an error of
+# A *yes* with an error above rounding level is not necessarily a fault of the solver. In the
+# reduced basis the objective is a small difference of large numbers: the fixed values contribute a
+# constant, and the columns cancel most of it. A relative gap of 1e-8 then permits an absolute error
+# of
 
 reduced = boxes.formulate("hermite").program
 print(f"1e-8 of {reduced.offset:.1e}: {1e-8 * reduced.offset:.3g}; the optimum is {value:.3g}")
 
 # %%
-# That is why crosstrack believes no status. A backend's claim becomes an optimum only after its
-# residuals and the gap between its objective and the bound that its multipliers prove have been
-# computed anew from the program. What falls short is polished where that helps, and else called by
-# what it is.
+# For this reason crosstrack does not rely on the status of a solver. It accepts an answer as
+# optimal only after it has recomputed the residuals, and the gap between the objective and the dual
+# bound of the multipliers, from the program. Inaccurate answers are polished if possible, and
+# otherwise reported with the termination that they justify.
 #
-# The whole corridor
-# ------------------
-# A corridor holds at every instant. Each solver's program gets further instants where the
-# trajectory sticks out, until it does no more; our interior point does the same by itself, and uses
-# that segments only meet their neighbours. Each has eight seconds, in a process of its own.
+# The complete corridor
+# ---------------------
+# A corridor applies at every instant. For each QP solver, crosstrack adds instants at which the
+# trajectory leaves the corridor until no violation remains. The native interior-point method does
+# the same internally, and exploits that each segment is coupled only to its neighbours. Each backend
+# has eight seconds in its own process.
 
 comparison = ct.compare(
     [boxes],
@@ -154,9 +156,8 @@ verdict = comparison.verdicts[0]
 assert verdict.outcome == "AGREED"
 
 # %%
-# Who is right, and at which price? The error is that of the verified plan against the best proven
-# bound. The time is everything from the model to the verified answer, compiling left out, in units
-# of the native solver's.
+# The error compares the verified plan with the best proven bound. The time includes everything from
+# the model to the verified answer, except compilation, relative to the time of the native solver.
 
 
 def elapsed(solution):
@@ -178,10 +179,11 @@ for solution in verdict.solutions:
 # %%
 # Without a corridor
 # ------------------
-# A thousand segments and no bounds: the direct solver, the general ones, and SciPy's spline of
-# degree 7, which is the same trajectory where nothing but positions and rest at both ends is asked.
-# The times of the backends have building, proof and verification in them, SciPy's has not; so the
-# direct solver's bare solve is shown as well. The shortest of five runs counts.
+# This instance has a thousand segments and no bounds. It is solved by the direct solver, by general
+# solvers, and by SciPy's spline of degree 7, which is the same trajectory if only positions and
+# rest at both ends are required. The times of the backends include building, proof and
+# verification. The time of SciPy does not, so the solve time of the direct solver is shown
+# separately. Each time is the minimum of five runs.
 
 many = random_walk(1000, seed=1000)
 rest = [(order, np.zeros(3)) for order in (1, 2, 3)]
@@ -214,13 +216,13 @@ for backend, basis in (("interior-point", None), ("clarabel", "legendre"), ("cla
     print(f"{who:20} {ratio:8.2f} times the time of banded, {first.termination}, error {off:.1e}")
 
 # %%
-# What to take from it
-# --------------------
-# - Take ``auto``: without bounds that is the direct solver, with them the interior point. Both work on
-#   derivatives at the knots and keep their digits by never forming what would lose them.
-# - For a cross-check, or where a model is beyond the native solvers, take ``legendre``. It is the
-#   default for every solver of quadratic programs.
-# - ``hermite`` is small, and right where there are no bounds. With a long corridor its objective is
-#   the difference that was printed above.
-# - ``paper`` is there to be looked at.
-# - A status is a claim. What counts is the gap that is left when somebody else recomputes it.
+# Recommendations
+# ---------------
+# - Use ``auto``. It selects the direct solver without bounds and the interior-point method with
+#   bounds. Both use derivatives at the knots, which avoids cancellation.
+# - Use ``legendre`` for a cross-check, or if the native solvers do not support the model. It is the
+#   default for QP solvers.
+# - ``hermite`` is small and accurate without bounds. With a long corridor its objective suffers from
+#   the cancellation shown above.
+# - ``paper`` is intended for reading.
+# - A solver status is a claim. Rely on the gap recomputed from the program.

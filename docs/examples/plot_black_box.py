@@ -1,16 +1,18 @@
 """
-A black box, and a robot in one
-===============================
+Black-box optimisation
+======================
 
-A function that is only known by its values is minimised within bounds, in a given number of evaluations. This example
-declares one of one's own, compares searches at equal evaluations, shows what a moved optimum tells of a
-search, and ends with a robot's path, for which there is something better.
+A black-box problem minimises a function of bounded variables that can only be evaluated, with a
+given number of evaluations. This example declares such a function, compares several methods at
+equal evaluations, shows the effect of a shifted optimum, and plans a robot's path, a problem with a
+better exact method.
 """
 
 # %%
-# One's own function
+# Declare a function
 # ------------------
-# Anything that Python can call is a black box. This one has two valleys, ripples, and a region without a value.
+# Any Python callable can be a black box. This one has two valleys, ripples, and a region without a
+# value.
 
 import math
 
@@ -20,7 +22,7 @@ from crosstrack.models.black_box import as_grid_plan, path_problem
 
 
 def drag(x):
-    """Return a value, or NaN where there is no such thing."""
+    """Return the drag, or NaN outside the domain."""
     width, slope = x
     if width * slope > 4:
         return math.nan
@@ -32,18 +34,18 @@ print(model)
 print(ct.diagnose(model))
 
 # %%
-# A search sees the bounds and gets values; it runs in a process of its own, and the values are counted where the
-# function is.
+# The backend runs in its own process and receives only the bounds and the requested values. The
+# process with the function counts the evaluations.
 
 best = ct.solve(model, seed=1)
 print(best.summary())
 landscape = ct.plot(model, best)
 
 # %%
-# Several searches, at equal evaluations
-# --------------------------------------
-# Each runs from three seeds. No value proves that there is no less elsewhere, so the verdict is inconclusive, however well
-# they agree.
+# Compare methods at equal evaluations
+# ------------------------------------
+# Each method runs with three seeds. Function values cannot prove optimality, so the verdict is
+# inconclusive even if the methods agree.
 
 comparison = ct.compare(
     [model], ["differential-evolution", "iafsa", "random-search"], seed=1, repeats=3
@@ -52,11 +54,11 @@ print(comparison)
 assert comparison.outcome == "INCONCLUSIVE"
 
 # %%
-# A moved optimum
+# Shifted optimum
 # ---------------
-# The improved swarm of the paper multiplies each position by a factor below 1. That pulls to the origin, where
-# many test functions have their minimum. Move the optimum, and what looked like a strong search is gone. The hybrid swarm that
-# the paper compares with has no such pull.
+# The improved swarm of the paper multiplies each position by a factor below 1. This is a bias
+# towards the origin, where many test functions have their minimum. After a shift of the optimum,
+# the advantage disappears. The hybrid swarm that the paper compares with has no such bias.
 
 
 def result_of(instance, backend):
@@ -71,11 +73,12 @@ for backend in ("iafsa", "haafsa"):
     print(f"{backend}: {plain:.3g} at the origin, {moved:.3g} elsewhere")
 
 # %%
-# A robot's path
-# --------------
-# The coordinates of four waypoints are eight variables. The value is the length of the path, and more where it
-# leads through what is blocked. That bends sharply at the border of an obstacle, where searches that follow slopes, as the
-# default does, may end slightly inside it; this one does not follow them.
+# Path of a robot
+# ---------------
+# The coordinates of four waypoints are eight variables. The objective is the length of the path
+# plus a penalty inside obstacles. The objective has a kink at the border of an obstacle.
+# Gradient-following methods, such as the default, may therefore end slightly inside it.
+# Differential evolution does not use gradients.
 
 grid = GridMap(
     [
@@ -95,8 +98,8 @@ path = ct.solve(robot, "differential-evolution", seed=1)
 drawn = ct.plot(robot, path)
 
 # %%
-# The model of the map checks that path, and finds the shortest one of all, with a proof and in a moment. So waypoints
-# are a test of searches, and not a way to plan paths.
+# The grid model verifies the path, and also finds the shortest path with a proof in a moment.
+# Waypoints are therefore a test for black-box methods, not a way to plan paths.
 
 checked = asked.verify(as_grid_plan(robot, path.plan))
 shortest = ct.solve(asked)

@@ -1,18 +1,19 @@
 """
-Declare, solve, cross-check: a UAV route with error correction
-==============================================================
+UAV route with error correction
+===============================
 
-A UAV flies from A to B while its positioning errors grow. On the way it may correct them, the
-horizontal one at some points, the vertical one at others, but only while they are small enough.
-This example declares such a problem, solves it, checks the answer by several independent ways,
-looks at it, and asks what is wrong with a problem that has no answer.
+A UAV flies from A to B while its positioning errors grow. It can correct the horizontal error at
+some points and the vertical error at others, but only while the errors are small enough. This
+example declares such a problem, solves it, compares several backends, draws the route and diagnoses
+an infeasible instance.
 """
 
 # %%
-# Declare
-# -------
-# A model is made from arrays. Four points in a plane: A, a horizontal and a vertical correction
-# point, and B. Every unit of length adds 0.1 to both errors, and no error may exceed 0.3.
+# Declare a model
+# ---------------
+# A model is built from arrays. This one has four points in a plane: A, a horizontal and a vertical
+# correction point, and B. Every unit of length adds 0.1 to both errors, and no error may exceed
+# 0.3.
 
 import json
 import tempfile
@@ -36,17 +37,17 @@ small = ErrorCorrectionRouting(
 print(ct.solve(small))
 
 # %%
-# The catalogue holds larger instances. This one has the sizes and thresholds of row 7 of the
+# The catalogue contains larger instances. This one has the size and the thresholds of row 7 of the
 # paper's table 1.
 
 model = ct.load("error-correction/7")
 print(model)
 
 # %%
-# Solve
-# -----
-# A native exact search. The answer has been verified before we see it: the route was walked from
-# the raw coordinates, by other code than the search.
+# Solve the model
+# ---------------
+# ``label-setting`` is a native exact algorithm. The returned route has been verified from the raw
+# coordinates, by code that is independent of the algorithm.
 
 best = ct.solve(model, "label-setting")
 print("route:       ", best.plan)
@@ -56,8 +57,8 @@ print("gap:         ", best.gap)
 print(best.verification)
 
 # %%
-# The same route must satisfy every row of the paper's own program, too: it is encoded into the
-# program's columns. Here are the rows that add up lengths and errors along the arcs.
+# The route must also satisfy every row of the paper's program. For this check it is encoded into
+# the columns of the program. These rows add up lengths and errors along the arcs:
 
 rows = ct.verify(model, best.plan, formulation="paper")
 for check in rows.checks:
@@ -65,11 +66,11 @@ for check in rows.checks:
         print(check)
 
 # %%
-# Cross-check
-# -----------
-# The exact search, the paper's two-stage algorithm, and a mixed-integer solver on another
-# formulation of the problem, each in a process of its own. The solver is given the route as a warm
-# start; it still has to prove by itself that no route is shorter.
+# Compare backends
+# ----------------
+# The exact search, the paper's two-stage algorithm and a mixed-integer solver on another
+# formulation each run in their own process. The solver receives the route as a warm start, but has
+# to prove optimality itself.
 
 comparison = ct.compare(
     [model],
@@ -80,7 +81,7 @@ comparison = ct.compare(
 print(comparison)
 
 # %%
-# The verdict is data as well as text.
+# The verdict is also available as data.
 
 verdict = comparison.verdicts[0]
 print(verdict.outcome)
@@ -88,33 +89,33 @@ print(verdict.evidence)
 assert verdict.outcome == "AGREED"
 
 # %%
-# Look at it
-# ----------
-# The route among the points, and both errors along it against the thresholds.
+# Draw the route
+# --------------
+# The plot shows the route among the points, and both errors along it with their thresholds.
 
 figure = ct.plot(model, best.plan)
 
 # %%
-# A problem without an answer
-# ---------------------------
-# Let B ask for more than the four points can give: both errors at most 0.1 on arrival. The search
-# proves that there is no route, and the diagnosis says where every attempt ends.
+# Diagnose an infeasible problem
+# ------------------------------
+# Require both errors to be at most 0.1 at B, which the four points cannot satisfy. The search
+# proves infeasibility, and the diagnosis lists the position at which every partial route ends.
 
 tight = replace(small, theta=0.1, name="four points and a strict B")
 print(ct.solve(tight, "label-setting"))
 print(ct.diagnose(tight))
 
 # %%
-# The same question put to the paper's program: which of its equations cannot hold together, while
-# they can without any one of them?
+# The diagnosis of the paper's program returns an irreducible infeasible subset of its equations:
+# they are inconsistent together, and consistent if any one of them is removed.
 
 print(ct.diagnose(tight, "highs", formulation="paper"))
 
 # %%
 # Corrections that may fail
 # -------------------------
-# Hollow points are suspect: there a correction may fail and leave an error of 5. The route keeps all
-# thresholds even if all of them fail. The front tells what fewer corrections cost.
+# A correction at a hollow point may fail and leave an error of 5. The route satisfies all
+# thresholds even if all of them fail. The Pareto front shows the cost of fewer corrections.
 
 doubtful = ct.load("error-correction/suspect-38")
 safe = ct.solve(doubtful)
@@ -123,9 +124,10 @@ ct.plot(doubtful, safe.plan)
 print(ct.front(doubtful, "corrections"))
 
 # %%
-# Keep it
-# -------
-# Models and solutions go to JSON and come back the same. The digest identifies the content.
+# Save and load
+# -------------
+# Models and solutions are written to JSON and read back without loss. The digest identifies the
+# content.
 
 with tempfile.TemporaryDirectory() as folder:
     file = Path(folder) / "model.json"

@@ -1,18 +1,18 @@
 """
-Three robots, one map, equal batteries
-======================================
+Fleet mission with equal batteries
+==================================
 
-Three robots share out nine places among obstacles and come back. Their batteries are equal, so none should
-go much farther than the others. This example declares the map, shares out the places by two objectives, asks
-what equal shares cost, and ends with curves that can be flown, a picture of them, and files for other
-software.
+Three robots visit nine places among obstacles and return to the depot. Their batteries are equal,
+so the routes should have similar lengths. This example declares the mission, computes routes for
+two objectives, computes the trade-off between them, and plans trajectories. It ends with an
+animation and files for other software.
 """
 
 # %%
 # The mission
 # -----------
-# Everything is in metres. Obstacles are polygons, one of them with a yard inside; the robots are discs. The
-# longest way is to be short, and then the sum of all ways.
+# All lengths are in metres. Obstacles are polygons, one of them with a courtyard. The robots are
+# discs. The objective is the longest route, and then the sum of all routes.
 
 import itertools
 from pathlib import Path
@@ -52,8 +52,9 @@ field = ct.plot(mission)
 # %%
 # Routes
 # ------
-# First the places alone. Their distances are those of shortest paths on the map, around the obstacles. The
-# least sum is one thing, the least longest route another. With this few places both are proven.
+# The first model contains only the places. Distances between them are shortest paths around the
+# obstacles. The minimum total length and the minimum longest route are different objectives. For
+# this few places both are solved to proven optimality.
 
 places = [mission.depot.tolist(), *mission.nodes.tolist()]
 names = ["depot", *mission.ids]
@@ -67,26 +68,26 @@ for model, found in ((shortest, by_sum), (fairest, by_max)):
     print(f"{model.name}: {found.primal_bound:.2f} m, gap {found.gap:.1%}, {found.plan}")
 
 # %%
-# The least sum leaves one robot with a single place near the depot:
+# The minimum total length leaves one robot with a single place near the depot:
 
 unfair = ct.plot(shortest, by_sum)
 
 # %%
-# The least longest route shares them out:
+# The minimum longest route balances the workload:
 
 fair = ct.plot(fairest, by_max)
 
 # %%
-# The search that takes larger models finds the same, without a proof.
+# The heuristic for larger models finds the same objective without a proof.
 
 comparison = ct.compare([fairest], ["subset-dp", "fleet-search"], time_limit=5, seed=1)
 print(comparison)
 
 # %%
-# What equal shares cost
-# ----------------------
-# Between the two there are others: the least sum for each limit on the longest route. The backend is exact and
-# the step small, so nothing is missed; filled markers are proven.
+# Trade-off between both objectives
+# ---------------------------------
+# The Pareto front contains the minimum total length for each limit on the longest route. The
+# backend is exact and the step is small, so the front is complete. Filled markers are proven.
 
 front = ct.front(shortest, "max", step=1e-6, points=20)
 print(front)
@@ -95,24 +96,24 @@ for before, after in itertools.pairwise(front.points):
 trade = ct.plot(front)
 
 # %%
-# The whole mission
-# -----------------
-# Now from polygons to curves: distances, routes, paths, corridors of free cells, and minimum snap in them,
-# each stage checked by its own model. What comes back is verified end to end, against the polygons, at every
-# instant of the curves and not only at samples.
+# From polygons to trajectories
+# -----------------------------
+# The mission combines distances, routes, paths, corridors of free cells, and minimum-snap
+# trajectories in the corridors. The model of each stage verifies its result. The complete plan is
+# verified against the polygons, at every instant and not only at samples.
 
 best = ct.solve(mission, time_limit=15, seed=1)
 print(best.summary())
 flown = ct.plot(mission, best)
 
 # %%
-# The stages over one another: blocked cells, paths over them, these shortened by lines of sight, and the
-# curves.
+# This picture overlays the stages: blocked cells, grid paths, paths shortened by lines of sight,
+# and trajectories.
 
 stages = ct.plot(mission, best, parts=["map"], layers=["cells", "grid", "smoothed", "curve"])
 
 # %%
-# The same in motion, and as samples for other software:
+# Write an animation, and samples for other software:
 
 with TemporaryDirectory() as folder:
     file = Path(folder) / "mission.gif"
@@ -122,9 +123,9 @@ with TemporaryDirectory() as folder:
     print(*samples.read_text().splitlines()[:3], sep="\n")
 
 # %%
-# What is not believed
-# --------------------
-# A plan from anywhere is checked in the same way. Here a route loses its last place.
+# Verify a modified plan
+# ----------------------
+# A plan from any source is verified in the same way. Here the last place of a route is removed.
 
 data = mission.plan_to_data(best.plan)
 lost = data["routes"][0].pop()

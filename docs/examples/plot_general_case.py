@@ -2,9 +2,9 @@
 A problem and its general case
 ==============================
 
-Error correction is a case of routes with resources: two errors grow along the way and are reset at
-points. A model says itself what it is a case of, so that algorithms of both answer the same question,
-and a fault in either shows.
+Routing with error correction is a special case of routing with resources: two errors grow along the
+route and are reset at points. A model returns its general case, so algorithms for both problems can
+be compared on the same instance to detect faults.
 """
 
 # %%
@@ -18,9 +18,9 @@ special = ct.solve(model, "label-setting")
 print(special)
 
 # %%
-# The general one
-# ---------------
-# ``lower`` returns the route with resources that the model is a case of, with the same points.
+# The general case
+# ----------------
+# ``lower`` returns the equivalent model of routing with resources, with the same points.
 
 general = model.lower()
 print(general.describe())
@@ -29,15 +29,15 @@ print(lowered)
 assert abs(lowered.primal_bound - special.primal_bound) < 1e-6 * special.primal_bound
 
 # %%
-# Plans travel: the route of one is verified by the other, from its own data.
+# Each model can verify the route of the other from its own data.
 
 print(ct.verify(general, special.plan))
 print(ct.verify(model, lowered.plan))
 
 # %%
-# Two algorithms and a program judge one another
-# ----------------------------------------------
-# The verdict is AGREED where a verified plan and a proof of another backend meet.
+# Compare the algorithms
+# ----------------------
+# The verdict is AGREED if a verified plan and a proof meet.
 
 verdict = ct.compare(
     model, ["label-setting", "resource-labelling", "pulse", "highs"], time_limit=60
@@ -45,10 +45,10 @@ verdict = ct.compare(
 print(verdict)
 
 # %%
-# The route, with the errors that decide it.
+# Draw the route and its errors:
 
 picture = ct.plot(model, special)
 
 # %%
-# What to try next: a third resource, such as fuel, in :doc:`plot_resource_routing`, which the special
-# case cannot say.
+# Next step: add a third resource, such as fuel, as in :doc:`plot_resource_routing`. The special
+# case cannot express it.

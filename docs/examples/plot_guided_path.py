@@ -1,17 +1,19 @@
 """
-One wire, five jobs and the shortest tour
-=========================================
+Tour of a guided vehicle
+========================
 
-A vehicle follows a wire in the floor. Parts are fetched at some places of the wire and brought to others, some
-jobs have several stops, and one waits for another. This example declares such a tour, solves it to
-optimality by different means, draws it, and turns a question about words into a tour.
+A vehicle follows a wire in the floor. It fetches parts at some places of the wire and delivers them
+to others. Some jobs have several stops, and one job waits for another. This example declares such a
+tour, solves it to optimality with several methods, draws it, and solves a shortest common
+supersequence problem as a tour.
 """
 
 # %%
-# The tour
-# --------
-# Places along the wire in metres; the vehicle starts at 0, between its customers. A chain is a job: its
-# stops are served in this order. The pair says that the press is set up before the last part is fetched.
+# Declare the tour
+# ----------------
+# Places are positions along the wire in metres. The vehicle starts at 0, between its customers. A
+# chain is a job: its stops are served in this order. The pair requires that the press is set up
+# before the part arrives.
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -51,16 +53,18 @@ plan = ct.plot(model)
 # %%
 # The shortest tour
 # -----------------
-# The position of the vehicle runs to the right, what it has walked runs downwards.
+# The horizontal axis is the position of the vehicle, the vertical axis the distance travelled,
+# downwards.
 
 best = ct.solve(model)
 print(best.summary())
 tour = ct.plot(model, best)
 
 # %%
-# Beside others
-# -------------
-# Two exact methods, and the paper's two heuristics: merging of chains and greedy insertion.
+# Compare methods
+# ---------------
+# The comparison includes two exact methods and the paper's two heuristics, merging of chains and
+# greedy insertion.
 
 comparison = ct.compare(
     [model], ["a-star", "dynamic-programming", "insert-nearest", "greedy"], time_limit=20
@@ -70,9 +74,9 @@ for run in comparison.solutions:
     assert run.primal_bound >= best.primal_bound
 
 # %%
-# What is not believed
-# --------------------
-# A plan from anywhere is checked. Here the tools come too late for the set-up.
+# Verify a modified plan
+# ----------------------
+# A plan from any source can be verified. Here the tools arrive too late for the set-up.
 
 data = model.plan_to_data(best.plan)
 order = data["order"]
@@ -84,10 +88,11 @@ assert not found.ok
 wrong = ct.plot(model, data, parts=["tour"])
 
 # %%
-# A larger one
-# ------------
-# Ten chains of five as in the paper's table 1, at whole coordinates from 1 to 200. Few chains have names and
-# lines in the picture; colours and markers tell the others apart.
+# A larger instance
+# -----------------
+# This instance has ten chains of five customers, as in the paper's table 1, at integer coordinates
+# from 1 to 200. The plot names and connects only a few chains; colours and markers distinguish the
+# others.
 
 table = ct.load("guided-path/table-1-k10")
 solved = ct.solve(table)
@@ -95,7 +100,7 @@ print(f"{solved.primal_bound:g} m, {solved.termination}")
 many = ct.plot(table, solved)
 
 # %%
-# In motion, and for other solvers:
+# Write an animation, and a file for other solvers:
 
 with TemporaryDirectory() as folder:
     file = Path(folder) / "tour.gif"
@@ -107,11 +112,12 @@ with TemporaryDirectory() as folder:
     assert again.primal_bound == best.primal_bound
 
 # %%
-# Words as tours
-# --------------
-# The shortest word that holds each of these as a subsequence is a tour as well: one letter lies at 1, the
-# other one at 3, and every chain returns to 2 between its letters. Half of the tour's length without 4 is the
-# length of the word. As the former is hard for many words, so are tours for many chains.
+# Shortest common supersequence
+# -----------------------------
+# The shortest word that contains each given word as a subsequence is also a tour: one letter is at
+# position 1, the other one at 3, and every chain returns to 2 between its letters. The length of
+# the word is half of the tour length minus 4. The supersequence problem is NP-hard for many words,
+# and so is the tour for many chains.
 
 words = ["abbab", "babba", "aabab", "bbaab"]
 letters = supersequence_tour(words, name="four words")

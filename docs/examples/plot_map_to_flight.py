@@ -1,17 +1,18 @@
 """
-From a map to a flight
-======================
+From a grid path to a trajectory
+================================
 
-A path on a map is no flight: it has corners, and no time. Three problems, one after the other: the shortest
-path among obstacles, the smoothest trajectory through its corners with the best times, and a look at
-how far that trajectory stays from the obstacles. Each plan is verified by its own model.
+A path on a map has corners and no times, so it cannot be flown directly. This example computes the
+shortest path among obstacles, then the smoothest trajectory through its corners with optimal times,
+and measures the distance of the trajectory from the obstacles. Each plan is verified by its own
+model.
 """
 
 # %%
 # The shortest path
 # -----------------
-# Any direction is allowed, so the path turns at corners of obstacles only. The exact search proves that
-# there is no shorter one.
+# Any direction is allowed, so the path turns only at corners of obstacles. The exact search proves
+# that the path is optimal.
 
 import numpy as np
 import shapely
@@ -29,8 +30,8 @@ print(f"{len(corners)} corners, {path.primal_bound:.3f} m")
 # %%
 # Times and a smooth trajectory
 # -----------------------------
-# Waypoints are the corners; what is free are the times between them. A second is worth 100 units of
-# snap here, and speed is limited.
+# The corners are the waypoints, and the times between them are variables. One second costs as much
+# as 100 units of snap, and the speed is limited.
 
 flight = TimeAllocation(corners, time_weight=100.0, velocity_limit=3.0, name="through the corners")
 best = ct.solve(flight)
@@ -38,15 +39,15 @@ print(best)
 print(f"{best.plan.times[-1]:.2f} s for {path.primal_bound:.2f} m")
 
 # %%
-# The native descent is only locally optimal: a general solver of nonlinear programs is a second opinion.
+# The native descent is only locally optimal. A general nonlinear solver serves as comparison.
 
 print(ct.compare(flight, ["time-gradient", "ipopt"], time_limit=30))
 
 # %%
-# Does it keep clear?
-# -------------------
-# The model of the flight knows waypoints and limits, and no obstacles: between the corners the
-# trajectory leaves the path. Shapely tells how far into blocked cells it goes.
+# Distance to the obstacles
+# -------------------------
+# The trajectory model contains waypoints and limits, but no obstacles. Between the corners the
+# trajectory leaves the path. Shapely computes the part inside blocked cells.
 
 curve = best.plan(np.linspace(0, best.plan.times[-1], 4001))
 cells = np.argwhere(field.map.blocked)
@@ -57,9 +58,8 @@ print(f"{inside.mean():.1%} of the flight is inside an obstacle")
 assert inside.any()
 
 # %%
-# A corridor along every leg mends that: the distance from the straight line between two corners is bounded,
-# so the way to say "near the path" is more waypoints on it, or the whole pipeline with corridors that
-# :doc:`plot_fleet_mission` runs. With waypoints every metre:
+# Two methods keep the trajectory near the path: more waypoints on it, or corridors, as in
+# :doc:`plot_fleet_mission`. With one waypoint per metre:
 
 legs = np.diff(corners, axis=0)
 counts = np.maximum(np.ceil(np.linalg.norm(legs, axis=1)), 1).astype(int)
@@ -79,7 +79,7 @@ deep = depth[shapely.contains_xy(solid, *near.T)].max(initial=0.0)
 print(f"{len(dense)} waypoints: at most {deep:.3f} m inside, {closer.plan.times[-1]:.2f} s")
 
 # %%
-# The three in one picture: the path, the first flight and the second.
+# The picture shows the path and both trajectories.
 
 figure = ct.plot(field, path, title="A path, and two flights through it")
 axes = figure.axes[0]
@@ -88,5 +88,5 @@ axes.plot(*near.T, ":", color="#009e73", lw=2.5, label="waypoints every metre")
 axes.legend(loc="upper right", fontsize=8)
 
 # %%
-# What to try next: ``ct.diagnose`` on a field without a way, another ``time_weight``, or
-# :doc:`plot_fleet_mission`, where corridors keep a whole team clear.
+# Next steps: ``ct.diagnose`` on a map without a path, another ``time_weight``, or
+# :doc:`plot_fleet_mission`, which uses corridors for a fleet.

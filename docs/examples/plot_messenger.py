@@ -1,17 +1,18 @@
 """
-One UAV, six lorries and a proven bound
-=======================================
+Messenger UAV for moving lorries
+================================
 
-A fixed-wing UAV must come within radio range of lorries that drive while it flies, as soon as it can. It
-cannot turn on the spot. This example declares such a problem, solves it, draws it still and in motion,
-sets the paper's algorithm beside it, and ends with a bound that no tour can beat.
+A fixed-wing UAV with a minimum turning radius must visit moving lorries within radio range in the
+shortest time. This example declares such a problem, solves it, animates the tour, compares it with
+the paper's algorithm, and computes a lower bound.
 """
 
 # %%
-# The problem
-# -----------
-# Positions at time 0 and velocities, in metres and metres a second. The UAV begins at the origin and
-# flies north; by default it makes 10 m/s, turns with a radius of 5 m and must come within 5 m.
+# Declare the problem
+# -------------------
+# Positions are at time 0. Positions and velocities are in metres and metres per second. The UAV
+# starts at the origin and flies north. By default it has a speed of 10 m/s, a turning radius of 5 m
+# and a radio range of 5 m.
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -30,15 +31,15 @@ print(model)
 print(f"sparsity {model.sparsity:.2f}")
 
 # %%
-# Arrows tell where the lorries go.
+# Arrows show the motion of the lorries.
 
 field = ct.plot(model)
 
 # %%
-# The answer
-# ----------
-# The tour is verified: its turns and lines are integrated anew, and every lorry has to be within range
-# when the tour says so. The bound is proven, so the gap says how much shorter a tour could be at best.
+# Solve the problem
+# -----------------
+# The verification integrates the turns and lines of the tour, and checks that every lorry is within
+# range at its time. The bound is proven, so the gap limits the possible improvement.
 
 best = ct.solve(model, time_limit=1, seed=1)
 print(best.summary())
@@ -46,12 +47,12 @@ for lorry, time in zip(best.plan.order, best.plan.times, strict=True):
     print(f"{time:6.2f} s  {model.label(lorry)}")
 
 # %%
-# The path takes its colour from time. Discs stand where the lorries are when they are met.
+# The colour of the path shows the time. Discs show the positions of the lorries at the encounters.
 
 tour = ct.plot(model, best)
 
 # %%
-# The same in motion:
+# Write an animation:
 
 with TemporaryDirectory() as folder:
     file = Path(folder) / "tour.gif"
@@ -59,12 +60,12 @@ with TemporaryDirectory() as folder:
     print("an animation of", file.stat().st_size // 1024, "kB")
 
 # %%
-# Beside the paper's algorithm
-# ----------------------------
-# The memetic algorithm is the paper's, the greedy one a rival of it; both are heuristics, and both meet
-# lorries on the edge of their discs only. The third proves what no tour can be shorter than. Nobody
-# proves that a tour is the best here, so the verdict stays inconclusive; a tour below the bound would be
-# a contradiction.
+# Compare with the paper's algorithm
+# ----------------------------------
+# The memetic algorithm and the greedy algorithm are heuristics, and both meet lorries only at the
+# edge of their discs. ``curvature-bound`` proves a lower bound on the length of every tour. No
+# backend proves optimality here, so the verdict is inconclusive. A tour below the bound would be a
+# contradiction.
 
 comparison = ct.compare(
     [model], ["memetic", "greedy-boundary", "curvature-bound"], time_limit=10, seed=1
@@ -79,10 +80,10 @@ assert bound <= min(lengths)
 print(f"bound {bound:.2f} m, best {min(lengths):.2f} m, gap {1 - bound / min(lengths):.1%}")
 
 # %%
-# What is not believed
-# --------------------
-# A plan from anywhere is checked in the same way. Here a turn is a little longer than it should be: all
-# that follows is off its place, and the worst places are ringed.
+# Verify a modified plan
+# ----------------------
+# A plan from any source is verified in the same way. Here one turn is too long, so all later
+# positions are wrong. The plot marks the worst violations.
 
 data = model.plan_to_data(best.plan)
 turn = next(
@@ -95,10 +96,10 @@ assert not found.ok
 wrong = ct.plot(model, data)
 
 # %%
-# When waiting is not possible
-# ----------------------------
-# A lorry slips out of the UAV's left turning circle just when a short turn would lead there too early.
-# No path that the UAV can fly is a little longer than that turn, so the lorry is met much later.
+# Instances with gaps in the path length
+# --------------------------------------
+# A lorry leaves the UAV's left turning circle just when a short turn would arrive too early. No
+# feasible path is slightly longer than this turn, so the lorry is met much later.
 
 gap = ct.load("messenger/gap")
 waited = ct.solve(gap, time_limit=1, seed=1)

@@ -1,18 +1,18 @@
 """
-From waypoints to a file that flies
-===================================
+From waypoints to a vehicle
+===========================
 
-Seven waypoints in a room, and a small quadrotor that shall fly through them. This example finds
-times for them, then the smoothest trajectory through them, keeps it within limits and a corridor,
-asks what is wrong with limits that cannot be kept, has three solvers check one another, and writes
-the file that a Crazyflie flies. At the end that file is read back and checked like any other plan.
+This example plans a trajectory of a small quadrotor through seven waypoints. It computes times and
+the smoothest trajectory, adds limits and a corridor, diagnoses infeasible limits, compares three
+solvers, and writes the trajectory as a file for a Crazyflie. Finally it reads the file back and
+verifies it.
 """
 
 # %%
-# Waypoints, and a first guess at the times
-# -----------------------------------------
-# A round trip: x, y and z in metres. The *distance rule* flies every segment at one mean speed, with
-# some time added to start and to stop.
+# Waypoints and initial times
+# ---------------------------
+# The waypoints form a round trip, with x, y and z in metres. The *distance rule* assigns each
+# segment the time for a constant mean speed, plus time to start and to stop.
 
 import tempfile
 from dataclasses import replace
@@ -44,7 +44,7 @@ print(first)
 
 # %%
 # Without limits the problem is solved directly, in time proportional to the number of segments. The
-# plan can be called: ``plan(t)`` is the position, ``plan(t, derivative)`` any derivative.
+# plan is callable: ``plan(t)`` is the position, ``plan(t, derivative)`` any derivative.
 
 path = first.plan
 print("at 2.5 s:     ", path(2.5).round(3), "m")
@@ -54,15 +54,15 @@ fastest = max(extremes.largest.max(), -extremes.least.min())
 print(f"fastest along one axis: {fastest:.3f} m/s")
 
 # %%
-# What was verified: waypoints, ends at rest, and continuity, each recomputed from the polynomials.
+# The verification recomputes the waypoints, rest at the ends and continuity from the polynomials.
 
 print(first.verification)
 
 # %%
-# Better times
-# ------------
-# The times decide most of the cost. With :class:`~crosstrack.models.TimeAllocation` they are part
-# of the problem: here the total stays what it was, and only its shares are sought.
+# Optimal times
+# -------------
+# The cost depends strongly on the times. With :class:`~crosstrack.models.TimeAllocation` they are
+# variables. Here the total time is fixed, and its distribution is optimised.
 
 allocation = TimeAllocation(waypoints, total_time=float(times[-1]), name="times by descent")
 better = ct.solve(allocation)
@@ -73,8 +73,9 @@ print(f"cost: {better.primal_bound / first.primal_bound:.1%} of what the first g
 assert better.primal_bound < first.primal_bound
 
 # %%
-# Where the total is free too, a second has a price. The optimum of such a problem obeys an identity
-# that no solver was told, ``price * total = 7 * cost``, and so checks the answer from another side.
+# If the total time is also free, each second has a price. The optimum satisfies the identity
+# ``price * total = 7 * cost``, which the solver does not use, so the identity is an independent
+# check.
 
 priced = TimeAllocation(waypoints, time_weight=5.0, name="5 a second")
 chosen = ct.solve(priced)
@@ -83,8 +84,8 @@ print(f"{chosen.plan.duration:.3f} s in all")
 print(f"the identity holds to {priced.identity_residual(chosen.plan):.1e}")
 
 # %%
-# It is a local optimum: the problem is not convex, and the answer does not claim more. From here on
-# the times are given, rounded to the millisecond.
+# The problem is not convex, and the solution is a local optimum. In the rest of the example the
+# times are fixed, rounded to the millisecond.
 
 model = MinimumSnap(waypoints, chosen.plan.times.round(3), name="round trip")
 free = ct.solve(model)
@@ -93,8 +94,8 @@ figure = ct.plot(model, free.plan)
 # %%
 # Limits and a corridor
 # ---------------------
-# A box around each segment that leaves 3 cm to spare, and a largest velocity and acceleration for
-# every component. They hold at every instant, not at samples.
+# The corridor is a box around each segment with a margin of 3 cm. Velocity and acceleration are
+# limited in every component. The limits hold at every instant, not only at samples.
 
 lower = np.minimum(waypoints[:-1], waypoints[1:]) - 0.03
 upper = np.maximum(waypoints[:-1], waypoints[1:]) + 0.03
@@ -113,21 +114,21 @@ print(f"keeping to it costs {best.primal_bound / free.primal_bound - 1:.1%} more
 limited = ct.plot(narrow, best.plan)
 
 # %%
-# Limits that cannot be kept
-# --------------------------
-# At 1 m/s, one of the segments is too long for its time. The search proves that there is no such
-# trajectory, and the diagnosis names the segment, the axis and the bound.
+# Infeasible limits
+# -----------------
+# At 1 m/s, one segment is too long for its time. The search proves infeasibility, and the diagnosis
+# names the segment, the axis and the bound.
 
 hasty = replace(narrow, velocity_limit=1.0, name="round trip, too fast")
 print(ct.solve(hasty))
 print(ct.diagnose(hasty))
 
 # %%
-# Three solvers, one answer
-# -------------------------
-# Our own interior point and two general solvers of quadratic programs, each in a process of its
-# own. They share neither code nor a formulation. A corridor is held at instants that are added
-# until nothing sticks out by more than rounding, which is what a verdict wants to see.
+# Compare three solvers
+# ---------------------
+# The comparison includes the native interior-point method and two general QP solvers, each in its
+# own process. They share neither code nor a formulation. The corridor is enforced at instants,
+# which are added until all violations are at rounding level, as the verdict requires.
 
 comparison = ct.compare(
     [narrow],
@@ -138,10 +139,10 @@ print(comparison)
 assert comparison.outcome == "AGREED"
 
 # %%
-# The file
-# --------
-# A Crazyflie flies polynomials of degree 7 in powers of seconds, one line a segment. Its firmware
-# stores 4-byte floats, so the pieces no longer meet exactly: the report says by how much.
+# Export to a Crazyflie
+# ---------------------
+# A Crazyflie follows polynomials of degree 7 in seconds, with one line per segment. Its firmware
+# stores 4-byte floats, so the pieces no longer join exactly; the report states the error.
 
 folder = tempfile.TemporaryDirectory()
 file = Path(folder.name) / "round-trip.csv"
@@ -151,12 +152,11 @@ print(file.read_text().splitlines()[0][:60], "…")
 print(file.read_text().splitlines()[1][:60], "…")
 
 # %%
-# From a shell, ``crosstrack solve … --output plan.json`` and ``crosstrack export`` do the same.
+# The commands ``crosstrack solve … --output plan.json`` and ``crosstrack export`` do the same.
 #
-# Read it back and ask the model: what the firmware will fly is a plan like any other. It has a
-# fourth axis, yaw, which the model knows nothing of. Seven digits are too few for the usual tolerance
-# of 1e-6, so we ask for a hundredth of a millimetre: what rounding has done shows as *within
-# tolerance*.
+# The file can be read back and verified as a plan. It has a fourth axis, yaw, which the model does
+# not contain. Seven digits are not enough for the usual tolerance of 1e-6, so this check uses 1e-5.
+# The effect of rounding is shown as *within tolerance*.
 
 flown = read_poly7(file)
 position = Trajectory(flown.times, flown.coefficients[:, :, :3])
@@ -166,8 +166,8 @@ assert again.ok
 folder.cleanup()
 
 # %%
-# The firmware's memory holds 31 such pieces. A longer path is written all the same, with a warning
-# in the report, for there are other ways to load it; ``strict=True`` refuses instead.
+# The memory of the firmware has room for 31 pieces. A longer path is written with a warning in the
+# report, because other ways to load it exist. ``strict=True`` raises an error instead.
 
 long = ct.solve(random_walk(40, seed=1)).plan
 with tempfile.TemporaryDirectory() as other:

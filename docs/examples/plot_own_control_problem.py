@@ -1,18 +1,18 @@
 """
-Your own optimal control problem
-================================
+Declare an optimal control problem
+==================================
 
-A cart must turn around before a wall with the least effort: the problem of Bryson and Denham, in twelve
-lines. This example declares it, solves it, shows what was verified, has three transcriptions check one
-another, and goes on with what people want next: another bound, a path constraint, a free final time,
-two phases, a start from an earlier plan, costates, and a file.
+A cart must turn around before a wall with minimum effort: the problem of Bryson and Denham, in
+twelve lines. This example declares and solves it, shows the verification, and compares three
+transcriptions. It then covers another bound, a path constraint, a free final time, costates, two
+phases, a warm start, infeasibility and files.
 """
 
 # %%
-# Twelve lines
-# ------------
-# States and controls are symbols of CasADi; whatever CasADi can differentiate may stand in dynamics,
-# constraints and costs.
+# Declare the problem
+# -------------------
+# States and controls are CasADi symbols. Dynamics, constraints and costs may contain every
+# expression that CasADi can differentiate.
 
 import json
 import math
@@ -41,33 +41,33 @@ best = ct.solve(model, tolerance=1e-6)
 print(best)
 
 # %%
-# The optimum is known: 4 / (9 l) for a wall at l up to 1/6, so 4 here.
+# The known optimum is 4 / (9 l) for a wall at l up to 1/6, hence 4 here.
 
 print(f"off by {best.primal_bound - 4:+.1e}")
 assert abs(best.primal_bound - 4) < 1e-6
 
 # %%
-# What was verified
-# -----------------
-# The control alone was integrated anew by another method than the transcription's, and the bound was
-# searched between the nodes. A small residual at the nodes would prove neither.
+# Verification
+# ------------
+# The verification integrates the control with a method other than the transcription, and searches
+# for violations of the bound between the nodes. A small residual at the nodes would prove neither.
 
 print(best.verification)
 
 # %%
-# The plan is a function of time. In its picture, dots are the nodes of the mesh and ticks its knots:
-# the refinement has put them where the cart meets the wall. Costates and the distance from the motion
-# integrated anew are drawn on demand.
+# The plan is a function of time. In the plot, dots are the nodes of the mesh and ticks its knots.
+# The refinement has concentrated them at the contact with the wall. Costates and the distance from
+# the integrated motion are drawn on request.
 
 print("x, v and u at 0.2 s:", *(f"{best.plan[name](0.2):.6f}" for name in ("x", "v", "u")))
 figure = ct.plot(model, best, costates=True, deviation=True)
 
 # %%
-# Three transcriptions, one answer
-# --------------------------------
-# Radau, Gauss and Hermite-Simpson share the declared functions and little else. No solver of nonlinear
-# programs proves a bound, so the verdict cannot be better than inconclusive; that three agree is what
-# can be had.
+# Compare three transcriptions
+# ----------------------------
+# Radau, Gauss and Hermite-Simpson share the declared functions and little else. Nonlinear solvers
+# prove no bound, so the verdict is inconclusive at best. Agreement of the three values is the
+# strongest available evidence.
 
 comparison = ct.compare(
     [model], ["ipopt:radau", "ipopt:gauss", "ipopt:hermite-simpson"], time_limit=60
@@ -77,8 +77,8 @@ values = [solution.primal_bound for solution in comparison.verdicts[0].solutions
 assert max(values) - min(values) < 1e-6
 
 # %%
-# From another start a search may end elsewhere, so ``starts=`` tries several, drawn by seed, and keeps
-# them all. Here every way leads to the same optimum.
+# From another start a solver may reach another optimum. ``starts=`` runs several random starts and
+# returns all results. Here all of them reach the same optimum.
 
 again = ct.solve(model, starts=4, seed=1)
 for start in again.starts:
@@ -87,7 +87,8 @@ for start in again.starts:
 # %%
 # Another bound
 # -------------
-# A declaration is a function of what you like. Where the wall is far, the cart never meets it.
+# A declaration can be a Python function of any parameter. If the wall is far away, the cart does
+# not reach it.
 
 for wall, wanted in ((1 / 9, 4), (1 / 6, 8 / 3), (0.3, 2)):
     found = ct.solve(cart(wall)).primal_bound
@@ -96,8 +97,8 @@ for wall, wanted in ((1 / 9, 4), (1 / 6, 8 / 3), (0.3, 2)):
 # %%
 # A path constraint
 # -----------------
-# It holds at every instant. More may be declared at any time; the problem is then another one, with
-# another digest.
+# A path constraint holds at every instant. Constraints can be added at any time; the problem then
+# has another digest.
 
 
 def gentle(wall, power):
@@ -120,9 +121,9 @@ constrained = ct.plot(power, held)
 # %%
 # A free final time
 # -----------------
-# A free time has a range. ``phase.end`` is its symbol, and here the cost: the quickest way by 1 m from
-# rest to rest takes 2 s. An earlier plan is a good start for a kindred problem: ``phase.guess(plan)``
-# takes over what bears the same names, the times included.
+# A free time has a range. Its symbol is ``phase.end``, which is the objective here: the minimum
+# time for 1 m from rest to rest is 2 s. An earlier plan is a good start for a related problem:
+# ``phase.guess(plan)`` copies the values with the same names, including the times.
 
 
 def quickest(guess=None):
@@ -152,9 +153,9 @@ print(
 # %%
 # Costates
 # --------
-# They come with the plan, and with them the Hamiltonian, whose constancy is a necessary condition of
-# optimality that no solver was told. Here a second of a free time costs 1, so it must be -1
-# throughout. Discrete costates are rough where the control jumps.
+# The plan contains the costates. They determine the Hamiltonian, which is constant at an optimum.
+# The solver does not use this necessary condition. Here one second of free time costs 1, so the
+# Hamiltonian must be -1 throughout. Discrete costates are inaccurate at jumps of the control.
 
 (report,) = hamiltonian_spread(quickest(), quick.plan)
 print(f"Hamiltonian: mean {report.mean:+.4f}, at the end {report.end:+.4f}")
@@ -163,8 +164,9 @@ print(f"farthest from its median by {report.spread:.1e}, at {report.time:.4f} s"
 # %%
 # Two phases
 # ----------
-# The engine pushes with up to 1 m/s², but the brakes give half of that. Each phase has its own controls
-# and limits; ``link`` lets the second begin when and where the first ends. Without arithmetic: √6 s.
+# The engine accelerates with up to 1 m/s², and the brakes decelerate with up to half of that. Each
+# phase has its own controls and limits. ``link`` makes the second phase begin at the final time and
+# state of the first. The analytical optimum is √6 s.
 
 relay = OptimalControlProblem("push, then brake")
 push = relay.phase("push", time=(0, (0.1, 5)))
@@ -185,11 +187,11 @@ assert abs(both.primal_bound - math.sqrt(6)) < 1e-6
 phases = ct.plot(relay, both)
 
 # %%
-# What cannot be
-# --------------
-# Half a second is too short. A solver of nonlinear programs proves no such thing, so the answer is
-# *locally infeasible*, with the blocks that are violated most; ``diagnose`` says what would have to
-# give way.
+# Infeasible problems
+# -------------------
+# Half a second is too short. A nonlinear solver cannot prove this, so the answer is *locally
+# infeasible*, with the most violated blocks. ``diagnose`` lists the constraints that would have to
+# be relaxed.
 
 hasty = OptimalControlProblem("too hasty")
 phase = hasty.phase(time=(0, 0.5))
@@ -202,7 +204,7 @@ print(ct.solve(hasty))
 print(ct.diagnose(hasty))
 
 # %%
-# A mistake in a declaration is told where it is made, or at the first use for what is missing:
+# An invalid declaration raises an error immediately, and a missing one at the first use:
 
 try:
     forgotten = OptimalControlProblem()
@@ -214,9 +216,9 @@ except ct.CrosstrackError as error:
     print(error)
 
 # %%
-# A file
-# ------
-# Problem and answer go to JSON and come back the same, compiled functions included.
+# Save and load
+# -------------
+# Problem and solution are written to JSON and read back without loss, including compiled functions.
 
 with TemporaryDirectory() as folder:
     problem_file, answer_file = Path(folder) / "cart.json", Path(folder) / "answer.json"

@@ -1,18 +1,19 @@
 """
-Charging on the way, and two limits at once
-===========================================
+Electric vehicle with charging stops
+====================================
 
-A drive of 400 km with a battery for 150 km needs stations. Full charges take long, quick ones leave the
-battery half empty, and there is an appointment at the end. This example declares such a drive with two
-resources, proves the shortest route, draws it, and asks what is to blame where there is none.
+A drive of 400 km with a range of 150 km needs charging stops. Full charges take long, quick charges
+fill only a part of the battery, and the arrival time is limited. This example declares the drive
+with two resources, proves the shortest route, draws it, and diagnoses an infeasible limit.
 """
 
 # %%
-# The drive
-# ---------
-# Stations along the way, in km; two charge fully, the others to two thirds. A resource has a rate for
-# each unit of length, and by kind of point a limit on arrival, a gain and a reset. Energy here is what
-# has been taken out of the battery: a full charge resets it to 0, a quick one to 10 kWh at the most.
+# Declare the drive
+# -----------------
+# Station coordinates are in km. Two stations charge fully, the others to two thirds. A resource has
+# a rate per unit of length. Each kind of point has a limit on arrival, a gain and a reset. The
+# resource energy is the energy taken from the battery: a full charge resets it to 0, a quick charge
+# to at most 10 kWh.
 
 from dataclasses import replace
 
@@ -48,8 +49,9 @@ print(model)
 # %%
 # The shortest route
 # ------------------
-# The labelling keeps every level of a route, and one route dominates another only where it is no worse in
-# all of them. The mixed-integer program says the same by other means.
+# The labelling algorithm stores all resource levels of a partial route. One label dominates another
+# only if it is no worse in all of them. The mixed-integer program confirms the result
+# independently.
 
 best = ct.solve(model)
 print(best.summary())
@@ -57,10 +59,10 @@ print(ct.compare([model], ["resource-labelling", "highs"], time_limit=20))
 picture = ct.plot(model, best)
 
 # %%
-# In a hurry
-# ----------
-# With half an hour less three quick charges take the place of a full one; with an hour less there is no
-# route, and the diagnosis names the limits that contradict one another.
+# Earlier arrival
+# ---------------
+# If the arrival is half an hour earlier, three quick charges replace a full one. If it is an hour
+# earlier, no route is feasible, and the diagnosis names the conflicting limits.
 
 for latest in (5.9, 5.5):
     hurried = Resource("time", time.rate, gains=charging, limits={"end": latest}, unit="h")
@@ -74,10 +76,10 @@ for latest in (5.9, 5.5):
         )
 
 # %%
-# A network of streets
-# --------------------
-# Arcs may be listed, with lengths and uses of their own. In this network energy is reset at stations, and
-# a shelter leaves 1 of the exposure.
+# Street network
+# --------------
+# Arcs can be listed explicitly, with individual lengths and consumptions. In this network energy is
+# reset at stations, and a shelter reduces the exposure to 1.
 
 streets = ct.load("resource-routing/network-20")
 way = ct.solve(streets)
@@ -85,10 +87,11 @@ print(f"{way.primal_bound:.4f}, {way.termination}, {way.statistics['labels made'
 network = ct.plot(streets, way)
 
 # %%
-# Errors that are corrected
-# -------------------------
-# A UAV whose positioning errors must be corrected on the way is a case of the same: two errors grow with
-# the length, and each kind of point resets one of them. The general model bounds it alike.
+# Error correction as a special case
+# ----------------------------------
+# The route of a UAV whose positioning errors must be corrected is a special case: two errors grow
+# with the length, and each kind of point resets one of them. The general model has the same
+# optimum.
 
 uav = ct.load("error-correction/example-1")
 general = uav.lower()

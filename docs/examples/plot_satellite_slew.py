@@ -1,19 +1,21 @@
 """
-A 45° slew that never meets a singularity
-=========================================
+Satellite slew without singularities
+====================================
 
-A satellite with four control moment gyros turns by 45° about its roll axis, from rest to rest, in the
-least time. On the way the gyros may not get near a singularity, where they give no torque in some
-direction. This example solves the paper's problem, draws the paper's pictures, sets the steering laws
-of the field beside it, and flies the plan with the paper's controller, disturbed.
+A satellite with four control moment gyros turns by 45° about its roll axis, from rest to rest, in
+minimum time. The gimbal angles must keep a distance from singularities, in which the gyros produce
+no torque in some direction. This example solves the paper's problem, draws the paper's figures,
+compares the result with steering laws, and simulates the paper's tracking controller under a
+disturbance.
 """
 
 # %%
 # The problem
 # -----------
-# Eleven states: the quaternion, the body rates and the gimbal angles. The controls are the gimbal
-# rates. The limits of rate and torque bound the norms. The paper prints neither the momentum of the wheels
-# nor the weight of the gimbal rates; with those of this instance its final time results.
+# The eleven states are the quaternion, the body rates and the gimbal angles. The controls are the
+# gimbal rates. The limits on rate and torque apply to the norms. The paper prints neither the
+# momentum of the wheels nor the weight of the gimbal rates. With the values of this instance, the
+# paper's final time results.
 
 from dataclasses import replace
 from pathlib import Path
@@ -45,10 +47,10 @@ print(
 print("ends at q =", model.final_attitude.round(5).tolist())
 
 # %%
-# The answer
-# ----------
-# The tolerance of this page is 1e-4, so that it is built in seconds. The mesh is refined until the
-# verification, which integrates the gimbal rates anew and looks between the nodes, is satisfied.
+# Solve the problem
+# -----------------
+# The tolerance on this page is 1e-4 to limit the time of the build. The mesh is refined until the
+# verification passes; it integrates the gimbal rates and also checks between the nodes.
 
 TOLERANCE = 1e-4
 best = ct.solve(model, formulation="gauss", tolerance=TOLERANCE)
@@ -56,7 +58,7 @@ print(best)
 print(best.verification)
 
 # %%
-# Beside the paper's figures:
+# Compare with the paper's values:
 
 published = next(entry.published for entry in entries() if entry.name == "satellite-slew/paper")
 print(f"final time:        paper {published['final_time']} s, here {best.plan.end:.3f} s")
@@ -66,14 +68,14 @@ print(
 assert abs(best.plan.end - published["final_time"]) < 0.02
 
 # %%
-# The paper's pictures. The norm of the body rates, the gimbal rates and the norm of the torque run along
-# their limits, and the singularity measure touches its own.
+# The plot shows the paper's figures. The norm of the body rates, the gimbal rates and the norm of
+# the torque reach their limits over intervals, and the singularity measure touches its limit.
 
 figure = ct.plot(model, best, tolerance=TOLERANCE)
 
 # %%
-# The quickest turn is no turn about one axis: the roll axis leaves its place and comes back to it.
-# ``animate_slew`` shows it in motion, from a place that turns around it.
+# The optimal slew is not a rotation about one axis: the roll axis leaves its position and returns
+# to it. ``animate_slew`` shows the motion from an orbiting viewpoint.
 
 axes = ct.plot(model, best, view="axis", tolerance=TOLERANCE)
 with TemporaryDirectory() as folder:
@@ -82,12 +84,12 @@ with TemporaryDirectory() as folder:
     print("an animation of", file.stat().st_size // 1024, "kB")
 
 # %%
-# Beside the steering laws
-# ------------------------
-# Without optimal control, a satellite turns about one axis, and a *steering law* makes gimbal rates of
-# the torque that this asks for. These backends look for the fastest such turn that keeps all limits.
-# What they find is verified like any other plan. Another transcription, Radau's instead of Gauss's, is
-# there as a cross-check.
+# Compare with steering laws
+# --------------------------
+# Without optimal control, a satellite rotates about one axis, and a *steering law* converts the
+# required torque into gimbal rates. These backends find the fastest such rotation within all
+# limits. Their plans are verified as usual. The Radau transcription serves as a cross-check of the
+# Gauss transcription.
 
 comparison = ct.compare(
     [model],
@@ -102,9 +104,9 @@ for solution in comparison.verdicts[0].solutions:
     print(f"{solution.backend:24} {plan.end:7.3f} s, least measure of singularity {least:.3f}")
 
 # %%
-# No backend proves a global bound here, so the verdict stays inconclusive. The laws take much longer.
-# The other transcription may have stopped elsewhere: a solver that reports success is at *a* local
-# optimum, and this problem has several. ``starts=`` draws more starts by seed, and keeps them all.
+# No backend proves a global bound here, so the verdict is inconclusive. The steering laws take much
+# longer. The other transcription may end at another local optimum, because the problem has several.
+# ``starts=`` runs additional random starts and returns them all.
 
 law = comparison.verdicts[0].solutions[1]
 assert law.plan.end > 1.2 * best.plan.end
@@ -120,9 +122,9 @@ print(
 # %%
 # Tracking
 # --------
-# A controller with the torque of the paper's eq. 32 flies the plan, fifty times a second, under a
-# disturbance that it does not know. At the limits of the actuators little is left for corrections. A
-# sample is *saturated* if a limit cut the command. ``law="paper"`` has the printed gain, and knows the
+# A controller with the torque of the paper's eq. 32 tracks the plan at 50 Hz under an unknown
+# disturbance. At the limits of the actuators little authority remains for corrections. A sample is
+# *saturated* if a limit reduced the command. ``law="paper"`` uses the printed gain and knows the
 # disturbance.
 
 push = (-0.1, -0.1, -0.1)
@@ -131,7 +133,7 @@ print(at_the_limits)
 tight = ct.plot(model, best, tracking=at_the_limits, tolerance=TOLERANCE)
 
 # %%
-# So plan with a reserve. It costs little time,
+# Planning with a margin costs little time:
 
 careful = replace(model, margin=0.1)
 reserved = ct.solve(careful, formulation="gauss", tolerance=TOLERANCE)
@@ -139,9 +141,9 @@ print(reserved)
 print(f"10 % in reserve cost {reserved.plan.end / best.plan.end - 1:.1%} of time")
 
 # %%
-# and the errors stay where the paper has them. Small errors are no verdict, though: the flight is
-# verified as well, and its last words name the limit that breaks first. This torque has led the gimbals
-# nearer to a singularity than the plan went.
+# With the margin, the errors are within the paper's. Small errors alone are not sufficient: the
+# simulated flight is also verified, and its last line names the first violated limit. Here the
+# torque led the gimbals closer to a singularity than planned.
 
 flight = track(careful, reserved, disturbance=push, after=2.0)
 print(flight)
@@ -153,8 +155,8 @@ assert flight.max_rate_error < PAPER_RATE_ERROR
 tracked = ct.plot(careful, reserved, tracking=flight, tolerance=TOLERANCE)
 
 # %%
-# A plan that keeps farther away from singularities, for a satellite that may go as near as before, leaves
-# room for that.
+# A plan with a larger distance from singularities, for the same limit of the satellite, leaves room
+# for this deviation.
 
 wary = ct.solve(replace(careful, singularity_limit=0.4), formulation="gauss", tolerance=TOLERANCE)
 print(f"keeping away costs {wary.plan.end / reserved.plan.end - 1:.1%} of time")
@@ -163,8 +165,8 @@ print(sure)
 assert sure.ok
 
 # %%
-# How much this covers is a matter of trying. A disturbance may be a function of time, and the true
-# inertia may differ from the model's, by a share or by a matrix:
+# Test the margin by simulation. The disturbance may be a function of time, and the true inertia may
+# differ from the model's by a fraction or by a matrix:
 
 for error in (-0.02, 0.0, 0.02):
     flown = track(

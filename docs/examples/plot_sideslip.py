@@ -1,17 +1,19 @@
 """
-The sideslip angle of a vehicle
-===============================
+Estimate the sideslip angle of a vehicle
+========================================
 
-No sensor of a car measures its sideslip angle, the angle between where it points and where it moves. This example estimates it
-on a double lane change from what the car measures anyway: by a model of the vehicle, by what other drives
-teach, and by both. Then the vehicle is believed wrong, and the roles are exchanged.
+The sideslip angle is the angle between a car's heading and its direction of motion. Standard
+sensors do not measure it. This example estimates it on a double lane change with a vehicle model,
+with a regression learned from other drives, and with both. It then repeats the estimation with
+wrong vehicle parameters.
 """
 
 # %%
 # A drive
 # -------
-# The instance is simulated: a driver steers through a double lane change at 80 km/h, and yaw rate and lateral
-# acceleration are measured with noise. Fifteen other drivers have driven it before, in a car whose angle was known.
+# The instance is simulated: a driver steers through a double lane change at 80 km/h, and yaw rate
+# and lateral acceleration are measured with noise. The training data contains drives of fifteen
+# other drivers with known angle.
 
 import dataclasses
 
@@ -24,26 +26,28 @@ print(model)
 print(ct.diagnose(model))
 
 # %%
-# A Kalman filter knows the vehicle and no other drive. The truth is hidden from it; the verification
-# measures how far the estimate is from it, and how often it lies within two of the deviations that the filter claims.
+# A Kalman filter uses the vehicle model and no training data. The true angle is hidden from it. The
+# verification computes the error of the estimate and how often it is within two of the filter's
+# standard deviations.
 
 filtered = ct.solve(model, "kalman-filter")
 print(filtered.summary())
 print(f"within 2 deviations: {model.coverage(filtered):.1%}")
 
 # %%
-# The paper's network, a kernel regression, knows other drives and no vehicle. The paper estimates the angle from the five
-# samples before it, and without speed and steering angle.
+# The paper's network, a kernel regression, uses the training data and no vehicle model. The paper
+# estimates the angle from its five preceding samples, without speed and steering angle.
 
 learned = ct.solve(model, "grnn", backend_options={"ahead": 1, "inputs": False})
 picture = ct.plot(model, filtered, others={"grnn": learned})
 
 # %%
-# When the vehicle is believed wrong
-# ----------------------------------
-# The same drive, but estimators believe in a car that is 30 % heavier, on tyres that are 30 % softer. The filter
-# uses a lateral acceleration that its car cannot explain. What learns does not notice. The filter notices, and says
-# so: the deviations that it claims grow with its error.
+# Wrong vehicle parameters
+# ------------------------
+# In this instance of the same drive, the estimators use a car that is 30 % heavier, with tyres that
+# are 30 % softer. The measured lateral acceleration is inconsistent with this model. Learned
+# estimators are not affected. The filter detects the inconsistency: its standard deviations grow
+# with its error.
 
 wrong = ct.load("sideslip/lane-change-mismatch")
 print(ct.diagnose(wrong).findings[0].text)
@@ -53,8 +57,9 @@ both = ct.solve(wrong, "kalman-grnn")
 contrast = ct.plot(wrong, misled, others={"kalman-grnn": both})
 
 # %%
-# Nobody proves an angle. Estimators that know different things are compared with one another instead: where they agree
-# within 0.1° on average the verdict is ``AGREED``, otherwise somebody is wrong, and which one remains open.
+# No backend can prove the angle, so estimators with different information are compared with one
+# another. If they agree within 0.1° on average, the verdict is ``AGREED``. Otherwise at least one
+# is wrong, and the verdict does not decide which.
 
 names = ["rts-smoother", "kalman-filter", "grnn", "linear-regression"]
 agreed, torn = ct.compare([model], names), ct.compare([wrong], names)
@@ -63,9 +68,9 @@ print(torn)
 assert (agreed.outcome, torn.outcome) == ("AGREED", "INCONCLUSIVE")
 
 # %%
-# How wrong may the vehicle be?
-# -----------------------------
-# The believed mass is varied, and nothing else. The floor is a linear regression on the other drives.
+# Sensitivity to the mass
+# -----------------------
+# Only the mass in the model is varied. The baseline is a linear regression on the training data.
 
 floor = model.verify(ct.solve(model, "linear-regression").plan).objective
 for factor in (1.0, 1.05, 1.1, 1.2, 1.4):

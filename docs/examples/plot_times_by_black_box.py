@@ -1,15 +1,16 @@
 """
-One question, two kinds of answer
-=================================
+Time allocation with and without gradients
+==========================================
 
-How long should each part of a trajectory last? The model of the trajectory knows its gradient; a black box
-knows values only. Both are asked the same question here, and the answers check one another.
+This example computes the optimal durations of the segments of a trajectory in two ways: with the
+trajectory model, which provides gradients, and with a black box, which provides values only. The
+results confirm each other.
 """
 
 # %%
-# With the structure
-# ------------------
-# Four waypoints in ten seconds: two times in between are free.
+# With gradients
+# --------------
+# The trajectory has four waypoints in ten seconds. The two intermediate times are free.
 
 import numpy as np
 
@@ -23,10 +24,10 @@ print(known)
 print("times:", np.round(known.plan.times, 4))
 
 # %%
-# Without it
-# ----------
-# A function of two numbers: the shares of the time. Each value solves a minimum-snap problem exactly, whose
-# answer is verified like any other.
+# Without gradients
+# -----------------
+# The black box is a function of two fractions of the total time. Each evaluation solves and
+# verifies a minimum-snap problem exactly.
 
 
 def snap(shares):
@@ -40,7 +41,7 @@ found = ct.solve(box, "differential-evolution", seed=1)
 print(found)
 
 # %%
-# The same least value, to what 300 values can tell:
+# Both find the same minimum, up to the accuracy of 300 evaluations:
 
 apart = found.primal_bound / known.primal_bound - 1
 print(f"{apart:.1e} above, after {found.statistics.get('evaluations')} values")
@@ -49,7 +50,8 @@ assert -1e-6 < apart < 1e-2
 # %%
 # Several searches, several seeds
 # -------------------------------
-# What draws is judged over seeds: medians, quartiles and successes.
+# Randomised backends run with several seeds. The comparison reports medians, quartiles and success
+# rates.
 
 result = ct.compare(
     box, ["differential-evolution", "cma-es", "direct"], seed=0, repeats=3, time_limit=30
@@ -57,10 +59,10 @@ result = ct.compare(
 print(result)
 
 # %%
-# The trajectory with the best times.
+# Draw the trajectory with the optimal times:
 
 picture = ct.plot(free, known, title="Four waypoints in ten seconds, times chosen")
 
 # %%
-# What to try next: a limit of velocity, which the black box would have to learn as a penalty and the model
-# has as a field; or :doc:`plot_black_box`, where the black box is a path among obstacles.
+# Next steps: add a velocity limit, which is a field of the model but needs a penalty in the black
+# box; or see :doc:`plot_black_box`, with a path among obstacles.

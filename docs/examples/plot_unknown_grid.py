@@ -1,18 +1,18 @@
 """
-A way through what is not known
-===============================
+Navigation on an unknown map
+============================
 
-A vehicle is to reach a target on a map that nobody has. A UAV above it shows the cells around it, and a policy
-decides step by step. This example draws a trap by hand, leads the vehicle by policies that remember and by
-one that does not, compares them with the shortest way on the true map, and writes a policy of its own.
+A vehicle must reach a target on an unknown map. A UAV above it observes the surrounding cells, and
+a policy decides each step. This example declares a trap, compares policies with and without memory
+with the shortest path on the true map, and implements a new policy.
 """
 
 # %%
-# A trap
-# ------
-# Obstacles are ``@``. The vehicle starts at ``S``, and the straight way to ``T`` leads into a pocket that is deeper than
-# the view of 5 × 5 cells. The true map is hidden from policies: what they know is the size of the map, where the target
-# lies, and what the UAV has shown.
+# Declare a trap
+# --------------
+# Obstacles are ``@``. The vehicle starts at ``S``, and the straight path to ``T`` leads into a
+# pocket that is deeper than the view of 5 × 5 cells. The true map is hidden from policies. They
+# receive the size of the map, the position of the target and the observations of the UAV.
 
 import numpy as np
 
@@ -43,8 +43,9 @@ print(trap)
 print(ct.diagnose(trap))
 
 # %%
-# D* Lite takes what it has not seen as free, goes the shortest way on what it knows, and repairs that way when an obstacle
-# comes into view. It enters the pocket, sees that it is closed, and leaves it. What the UAV has not shown is tinted.
+# D* Lite treats unobserved cells as free, follows the shortest path on the known map, and repairs
+# the path when an obstacle comes into view. It enters the pocket, observes that it is closed, and
+# leaves it. Unobserved cells are tinted.
 
 remembering = ct.solve(trap, "d-star-lite")
 print(remembering.summary())
@@ -53,9 +54,10 @@ picture = ct.plot(trap, remembering)
 # %%
 # Why memory helps
 # ----------------
-# The same rule with the current view alone, and the paper's first baseline, which goes to the visible cell nearest the
-# target. In the pocket the first walks to and fro: as soon as one end of the wall is out of sight, it seems open again. The
-# second stays where it is nearest the target.
+# ``current-view`` uses the same rule on the current view only, and ``baseline-1`` is the paper's
+# first baseline, which moves to the visible cell nearest to the target. In the pocket,
+# ``current-view`` oscillates: when one end of the wall leaves the view, it is treated as free
+# again. ``baseline-1`` stays at the cell nearest to the target.
 
 forgetting = ct.solve(trap, "current-view")
 nearest = ct.solve(trap, "baseline-1")
@@ -64,8 +66,9 @@ for found in (remembering, forgetting, nearest):
 contrast = ct.plot(trap, forgetting, moments=[8, 9, 10, 11, 12, 150])
 
 # %%
-# Nobody can know beforehand that the pocket is closed. The backend ``oracle`` sees the true map and tells what the
-# shortest way would have been. That bounds every policy, and the verdict says how far above it each one ends.
+# No policy can know in advance that the pocket is closed. The backend ``oracle`` reads the true map
+# and returns the shortest path, which is a bound for every policy. The verdict states the distance
+# of each policy to it.
 
 best = ct.solve(trap, "oracle")
 together = ct.plot(
@@ -74,16 +77,17 @@ together = ct.plot(
 print(ct.compare([trap], ["d-star-lite", "current-view", "baseline-1", "oracle"]))
 
 # %%
-# A policy of your own
-# --------------------
-# A policy is a class with one method: it is shown the views of the scenes that still go on, and answers with an action
-# for each, 0 to 3 for up, down, left and right. This one remembers no walls, but how far every cell seems to be from
-# the target: at least one step more than the nearest of its neighbours. That is enough to get out of any trap
-# (R. E. Korf, Real-time heuristic search, 1990).
+# Implement a policy
+# ------------------
+# A policy is a class with one method. It receives the views of the active scenes and returns one
+# action per scene: 0 to 3 for up, down, left and right. This policy stores no walls, but an
+# estimate of the distance from every cell to the target, which is at least one step more than the
+# smallest estimate of its neighbours. This is enough to leave any trap (R. E. Korf, Real-time
+# heuristic search, 1990).
 
 
 class Values:
-    """Go to the neighbour that seems nearest, and correct what was believed of the cell that is left."""
+    """Policy that moves to the neighbour with the smallest estimate and updates the estimate."""
 
     def __init__(self, problem, scene):
         cells = np.moveaxis(np.indices(problem.shape), 0, -1)
@@ -98,13 +102,13 @@ class Values:
 
 
 class LearningRealTime(NavigationBackend):
-    """The backend that leads the vehicle by it."""
+    """Backend that applies the policy."""
 
     name = "learning-real-time"
     summary = "learning real-time A*"
 
     def policy(self, problem, scenes, request):
-        """Return what decides in one scene."""
+        """Return the policy for one scene."""
         return Values(problem, int(scenes[0]))
 
 
@@ -112,17 +116,17 @@ own = ct.solve(trap, LearningRealTime())
 print(own.plan)
 
 # %%
-# It takes longer than D* Lite, which remembers what it saw farther away. Its run is checked like all others: what it claims
-# is walked again on the true map.
+# It needs more steps than D* Lite, which remembers all observed cells. The verification replays its
+# steps on the true map.
 
 film = animate_run(trap, own, frames=8, size=(4.2, 4.0))
 film.save("run.gif", writer="pillow", dpi=60)
 
 # %%
-# Many scenes
-# -----------
-# One scene says little. The catalogue has scenes that are drawn by laws, and the mean over scenes is the objective. The lower
-# panel tells in how many of them the target was reached within how many steps.
+# Evaluate on many scenes
+# -----------------------
+# The catalogue contains sets of random scenes, and the objective is the mean over scenes. The lower
+# panel shows the number of scenes in which the target was reached within a given number of steps.
 
 scenes = ct.load("unknown-grid/u-traps")
 runs = {name: ct.solve(scenes, name) for name in ("d-star-lite", "current-view", "baseline-1")}
@@ -136,8 +140,9 @@ others = {name: found for name, found in runs.items() if name != "d-star-lite"}
 panel = ct.plot(scenes, runs["d-star-lite"], scene=3, others=others)
 
 # %%
-# Where there is no way, a policy that remembers can say so: once all that can be reached is known to be
-# enclosed. The claim is checked, and ``diagnose`` names what encloses the target.
+# If the target is unreachable, a policy with memory can claim this as soon as the known obstacles
+# enclose all reachable cells. The claim is verified, and ``diagnose`` names the enclosing
+# obstacles.
 
 closed = ct.load("unknown-grid/no-way")
 print(ct.solve(closed, "d-star-lite").plan)

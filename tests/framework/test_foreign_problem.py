@@ -115,7 +115,7 @@ def test_every_command_works_on_it(installed, place):
         return json.loads(done[name].stdout)
 
     listed = {one["model"]: one for one in data("models")}
-    assert listed["covering"]["formulations"] == {"paper": "one column an item"}
+    assert listed["covering"]["formulations"] == {"paper": "one column per item"}
     assert "error-correction" in listed
     assert {small, EXAMPLE} <= {one["name"] for one in data("instances")}
     owners = {one["problem"] for one in data("backends") if one["name"] == dynamic}

@@ -191,7 +191,7 @@ def test_what_the_format_does_not_know_is_not_written():
 
 def test_the_page_lists_the_operations_that_there_are():
     page = (Path(__file__).parents[2] / "docs" / "explanation" / "files.md").read_text("utf-8")
-    table = page.partition("| operations | take |")[2].partition("\n\n")[0]
+    table = page.partition("| operations | operands |")[2].partition("\n\n")[0]
     firsts = [line.split("|")[1] for line in table.splitlines()[2:]]
     listed = [name for cell in firsts for name in re.findall("`([a-z0-9_]+)`", cell)]
     assert sorted(listed) == sorted(UNARY | BINARY | set(STRUCTURAL))

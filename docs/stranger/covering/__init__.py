@@ -1,4 +1,4 @@
-"""The cheapest items whose weights reach a demand: a problem that crosstrack knows nothing of."""
+"""Covering problem: select the cheapest items whose weights reach a demand."""
 
 MODELS = {"covering": ".model:Covering"}
 PICTURES = {"covering": ".tables:draw"}

@@ -1,4 +1,4 @@
-"""A solver of programs: every choice of a few 0-1 columns, one after the other."""
+"""Solver of binary programs by complete enumeration."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from crosstrack.errors import UnsupportedFormulation
 from crosstrack.models import MixedIntegerProgram
 from crosstrack.solvers import Answer, Backend, Feature, Guarantee, Limit, Termination
 
-#: Columns at most: more would take minutes.
-MOST = 18
+#: Maximum number of columns; larger programs would take minutes.
+MAX_COLUMNS = 18
 
 
 class Enumeration(Backend):
-    """Try all points of a program whose columns are 0 or 1."""
+    """Backend that evaluates all points of a program with 0-1 columns."""
 
     name = "enumeration"
     accepts = MixedIntegerProgram
@@ -23,12 +23,17 @@ class Enumeration(Backend):
     features = frozenset({Feature.GAP, Feature.DUAL_BOUND, Feature.INTERRUPT})
     deterministic = True
     single_threaded = True
-    summary = "every choice of a few 0-1 columns"
+    summary = "complete enumeration of a few 0-1 columns"
 
     def refuses(self, problem):
         low, high = problem.column_lower, problem.column_upper
-        if problem.size > MOST or not problem.integral.all() or (low < 0).any() or (high > 1).any():
-            return f"it takes at most {MOST} columns, each 0 or 1"
+        if (
+            problem.size > MAX_COLUMNS
+            or not problem.integral.all()
+            or (low < 0).any()
+            or (high > 1).any()
+        ):
+            return f"it accepts at most {MAX_COLUMNS} columns, each 0 or 1"
         return ""
 
     def run(self, problem, request):
@@ -42,7 +47,7 @@ class Enumeration(Backend):
             x = np.array(values)
             rows = problem.matrix @ x
             inside = (x >= problem.column_lower).all() and (x <= problem.column_upper).all()
-            # Sums of real numbers are rounded: 0.1 taken ten times is less than 1.
+            # Tolerance for rounding errors: ten times 0.1 is less than 1.
             slack = 1e-9 * np.maximum(1.0, abs(problem.matrix) @ abs(x))
             above = (rows >= problem.row_lower - slack).all()
             if inside and above and (rows <= problem.row_upper + slack).all():

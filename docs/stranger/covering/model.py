@@ -1,4 +1,4 @@
-"""The model and its only formulation."""
+"""Model of the covering problem and its formulation."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from crosstrack.models.verification import TOLERANCE
 
 @dataclass(frozen=True)
 class Choice:
-    """The items chosen, by their places."""
+    """Plan: indices of the selected items."""
 
     items: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Covering(Model[Choice]):
-    """The cheapest items whose weights reach a demand."""
+    """Selection of the cheapest items whose weights reach a demand."""
 
     costs: np.ndarray = declared(Array(("n",), lower=0))
     weights: np.ndarray = declared(Array(("n",), lower=0))
@@ -63,11 +63,11 @@ class Covering(Model[Choice]):
 
 @dataclass(frozen=True, eq=False)
 class Paper(Formulation[Covering, Choice]):
-    """One column an item, one row for the demand."""
+    """Formulation with one column per item and one row for the demand."""
 
     name = "paper"
     program_type = MixedIntegerProgram
-    summary = "one column an item"
+    summary = "one column per item"
 
     def build(self):
         model, builder = self.model, ProgramBuilder()

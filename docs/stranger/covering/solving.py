@@ -1,4 +1,4 @@
-"""An exact algorithm, and why there is no choice."""
+"""Exact algorithm and diagnosis of infeasible instances."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .model import Choice, Covering
 
 
 class CoverByWeight(Backend):
-    """The cheapest choice for every weight up to the demand, which may be any real number."""
+    """Dynamic program over weights up to the demand, for real-valued weights."""
 
     name = "dynamic-programming"
     accepts = Covering
@@ -24,29 +24,29 @@ class CoverByWeight(Backend):
     features = frozenset({Feature.GAP, Feature.DUAL_BOUND})
     deterministic = True
     single_threaded = True
-    summary = "the cheapest choice for every weight"
+    summary = "cheapest selection for every weight"
 
     def run(self, problem, request):
-        best = [(0.0, 0.0, ())]  # cost, weight, items: each heavier than all that cost less
+        best = [(0.0, 0.0, ())]  # cost, weight, items; both cost and weight increase
         for item, weight in enumerate(problem.weights.tolist()):
             cost = float(problem.costs[item])
             more = [(c + cost, w + weight, (*items, item)) for c, w, items in best]
             best = pareto([*best, *more], float(problem.demand))
         cost, weight, items = best[-1]
-        # Sums of weights in another order differ by rounding, which the check accepts as well.
+        # Rounding of the sum depends on the order; the check also has a tolerance.
         if weight < problem.demand * (1 - 1e-12):
             return Answer(Termination.INFEASIBLE)
         return Answer(Termination.OPTIMAL, point=Choice(items), dual_bound=cost)
 
 
 def pareto(choices, demand):
-    """Return the choices that no cheaper one outweighs; weight beyond the demand does not count."""
-    kept = []
+    """Return the selections that are non-dominated in cost and weight, with weight capped at the demand."""
+    front = []
     for cost, weight, items in sorted(choices, key=lambda c: (c[0], -c[1])):
         enough = min(weight, demand)
-        if not kept or enough > kept[-1][1]:
-            kept.append((cost, enough, items))
-    return kept
+        if not front or enough > front[-1][1]:
+            front.append((cost, enough, items))
+    return front
 
 
 def diagnose_covering(model, time_limit):

@@ -1,4 +1,4 @@
-"""Instances, a picture, a paper's table, a file format and a demonstration."""
+"""Instances, plot, table of a paper, export format and demonstration."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def write_list(plan, path, *, first=0):
     return write_text(path, "".join(f"{first + item}\n" for item in plan.items))
 
 
-LIST = ExportFormat("one item a line", ".txt", write_list)
+LIST = ExportFormat("one item per line", ".txt", write_list)
 PAPER = Paper(
     "covering",
     "A. Nobody, 2020",
@@ -56,7 +56,7 @@ PAPER = Paper(
             keys=("instance",),
             columns={"optimum": "g", "seconds": ".1f"},
             rows={("small",): (9.0, 1.5)},
-            note="The paper's machine is another one.",
+            note="The paper used another machine.",
         ),
     ),
 )
@@ -70,6 +70,6 @@ def measure(row, trials):
 
 DEMO = Demo(
     "covering/small",
-    {"demand": DemoOption("The weight to reach.", default=12, type=int)},
+    {"demand": DemoOption("Demand to reach.", default=12, type=int)},
     lambda demand: Covering([4.0, 3.0, 5.0, 7.0], [5, 4, 7, 9], demand, name="mine"),
 )
