@@ -413,7 +413,7 @@ class Definition(_Stacked):
     objective_unit : str
         Unit of the objective.
     objective_scale : float
-        Typical size of the objective; 0 to determine it from the guess.
+        Typical size of the objective; 0 to measure it along the guess and each plan.
     """
 
     phases: tuple[Phase, ...] = declared(Listed(Phase))
