@@ -264,7 +264,7 @@ class Paper:
         UnknownName
             The paper has no such table.
         """
-        known = {one.name: one for one in self.tables}
+        known = {item.name: item for item in self.tables}
         if name not in known:
             raise UnknownName("table", name, known)
         return known[name]

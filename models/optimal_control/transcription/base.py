@@ -179,13 +179,12 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     @property
     def notes(self) -> tuple[str, ...]:
         """Names of equations that the program omits."""
-        if not self.dropped:
-            return ()
-        return (f"left out of the program, for they follow from other equations: {self.dropped}",)
+        text = f"left out of the program, for they follow from other equations: {self.dropped}"
+        return (text,) if self.dropped else ()
 
     @cached_property
     def sizes(self) -> Sizes:
-        """Sizes of all quantities, along the plan of the previous mesh or, for the first, along the guess."""
+        """Sizes of all quantities along the plan of the previous mesh, at first along the guess."""
         known = self._history is not None
         plan = self._history.plan if self._history is not None else self.decode(self._guess())
         definition = self.model.definition

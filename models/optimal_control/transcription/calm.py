@@ -78,18 +78,16 @@ def calm_strains(layout: Layout, sizes: Sizes, duals: Floats) -> tuple[Floats, .
         One array per phase, in the unit of the objective; 0 for intervals that are not calm.
     """
     counts = [
-        np.array([layout.mesh.calm_rows(k) for k in range(layout.mesh.intervals)])
-        for layout in layout.phases
+        np.array([part.mesh.calm_rows(k) for k in range(part.mesh.intervals)])
+        for part in layout.phases
     ]
-    total = sum(
-        int(rows.sum()) * layout.nu for rows, layout in zip(counts, layout.phases, strict=True)
-    )
+    total = sum(int(rows.sum()) * part.nu for rows, part in zip(counts, layout.phases, strict=True))
     start = duals.size - total
     result: list[Floats] = []
-    for layout, rows, size in zip(layout.phases, counts, sizes.phases, strict=True):
+    for part, rows, size in zip(layout.phases, counts, sizes.phases, strict=True):
         factors = np.concatenate([np.repeat(size.controls, n) for n in rows] + [np.zeros(0)])
         shares = np.abs(duals[start : start + factors.size]) * factors
         start += factors.size
-        interval_of = np.repeat(np.arange(rows.size), rows * layout.nu)
+        interval_of = np.repeat(np.arange(rows.size), rows * part.nu)
         result.append(np.bincount(interval_of, shares, rows.size).astype(float))
     return tuple(result)
