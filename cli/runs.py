@@ -183,7 +183,7 @@ def compare(
     if resume and jsonl is None:
         raise click.UsageError("--resume needs --jsonl FILE")
     if jsonl == "-":
-        raise click.UsageError("--jsonl needs a file, which --resume reads: use --json to print")
+        raise click.UsageError("--jsonl takes a file, which --resume reads: use --json to print")
     models = [load(instance, **reading) for instance in instances]
     chosen = (
         [name.strip() for name in names.split(",") if name.strip()]
