@@ -53,7 +53,7 @@ class Piecewise:
         for name in ("nodes", "values"):
             if not isinstance(getattr(self, name), list | tuple):
                 raise InvalidData(
-                    f"{name} must be a list, one entry an interval, got {show(getattr(self, name))}",
+                    f"{name} must be a list with one entry per interval, got {show(getattr(self, name))}",
                     field=name,
                 )
         if len(self.nodes) != count or len(self.values) != count:
@@ -199,7 +199,7 @@ class Piecewise:
         for key in ("nodes", "values"):
             if not isinstance(data[key], Sequence) or isinstance(data[key], str):
                 raise InvalidData(
-                    f"{what}: {key} must be a list, one entry an interval, got {show(data[key])}",
+                    f"{what}: {key} must be a list with one entry per interval, got {show(data[key])}",
                     field=what,
                 )
         return cls(

@@ -110,7 +110,7 @@ def draw(
         )  # fmt: skip
         panels = [known[name] for name in names]
     if plan is None and (costates or deviation):
-        raise UnsupportedOption("costates and deviation are of a plan, and there is none")
+        raise UnsupportedOption("costates and deviation need a plan, got None")
     if costates:
         panels += _costates(phases)
     if deviation:

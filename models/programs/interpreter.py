@@ -371,7 +371,7 @@ class _Reader:
         )
         return function
 
-    # -- matrix operations: the name, the values taken, what follows them --
+    # -- matrix operations: name, values, parameters --
 
     def _plain(self, name: str, taken: list[Any]) -> list[Any]:
         # The result has as many entries as all arguments together.

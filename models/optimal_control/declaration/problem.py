@@ -341,7 +341,7 @@ class ControlProblemBuilder(Generic[ModelT]):
         names = list(states) or [name for name in first.states if name in second.states]
         if not names:
             raise InvalidData(
-                f"{label}: no state bears the same name in both; for the time alone, declare "
+                f"{label}: no state has the same name in both; for the time alone, declare "
                 "subject_to(second.start == first.end)",
                 field="link",
             )
