@@ -122,7 +122,7 @@ constrained = ct.plot(power, held)
 # -----------------
 # A free time has a range. ``phase.end`` is its symbol, and here the cost: the quickest way by 1 m from
 # rest to rest takes 2 s. An earlier plan is a good start for a kindred problem: ``phase.guess(plan)``
-# takes over what bears the same names, the times included.
+# takes over quantities of the same names, and the times.
 
 
 def quickest(guess=None):

@@ -174,7 +174,7 @@ REFUSED = {
     "link to a number": (lambda d: d.ocp.link(d.phase, 3), ["link: 3 is no phase"]),
     "link to itself": (lambda d: d.ocp.link(d.phase, d.phase), ["a phase cannot follow itself"]),
     "link to another problem": (lambda d: d.ocp.link(d.phase, rest_to_rest().phase), ["phase 'phase 1' is no phase of this problem"]),
-    "link without states": (lambda d: d.ocp.link(d.phase, d.ocp.phase("b", time=(1, 2))), ["no state bears the same name", "subject_to"]),
+    "link without states": (lambda d: d.ocp.link(d.phase, d.ocp.phase("b", time=(1, 2))), ["no state has the same name", "subject_to"]),
     "link of a stranger": (lambda d: d.ocp.link(d.phase, second_phase(d).phase, "v"), ["state 'v' must be in both phases"]),
     "link of other sizes": (lambda d: d.ocp.link(d.phase, second_phase(d, size=2).phase), ["state 'x' has 1 entry in the first and 2"]),
     "link twice": (lambda d: [d.ocp.link(d.phase, b.phase) for b in [second_phase(d)] * 2], ["'x goes on from phase 1 to second' is declared already"]),
