@@ -83,14 +83,14 @@ class Swarm:
         """Do one iteration of all fish."""
         visual, step = self.ranges()
         place, value = self.place.copy(), self.value.copy()
-        moved = np.zeros(len(value), bool)
-        for who, target in self.targets(visual):
-            there, result = self.moved(who, target, step)
-            bar = value if self.greedy else np.where(moved, value, np.inf)
-            good = result < bar[who]
-            place[who[good]], value[who[good]] = there[good], result[good]
-            moved[who[good]] = True
-        hungry = np.flatnonzero(~moved)
+        has_moved = np.zeros(len(value), bool)
+        for fish, target in self.targets(visual):
+            positions, result = self.moved(fish, target, step)
+            bar = value if self.greedy else np.where(has_moved, value, np.inf)
+            better = result < bar[fish]
+            place[fish[better]], value[fish[better]] = positions[better], result[better]
+            has_moved[fish[better]] = True
+        hungry = np.flatnonzero(~has_moved)
         place[hungry], value[hungry] = self.prey(hungry, visual, step)
         self.place, self.value = place, value
         self.bulletin.append(self.objective.best)
@@ -143,12 +143,12 @@ class Swarm:
             Largest change of a variable in each try.
         """
         seen, worth = self.place[who], self.value[who]
-        left = np.arange(len(who))
+        remaining = np.arange(len(who))
         for reach in reaches:
-            look, result = self.around(middle[left], float(reach))
-            good = result < worth[left]
-            seen[left[good]], worth[left[good]] = look[good], result[good]
-            left = left[~good]
+            look, result = self.around(middle[remaining], float(reach))
+            better = result < worth[remaining]
+            seen[remaining[better]], worth[remaining[better]] = look[better], result[better]
+            remaining = remaining[~better]
         return seen, worth
 
     def around(self, middle: Floats, reach: float) -> Points:
@@ -195,10 +195,10 @@ class ImprovedSwarm(Swarm):
 
     def cycle(self) -> None:
         """Replace each fish by its opposite a + b - X if that is better (eq. 8 and 9), then do one iteration."""
-        other, result = self.evaluated(1.0 - self.place)
-        good = result < self.value
-        self.place = np.where(good[:, None], other, self.place)
-        self.value = np.where(good, result, self.value)
+        opposite, result = self.evaluated(1.0 - self.place)
+        better = result < self.value
+        self.place = np.where(better[:, None], opposite, self.place)
+        self.value = np.where(better, result, self.value)
         super().cycle()
 
     def ranges(self) -> tuple[float, float]:
