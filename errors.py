@@ -43,7 +43,18 @@ MOST = 48
 
 
 def show(value: Any) -> str:
-    """Return the representation of `value` for an error message, cut to 60 characters."""
+    """Return the representation of `value` for an error message.
+
+    Parameters
+    ----------
+    value : object
+        Any value, including one whose ``repr`` raises.
+
+    Returns
+    -------
+    str
+        ``repr(value)``, cut to 60 characters.
+    """
     try:
         text = repr(value)
         text.encode()

@@ -164,7 +164,13 @@ def register_entry(new: CatalogueEntry) -> CatalogueEntry:
 
 
 def entries() -> tuple[CatalogueEntry, ...]:
-    """Return all entries, sorted by name with numbers in numerical order."""
+    """Return all entries of the catalogue.
+
+    Returns
+    -------
+    tuple of CatalogueEntry
+        Entries, sorted by name with numbers in numerical order.
+    """
     return tuple(sorted(_all().values(), key=lambda item: _natural(item.name)))
 
 
@@ -175,6 +181,11 @@ def entry(name: str) -> CatalogueEntry:
     ----------
     name : str
         Name of the form ``"<problem>/<instance>"``.
+
+    Returns
+    -------
+    CatalogueEntry
+        The entry.
 
     Raises
     ------

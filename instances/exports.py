@@ -53,7 +53,18 @@ class ExportFormat:
 
 
 def export_formats(model: Model[Any]) -> Mapping[str, ExportFormat]:
-    """Return the formats for plans of `model`, by name, with the default first."""
+    """Return the export formats for plans of `model`.
+
+    Parameters
+    ----------
+    model : Model
+        Model of the plans.
+
+    Returns
+    -------
+    mapping of str to ExportFormat
+        Formats by name, with the default first; empty if the problem has none.
+    """
     owner = problem_of(as_model(model).kind)
     return {
         key: resolve(target)

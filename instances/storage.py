@@ -177,6 +177,11 @@ def write_model(model: Model[Any], path: str | os.PathLike[str]) -> Path:
     path : path-like
         File to write.
 
+    Returns
+    -------
+    pathlib.Path
+        `path`.
+
     Raises
     ------
     InvalidData

@@ -181,7 +181,13 @@ def _owners() -> dict[str, str]:
 
 
 def model_types() -> tuple[str, ...]:
-    """Return the kinds of all models, sorted."""
+    """Return the kinds of all models.
+
+    Returns
+    -------
+    tuple of str
+        Names of the models in JSON, sorted, including those registered by the user.
+    """
     return tuple(sorted({**table(__package__, "MODELS"), **_SESSION}))
 
 

@@ -46,6 +46,11 @@ def path_grid(name: str) -> GridPath:
     name : str
         A name in :data:`PATHS`.
 
+    Returns
+    -------
+    GridPath
+        The model.
+
     Raises
     ------
     UnknownName
@@ -65,6 +70,11 @@ def path_instance(name: str, budget: int = 10_000) -> BlackBoxMinimisation:
         A name in :data:`PATHS`.
     budget : int
         Largest number of evaluations of a run.
+
+    Returns
+    -------
+    BlackBoxMinimisation
+        The instance.
     """
     grid = path_grid(name)
     return path_problem(grid, PATHS[name].waypoints, budget=budget)

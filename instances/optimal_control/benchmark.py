@@ -16,6 +16,10 @@ P = ParamSpec("P")
 
 _NAME = "    name : str\n        Name of the problem.\n"
 _HEAD = "    Parameters\n    ----------\n"
+_RETURNS = (
+    "    Returns\n    -------\n    OptimalControlProblem\n"
+    "        Declared problem, which accepts further declarations.\n    "
+)
 
 
 class Benchmark(Protocol[P]):
@@ -60,9 +64,10 @@ def benchmark(declare: Callable[Concatenate[OptimalControlProblem, P], None]) ->
     text = declare.__doc__ or ""
     where = text.find(_HEAD)
     if where < 0:
-        problem.__doc__ = f"{text.rstrip()}\n\n{_HEAD}{_NAME}    "
+        text = f"{text.rstrip()}\n\n{_HEAD}{_NAME}"
     else:
-        problem.__doc__ = text[: where + len(_HEAD)] + _NAME + text[where + len(_HEAD) :]
+        text = text[: where + len(_HEAD)] + _NAME + text[where + len(_HEAD) :]
+    problem.__doc__ = f"{text.rstrip()}\n\n{_RETURNS}"
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
     first = inspect.Parameter("name", kind, default=default, annotation="str")
     known = inspect.signature(declare)

@@ -24,7 +24,17 @@ SAMPLES = 33
 
 
 class Breach(NamedTuple):
-    """First violation of a limit: name of the entry, time, value and limit."""
+    """First violation of a limit.
+
+    Parameters
+    ----------
+    name : str
+        Limited state, control or path constraint, with the entry of a vector.
+    time : float
+        Time at which the limit is crossed.
+    value, limit : float
+        First sampled value beyond the limit, and the limit.
+    """
 
     name: str
     time: float

@@ -27,7 +27,13 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Program(Model[Vector]):
-    """Base of all programs: minimise an objective of a column vector under blocks of rows."""
+    """Base of all programs: minimise an objective of a column vector under blocks of rows.
+
+    Parameters
+    ----------
+    name : str
+        Label of the program, which is not part of the content.
+    """
 
     plan_type: ClassVar[type] = np.ndarray
 
@@ -78,6 +84,15 @@ class BlockProgram(Program):
     """Base of programs whose rows and columns have bounds and are grouped in named blocks.
 
     Subclasses are dataclasses that declare the fields below and define the objective.
+
+    Attributes
+    ----------
+    row_lower, row_upper : ndarray, shape (m,)
+        Row bounds; infinite for none.
+    column_lower, column_upper : ndarray, shape (n,)
+        Column bounds; infinite for none.
+    columns, rows : tuple of Block
+        Names and equations; either empty or a complete cover.
     """
 
     if TYPE_CHECKING:
@@ -174,6 +189,15 @@ class RowProgram(BlockProgram):
     """Base of programs with ``row_lower <= matrix @ x <= row_upper`` and column bounds.
 
     Subclasses are dataclasses that declare the fields below and define the objective.
+
+    Attributes
+    ----------
+    cost : ndarray, shape (n,)
+        Linear objective coefficients.
+    matrix : sparse array, shape (m, n)
+        Row coefficients.
+    offset : float
+        Constant of the objective.
     """
 
     if TYPE_CHECKING:

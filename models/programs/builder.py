@@ -28,7 +28,7 @@ class ProgramBuilder:
     """Builder that collects blocks of columns, rows and cones into a program.
 
     :meth:`build` returns a :class:`MixedIntegerProgram`, and :meth:`build_conic` a
-    :class:`ConicProgram`.
+    :class:`ConicProgram`. The constructor has no parameters.
     """
 
     def __init__(self) -> None:
