@@ -205,7 +205,7 @@ class Kernel:
         left = _limit().end - perf_counter()
         if left == float("inf"):
             return
-        called = _called(self)
+        called = _callees(self)
         size = sum(len(kernel.py_func.__code__.co_code) // 2 for kernel in called)
         seconds = 0.0 if "numba" in sys.modules else _IMPORT
         if left <= seconds + _LOAD * len(called):
@@ -302,7 +302,7 @@ class Kernel:
         return result
 
     def _announce(self) -> None:
-        size = sum(len(kernel.py_func.__code__.co_code) // 2 for kernel in _called(self))
+        size = sum(len(kernel.py_func.__code__.co_code) // 2 for kernel in _callees(self))
         seconds = max(1, round(_PER_BYTECODE * size))
         log.warning("compiling once, about %d s (%s)", seconds, self.py_func.__name__)
 
@@ -318,18 +318,22 @@ def _type_of_callee() -> Any:
         """Kernel called by kernels; constant arguments are compiled as variables of their type."""
 
         def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-            return super().get_call_type(context, tuple(plain(one) for one in args), kws)
+            return super().get_call_type(context, tuple(plain(argument) for argument in args), kws)
 
     register_model(Callee)(models.OpaqueModel)
     return Callee
 
 
 def _is_small(arguments: tuple[Any, ...]) -> bool:
-    arrays = (part for one in arguments for part in (one if isinstance(one, tuple) else (one,)))
+    arrays = (
+        part
+        for argument in arguments
+        for part in (argument if isinstance(argument, tuple) else (argument,))
+    )
     return all(getattr(array, "size", 0) <= _MOST for array in arrays)
 
 
-def _called(kernel: Kernel) -> set[Kernel]:
+def _callees(kernel: Kernel) -> set[Kernel]:
     """Return `kernel` and the kernels that it calls, directly or through others."""
     result: set[Kernel] = set()
     todo = [kernel]
@@ -345,7 +349,7 @@ def _called(kernel: Kernel) -> set[Kernel]:
 
 def _stamp(kernel: Kernel) -> tuple[tuple[str, int, int], ...]:
     """Return name, time and size of all Python files in the folders of `kernel` and its callees."""
-    folders = {Path(item.py_func.__code__.co_filename).parent for item in _called(kernel)}
+    folders = {Path(item.py_func.__code__.co_filename).parent for item in _callees(kernel)}
     files = sorted(path for folder in folders for path in folder.glob("*.py"))
     # An editor's lock file may be a dangling link, for which stat() raises.
     stamps = ((path.name, path.lstat()) for path in files)

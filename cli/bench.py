@@ -63,7 +63,7 @@ def bench(
         load = {task.job.model.name: task.job.model for task in plan.tasks}.__getitem__
         again = shlex.join(["crosstrack", "bench", campaign, "--record", "again.jsonl"])
         say(f"report: {write_page(records, target, title=records.title, command=again, load=load)}")
-    return _shown(records, as_json)
+    return _print_records(records, as_json)
 
 
 @click.command(short_help="Show the records of a campaign as a page.")
@@ -93,7 +93,7 @@ def report(record: str, output: str, title: str, backends: str | None, as_json: 
         return entry(name).build()  # a name in the record opens no file
 
     say(f"report: {write_page(records, target, title=records.title, load=load)}")
-    return _shown(records, as_json)
+    return _print_records(records, as_json)
 
 
 def apart(page: Path, *files: str) -> Path:
@@ -106,7 +106,7 @@ def apart(page: Path, *files: str) -> Path:
     return page
 
 
-def _shown(records: Records, as_json: bool) -> int:
+def _print_records(records: Records, as_json: bool) -> int:
     """Print a summary of the records and return the exit code."""
     from ..solvers.report.terminal import emit, show
 

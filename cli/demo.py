@@ -21,7 +21,7 @@ _PICTURE = "crosstrack-demo.png"
 
 
 @cache
-def _declared() -> tuple[click.Option, ...]:
+def _declared_options() -> tuple[click.Option, ...]:
     """Return the options declared by the problems' demonstrations; the first of equal names counts."""
     from ..instances.demos import demos
 
@@ -46,7 +46,7 @@ class _DemoCommand(click.Command):
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         problem, *rest = super().get_params(ctx)
-        return [problem, *_declared(), *rest]
+        return [problem, *_declared_options(), *rest]
 
 
 @click.command(cls=_DemoCommand, short_help="Show a problem with every backend.")

@@ -258,7 +258,7 @@ def compare(
 @as_json
 def front(
     instance: str, second: str, reading: dict[str, Any], backend: str, limits: str | None, points: int | None, step: float | None, sweep: str | None,
-    first: str | None, options: Sequence[str], jsonl: str | None, resume: bool, plot: str | None, as_json: bool, **asked: Any,
+    first: str | None, options: Sequence[str], jsonl: str | None, resume: bool, plot: str | None, as_json: bool, **settings: Any,
 ) -> int:  # fmt: skip
     """Solve INSTANCE under limits on its SECOND objective, such as max, and print the Pareto front."""
     from ..instances.catalogue import load
@@ -275,15 +275,15 @@ def front(
     model = load(instance, **reading)
     with progress(f"{instance}: {second}") as status:
         common: dict[str, Any] = {
-            "backend": backend, "record": jsonl, "resume": resume, **only(**asked),
+            "backend": backend, "record": jsonl, "resume": resume, **only(**settings),
             "backend_options": pairs(options, "--option"),
             "on_point": lambda s: status(f"{s.instance} {s.termination}"),
         }  # fmt: skip
         if sweep is not None and first is not None:
             [(name, values)] = pairs([sweep], "--sweep").items()
-            result = pareto.sweep(model, name, _values(str(values)), first, second, **common)
+            result = pareto.sweep(model, name, _parse_numbers(str(values)), first, second, **common)
         else:
-            chosen = None if limits is None else _values(limits)
+            chosen = None if limits is None else _parse_numbers(limits)
             result = pareto.front(
                 model, second, limits=chosen, **only(points=points, step=step), **common
             )
@@ -298,7 +298,7 @@ def front(
     return VERIFIED if result.points else max(map(_solve_code, result.unsolved), default=NO_ANSWER)
 
 
-def _values(text: str) -> list[float]:
+def _parse_numbers(text: str) -> list[float]:
     """Return the numbers in a comma-separated list such as ``0,0.2,0.4``."""
     try:
         return [float(part) for part in text.split(",")]

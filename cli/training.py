@@ -42,7 +42,7 @@ def train(
     from ..solvers.training import Epoch, find_training, train as run
 
     if name is None or listed:
-        _list(as_json)
+        _print_trainings(as_json)
         return VERIFIED
     training = find_training(name)
     if output is None:
@@ -50,7 +50,7 @@ def train(
     with progress(f"{name}:") as status:
 
         def on_progress(epoch: Epoch) -> None:
-            status(f"epoch {epoch.number} of {epoch.epochs}, {_words(epoch.figures)}")
+            status(f"epoch {epoch.number} of {epoch.epochs}, {_format_figures(epoch.figures)}")
 
         result = run(
             training, output, examples=_examples(name), resume=resume, on_progress=on_progress,
@@ -84,7 +84,7 @@ def train(
     return VERIFIED if result.path is not None else NO_ANSWER
 
 
-def _list(as_json: bool) -> None:
+def _print_trainings(as_json: bool) -> None:
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, show
     from ..solvers.training import trainings
@@ -130,5 +130,5 @@ def _examples(name: str) -> Any:
     return None
 
 
-def _words(figures: Any) -> str:
+def _format_figures(figures: Any) -> str:
     return ", ".join(f"{key} {value:.4g}" for key, value in figures.items())

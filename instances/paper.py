@@ -244,7 +244,7 @@ class Paper:
     def __post_init__(self) -> None:
         for kind, names in (
             ("items", [item.label for item in self.items]),
-            ("tables", [one.name for one in self.tables]),
+            ("tables", [result.name for result in self.tables]),
         ):
             for name, count in Counter(names).items():
                 if count > 1:

@@ -283,7 +283,7 @@ class Array(Spec):
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
         array = self._numbers(name, value)
-        array = self._shaped(name, array, sizes)
+        array = self._check_shape(name, array, sizes)
         if self.dtype is float:
             with np.errstate(over="ignore", invalid="ignore"):
                 plain = math.isfinite(array.sum())  # one pass, which nearly always suffices
@@ -308,11 +308,11 @@ class Array(Spec):
         except Exception:  # ragged, nested too deeply, or an error of a custom conversion
             raise InvalidData(f"{name} {self._ragged(value)}", field=name) from None
         if self.dtype is not bool and isinstance(value, list | tuple):
-            _refuse_truth(name, value, ())
+            _reject_booleans(name, value, ())
         if raw.size == 0:
             return np.empty(raw.shape, self.dtype)
         if self.dtype is bool:
-            return self._truths(name, raw)
+            return self._booleans(name, raw)
         # A string turns the whole array into strings: search the original for the wrong entry.
         numbers = raw if raw.dtype.kind in "iuf" else self._objects(name, value)
         if self.dtype is int and numbers.dtype.kind == "i":
@@ -330,7 +330,7 @@ class Array(Spec):
             self._refuse(name, numbers, beyond, "must be within the range of floats")
         return result
 
-    def _truths(self, name: str, raw: NDArray[Any]) -> NDArray[Any]:
+    def _booleans(self, name: str, raw: NDArray[Any]) -> NDArray[Any]:
         if raw.dtype.kind in "iu":
             self._refuse(name, raw, (raw != 0) & (raw != 1), "must be true or false")
         elif raw.dtype.kind != "b":
@@ -356,7 +356,7 @@ class Array(Spec):
                     return f"row {row} must hold {self.shape[1]} numbers, got {show(entry)}"
         return f"must be an array of shape {self._shape_text()}, got {show(value)}"
 
-    def _shaped(
+    def _check_shape(
         self, name: str, array: NDArray[Any], sizes: dict[str, tuple[int, str]]
     ) -> NDArray[Any]:
         if array.size == 0 and array.ndim == 1 and len(self.shape) > 1:
@@ -402,7 +402,7 @@ class Array(Spec):
         return frozen(value)
 
 
-def _refuse_truth(name: str, value: Any, place: tuple[int, ...]) -> None:
+def _reject_booleans(name: str, value: Any, place: tuple[int, ...]) -> None:
     """Raise if a list of numbers contains a Boolean, which NumPy would convert to 0 or 1."""
     if {bool, np.bool_, list, tuple}.isdisjoint(map(type, value)):
         return
@@ -412,7 +412,7 @@ def _refuse_truth(name: str, value: Any, place: tuple[int, ...]) -> None:
                 f"{_at(name, (*place, index))} must be a number, got {entry}", field=name
             )
         if isinstance(entry, list | tuple):
-            _refuse_truth(name, entry, (*place, index))
+            _reject_booleans(name, entry, (*place, index))
 
 
 def _at(name: str, place: tuple[int, ...]) -> str:

@@ -56,7 +56,7 @@ def parse_json(text: str) -> Any:
             parse_float=real if suspect else None, parse_int=whole if suspect else None,
         )  # fmt: skip
         if suspect:
-            _refuse_unwritten(result, (), beyond)
+            _reject_invalid(result, (), beyond)
     except json.JSONDecodeError as error:
         raise InvalidData(f"no valid JSON: {error}") from None
     except RecursionError:
@@ -82,7 +82,7 @@ def _suspect(text: str) -> bool:
     )
 
 
-def _refuse_unwritten(value: Any, path: tuple[Any, ...], beyond: list[str]) -> None:
+def _reject_invalid(value: Any, path: tuple[Any, ...], beyond: list[str]) -> None:
     """Raise if the JSON data contain a lone surrogate or a number `beyond` the range of floats."""
     field = next((str(key) for key in path if isinstance(key, str) and key != "data"), None)
     if isinstance(value, float) and math.isinf(value):
@@ -98,11 +98,11 @@ def _refuse_unwritten(value: Any, path: tuple[Any, ...], beyond: list[str]) -> N
         )
     if isinstance(value, dict):
         for key, part in value.items():
-            _refuse_unwritten(key, path, beyond)
-            _refuse_unwritten(part, (*path, key), beyond)
+            _reject_invalid(key, path, beyond)
+            _reject_invalid(part, (*path, key), beyond)
     elif isinstance(value, list):
         for k, part in enumerate(value):
-            _refuse_unwritten(part, (*path, k), beyond)
+            _reject_invalid(part, (*path, k), beyond)
 
 
 def _place(path: tuple[Any, ...]) -> str:

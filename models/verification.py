@@ -208,7 +208,7 @@ class Check:
         older = {"rounding": ROUNDING, "scale": 1.0, "limit": None}
         entries = recorded("a check", data, _CHECK, older)
         for key in ("worst", "tolerance", "rounding", "scale"):
-            entries[key] = _read(entries[key])
+            entries[key] = _infinity_if_none(entries[key])
         return cls(**entries)
 
     def __str__(self) -> str:
@@ -288,17 +288,17 @@ class Verification:
     def from_dict(cls, data: Mapping[str, Any]) -> Verification:
         """Return the verification that :meth:`to_dict` wrote; invalid data raise ``InvalidData``."""
         entries = recorded("a verification", data, _VERIFICATION, {"spread": 0.0, "scale": 1.0})
-        scale = _read(entries["scale"])
+        scale = _infinity_if_none(entries["scale"])
         checks = tuple(map(Check.from_dict, entries["checks"]))
         return cls(**{**entries, "checks": checks, "scale": scale})
 
     def summary(self) -> str:
         """Return the state in one line, with the checks that are violated or weak."""
         if not self.ok:
-            return "violated: " + (_listed(self.violated) or "no objective")
+            return "violated: " + (_join_names(self.violated) or "no objective")
         accepted, near = self.within_tolerance, self.near
-        text = "ok" if not accepted else "within tolerance: " + _listed(accepted)
-        return text + (f"; limits near the tolerance: {_listed(near)}" if near else "")
+        text = "ok" if not accepted else "within tolerance: " + _join_names(accepted)
+        return text + (f"; limits near the tolerance: {_join_names(near)}" if near else "")
 
     def __str__(self) -> str:
         head = "verified" if self.ok else "NOT verified"
@@ -311,11 +311,11 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _read(value: float | None) -> float:
+def _infinity_if_none(value: float | None) -> float:
     return math.inf if value is None else value
 
 
-def _listed(checks: tuple[Check, ...]) -> str:
+def _join_names(checks: tuple[Check, ...]) -> str:
     """Return the names of the checks, of many only those with the largest share of their tolerance."""
     if len(checks) <= SHOWN + 1:
         return "; ".join(check.name for check in checks)

@@ -137,7 +137,7 @@ def _polygons(side: int, count: int, seed: int, radius: float) -> GridPath:
     ends = [(1.5, 1.5), (side - 1.5, side - 1.5)]
     polygons = random_polygons(count, seed, bounds, keep=ends, gap=0.5)
     grid = GridMap.from_polygons(polygons, bounds, 1.0, radius)
-    return _made(grid, *grid.cells_of(ends))
+    return _grid_path(grid, *grid.cells_of(ends))
 
 
 def _across(grid: GridMap) -> GridPath:
@@ -147,14 +147,14 @@ def _across(grid: GridMap) -> GridPath:
     parts, _ = label(~grid.blocked)
     largest = 1 + int(np.bincount(parts.ravel())[1:].argmax())
     cells = np.argwhere(parts == largest)
-    return _made(grid, cells[0], cells[-1])
+    return _grid_path(grid, cells[0], cells[-1])
 
 
 def _between(blocked: NDArray[np.bool_], start: tuple[int, int], goal: tuple[int, int]) -> GridPath:
-    return _made(GridMap(blocked), np.array(start), np.array(goal))
+    return _grid_path(GridMap(blocked), np.array(start), np.array(goal))
 
 
-def _made(grid: GridMap, start: NDArray[np.int64], goal: NDArray[np.int64]) -> GridPath:
+def _grid_path(grid: GridMap, start: NDArray[np.int64], goal: NDArray[np.int64]) -> GridPath:
     return GridPath.from_data({"map": grid, "start": start, "goals": goal, "connectivity": "any"})
 
 

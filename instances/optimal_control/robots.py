@@ -227,15 +227,15 @@ def free_flying_robot(ocp: OptimalControlProblem) -> None:
     omega = phase.state("omega", initial=0, final=0, lower=-3, upper=3, scale=1, unit="rad/s")
     # Forward and backward jets of one side, then of the other.
     jets = phase.control("jets", 4, lower=0, upper=1)
-    one, other = jets[0] - jets[1], jets[2] - jets[3]
+    first, second = jets[0] - jets[1], jets[2] - jets[3]
     phase.dynamics(
         {
             x: vx,
             y: vy,
             theta: omega,
-            vx: (one + other) * casadi.cos(theta),
-            vy: (one + other) * casadi.sin(theta),
-            omega: 0.2 * one - 0.2 * other,
+            vx: (first + second) * casadi.cos(theta),
+            vy: (first + second) * casadi.sin(theta),
+            omega: 0.2 * first - 0.2 * second,
         }
     )
     phase.path(jets[0] + jets[1], upper=1, name="one side")

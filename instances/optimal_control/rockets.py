@@ -65,12 +65,14 @@ def two_stage_ascent(ocp: OptimalControlProblem) -> None:
             f"stage {k + 1}",
             time=(0, burn) if first else (burn, (burn + 50, burn + longest)),
         )
-        at = (0, 0, 0, 0) if first else (None, None, None, None)
+        ends = (0, 0, 0, 0) if first else (None, None, None, None)
         to = (None, None, None, None) if first else (None, ORBIT_HEIGHT, ORBIT_SPEED, 0)
-        x = phase.state("x", initial=at[0], lower=0, upper=4000, scale=1000, unit="km")
-        y = phase.state("y", initial=at[1], final=to[1], lower=0, upper=1000, scale=200, unit="km")
-        vx = phase.state("vx", initial=at[2], final=to[2], lower=0, upper=10, unit="km/s")
-        vy = phase.state("vy", initial=at[3], final=to[3], lower=-2, upper=5, unit="km/s")
+        x = phase.state("x", initial=ends[0], lower=0, upper=4000, scale=1000, unit="km")
+        y = phase.state(
+            "y", initial=ends[1], final=to[1], lower=0, upper=1000, scale=200, unit="km"
+        )
+        vx = phase.state("vx", initial=ends[2], final=to[2], lower=0, upper=10, unit="km/s")
+        vy = phase.state("vy", initial=ends[3], final=to[3], lower=-2, upper=5, unit="km/s")
         m = phase.state("mass", initial=full, lower=empty, upper=full, unit="t")
         pitch = phase.control("pitch", lower=-math.pi / 2, upper=math.pi / 2, unit="rad")
         phase.dynamics(
@@ -188,7 +190,7 @@ def goddard_phases(ocp: OptimalControlProblem) -> None:
     rates = {h: v, v: (thrust - drag(h, v)) / m - 1 / h**2, m: -thrust / EXHAUST}
     arc.dynamics(rates)
     level = m / h**2 - (1 + v / EXHAUST) * drag(h, v)
-    drift = sum(casadi.gradient(level, one) * rate for one, rate in rates.items())
+    drift = sum(casadi.gradient(level, state) * rate for state, rate in rates.items())
     arc.path(drift, equals=0, name="thrust of the singular arc", scale=10)
     arc.guess(time=[0.02, 0.07], h=[1.001, 1.005], v=[0.12, 0.13], m=[0.85, EMPTY], thrust=2)
 

@@ -58,7 +58,7 @@ _NONE = "#d9d9d9"
 _LETTERS = 15.0
 
 
-class _Drawn(NamedTuple):
+class _Point(NamedTuple):
     """Point to draw, with its verification."""
 
     name: str
@@ -133,7 +133,7 @@ def draw(
     path = isinstance(model.function, WaypointPath) and view == "map"
     first = {} if plan is None else {"path" if path else "point": plan}
     drawn = [
-        _drawn(model, name, required("plan", model.as_plan(item), BlackBoxPoint), tolerance)
+        _verify_point(model, name, required("plan", model.as_plan(item), BlackBoxPoint), tolerance)
         for name, item in [*first.items(), *named.items()]
     ]
     verification = None if plan is None else drawn[0].found
@@ -149,13 +149,15 @@ def draw(
     return figure
 
 
-def _drawn(model: BlackBoxMinimisation, name: str, plan: BlackBoxPoint, tolerance: float) -> _Drawn:
+def _verify_point(
+    model: BlackBoxMinimisation, name: str, plan: BlackBoxPoint, tolerance: float
+) -> _Point:
     verification = model.verify(plan, tolerance=tolerance)
-    return _Drawn(name, np.array(plan.x), verification)
+    return _Point(name, np.array(plan.x), verification)
 
 
 def _title(
-    model: BlackBoxMinimisation, drawn: list[_Drawn], verification: Verification | None
+    model: BlackBoxMinimisation, drawn: list[_Point], verification: Verification | None
 ) -> str:
     parts = [model.describe()]
     if verification is not None and verification.objective is not None:
@@ -186,7 +188,7 @@ def _value(function: BlackBoxFunction, point: Floats) -> float:
         return np.nan
 
 
-def _shown(model: BlackBoxMinimisation, drawn: list[_Drawn], k: int) -> tuple[float, float]:
+def _visible_range(model: BlackBoxMinimisation, drawn: list[_Point], k: int) -> tuple[float, float]:
     """Return the visible range of a variable: the bounds, and points near them."""
     low, high = model.bounds[k].tolist()
     width = (high - low) or 0.5 * (abs(high) or 1.0)
@@ -202,7 +204,7 @@ def _look(k: int, main: bool) -> dict[str, Any]:
     return {"marker": "D", "mfc": axis_style(k)["color"], "mec": "white", "ms": 6.0, "mew": 0.8}
 
 
-def _name(point: _Drawn, *, alone: bool) -> str:
+def _name(point: _Point, *, alone: bool) -> str:
     if alone:
         return point.name
     value = point.found.objective
@@ -214,7 +216,7 @@ def _name(point: _Drawn, *, alone: bool) -> str:
 
 
 def _draw_sections(
-    model: BlackBoxMinimisation, drawn: list[_Drawn], free: NDArray[np.int64], text: str, size: Any,
+    model: BlackBoxMinimisation, drawn: list[_Point], free: NDArray[np.int64], text: str, size: Any,
     points: int, *, main: bool,
 ) -> Figure:  # fmt: skip
     """Draw the values along each variable through the first point, or the middle of the bounds."""
@@ -237,7 +239,7 @@ def _draw_sections(
     for number_, k in enumerate(chosen):
         axes = figure.add_subplot(rows, columns, number_ + 1)
         panel = _section(model, drawn, k, through, points * (_FINER if single else 1), main=main)
-        first, last = _shown(model, drawn, k)
+        first, last = _visible_range(model, drawn, k)
         draw_panel(panel, axes, [Span("", first, last, np.empty(0))], wrong=False)
         for bound in model.bounds[k]:
             axes.axvline(bound, color=DARK, ls="--", lw=0.9, zorder=1, gid="bound")
@@ -256,7 +258,7 @@ def _draw_sections(
 
 
 def _section(
-    model: BlackBoxMinimisation, drawn: list[_Drawn], k: int, through: Floats, points: int, *,
+    model: BlackBoxMinimisation, drawn: list[_Point], k: int, through: Floats, points: int, *,
     main: bool,
 ) -> Panel:  # fmt: skip
     low, high = model.bounds[k].tolist()
@@ -266,7 +268,7 @@ def _section(
     sample = np.repeat(np.clip(through, model.lows, model.highs)[None], along.size, axis=0)
     sample[:, k] = along
     curve = Curve("value", 0, along, _values(model.function, sample))
-    first, last = _shown(model, drawn, k)
+    first, last = _visible_range(model, drawn, k)
     marks = []
     for number_, point in enumerate(drawn):
         value = np.nan if point.found.objective is None else point.found.objective
@@ -280,7 +282,7 @@ def _section(
 
 
 def _draw_levels(
-    model: BlackBoxMinimisation, drawn: list[_Drawn], free: NDArray[np.int64], text: str, size: Any,
+    model: BlackBoxMinimisation, drawn: list[_Point], free: NDArray[np.int64], text: str, size: Any,
     points: int, *, main: bool,
 ) -> Figure:  # fmt: skip
     from matplotlib import colormaps
@@ -322,13 +324,13 @@ def _draw_levels(
     if finite.size < values.size:
         keys.append(key("no value", marker="s", color=_NONE, ms=7))
     for number_, point in reversed(list(enumerate(drawn))):
-        limits = np.array([_shown(model, drawn, k) for k in (a, b)])
+        limits = np.array([_visible_range(model, drawn, k) for k in (a, b)])
         spot = np.clip(point.x[[a, b]], limits[:, 0], limits[:, 1])
         axes.plot(
             *spot[:, None], ls="", zorder=9, clip_on=False, gid=point.name, **_look(number_, main)
         )
     for k, limit in ((a, axes.set_xlim), (b, axes.set_ylim)):
-        first, last = _shown(model, drawn, k)
+        first, last = _visible_range(model, drawn, k)
         limit(first - 0.015 * (last - first), last + 0.015 * (last - first))
     axes.set_xlabel(f"x[{a}]", fontsize=8.5)
     axes.set_ylabel(f"x[{b}]", fontsize=8.5)
@@ -363,7 +365,7 @@ def _levels(values: Floats) -> Floats:
 
 
 def _draw_path(
-    model: BlackBoxMinimisation, drawn: list[_Drawn], text: str, size: Any, *, main: bool
+    model: BlackBoxMinimisation, drawn: list[_Point], text: str, size: Any, *, main: bool
 ) -> Figure:
     """Draw the paths on their map, with the blocked part of the first one in red."""
     function = path_function(model)

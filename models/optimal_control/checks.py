@@ -32,7 +32,7 @@ NEAR = 0.1
 FIXED = 1e-5
 
 
-class _Found(NamedTuple):
+class _Violation(NamedTuple):
     """Largest violation of one kind in one phase."""
 
     worst: float
@@ -62,20 +62,22 @@ class _Sides:
         result: Floats = self._sign * (values[..., self.entry] - self._bound) / self.scale
         return result
 
-    def found(self, share: float, column: int, unit: str, where: str, equation: str) -> _Found:
+    def violation(
+        self, share: float, column: int, unit: str, where: str, equation: str
+    ) -> _Violation:
         """Return a relative violation as an absolute one, in the unit of the entry."""
         scale = float(self.scale[column])
-        return _Found(share * scale if share > 0.0 else 0.0, scale, unit, where, equation)
+        return _Violation(share * scale if share > 0.0 else 0.0, scale, unit, where, equation)
 
     def worst(
         self, values: Floats, units: Sequence[str], places: Sequence[str], equation: str = ""
-    ) -> list[_Found]:
+    ) -> list[_Violation]:
         """Return the worst violation of `values`, shape (entries,); an empty list without bounds."""
         if not self.entry.size:
             return []
         _, column, share = _largest(self(values)[None])
         entry = int(self.entry[column])
-        return [self.found(share, column, units[entry], places[entry], equation)]
+        return [self.violation(share, column, units[entry], places[entry], equation)]
 
 
 def _largest(share: Floats) -> tuple[int, int, float]:
@@ -151,7 +153,7 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
         ends = endpoint(phases)
         objective, boundary = _at_ends(definition, ends, phases[0].parameters)
         sizes = sizes_at(definition, phases, ends, guessed=False)
-        kinds: list[tuple[str, Iterable[_Found]]] = [
+        kinds: list[tuple[str, Iterable[_Violation]]] = [
             ("motion", map(_motion, phases, motions, _labels(phases))),
             ("continuity of states", map(_continuity, phases, _labels(phases))),
             ("times", _times(phases)),
@@ -175,13 +177,13 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
             *_invariants(phases, motions),
             ("objective", _objective(definition, phases, motions, objective, sizes.objective)),
         ]
-        checks = [_check(name, list(found), tolerance) for name, found in kinds]
+        checks = [_check(name, list(violations), tolerance) for name, violations in kinds]
     return Verification(
         objective if np.isfinite(objective) else None, tuple(check for check in checks if check)
     )
 
 
-def _check(name: str, items: list[_Found], tolerance: float) -> Check | None:
+def _check(name: str, items: list[_Violation], tolerance: float) -> Check | None:
     """Return the check of one kind over all phases; None without constraints of this kind."""
     if not items:
         return None
@@ -210,7 +212,7 @@ def _place(name: str, course: Course, time: float, label: str) -> str:
 # -- the motion --------------------------------------------------------------------------------------
 
 
-def _motion(course: Course, reintegrated: Reintegration, label: str) -> _Found:
+def _motion(course: Course, reintegrated: Reintegration, label: str) -> _Violation:
     row, state, share = _largest(np.abs(reintegrated.deviation) / course.state_scale)
     place = _place(course.phase.state_names[state], course, reintegrated.times[row], label)
     if reintegrated.windows > 1:
@@ -219,25 +221,25 @@ def _motion(course: Course, reintegrated: Reintegration, label: str) -> _Found:
         place += f": {reintegrated.failure}"
     scale = float(course.state_scale[state])
     unit = _units(course.phase, "states")[state]
-    return _Found(share * scale, scale, unit, place, course.phase.dynamics_equation)
+    return _Violation(share * scale, scale, unit, place, course.phase.dynamics_equation)
 
 
-def _continuity(course: Course, label: str) -> _Found:
+def _continuity(course: Course, label: str) -> _Violation:
     grid = course.dense
     starts = np.flatnonzero(np.diff(grid.interval) > 0)
     unit = _units(course.phase, "states")
     if not starts.size:
-        return _Found(0.0, 1.0, unit[0], "")
+        return _Violation(0.0, 1.0, unit[0], "")
     jumps = np.abs(grid.states[starts + 1] - grid.states[starts])
     row, state, share = _largest(jumps / course.state_scale)
     scale = float(course.state_scale[state])
     place = _place(course.phase.state_names[state], course, grid.times[starts[row]], label)
-    return _Found(share * scale, scale, unit[state], place)
+    return _Violation(share * scale, scale, unit[state], place)
 
 
 def _invariants(
     phases: tuple[Course, ...], motions: list[Reintegration]
-) -> Iterator[tuple[str, list[_Found]]]:
+) -> Iterator[tuple[str, list[_Violation]]]:
     """Yield the drift of each invariant along the plan's states and along the re-integrated ones."""
     for course, label, reintegrated in zip(phases, _labels(phases), motions, strict=True):
         if not course.phase.invariants:
@@ -256,7 +258,9 @@ def _invariants(
                 row, entry, share = _largest(drift / scale)
                 place = _place(_entry(invariant, entry), course, times[row], label) + whose
                 size = float(scale[entry])
-                items.append(_Found(share * size, size, invariant.unit, place, invariant.equation))
+                items.append(
+                    _Violation(share * size, size, invariant.unit, place, invariant.equation)
+                )
             yield invariant.name, items
 
 
@@ -267,23 +271,25 @@ def _entry(restriction: Restriction, entry: int) -> str:
     return f"entry {entry}" if restriction.size > 1 else ""
 
 
-def _bounds(phases: tuple[Course, ...], what: str) -> Iterator[_Found]:
+def _bounds(phases: tuple[Course, ...], what: str) -> Iterator[_Violation]:
     """Yield the largest violation of the bounds of states or controls, also between the nodes."""
     for course, label in zip(phases, _labels(phases), strict=True):
         sides = _Sides(*course.phase.bounds(what), getattr(course.sizes, what), near=NEAR)
         if not sides.entry.size:
             continue
         worst = course.largest(
-            lambda at, sides=sides: sides(getattr(at, what)),  # type: ignore[misc]
+            lambda instants, sides=sides: sides(getattr(instants, what)),  # type: ignore[misc]
             sides(getattr(course.dense, what)),
         )
         entry = int(sides.entry[worst.entry])
         names = course.phase.state_names if what == "states" else course.phase.control_names
         place = _place(names[entry], course, worst.time, label)
-        yield sides.found(worst.value, worst.entry, _units(course.phase, what)[entry], place, "")
+        yield sides.violation(
+            worst.value, worst.entry, _units(course.phase, what)[entry], place, ""
+        )
 
 
-def _paths(phases: tuple[Course, ...]) -> Iterator[tuple[str, list[_Found]]]:
+def _paths(phases: tuple[Course, ...]) -> Iterator[tuple[str, list[_Violation]]]:
     """Yield the largest violation of each path constraint, also between the nodes."""
     for course, label in zip(phases, _labels(phases), strict=True):
         begin = 0
@@ -302,7 +308,7 @@ def _paths(phases: tuple[Course, ...]) -> Iterator[tuple[str, list[_Found]]]:
             yield (
                 restriction.name,
                 [
-                    sides.found(
+                    sides.violation(
                         worst.value, worst.entry, restriction.unit, place, restriction.equation
                     )
                 ],
@@ -316,7 +322,7 @@ def _on_path(course: Course, sides: _Sides, entries: slice) -> Callable[[Instant
 # -- at the ends -------------------------------------------------------------------------------------
 
 
-def _times(phases: tuple[Course, ...]) -> Iterator[_Found]:
+def _times(phases: tuple[Course, ...]) -> Iterator[_Violation]:
     for course, label in zip(phases, _labels(phases), strict=True):
         phase, plan = course.phase, course.plan
         sides = _Sides(
@@ -333,7 +339,9 @@ def _times(phases: tuple[Course, ...]) -> Iterator[_Found]:
         yield from sides.worst(np.array([plan.start, plan.end]), [phase.time_unit] * 2, places)
 
 
-def _ends(phases: tuple[Course, ...], motions: list[Reintegration], end: int) -> Iterator[_Found]:
+def _ends(
+    phases: tuple[Course, ...], motions: list[Reintegration], end: int
+) -> Iterator[_Violation]:
     """Yield the largest violation of the states at one end, relative to the size of the motion."""
     for course, label, reintegrated in zip(phases, _labels(phases), motions, strict=True):
         word = ("initial", "final")[end]
@@ -356,7 +364,7 @@ def _at_ends(definition: Definition, ends: Floats, parameters: Floats) -> tuple[
 
 def _boundaries(
     definition: Definition, values: Floats, scale: Floats
-) -> Iterator[tuple[str, list[_Found]]]:
+) -> Iterator[tuple[str, list[_Violation]]]:
     begin = 0
     for boundary in definition.boundaries:
         sides = _Sides(boundary.lower, boundary.upper, scale[begin : begin + boundary.size])
@@ -377,7 +385,7 @@ def _objective(
     motions: list[Reintegration],
     objective: float,
     scale: float,
-) -> Iterator[_Found]:
+) -> Iterator[_Violation]:
     """Yield the difference between the objective and that of the re-integrated motion, if integrated in one window."""
     if any(item.windows > 1 for item in motions):
         return
@@ -385,4 +393,4 @@ def _objective(
     recomputed, _ = _at_ends(definition, ends, phases[0].parameters)
     unit = definition.objective_unit
     where = f"the integrated motion, where it is {recomputed:.10g}"
-    yield _Found(abs(recomputed - objective), scale, unit, where)
+    yield _Violation(abs(recomputed - objective), scale, unit, where)

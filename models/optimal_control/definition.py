@@ -61,7 +61,7 @@ def _check_entries(of: str, item: Any) -> None:
         raise InvalidData(f"scale of {item.name!r} must be > 0, got {item.scale}", field="scale")
 
 
-def _refuse_twins(what: str, names: Iterable[str]) -> None:
+def _check_unique(what: str, names: Iterable[str]) -> None:
     """Raise if a name occurs twice."""
     known: set[str] = set()
     for name in names:
@@ -324,9 +324,9 @@ class Phase(_Stacked):
         label = f"phase {self.name!r}"
         if not self.states:
             raise InvalidData(f"{label} has no state", field="states")
-        _refuse_twins(label, (item.name for item in (*self.states, *self.controls)))
+        _check_unique(label, (item.name for item in (*self.states, *self.controls)))
         for what in ("paths", "invariants", "outputs"):
-            _refuse_twins(f"{what} of {label}", (item.name for item in getattr(self, what)))
+            _check_unique(f"{what} of {label}", (item.name for item in getattr(self, what)))
         for side in ("start", "end"):
             low, high = getattr(self, f"{side}_lower"), getattr(self, f"{side}_upper")
             _check_order(label, low, high, side)
@@ -428,7 +428,7 @@ class Definition(_Stacked):
         if not self.phases:
             raise InvalidData("phases must hold 1 phase at least, got 0", field="phases")
         for what in ("phases", "parameters", "boundaries"):
-            _refuse_twins(what, (item.name for item in getattr(self, what)))
+            _check_unique(what, (item.name for item in getattr(self, what)))
         parameters = len(self.parameter_names)
         for phase in self.phases:
             for function in (phase.function, phase.outputs_function):

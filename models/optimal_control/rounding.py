@@ -186,7 +186,7 @@ def round_controls(
         deviation = max(deviation, float(np.abs(difference).max()))
         bound = max(bound, step * (rounded_values.shape[1] - 1 if name in one_of else 0.5))
     controls = Piecewise(knots, (tau,) * cell.size, tuple(table), lower, upper)
-    states = _flown(part, controls)
+    states = _simulate(part, controls)
     names = (phase.state_names, phase.control_names)
     rounded = ControlPlan((PhasePlan(phase.name, states, controls, *names),), plan.parameters)
     objective = model.verify(plan, tolerance=tolerance).objective
@@ -199,7 +199,7 @@ def round_controls(
     )
 
 
-def _flown(part: PhasePlan, controls: Piecewise) -> Piecewise:
+def _simulate(part: PhasePlan, controls: Piecewise) -> Piecewise:
     """Return the motion that `controls` produce from the initial state of `part`."""
     phase, p = part.declared, part.values
     assert phase is not None and p is not None
@@ -212,8 +212,8 @@ def _flown(part: PhasePlan, controls: Piecewise) -> Piecewise:
 
         def rate(t: float, x: Floats, k: int = k, begin: float = begin, end: float = end) -> Floats:
             u = controls.on(k, [2.0 * (t - begin) / (end - begin) - 1.0])[0]
-            found: Floats = phase.function(t, x, u, p)[0].full()[:, 0]
-            return found
+            rates: Floats = phase.function(t, x, u, p)[0].full()[:, 0]
+            return rates
 
         times = np.clip(begin + 0.5 * (positions + 1.0) * (end - begin), begin, end)
         solution = solve_ivp(

@@ -184,18 +184,18 @@ class Course:
         def panels(interval: Whole, low: Floats, high: Floats) -> tuple[Floats, Floats]:
             half = 0.5 * (high - low)
             tau = (0.5 * (high + low))[:, None] + half[:, None] * nodes
-            at = self.at(np.repeat(interval, RULE), tau.ravel())
-            table = self.values(at)["integrand"].reshape(interval.size, RULE, -1)
+            instants = self.at(np.repeat(interval, RULE), tau.ravel())
+            table = self.values(instants)["integrand"].reshape(interval.size, RULE, -1)
             share = weights * (half * 0.5 * lengths[interval])[:, None]
             with np.errstate(all="ignore"):
-                found = np.einsum("kr,kri->ki", share, table)
+                sums = np.einsum("kr,kri->ki", share, table)
                 size = np.einsum("kr,kri->ki", share, np.abs(table))
-            return found, size
+            return sums, size
 
         interval = np.arange(lengths.size)
         low, high = np.full(lengths.size, -1.0), np.ones(lengths.size)
         total: Floats = np.zeros(self.phase.integrals)
-        whole, size = panels(interval, low, high)
+        values, size = panels(interval, low, high)
         size = size.sum(axis=0)
         limit = QUADRATURE * size
         for _ in range(HALVINGS):
@@ -206,18 +206,18 @@ class Course:
             parts, _ = panels(interval, low, high)
             pairs = parts.reshape(-1, 2, parts.shape[1]).sum(axis=1)
             # Non-finite values would never converge: they are accepted and make the sum non-finite.
-            active = (np.abs(pairs - whole) > limit).any(axis=1)
+            active = (np.abs(pairs - values) > limit).any(axis=1)
             total += pairs[~active].sum(axis=0)
             if not active.any():
                 return total, size
             selected = np.repeat(active, 2)
-            interval, low, high, whole = (
+            interval, low, high, values = (
                 interval[selected],
                 low[selected],
                 high[selected],
                 parts[selected],
             )
-        total += whole.sum(axis=0)
+        total += values.sum(axis=0)
         return total, size
 
     def largest(self, measure: Callable[[Instants], Floats], on_grid: Floats) -> Extreme:
@@ -252,17 +252,17 @@ class Course:
         peaks = np.arange(rows.size)
         for _ in range(ROUNDS):
             tau = np.clip(np.linspace(low, high, SPREAD, axis=1), -1.0, 1.0)
-            at = self.at(np.repeat(grid.interval[rows], SPREAD), tau.ravel())
-            table = measure(at).reshape(rows.size, SPREAD, -1)[peaks, :, entries]
+            instants = self.at(np.repeat(grid.interval[rows], SPREAD), tau.ravel())
+            table = measure(instants).reshape(rows.size, SPREAD, -1)[peaks, :, entries]
             if not np.isfinite(table).all():
                 spot = int(np.flatnonzero(~np.isfinite(table.ravel()))[0])
-                return Extreme(np.inf, int(entries[spot // SPREAD]), float(at.times[spot]))
+                return Extreme(np.inf, int(entries[spot // SPREAD]), float(instants.times[spot]))
             column = table.argmax(axis=1)
             top = int(table[peaks, column].argmax())
             if table[top, column[top]] > best.value:
                 spot = top * SPREAD + int(column[top])
                 best = Extreme(
-                    float(table[top, column[top]]), int(entries[top]), float(at.times[spot])
+                    float(table[top, column[top]]), int(entries[top]), float(instants.times[spot])
                 )
             low = tau[peaks, np.maximum(column - 1, 0)]
             high = tau[peaks, np.minimum(column + 1, SPREAD - 1)]

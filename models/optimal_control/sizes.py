@@ -158,7 +158,7 @@ def of_phase(course: Course, *, guessed: bool = False) -> PhaseSizes:
     rows = np.unique(np.linspace(0, grid.times.size - 1, INSTANTS).astype(int))
     t, x, u = grid.times[rows], grid.states[rows], grid.controls[rows]
     if guessed:
-        states, controls = _guessed(course, t, x, u, time)
+        states, controls = _sizes_of_guess(course, t, x, u, time)
     else:
         states = along(phase.states, grid.states)
         controls = along(phase.controls, grid.controls)
@@ -173,11 +173,11 @@ def of_phase(course: Course, *, guessed: bool = False) -> PhaseSizes:
     integrals = integrand_sizes * time
     if not guessed:
         integrals = np.maximum(course.magnitudes, VANISHING * integrals)
-    paths = _of_paths(course, states, controls)
-    return PhaseSizes(time, states, controls, paths, _or_one(integrals))
+    paths = _path_sizes(course, states, controls)
+    return PhaseSizes(time, states, controls, paths, _positive_or_one(integrals))
 
 
-def _of_paths(course: Course, states: Floats, controls: Floats) -> Floats:
+def _path_sizes(course: Course, states: Floats, controls: Floats) -> Floats:
     """Return the sizes of the path constraints; undeclared ones are evaluated where the slack is smallest."""
     phase, grid = course.phase, course.dense
     declared: Floats = phase.stacked("paths", "scale")
@@ -206,12 +206,14 @@ def _has_own_scale(item: Restriction) -> NDArray[np.bool_]:
 
 def _nearest(restrictions: Sequence[Restriction], declared: Floats, moved: Floats) -> Floats:
     """Return the bounds as sizes, or the movements of expressions with zero or relatively small bounds."""
-    known = np.concatenate([*(_has_declared_scale(one) for one in restrictions), np.empty(0, bool)])
+    known = np.concatenate(
+        [*(_has_declared_scale(item) for item in restrictions), np.empty(0, bool)]
+    )
     moved = np.where(np.isfinite(moved), moved, 0.0)
     return np.where((known & (declared >= NEAR * moved)) | (moved == 0.0), declared, moved)
 
 
-def _or_one(sizes: Any) -> Floats:
+def _positive_or_one(sizes: Any) -> Floats:
     """Return `sizes` with 1 in place of values that are not finite and positive."""
     return np.where(np.isfinite(sizes) & (sizes > 0.0), sizes, 1.0)
 
@@ -244,7 +246,9 @@ def _slopes_at(
     return rate, tables[0], tables[1], tables[2], tables[3]
 
 
-def _guessed(course: Course, t: Floats, x: Floats, u: Floats, time: float) -> tuple[Floats, Floats]:
+def _sizes_of_guess(
+    course: Course, t: Floats, x: Floats, u: Floats, time: float
+) -> tuple[Floats, Floats]:
     """Return the sizes of states and controls if only a guess of the course is known."""
     phase = course.phase
     sizes, known = [], []
@@ -259,12 +263,12 @@ def _guessed(course: Course, t: Floats, x: Floats, u: Floats, time: float) -> tu
     vector, marks = np.concatenate(sizes), np.concatenate(known)
     changed = np.where(marks, vector, 0.0)
     for _ in range(0 if marks.all() else PASSES):
-        vector = _spread(course, (t, x, u), (vector, marks, changed), time)
+        vector = _propagate(course, (t, x, u), (vector, marks, changed), time)
         changed = vector
     return vector[: sizes[0].size], vector[sizes[0].size :]
 
 
-def _spread(
+def _propagate(
     course: Course,
     instants: tuple[Floats, Floats, Floats],
     sizes: tuple[Floats, NDArray[np.bool_], Floats],
@@ -290,7 +294,7 @@ def _spread(
     rise = time * _mean(np.abs(rate))
     # A control with a bounded path constraint is as large as the constraint allows.
     bounded = np.concatenate(
-        [*(_has_declared_scale(one) for one in phase.paths), np.empty(0, bool)]
+        [*(_has_declared_scale(path) for path in phase.paths), np.empty(0, bool)]
     )
     limits = np.full(vector.size, np.inf)
     limits[nx:] = _driving(
@@ -348,7 +352,7 @@ def _at_ends(
         changed = np.abs(changed - values[0])
         varied = changed[np.isfinite(changed)].max(initial=0.0)
         largest = max(abs(values[0]), slopes[0] @ np.abs(point), RESIDUAL * varied)
-        objective = float(_or_one(largest))
+        objective = float(_positive_or_one(largest))
         variation = float(varied) or objective
     return Sizes(phases, parameters, boundaries, objective, variation)
 

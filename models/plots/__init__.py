@@ -74,11 +74,11 @@ def plot(model: Any, plan: Any = None, **options: Any) -> Figure:
             raise UnsupportedOption("a front is drawn with all of its plans: plan must be None")
         from .front import draw_front
 
-        _refuse_unknown("front", draw_front, options, drawn=1)
+        _reject_unknown("front", draw_front, options, drawn=1)
         return draw_front(model, **options)
     model = as_model(model)
     draw = _picture(model.kind)
-    _refuse_unknown(model.kind, draw, options)
+    _reject_unknown(model.kind, draw, options)
     settings = getattr(plan, "options", None)
     if isinstance(settings, Mapping) and "tolerance" in picture_options(model.kind):
         # A solution was verified with the tolerance of its run.
@@ -130,7 +130,7 @@ def _picture(kind: str) -> Callable[..., Figure]:
     return result
 
 
-def _refuse_unknown(
+def _reject_unknown(
     kind: str, draw: Callable[..., Any], options: dict[str, Any], drawn: int = 2
 ) -> None:
     """Raise if an option is not a parameter of the picture after the first `drawn` ones."""

@@ -99,7 +99,7 @@ def draw_front(
 
     figure = sheet(size, (6.6, 4.8))
     broad, tall = figure.get_size_inches()
-    size_of = f"a sweep of {first.field}" if _swept(first) else model.describe()
+    size_of = f"a sweep of {first.field}" if _is_sweep(first) else model.describe()
     text = title_of(model.name, [size_of], None) if title is None else title
     head, foot = 0.44 + 0.17 * text.count("\n"), 0.98
     axes = figure.add_axes((0.9 / broad, foot / tall, 1 - 1.06 / broad, 1 - (foot + head) / tall))
@@ -107,11 +107,11 @@ def draw_front(
     axes.set_ylim(low[1], high[1])
     bare(axes)
     unit_of, quantity = model.objective_unit, getattr(model, "objective", None)
-    if _swept(first):
+    if _is_sweep(first):
         quantity = getattr(first, "first", None)
     quantity = str(quantity) if isinstance(quantity, str) and quantity else "objective"
-    axes.set_xlabel(_named(first.second, unit_of if unit is None else unit), fontsize=8.5)
-    axes.set_ylabel(_named(quantity, unit_of), fontsize=8.5)
+    axes.set_xlabel(_axis_label(first.second, unit_of if unit is None else unit), fontsize=8.5)
+    axes.set_ylabel(_axis_label(quantity, unit_of), fontsize=8.5)
     axes.plot(*removed[:, :2].T, ls="", marker="x", ms=5, color=GREY, zorder=6, gid="dominated")
     colours = [axis_style(k)["color"] if len(drawn) > 1 else BLACK for k in range(len(drawn))]
     for k, rows in enumerate(drawn.values()):
@@ -119,17 +119,17 @@ def draw_front(
         _draw_one(axes, rows, colours[k], high, 1.2 + 1.3 * (len(drawn) - 1 - k))
     if labels if labels is not None else len(drawn) == 1 and len(places) <= _MOST_NUMBERS:
         for front_of, rows in zip(fronts.values(), drawn.values(), strict=True):
-            _write(axes, front_of, rows)
+            _label_points(axes, front_of, rows)
     every = np.concatenate(list(drawn.values()))
     keys = _keys(drawn, colours, every, len(removed), float(low[1]))
-    if _swept(first) and every[:, 3].any():
+    if _is_sweep(first) and every[:, 3].any():
         keys[len(drawn) if len(drawn) > 1 else 0].set_label(f"proven for its {first.field}")
     legend_below(figure, keys, rows=1 + (len(keys) > 5))
     headline(figure, text, wrong=False)
     return figure
 
 
-def _swept(front: Any) -> bool:
+def _is_sweep(front: Any) -> bool:
     """Return whether the points are answers for values of a field rather than for limits."""
     return getattr(front, "field", "") not in ("", front.model.second_objectives.get(front.second))
 
@@ -140,7 +140,7 @@ def _rows(front: Any, points: Sequence[Any]) -> Floats:
     The rows are sorted by the second objective, and points without finite objectives are omitted. A
     sweep's bounds apply to the minimised quantity, which is not drawn, so they are omitted as well.
     """
-    swept = _swept(front)
+    swept = _is_sweep(front)
     result = np.array(
         [
             (
@@ -155,16 +155,16 @@ def _rows(front: Any, points: Sequence[Any]) -> Floats:
     return np.asarray(result[np.lexsort((result[:, 1], result[:, 0]))])
 
 
-def _write(axes: Any, front: Any, rows: Floats) -> None:
+def _label_points(axes: Any, front: Any, rows: Floats) -> None:
     """Label the points, in a sweep also the dominated ones."""
-    if _swept(front):
+    if _is_sweep(front):
         rows = np.concatenate([rows, _rows(front, front.dominated)])
     places: dict[tuple[str, str], list[float]] = {}
     for x, y, *_ in rows.tolist():
         places.setdefault((number(x, 5), number(y, 5)), [x, y])
     for pair, (x, y) in places.items():
         text = f"({', '.join(pair)})"
-        if _swept(front):
+        if _is_sweep(front):
             same = [row[4] for row in rows if (number(row[0], 5), number(row[1], 5)) == pair]
             text = f"{front.field} = {', '.join(number(value, 5) for value in same)}"
         # The steps never pass to the left of and below a point.
@@ -187,7 +187,7 @@ def _box(places: Floats, bounds: Floats) -> tuple[Floats, Floats]:
     return low - [_LEFT, _MARGIN] * span, high + _MARGIN * span
 
 
-def _named(what: str, unit: str) -> str:
+def _axis_label(what: str, unit: str) -> str:
     return f"{what} ({pretty_unit(unit)})" if unit else what
 
 

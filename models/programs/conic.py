@@ -78,12 +78,12 @@ class ConicProgram(RowProgram):
 
     def __post_init__(self) -> None:
         # The sizes of the defaults follow from these fields.
-        given = {"cost": Array(("n",)).coerce("cost", self.cost, {})}
+        known = {"cost": Array(("n",)).coerce("cost", self.cost, {})}
         for name, sign in (("row_lower", -1), ("row_upper", 1)):
             if getattr(self, name) is not None:
-                given[name] = Array(("m",), infinity=sign).coerce(name, getattr(self, name), {})
-        size = given.pop("cost").size
-        rows = next((bound.size for bound in given.values()), 0)
+                known[name] = Array(("m",), infinity=sign).coerce(name, getattr(self, name), {})
+        size = known.pop("cost").size
+        rows = next((bound.size for bound in known.values()), 0)
         for name, default in (
             ("hessian", sp.csr_array((size, size))),
             ("matrix", sp.csr_array((0, size))),

@@ -311,7 +311,7 @@ def _write_matrix(
         if name == "call":
             others = [_write(node.which_function(), functions, known)]
         else:
-            others = _others(name, node)
+            others = _parameters(name, node)
         if min(inputs_of, default=0) < 0:
             raise Unwritable("a call without all its arguments")
         nodes.append([name, *(place[item] for item in inputs_of), *others])
@@ -343,7 +343,7 @@ def _write_matrix(
     return {"kind": "matrix", "name": name, "inputs": inputs, "outputs": outputs, "nodes": nodes}
 
 
-def _others(name: str, node: casadi.MX) -> list[Any]:
+def _parameters(name: str, node: casadi.MX) -> list[Any]:
     """Return the parameters of a matrix node."""
     if name in UNARY or name in BINARY:
         return []
@@ -369,11 +369,11 @@ def _others(name: str, node: casadi.MX) -> list[Any]:
         elif "slice" in info:
             result.append(info["slice"])
         else:
-            result.append(_places(info))
+            result.append(_entry_indices(info))
     return result
 
 
-def _places(info: Mapping[str, Any]) -> list[int]:
+def _entry_indices(info: Mapping[str, Any]) -> list[int]:
     """Return the indices of the stored entries that a node reads or sets."""
     if "nz" in info:
         return list(info["nz"])

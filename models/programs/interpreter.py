@@ -281,7 +281,7 @@ class _Reader:
             shape = self.shape(entry["shape"], SYMBOL)
             if "symbols" in entry:
                 names = self.items(entry["symbols"], self.place)
-                argument = self._filled(shape, [sx.sym(self.text(name)) for name in names])
+                argument = self._fill(shape, [sx.sym(self.text(name)) for name in names])
             else:
                 argument = sx.sym(entry["name"], shape)
             arguments.append(argument)
@@ -295,20 +295,20 @@ class _Reader:
                 values.append(sx(self.number(others[0])))
                 continue
             if name == "call" and others:
-                values += self._scalar_call(others.pop(), self._taken(values, others))
+                values += self._scalar_call(others.pop(), self._arguments(values, others))
                 continue
             arity = 1 if name in UNARY else 2 if name in BINARY else 0
             if not arity or len(others) != arity:
                 self.refuse(f"must be an operation on numbers and what it takes, got {show(node)}")
             combine = sx.unary if arity == 1 else sx.binary
-            values.append(combine(self.codes[name], *self._taken(values, others)))
+            values.append(combine(self.codes[name], *self._arguments(values, others)))
         results = []
         for entry in self._entries(data["outputs"], f"{place}.outputs", "values"):
-            entries = self._taken(values, self.items(entry.get("values"), self.place))
-            results.append(self._filled(self.shape(entry["shape"]), entries))
-        return self._made(data, place, arguments, results)
+            entries = self._arguments(values, self.items(entry.get("values"), self.place))
+            results.append(self._fill(self.shape(entry["shape"]), entries))
+        return self._build(data, place, arguments, results)
 
-    def _filled(self, shape: Any, entries: list[Any]) -> Any:
+    def _fill(self, shape: Any, entries: list[Any]) -> Any:
         """Return the scalar expressions `entries` as a matrix."""
         if shape.nnz() != len(entries):
             self.refuse(f"a shape with {shape.nnz()} entries is given {len(entries)}")
@@ -335,7 +335,7 @@ class _Reader:
             if arity < 0 or len(others) != arity + len(signature[1]):
                 what = ", ".join([f"{'' if signature[0] is None else arity} values", *signature[1]])
                 self.refuse(f"{name} takes {what.strip()}, got {show(node)}")
-            taken = self._taken(values, others[:arity])
+            taken = self._arguments(values, others[:arity])
             if name in UNARY:
                 results_of = [mx.unary(self.codes[name], *taken)]
             elif name in BINARY:
@@ -347,13 +347,13 @@ class _Reader:
             values += results_of
         results = []
         for entry in self._entries(data["outputs"], f"{place}.outputs", "values"):
-            outputs = self._taken(values, self.items(entry.get("values"), self.place))
+            outputs = self._arguments(values, self.items(entry.get("values"), self.place))
             if len(outputs) != 1 or outputs[0].sparsity() != self.shape(entry["shape"]):
                 self.refuse("values must hold 1 value, of the shape given")
             results += outputs
-        return self._made(data, place, arguments, results)
+        return self._build(data, place, arguments, results)
 
-    def _taken(self, values: list[Any], numbers: list[Any]) -> list[Any]:
+    def _arguments(self, values: list[Any], numbers: list[Any]) -> list[Any]:
         return [values[self.whole(index, len(values), "a value")] for index in numbers]
 
     def _operation(self, node: Any) -> Any:
@@ -361,7 +361,7 @@ class _Reader:
             self.refuse(f"must be [operation, …], got {show(node)}")
         return node
 
-    def _made(
+    def _build(
         self, data: Any, place: str, arguments: list[Any], results: list[Any]
     ) -> casadi.Function:
         self.place = place
@@ -397,7 +397,7 @@ class _Reader:
         self.count(SYMBOL * sum(function.nnz_out(k) for k in range(function.n_out())))
         ends = itertools.accumulate(sizes)
         arguments = [
-            self._filled(function.sparsity_in(k), taken[end - size : end])
+            self._fill(function.sparsity_in(k), taken[end - size : end])
             for k, (size, end) in enumerate(zip(sizes, ends, strict=True))
         ]
         return [

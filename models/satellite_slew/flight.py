@@ -205,14 +205,14 @@ def verify_flight(
         ("final body rate", "13", w[-1:], ends[1], STATES[4:7], "rad/s", end, 0.0),
         ("drift of the quaternion's length", "23", length, DRIFT, item, "", times, 0.0),
     ]  # fmt: skip
-    results = [_held(*case) for case in cases]
+    results = [_check_limit(*case) for case in cases]
     first = min((item for _, item in results if item), key=lambda item: item.time, default=None)
     price = 1.0 + controls**2 @ model.rate_weight
     objective = float(np.diff(times) @ price)
     return Verification(objective, tuple(check for check, _ in results)), first
 
 
-def _held(
+def _check_limit(
     name: str, equation: str, values: Floats, limit: float, entries: Sequence[str], unit: str,
     times: Floats, share: float,
 ) -> tuple[Check, Breach | None]:  # fmt: skip

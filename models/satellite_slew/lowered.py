@@ -152,7 +152,7 @@ def _guess(model: SlewData) -> dict[str, Any]:
     begin = model.initial_gimbals
     end = begin if model.final_gimbals is None else model.final_gimbals
     half = SAMPLES // 2
-    bulge = _coasting(model, attitude[half], rates[half]) - 0.5 * (begin + end)
+    bulge = _coasting_gimbals(model, attitude[half], rates[half]) - 0.5 * (begin + end)
     gimbals = begin + fractions[:, None] * (end - begin)
     gimbals = gimbals + np.sin(np.pi * fractions)[:, None] * bulge
     return {
@@ -164,7 +164,7 @@ def _guess(model: SlewData) -> dict[str, Any]:
     }
 
 
-def _coasting(model: SlewData, attitude: Floats, rates: Floats) -> Floats:
+def _coasting_gimbals(model: SlewData, attitude: Floats, rates: Floats) -> Floats:
     """Return gimbal angles with approximately the momentum of the coast, far from singularities.
 
     Constant or equal gimbal angles are a symmetry, which a search has to leave first. From there it

@@ -212,7 +212,7 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
     ]  # fmt: skip
 
 
-def _saturated(tracking: Tracking) -> list[tuple[float, float]]:
+def _saturated_intervals(tracking: Tracking) -> list[tuple[float, float]]:
     """Return the intervals of time with a saturated command."""
     cut = np.concatenate([[False], tracking.saturated, [False]]).astype(np.int8)
     starts, ends = np.flatnonzero(np.diff(cut) == 1), np.flatnonzero(np.diff(cut) == -1)
@@ -228,5 +228,5 @@ def _errors(
     # The paper's bounds are results and not limits, so nothing is shaded.
     paper = Limit(times[[0, -1]], -bound, bound, label=label, dashes="-.", shaded=False)
     curves, _ = curves_of(names, times, values)
-    shades = {"saturated": _saturated(tracking)}
+    shades = {"saturated": _saturated_intervals(tracking)}
     return Panel(title, unit, curves, [paper], whole=True, shades=shades)

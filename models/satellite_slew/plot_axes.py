@@ -37,10 +37,10 @@ def draw_axes(
 ) -> Figure:
     """Return a figure with the paths of the body axes on the unit sphere."""
     figure, axes = _sphere(title, wrong, size)
-    _dotted(model, axes)
+    _draw_eigenaxis(model, axes)
     if plan is not None:
         part = slew_phase(plan)
-        paths = _ways(part.states(part.grid(_POINTS))[:, :4])
+        paths = _axis_paths(part.states(part.grid(_POINTS))[:, :4])
         for k in range(3):
             axes.plot(*paths[:, k].T, lw=2.4, zorder=5, gid=f"way {'xyz'[k]}", **axis_style(k))
     begin = rotation_matrix(model.initial_attitude)
@@ -110,10 +110,10 @@ def animate_slew(
     part = slew_phase(model.as_plan(plan))
     text = (model.name or model.describe()) if title is None else title
     figure, axes = _sphere(text, False, size)
-    _dotted(model, axes)
+    _draw_eigenaxis(model, axes)
     times = part.grid(frames)
     attitudes = part.states(times)[:, :4]
-    paths = _ways(attitudes)
+    paths = _axis_paths(attitudes)
     lines = [axes.plot([], [], [], lw=2.2, zorder=5, **axis_style(k))[0] for k in range(3)]
     arms = [axes.plot([], [], [], lw=1.2, zorder=6, **axis_style(k))[0] for k in range(3)]
     names = [
@@ -171,18 +171,18 @@ def _sphere(title: str, wrong: bool, size: Any) -> tuple[Figure, Any]:
     return figure, axes
 
 
-def _ways(attitudes: Floats) -> Floats:
+def _axis_paths(attitudes: Floats) -> Floats:
     """Return the body axes in inertial axes, shape (times, axis, 3)."""
     lengths = np.linalg.norm(attitudes, axis=1, keepdims=True)
     result: Floats = np.swapaxes(rotation_matrix(attitudes / lengths), 1, 2)
     return result
 
 
-def _dotted(model: SatelliteSlew, axes: Any) -> None:
+def _draw_eigenaxis(model: SatelliteSlew, axes: Any) -> None:
     """Draw the paths of the rotation about one axis."""
     axis, angle = model.turn
     rotations = rotation_about(axis, np.linspace(0.0, angle, _POINTS))
-    paths = _ways(product(model.initial_attitude, rotations))
+    paths = _axis_paths(product(model.initial_attitude, rotations))
     for k in range(3):
         axes.plot(*paths[:, k].T, lw=1.1, ls=":", color=GREY, zorder=4, gid="eigenaxis")
 

@@ -129,7 +129,7 @@ class Objective:
             begin = clock()
             answers = self.control.ask(x[done : done + self._several])[:, 0]
             self._pace(clock() - begin)
-            values[done : done + len(answers)] = self._counted(x[done:], answers)
+            values[done : done + len(answers)] = self._count(x[done:], answers)
             done += len(answers)
         if self.control.stopped or done < len(points):
             raise Ended
@@ -142,7 +142,7 @@ class Objective:
         elif seconds < _QUESTION / 4:
             self._several = min(self._several * 2, _MOST)
 
-    def _counted(self, x: Floats, answers: Floats) -> Floats:
+    def _count(self, x: Floats, answers: Floats) -> Floats:
         """Return the answers, infinite for non-finite ones; count them and store the best.
 
         Points after one that reaches the target in the same request are ignored: the grouping of points

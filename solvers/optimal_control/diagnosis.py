@@ -60,16 +60,16 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
     )
     program = written.program
     assert isinstance(program, NonlinearProgram)
-    rows, columns = _giving(general, program)
+    rows, columns = _relaxable_blocks(general, program)
     method = f"least widening of limits, {INTERVALS} Radau intervals of {DEGREE} nodes, with ipopt"
     request = Request(time_limit=time_limit)
-    answer, needed = _widen(request, program, rows, columns, MOST)
+    answer, needed = _relax(request, program, rows, columns, MOST)
     termination = answer.termination
     if termination is not Termination.LOCALLY_OPTIMAL:
         return Diagnosis(model.name, None, method, f"not settled: ipopt ended with {termination}")
     if not needed:
         assert answer.point is not None
-        implied = _implied(general, np.asarray(answer.point)[: program.size])
+        implied = _violated_implications(general, np.asarray(answer.point)[: program.size])
         if implied:
             summary = "no plan: a required value contradicts the value that other conditions imply"
             return Diagnosis(model.name, False, method, summary, implied)
@@ -77,12 +77,12 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
     # The relaxation of all limits together is a good start for the relaxation of one.
     assert answer.point is not None
     program = replace(program, guess=np.asarray(answer.point)[: program.size])
-    alone: list[_Widening] = []
+    alone: list[_Relaxation] = []
     for number, block in enumerate([*rows, *columns]):
         if request.left() == 0.0:
             break
         blocks = ([block], []) if number < len(rows) else ([], [block])
-        answer, widenings = _widen(request, program, *blocks, ALONE)
+        answer, widenings = _relax(request, program, *blocks, ALONE)
         if answer.termination is Termination.LOCALLY_OPTIMAL:
             alone += widenings
     if alone:
@@ -99,26 +99,26 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
 
 
 @dataclass(frozen=True)
-class _Widening:
+class _Relaxation:
     """Relaxation of a limit: as a share of its typical size, and as a finding."""
 
     share: float
     finding: Finding
 
 
-def _widen(
+def _relax(
     whole: Request, program: NonlinearProgram, rows: list[Block], columns: list[Block], most: int
-) -> tuple[Answer, list[_Widening]]:
+) -> tuple[Answer, list[_Relaxation]]:
     """Return the answer of the search for the smallest relaxation, and the relaxed limits."""
     relaxed = elastic(program, rows, columns)
     answer = whole.within(find_backend("ipopt"), relaxed.program, options={"max_iter": most})
     if answer.point is None:
         return answer, []
     slack = np.asarray(answer.point)[program.size :]
-    return answer, _gives(relaxed, program, len(rows), slack)
+    return answer, _relaxations(relaxed, program, len(rows), slack)
 
 
-def _implied(model: OptimalControlProblem, point: Vector) -> tuple[Finding, ...]:
+def _violated_implications(model: OptimalControlProblem, point: Vector) -> tuple[Finding, ...]:
     """Return the conditions that the program omitted as implied, and that the motion violates."""
     program = model.formulate(
         "radau", intervals=INTERVALS, degree=DEGREE, refine=False, dependent="keep"
@@ -138,7 +138,7 @@ def _implied(model: OptimalControlProblem, point: Vector) -> tuple[Finding, ...]
     return tuple(result)
 
 
-def _giving(
+def _relaxable_blocks(
     model: OptimalControlProblem, program: NonlinearProgram
 ) -> tuple[list[Block], list[Block]]:
     """Return the blocks of rows and of columns whose limits may be relaxed.
@@ -174,9 +174,9 @@ def _giving(
     return rows, sorted(columns, key=lambda block: not block.name.startswith(first))
 
 
-def _gives(
+def _relaxations(
     relaxed: Elastic, program: NonlinearProgram, rows: int, slack: Vector
-) -> list[_Widening]:
+) -> list[_Relaxation]:
     """Return the limits with a positive slack."""
     result = []
     for number in np.flatnonzero(slack > KEPT):
@@ -191,7 +191,7 @@ def _gives(
             block.name,
             {"block": block.name, "by": amount, "unit": block.unit},
         )
-        result.append(_Widening(float(slack[number]), finding))
+        result.append(_Relaxation(float(slack[number]), finding))
     return result
 
 

@@ -77,7 +77,7 @@ class Parametric:
         pattern = program.first_order.sparsity_out(1)
         row, column = (np.asarray(quantity, np.int64) for quantity in pattern.get_triplet())
         self.rows = np.unique(row[chosen[column]])
-        self._lone = np.setdiff1d(np.arange(program.row_count), self.rows)
+        self._data_rows = np.setdiff1d(np.arange(program.row_count), self.rows)
         self.data = {
             quantity.name: quantity for quantity in layout.definition.parameters if quantity.given
         }
@@ -153,10 +153,10 @@ class Parametric:
         """Return the largest violation of a scaled row; g are the scaled rows passed to solvers."""
         low, high = self.bounds["lbg"], self.bounds["ubg"]
         worst = float(np.maximum(low - g, g - high).max(initial=0.0))
-        if self._lone.size:
+        if self._data_rows.size:
             scaled = self.scaled.bounds
-            data_rows = np.array(self._of_data(p), float).reshape(-1)
-            low, high = scaled["lbg"][self._lone], scaled["ubg"][self._lone]
+            data_rows = np.array(self._data_function(p), float).reshape(-1)
+            low, high = scaled["lbg"][self._data_rows], scaled["ubg"][self._data_rows]
             worst = max(worst, float(np.maximum(low - data_rows, data_rows - high).max()))
         return worst
 
@@ -191,35 +191,35 @@ class Parametric:
     @cached_property
     def gradient(self) -> casadi.Function:
         """``(x, p) -> (f, grad_f_x)``."""
-        return self._posed(self.scaled.gradient)
+        return self._in_free_columns(self.scaled.gradient)
 
     @cached_property
     def jacobian(self) -> casadi.Function:
         """``(x, p) -> (g, jac_g_x)``."""
-        return self._posed(self.scaled.jacobian)
+        return self._in_free_columns(self.scaled.jacobian)
 
     @cached_property
     def first_order(self) -> casadi.Function:
         """``(x, p) -> (f, grad_f_x, g, jac_g_x)``."""
-        return self._posed(self.scaled.first_order)
+        return self._in_free_columns(self.scaled.first_order)
 
     @cached_property
     def hessian(self) -> casadi.Function:
         """``(x, p, lam_f, lam_g) -> (triu_hess_gamma_x_x)``, the upper triangle."""
-        return self._posed(self.scaled.hessian, multipliers=True)
+        return self._in_free_columns(self.scaled.hessian, multipliers=True)
 
     @cached_property
     def whole_hessian(self) -> casadi.Function:
         """``(x, p, lam_f, lam_g) -> (hess_gamma_x_x)``, both triangles."""
-        return self._posed(self.scaled.whole_hessian, multipliers=True)
+        return self._in_free_columns(self.scaled.whole_hessian, multipliers=True)
 
     @cached_property
-    def _of_data(self) -> casadi.Function:
+    def _data_function(self) -> casadi.Function:
         """Scaled rows that depend on the data alone, ``(p) -> (g)``."""
         import casadi
 
         z, p, _, g = self._values()
-        rows = casadi.substitute(g[self._lone.tolist()], z, casadi.DM.zeros(*z.shape))
+        rows = casadi.substitute(g[self._data_rows.tolist()], z, casadi.DM.zeros(*z.shape))
         return casadi.Function("of_data", [p], [rows])
 
     def stacked(self, z: Any, p: Any) -> Any:
@@ -261,7 +261,9 @@ class Parametric:
         z, p = kind.sym("x", self.free.size), kind.sym("p", self.given.size)
         return z, p, self.stacked(z, p)
 
-    def _posed(self, function: casadi.Function, *, multipliers: bool = False) -> casadi.Function:
+    def _in_free_columns(
+        self, function: casadi.Function, *, multipliers: bool = False
+    ) -> casadi.Function:
         """Return `function` of the complete scaled program in terms of the free columns and rows."""
         import casadi
 
@@ -270,8 +272,8 @@ class Parametric:
         if multipliers:
             kind = type(z)
             weight, duals = kind.sym("lam_f"), kind.sym("lam_g", self.rows.size)
-            stacked = casadi.vertcat(duals, casadi.DM.zeros(self._lone.size))
-            order = np.argsort(np.concatenate([self.rows, self._lone]))
+            stacked = casadi.vertcat(duals, casadi.DM.zeros(self._data_rows.size))
+            order = np.argsort(np.concatenate([self.rows, self._data_rows]))
             arguments += [weight, duals]
             extra = [weight, stacked[order.tolist()]]
         outcome = self._function(function)(columns, [], *extra)

@@ -161,8 +161,8 @@ class PreparedSolver:
         backend.load(request)
         self._last: Step | None = None
         #: CasADi's ``nlpsol`` in the scaled free columns, with the data as p.
-        self.solver = self._made({})
-        self._warm = self._made(_WARM_IPOPT) if backend.plugin == "ipopt" else self.solver
+        self.solver = self._make_solver({})
+        self._warm = self._make_solver(_WARM_IPOPT) if backend.plugin == "ipopt" else self.solver
 
     def __repr__(self) -> str:
         posed = self.posed
@@ -206,11 +206,11 @@ class PreparedSolver:
         begin = time.perf_counter()
         p = self.posed.values(data)
         start, multipliers = self._start(warm)
-        result = self._solved(p, start, multipliers)
+        result = self._solve_once(p, start, multipliers)
         previous_iterations = result["iterations"]
         repeated = not result["ok"] and start is not self.posed.guess
         if repeated:
-            result = self._solved(p, self.posed.guess, None)
+            result = self._solve_once(p, self.posed.guess, None)
         step = Step(
             self.posed, p, **{**result, "iterations": result["iterations"] + repeated * previous_iterations},
             seconds=time.perf_counter() - begin, warm=start is not self.posed.guess and not repeated,
@@ -237,7 +237,7 @@ class PreparedSolver:
         plan = ControlPlan(warm.phases, parameters)
         return self.posed.start(self.posed.formulation.encode(plan)), None
 
-    def _solved(
+    def _solve_once(
         self, p: Floats, start: Floats, multipliers: tuple[Floats, Floats] | None
     ) -> dict[str, Any]:
         """Run the solver once and return the fields of a step."""
@@ -305,7 +305,7 @@ class PreparedSolver:
 
     # -- solvers ---------------------------------------------------------------------------------
 
-    def _made(self, more: Mapping[str, Any]) -> Any:
+    def _make_solver(self, more: Mapping[str, Any]) -> Any:
         """Return ``nlpsol`` with the options of the backend and `more` options of the plugin."""
         import casadi
 

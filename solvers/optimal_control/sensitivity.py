@@ -101,7 +101,7 @@ class Sensitivity:
         UnknownName
             The state, control or phase does not exist.
         """
-        parts = [plan.phases[0] if phase is None else plan.phase(phase) for plan in self._moved]
+        parts = [plan.phases[0] if phase is None else plan.phase(phase) for plan in self._perturbed]
         plan = self.point.plan
         part = plan._only(repr(name)) if phase is None else plan.phase(phase)
         number = plan.phases.index(part)
@@ -134,7 +134,7 @@ class Sensitivity:
         return result
 
     @cached_property
-    def _moved(self) -> tuple[ControlPlan, ...]:
+    def _perturbed(self) -> tuple[ControlPlan, ...]:
         """Plans at positive and negative moves of each entry."""
         return tuple(self._plans())
 

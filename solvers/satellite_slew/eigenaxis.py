@@ -44,7 +44,7 @@ END = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
+class _Trial:
     """Simulated rotation, and whether it satisfied all limits."""
 
     loop: ClosedLoop
@@ -121,7 +121,7 @@ class EigenaxisSteering(Backend):
         )  # fmt: skip
 
 
-def _message(problem: SatelliteSlew, kept: bool, flight: Flight) -> str:
+def _message(problem: SatelliteSlew, is_feasible: bool, flight: Flight) -> str:
     if not flight.settled:
         return "the satellite has not settled within the time range"
     if flight.measure < problem.singularity_limit:
@@ -129,7 +129,7 @@ def _message(problem: SatelliteSlew, kept: bool, flight: Flight) -> str:
             f"the gyros come as near to a singularity as det(A A') = {flight.measure:.3g}, below "
             f"{problem.singularity_limit:g}"
         )
-    return "" if kept else "the limits of rate or torque were not kept in the search"
+    return "" if is_feasible else "the limits of rate or torque were not kept in the search"
 
 
 def _farthest(places: list[float], centre: float) -> float:
@@ -152,12 +152,12 @@ class _Search:
             / float(model.magnitudes(model.inertia @ self.axis).max())
         )
 
-    def fastest(self) -> _Found | None:
+    def fastest(self) -> _Trial | None:
         """Return the fastest rotation within all limits, or the slowest trial if there is none.
 
         A higher peak rate leaves less acceleration, so the optimum is an intermediate rate.
         """
-        trials: dict[float, _Found] = {}
+        trials: dict[float, _Trial] = {}
         for share in SHARES:
             trial = self.at(share)
             if trial is None:
@@ -182,14 +182,14 @@ class _Search:
         return trials[best]
 
     @staticmethod
-    def _best(tried: Mapping[float, _Found]) -> float | None:
-        kept = [share for share, found in tried.items() if found.kept]
-        return min(kept, key=lambda share: tried[share].duration, default=None)
+    def _best(tried: Mapping[float, _Trial]) -> float | None:
+        feasible = [share for share, trial in tried.items() if trial.kept]
+        return min(feasible, key=lambda share: tried[share].duration, default=None)
 
-    def at(self, share: float) -> _Found | None:
+    def at(self, share: float) -> _Trial | None:
         """Return the rotation with the peak rate `share` of the limit and the highest acceleration."""
         limit, push, too_hard = self.most, self.most, np.inf
-        best: _Found | None = None
+        best: _Trial | None = None
         for _ in range(ATTEMPTS):
             if self.request.control.stopped:
                 return None
@@ -209,7 +209,7 @@ class _Search:
             push = min(proposed if low < proposed < too_hard else 0.5 * (low + too_hard), limit)
         return best or trial
 
-    def flown(self, share: float, push: float, least: float) -> _Found:
+    def flown(self, share: float, push: float, least: float) -> _Trial:
         """Simulate a rotation coarsely, and check all limits.
 
         The flight is aborted if the singularity measure falls below `least`.
@@ -227,7 +227,7 @@ class _Search:
             and flight.gimbal_rate <= 1.0 + CUT
             and flight.rate <= 1.0 + SLACK
         )
-        return _Found(loop, flight, kept)
+        return _Trial(loop, flight, kept)
 
 
 class PseudoInverseSteering(EigenaxisSteering):

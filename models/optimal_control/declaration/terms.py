@@ -362,11 +362,11 @@ def compile_function(
     with contextlib.suppress(RuntimeError):
         # Functions from other sources may have no scalar form.
         result = result.expand()
-    _refuse_nan(name, result, ", ".join(results))
+    _reject_nan(name, result, ", ".join(results))
     return result
 
 
-def _refuse_nan(name: str, function: casadi.Function, what: str) -> None:
+def _reject_nan(name: str, function: casadi.Function, what: str) -> None:
     """Raise if NaN occurs among the scalar operations of `function`."""
     if not function.is_a("SXFunction"):
         return

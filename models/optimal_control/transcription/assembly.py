@@ -73,7 +73,7 @@ class Assembly:
         The latter multiply the entries of the node functions, visit by visit: (rows, entries × visits).
         """
         linear = Triplets()
-        spreads = tuple(self._spread(k, linear) for k in range(len(self.layout.phases)))
+        spreads = tuple(self._coefficients(k, linear) for k in range(len(self.layout.phases)))
         row = self.row_starts[-1] + self.boundaries
         for phase in self.free_lengths:
             linear.add(row, phase.time_columns, [-1.0, 1.0])
@@ -85,7 +85,7 @@ class Assembly:
         r, c, value, _ = linear.joined()
         return sp.csr_array((value, (r, c)), shape=(self.row_count, self.layout.size)), spreads
 
-    def _spread(self, number: int, linear: Triplets) -> sp.csr_array:
+    def _coefficients(self, number: int, linear: Triplets) -> sp.csr_array:
         """Return the coefficients of a phase's node functions, and add the linear part of its rows."""
         phase, integrals = self.layout.phases[number], self.layout.phases[number].phase.integrals
         first, spread = self.row_starts[number], Triplets()

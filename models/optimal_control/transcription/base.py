@@ -393,8 +393,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def compared(self, point: Floats, objective: float, tolerance: float) -> Self | None:
         """Return the formulation on a finer mesh if the other scheme has another optimum."""
-        own = float(self.program.objective(point))  # type: ignore[attr-defined]
-        difference = relative_change(self.sizes.objective, own, objective)
+        current = float(self.program.objective(point))  # type: ignore[attr-defined]
+        difference = relative_change(self.sizes.objective, current, objective)
         if difference <= AGREED * tolerance:
             return None
         assert self.confirmed_by is not None
@@ -410,7 +410,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if finer.meshes is None:
             return None
         errors = tuple(np.full(mesh.intervals, np.inf) for mesh in self._meshes)
-        history = History(self.decode(point), own, self._meshes, errors)
+        history = History(self.decode(point), current, self._meshes, errors)
         return self._with(_meshes=finer.meshes, _history=history, _told=rows)
 
     @property

@@ -206,11 +206,11 @@ def _effects(
     path_slopes[:, np.concatenate([x, nz + np.arange(nu), rest])] = slopes[-1, nz:][paths]
     if not (np.isfinite(conditions).all() and np.isfinite(path_slopes).all()):
         return None
-    later = _cleaned(path_slopes, moves)
+    later = _clean(path_slopes, moves)
     begun: Bools = np.any(later[:, nu * (nodes + 1) + x], axis=1)
     later[:, nu * (nodes + 1) + x] = 0.0
     begun &= ~np.any(later, axis=1)
-    return _cleaned(conditions, moves), later, begun
+    return _clean(conditions, moves), later, begun
 
 
 class _Motion:
@@ -274,7 +274,7 @@ class _Motion:
         return (z, slopes, adjoint) if resolved.all() else None
 
 
-def _cleaned(slopes: Floats, moves: Floats) -> Floats:
+def _clean(slopes: Floats, moves: Floats) -> Floats:
     """Return the effects of `moves`, with 0 if all terms of an effect cancel."""
     effects, terms = slopes @ moves, np.abs(slopes) @ np.abs(moves)
     return np.where(np.abs(effects) > NONE * terms, effects, 0.0)

@@ -77,7 +77,7 @@ def _nonzeros(matrix: Any, kind: Any) -> Any:
     return casadi.vec(matrix.nz[:]) if matrix.nnz() else kind(0, 1)
 
 
-def _of_node(phase: Phase, parameters: int) -> Twice:
+def _node_function(phase: Phase, parameters: int) -> Twice:
     """Return the node function of a phase: ``[(h/2) rate; (h/2) integrand; path]``.
 
     The first argument stacks x, u, ``T = [t0, tf]`` and p. The second is ``[σ, δ]``: the fraction of
@@ -94,7 +94,7 @@ def _of_node(phase: Phase, parameters: int) -> Twice:
     return _differentiate("node", free, entries, [free, place], kind)
 
 
-def _of_ends(definition: Definition) -> Twice:
+def _end_function(definition: Definition) -> Twice:
     """Return ``[objective; boundary]`` as a function of the endpoint vector and the parameters."""
     function = definition.endpoint
     kind = _symbols(function)
@@ -109,8 +109,8 @@ class Functions:
 
     def __init__(self, definition: Definition) -> None:
         parameters = len(definition.parameter_names)
-        self.nodes = tuple(_of_node(phase, parameters) for phase in definition.phases)
-        self.endpoint = _of_ends(definition)
+        self.nodes = tuple(_node_function(phase, parameters) for phase in definition.phases)
+        self.endpoint = _end_function(definition)
 
 
 _known: WeakKeyDictionary[Definition, Functions] = WeakKeyDictionary()

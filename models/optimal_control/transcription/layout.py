@@ -221,7 +221,7 @@ class PhaseLayout:
 
     def column_blocks(self, several: bool) -> list[Block]:
         """Return the blocks of the phase's columns, with the phase's name if there are several."""
-        of, template = _words(self.phase.name, several)
+        of, template = _suffix_and_template(self.phase.name, several)
         blocks, start = [], self.first
 
         def add(name: str, size: int, index: Whole | None, unit: str) -> None:
@@ -244,7 +244,7 @@ class PhaseLayout:
 
     def row_blocks(self, first: int, several: bool) -> list[Block]:
         """Return the blocks of the phase's rows, which begin at row `first`."""
-        of, template = _words(self.phase.name, several)
+        of, template = _suffix_and_template(self.phase.name, several)
         blocks, start = [], first
         interval = np.repeat(np.arange(len(self.schemes)), np.diff(self.row_starts))
         row = np.concatenate([np.arange(s.left.shape[0]) for s in self.schemes])
@@ -282,7 +282,7 @@ class PhaseLayout:
         return blocks
 
 
-def _words(name: str, several: bool) -> tuple[str, str]:
+def _suffix_and_template(name: str, several: bool) -> tuple[str, str]:
     of = f" of {name}" if several else ""
     return of, "in interval {1}, node {2}"
 

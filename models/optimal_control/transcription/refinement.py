@@ -232,7 +232,7 @@ def next_meshes(
     why = ""
     if verified is not None:
         if verified and change <= SETTLED * tolerance:
-            halved, text = _looked_again(
+            halved, text = _reexamine(
                 model, plan, meshes, rules, objectives, tolerance, former, strains
             )
             if halved is None:
@@ -245,7 +245,7 @@ def next_meshes(
     for k, (mesh, report, part) in enumerate(zip(meshes, reports, plan.phases, strict=True)):
         noisy = np.zeros(mesh.intervals, bool)
         if former is not None:
-            noisy = _noisy(mesh, report, former.meshes[k], former.errors[k])
+            noisy = _noisy_intervals(mesh, report, former.meshes[k], former.errors[k])
         merge = worst > SHARE * tolerance
         strained = strains[k] > RELEASED * tolerance * size
         finer, done = _refine(mesh, report, part, rules, limit, noisy, strained, merge)
@@ -259,7 +259,7 @@ def next_meshes(
     return replace(finding, meshes=tuple(finer_meshes), words=text)
 
 
-def _looked_again(
+def _reexamine(
     model: OptimalControlProblem,
     plan: ControlPlan,
     meshes: Sequence[Mesh],
@@ -319,7 +319,7 @@ def denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
     return tuple(finer)
 
 
-def _noisy(mesh: Mesh, report: Report, old: Mesh, errors: Floats) -> NDArray[np.bool_]:
+def _noisy_intervals(mesh: Mesh, report: Report, old: Mesh, errors: Floats) -> NDArray[np.bool_]:
     """Return the refined intervals with an unchanged error whose control is smooth except for noise.
 
     On a singular arc the program is insensitive to the control, which is as noisy as the solver is
@@ -411,7 +411,7 @@ def _decide(
         # A derivative of the motion jumps where a constraint becomes active or inactive.
         edges = sorted({edge for window in windows for edge in window if abs(edge) < 0.99})
         if 0 < len(edges) <= 6:
-            edges = _parted(edges, float(report.places[k]))
+            edges = _limit_part(edges, float(report.places[k]))
             return edges, [low] * (len(edges) + 1), "cut where a bound begins or ceases to bind"
     if report.decays[k] >= SMOOTH:
         # One decade more than needed, because another examination of the interval costs a mesh.
@@ -423,11 +423,11 @@ def _decide(
     # Not smooth and no switch: enclose the place of the largest error as closely as the nodes allow.
     place, gap = float(report.places[k]), min(0.5, 1.5 / degree)
     inner = [c for c in (place - gap, place + gap) if abs(c) < 1.0 - 0.5 * gap]
-    inner = _parted(inner or [0.0], place)
+    inner = _limit_part(inner or [0.0], place)
     return inner, [low] * (len(inner) + 1), "cut about where the error is largest"
 
 
-def _parted(inner: list[float], place: float) -> list[float]:
+def _limit_part(inner: list[float], place: float) -> list[float]:
     """Return cuts in [-1, 1] that limit the part around `place` to a share :data:`MOST` of the interval."""
     edges = [-1.0, *inner, 1.0]
     index = int(np.clip(np.searchsorted(edges, place), 1, len(edges) - 1))

@@ -84,8 +84,8 @@ class Report:
     @cached_property
     def worst(self) -> Floats:
         """The larger of error and violation per interval, on the scale of the error."""
-        found: Floats = np.maximum(self.errors, self.violations * (SHARE / ALLOWED))
-        return found
+        result: Floats = np.maximum(self.errors, self.violations * (SHARE / ALLOWED))
+        return result
 
 
 def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
@@ -100,7 +100,7 @@ def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
         for group in _groups(course):
             rows = group.rows
             errors[rows], places[rows] = _errors(group, sizes.states, sizes.integrals)
-            violations[rows], positions = _violated(phase, group, sizes)
+            violations[rows], positions = _violations(phase, group, sizes)
             places[rows] = np.where(violations[rows] > errors[rows], positions, places[rows])
             decays[rows], tails[rows] = _decays(phase, group)
             chatters[rows] = _chatters(phase, group.controls)
@@ -196,7 +196,7 @@ def _errors(group: _Group, size: Floats, integral_sizes: Floats) -> tuple[Floats
     return np.where(np.isfinite(errors), errors, np.inf), fine[steps.argmax(axis=1)]
 
 
-def _violated(phase: Phase, group: _Group, sizes: PhaseSizes) -> tuple[Floats, Floats]:
+def _violations(phase: Phase, group: _Group, sizes: PhaseSizes) -> tuple[Floats, Floats]:
     """Return the largest relative violation between the nodes of each interval, and its place."""
     tau, tables = group.between
     worst, where = np.zeros(group.rows.size), np.zeros(group.rows.size)

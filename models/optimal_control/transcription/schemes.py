@@ -214,8 +214,10 @@ def integration(count: int) -> tuple[Floats, Floats]:
     """
     nodes, weights = gauss_points(count)
     matrix = np.empty((count + 1, count))
-    own = barycentric_weights(nodes)
+    barycentric = barycentric_weights(nodes)
     for row, end in enumerate(np.append(nodes, 1.0)):
         half = 0.5 * (end + 1.0)
-        matrix[row] = half * weights @ interpolation(nodes, -1.0 + half * (nodes + 1.0), own)
+        matrix[row] = (
+            half * weights @ interpolation(nodes, -1.0 + half * (nodes + 1.0), barycentric)
+        )
     return frozen(nodes), frozen(matrix)
