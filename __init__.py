@@ -1,4 +1,4 @@
-"""Declare planning problems as their papers state them, solve them with any backend, check every answer.
+"""Declare planning problems as their papers state them, solve them and verify every plan.
 
 ::
 
@@ -9,8 +9,8 @@
     print(best.plan, best.gap, best.verification)
     print(ct.compare([model], ["label-setting", "two-stage", "highs"], time_limit=60))
 
-The models live in :mod:`crosstrack.models`, the backends in :mod:`crosstrack.solvers` and the
-catalogue in :mod:`crosstrack.instances`. Nothing heavy is imported before it is used.
+:mod:`crosstrack.models` holds the models, :mod:`crosstrack.solvers` the backends and
+:mod:`crosstrack.instances` the catalogue. Solvers and scientific libraries are imported at first use.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ __all__ = [
     "verify",
 ]
 
-#: Sub-packages, loaded when they are asked for.
+#: Sub-packages, imported at first use.
 _PACKAGES = ("errors", "instances", "models", "solvers")
 
 

@@ -1,9 +1,9 @@
-"""The command line: it parses, calls the public face and prints.
+"""Command line: parse the arguments, call the public functions and print the result.
 
 Exit codes: 0 verified; 1 internal error; 2 usage, bad data, or an output that
 cannot be written; 3 proven infeasible or unbounded;
 4 no answer within limits, or an inconclusive comparison; 5 backend missing or broken; 6 verification
-failed, or a contradiction; 130 interrupted with the incumbent kept.
+failed, or the backends contradict each other; 130 interrupted, with the incumbent returned.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from .errors import BackendBroken, BackendMissing, CrosstrackError, InvalidData,
 from .solvers.report.terminal import discard, emit, prepare, reserve, say
 from .version import __version__
 
-#: How writing fails on a full disk or a closed stream.
+#: Error numbers of a write to a full disk or a closed stream.
 _UNWRITABLE = {getattr(errno, name) for name in ("EBADF", "EDQUOT", "EFBIG", "EIO", "ENOSPC")}
 
-#: The module below `cli` that holds each command.
+#: Module in `cli` that defines each command.
 _HOMES = {
     "backends": "lists",
     "models": "lists",
@@ -47,7 +47,7 @@ _HOMES = {
 
 
 class _Help(click.HelpFormatter):
-    """Help that fits a narrow terminal: there, what an option does stands below it."""
+    """Formatter of help pages that puts descriptions below the options on narrow terminals."""
 
     def write_dl(
         self, rows: Iterable[tuple[str, str]], col_max: int = 30, col_spacing: int = 2
@@ -60,7 +60,7 @@ class _Context(click.Context):
 
 
 class _Commands(Mapping[str, click.Command]):
-    """The commands by name, each loaded when it is asked for."""
+    """Mapping of command names to commands, imported at first use."""
 
     def __getitem__(self, name: str) -> click.Command:
         home = importlib.import_module(f".cli.{_HOMES[name]}", __package__)
@@ -91,11 +91,11 @@ cli.context_class = _Context
 
 
 def fail(code: int, error: BaseException, as_json: bool) -> NoReturn:
-    """Report an error on standard error, as JSON on standard output where that was asked, and exit."""
+    """Report `error` on standard error, and as JSON on standard output if requested, and exit."""
     message = error.format_message() if isinstance(error, click.ClickException) else str(error)
     if as_json:
         field = getattr(error, "field", None)
-        with contextlib.suppress(InvalidData):  # standard error says it as well
+        with contextlib.suppress(InvalidData):  # standard error receives the message as well
             emit({"error": {"type": type(error).__name__, "message": message, "field": field}})
     if isinstance(error, click.ClickException):
         error.show()
@@ -111,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     prepare()
     reserve()
     try:
-        # Without this, click takes no terminal to be narrower than 50 columns.
+        # click's default width is at least 50 columns, even on narrower terminals.
         width = min(shutil.get_terminal_size().columns, 80) - 2
         code = cli.main(
             arguments, prog_name="crosstrack", standalone_mode=False, terminal_width=width
@@ -131,7 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         fail(USAGE, error, as_json)
     except (KeyboardInterrupt, click.Abort):
         fail(INTERRUPTED, KeyboardInterrupt("interrupted"), as_json)
-    except OSError as error:  # of click's own output; what else is written has errors of its own
+    except OSError as error:  # click's own output; other writes raise InvalidData
         if error.errno not in _UNWRITABLE:
             _report_bug(error, as_json)
         discard(sys.stdout)

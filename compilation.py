@@ -29,7 +29,7 @@ _requested: set[bytes] = set()
 
 
 def is_cached(dispatcher: Any, arguments: tuple[Any, ...]) -> bool:
-    """Return whether Numba's cache on disk holds `dispatcher` compiled for these arguments."""
+    """Return whether Numba's cache on disk contains `dispatcher` compiled for these arguments."""
     cache: Any = getattr(dispatcher, "_cache", None)
     file = getattr(cache, "_cache_file", None)
     if file is None:
@@ -48,7 +48,7 @@ def is_cached(dispatcher: Any, arguments: tuple[Any, ...]) -> bool:
 
 
 def name_by_key(file: Any, stamp: object) -> None:
-    """Have Numba's cache file name the compiled code by types and `stamp`, and write the index last.
+    """Make Numba's cache name compiled code by its types and `stamp`, and write its index last.
 
     Numba numbers the code of a kernel in the order of the index that it has read. Two processes
     that compile one kernel for different types at the same time choose the same number, and a later
@@ -73,15 +73,24 @@ def name_by_key(file: Any, stamp: object) -> None:
 
 
 def request(module: str, name: str, arguments: tuple[Any, ...]) -> None:
-    """Have the kernel `name` of `module` compiled for the types of `arguments` in the background.
+    """Compile the kernel `name` of `module` for the types of `arguments` in the background.
 
-    The process starts with the first request. It ends after the last one, when this process has
-    ended too.
+    The first request starts the background process. It ends after the last request, once this
+    process has ended.
+
+    Parameters
+    ----------
+    module : str
+        Name of the module that defines the kernel.
+    name : str
+        Qualified name of the kernel in the module.
+    arguments : tuple
+        Arguments of a call; arrays are described by type, not by value.
     """
     global _process
     try:
         body = pickle.dumps((module, name, [_describe(value) for value in arguments]))
-    except Exception as error:  # a class that only this process knows
+    except Exception as error:  # a class that other processes cannot import
         log.debug("%s.%s cannot be compiled elsewhere", module, name, exc_info=error)
         return
     with _lock:
@@ -100,14 +109,14 @@ def request(module: str, name: str, arguments: tuple[Any, ...]) -> None:
             )
             log.info("kernels are being compiled in the background")
         assert _process.stdin is not None
-        with contextlib.suppress(OSError):  # it was killed; the next run compiles instead
+        with contextlib.suppress(OSError):  # the process was killed; the next run compiles instead
             _process.stdin.write(struct.pack("<Q", len(body)) + body)
             _process.stdin.flush()
 
 
 @atexit.register
 def _leave() -> None:
-    """Let the process finish alone, without a warning that it still runs."""
+    """Detach the background process without Python's warning that it still runs."""
     if _process is not None and _process.stdin is not None:
         with contextlib.suppress(OSError):
             _process.stdin.close()
@@ -115,7 +124,7 @@ def _leave() -> None:
 
 
 def serve() -> None:
-    """Compile what is requested on the standard input, until that ends."""
+    """Compile the kernels requested on standard input until its end."""
     if hasattr(os, "nice"):
         os.nice(_NICE)
     stream = sys.stdin.buffer
@@ -127,7 +136,7 @@ def serve() -> None:
 
 
 def _describe(value: Any) -> Any:
-    """Return what determines the compiled types of `value`: arrays without their entries."""
+    """Return a description of the compiled type of `value`, without the entries of arrays."""
     import numpy as np
 
     if isinstance(value, np.ndarray):
@@ -140,7 +149,7 @@ def _describe(value: Any) -> Any:
 
 
 def _sample(description: Any) -> Any:
-    """Return a value of the types that `description` names."""
+    """Return a value with the types in `description`."""
     import numpy as np
 
     if description[0] == "value":

@@ -1,17 +1,17 @@
-"""The exceptions of crosstrack, one tree.
+"""Exceptions of crosstrack.
 
 ::
 
     CrosstrackError
-    ├── InvalidData            a model, plan or file holds a value that is not allowed
-    ├── UnknownName            no model, instance, backend or formulation bears this name
+    ├── InvalidData            a model, plan or file contains a value that is not allowed
+    ├── UnknownName            no model, instance, backend or formulation has this name
     ├── BackendMissing         the backend's package is not installed
-    ├── BackendBroken          the package is installed, yet cannot be used
-    ├── UnsupportedOption      the backend or formulation does not know the option or its value
-    ├── UnsupportedFormulation the formulation does not cover what the model asks for
-    ├── HiddenData             a backend asks for what the model hides from backends
-    ├── NoDerivative           a solution is no differentiable function of its data
-    └── WorkerFailure          what ran in a process of its own has ended that process, or hung
+    ├── BackendBroken          the package is installed but cannot be used
+    ├── UnsupportedOption      the backend or formulation does not accept the option or its value
+    ├── UnsupportedFormulation the formulation does not cover a feature of the model
+    ├── HiddenData             a backend reads a field that the model hides from backends
+    ├── NoDerivative           the solution is not a differentiable function of its data
+    └── WorkerFailure          a call in a worker process raised, crashed or timed out
 
 Every message names the field, the value and what is allowed.
 """
@@ -38,42 +38,66 @@ __all__ = [
 ]
 
 
-#: Names above which an error does not list them all.
+#: Largest number of names that an error message lists in full.
 MOST = 48
 
 
 def show(value: Any) -> str:
-    """Return `value` for an error message, cut to a readable length."""
+    """Return the representation of `value` for an error message.
+
+    Parameters
+    ----------
+    value : object
+        Any value, including one whose ``repr`` raises.
+
+    Returns
+    -------
+    str
+        ``repr(value)``, cut to 60 characters.
+    """
     try:
         text = repr(value)
         text.encode()
-    except Exception:  # too deep, too many digits, no UTF-8, or a stranger's own fault
+    except Exception:  # nested too deeply, too many digits, invalid UTF-8, or a bug in __repr__
         text = f"a value of type {type(value).__name__}"
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def suggestion(name: object, known: Iterable[str]) -> str:
-    """Return ``"did you mean …? "`` with the names nearest to `name`, empty where none is near."""
+    """Return ``"did you mean …? "`` with up to three names similar to `name`, or ``""``.
+
+    Parameters
+    ----------
+    name : object
+        The unknown name; any value other than a string gives ``""``.
+    known : iterable of str
+        The valid names.
+
+    Returns
+    -------
+    str
+        The question with a trailing space; empty if no name is similar.
+    """
     if not isinstance(name, str):
         return ""
-    folded = {one.casefold(): one for one in known}
+    folded = {item.casefold(): item for item in known}
     near = difflib.get_close_matches(name.casefold(), folded, n=3)
-    return f"did you mean {' or '.join(repr(folded[one]) for one in near)}? " if near else ""
+    return f"did you mean {' or '.join(repr(folded[item]) for item in near)}? " if near else ""
 
 
 class CrosstrackError(Exception):
-    """Base of every exception that crosstrack raises on purpose."""
+    """Base class of all exceptions that crosstrack raises deliberately."""
 
 
 class InvalidData(CrosstrackError, ValueError):
-    """A model, a plan or a file holds a value that is not allowed.
+    """A model, a plan or a file contains a value that is not allowed.
 
     Parameters
     ----------
     message : str
         Field, value and what is allowed.
     field : str, optional
-        The field at fault, for programs that want to point at it.
+        Name of the invalid field, for programs that highlight it.
     """
 
     def __init__(self, message: str, *, field: str | None = None) -> None:
@@ -82,16 +106,16 @@ class InvalidData(CrosstrackError, ValueError):
 
 
 class UnknownName(CrosstrackError, LookupError):
-    """No model, instance, backend or formulation bears this name.
+    """No model, instance, backend or formulation has this name.
 
     Parameters
     ----------
     what : str
-        The kind of thing that was looked up, such as ``"backend"``.
+        Kind of the object, such as ``"backend"``.
     name : str
-        The name that was not found.
+        The unknown name.
     known : iterable of str
-        The names that exist; the nearest are suggested.
+        The valid names. The message suggests those most similar to `name`.
     """
 
     def __init__(self, what: str, name: Any, known: Iterable[str]) -> None:
@@ -105,28 +129,28 @@ class UnknownName(CrosstrackError, LookupError):
 
 
 class BackendMissing(CrosstrackError, ImportError):
-    """The backend's package is not installed; the message says what to install."""
+    """The backend's package is not installed; the message names the package to install."""
 
 
 class BackendBroken(CrosstrackError, RuntimeError):
-    """The backend's package is installed, yet it cannot be used; the message gives the cause."""
+    """The backend's package is installed but cannot be used; the message gives the cause."""
 
 
 class UnsupportedOption(CrosstrackError, ValueError):
-    """The backend or formulation does not know the option, or not this value of it."""
+    """The backend or formulation does not accept the option or its value."""
 
 
 class UnsupportedFormulation(CrosstrackError, ValueError):
-    """The formulation does not cover what the model asks for."""
+    """The formulation does not cover a feature of the model."""
 
 
 class HiddenData(CrosstrackError, AttributeError):
-    """A field that the model hides from backends was read where only a backend's view of it is."""
+    """A hidden field of the model was read from the view that backends receive."""
 
 
 class NoDerivative(CrosstrackError, ArithmeticError):
-    """A solution is no differentiable function of its data; the message says which condition fails."""
+    """The solution is not a differentiable function of its data; the message names the condition that fails."""
 
 
 class WorkerFailure(CrosstrackError, RuntimeError):
-    """A function called in a worker raised, killed its process, or passed its deadline."""
+    """A function called in a worker process raised, ended its process or exceeded its deadline."""

@@ -1,4 +1,4 @@
-"""Reading and writing files: whole, bounded, and with errors that name the file."""
+"""Bounded reading and atomic writing of files, with errors that name the file."""
 
 from __future__ import annotations
 
@@ -18,30 +18,48 @@ __all__ = [
     "write_text",
 ]  # fmt: skip
 
-#: Bytes that a file may hold, and so may all files together that an instance refers to.
+#: Largest size of a file in bytes, and of all files together that an instance refers to.
 LARGEST_FILE = 256 << 20
 
 
 def as_path(path: Any) -> Path:
-    """Return `path` as a path; what is none raises."""
+    """Return `path` as a :class:`~pathlib.Path`, or raise :class:`InvalidData`."""
     try:
-        found = Path(path)
-        os.fsencode(found)
-        return found
+        result = Path(path)
+        os.fsencode(result)
+        return result
     except (TypeError, UnicodeEncodeError):
         raise InvalidData(f"path must name a file, got {show(path)}", field="path") from None
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """Return the UTF-8 text of a file, without its byte-order mark; lines end as they stand.
+    """Return the UTF-8 text of a file or pipe without its byte-order mark.
 
-    The file may be a pipe; more than :data:`LARGEST_FILE` bytes raise.
+    Line ends are not translated.
+
+    Raises
+    ------
+    InvalidData
+        The file cannot be read, has more than :data:`LARGEST_FILE` bytes or is not UTF-8.
     """
     return decoded(read_bytes(path), as_path(path))
 
 
 def read_bytes(path: str | os.PathLike[str], most: int = LARGEST_FILE) -> bytes:
-    """Return what a file or a pipe holds, one byte more than `most` at the most."""
+    """Return the content of a file or pipe, at most ``most + 1`` bytes.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    most : int
+        Size limit in bytes. A result of ``most + 1`` bytes means that the file exceeds it.
+
+    Raises
+    ------
+    InvalidData
+        The file does not exist or cannot be read.
+    """
     file = as_path(path)
     try:
         with file.open("rb") as stream:
@@ -54,12 +72,18 @@ def read_bytes(path: str | os.PathLike[str], most: int = LARGEST_FILE) -> bytes:
 
 
 def read_input() -> str:
-    """Return the UTF-8 text on standard input, bounded as files are."""
+    """Return the UTF-8 text on standard input, at most :data:`LARGEST_FILE` bytes."""
     return decoded(sys.stdin.buffer.read(LARGEST_FILE + 1), "standard input")
 
 
 def decoded(raw: bytes, file: str | Path) -> str:
-    """Return the text in `raw`, which `file` holds; what is no UTF-8 raises, naming the line."""
+    """Return `raw`, the content of `file`, as text.
+
+    Raises
+    ------
+    InvalidData
+        `raw` has more than :data:`LARGEST_FILE` bytes or is not UTF-8; the message names the line.
+    """
     if len(raw) > LARGEST_FILE:
         raise InvalidData(f"{file}: holds more than {LARGEST_FILE} bytes")
     try:
@@ -72,12 +96,25 @@ def decoded(raw: bytes, file: str | Path) -> str:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> Path:
-    """Write `text` as UTF-8 in one step: whoever reads sees the old content or the new.
+    """Write `text` as UTF-8 atomically: readers see either the old or the new content.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file; a link stays a link and its target is replaced.
+    text : str
+        The new content.
+
+    Returns
+    -------
+    pathlib.Path
+        `path`.
 
     Raises
     ------
     InvalidData
-        The text or the file cannot be written, or the path leads to no regular file.
+        `text` is not encodable as UTF-8, the file cannot be written, or `path` exists and is not a
+        regular file.
     """
     if not isinstance(text, str):
         raise InvalidData(f"text must be a str, got {show(text)}", field="text")
@@ -89,9 +126,9 @@ def write_text(path: str | os.PathLike[str], text: str) -> Path:
 
 
 def write_bytes(path: str | os.PathLike[str], raw: bytes) -> Path:
-    """Write `raw` in one step, as :func:`write_text` does; an existing file keeps its mode."""
+    """Write `raw` atomically; see :func:`write_text`. An existing file keeps its mode."""
     file = as_path(path)
-    # A link stays a link: what it points at is replaced.
+    # A link stays a link; its target is replaced.
     target = Path(os.path.realpath(file))
     partial = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
@@ -112,21 +149,26 @@ def write_bytes(path: str | os.PathLike[str], raw: bytes) -> Path:
     return file
 
 
-def _require_regular(file: Path, found: os.stat_result | None) -> None:
-    """Raise where `found` is no regular file: a device or a pipe must not be replaced by a file."""
-    if found is not None and not stat.S_ISREG(found.st_mode):
+def _require_regular(file: Path, status: os.stat_result | None) -> None:
+    """Raise if `file` is a device or a pipe, which a regular file must not replace."""
+    if status is not None and not stat.S_ISREG(status.st_mode):
         raise InvalidData(f"{file}: is no regular file, and only such are written", field="file")
 
 
 def writable(path: str | os.PathLike[str], suffixes: Sequence[str] = ()) -> Path:
-    """Return the path of a file to write; whatever would keep it from being written raises now.
+    """Return the path of a file to write, after checking that it can be written.
 
     Parameters
     ----------
     path : str or path-like
         The file.
     suffixes : sequence of str
-        What its name may end in; anything where empty.
+        Allowed suffixes in lower case, such as ``".html"``; empty for any.
+
+    Raises
+    ------
+    InvalidData
+        The suffix is not allowed, the folder does not exist, or the file cannot be written.
     """
     file = as_path(path)
     if suffixes and file.suffix.lower() not in suffixes:
@@ -137,7 +179,7 @@ def writable(path: str | os.PathLike[str], suffixes: Sequence[str] = ()) -> Path
         raise InvalidData(f"{file}: folder {file.parent} does not exist", field="file")
     exists = file.exists()
     _require_regular(file, file.stat() if exists else None)
-    # What replaces the file is written beside it first.
+    # The new content is first written to a temporary file in the same folder.
     folder = Path(os.path.realpath(file)).parent
     if not os.access(folder, os.W_OK) or (exists and not os.access(file, os.W_OK)):
         raise InvalidData(f"{file}: cannot be written", field="file")

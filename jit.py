@@ -1,11 +1,11 @@
-"""One decorator for all loops on plain arrays: interpreted while that is quick, compiled beyond.
+"""Decorator for loops on plain arrays, which are interpreted at first and compiled later.
 
-Importing Numba takes half a second and compiling many; small problems need neither. So the first
-:data:`BUDGET` seconds that a process spends in kernels are interpreted, by the same source and with
-the same results, bit for bit. A kernel that uses the budget up starts again, compiled, and from then
-on every kernel compiles at its first call, or is loaded from the cache on disk.
+Importing Numba takes half a second and compiling takes longer. Small problems need neither, so the
+first :data:`BUDGET` seconds that a process spends in kernels are interpreted. The source is the same
+and the results are equal bit for bit. A kernel that exhausts the budget restarts compiled. From then
+on every kernel is compiled at its first call, or loaded from the cache on disk.
 
-A run with a wall-clock limit (:func:`within`) compiles a kernel only if that is expected to fit in
+A run with a wall-clock limit (:func:`within`) compiles a kernel only if the expected time fits in
 the time left. Otherwise the kernel is interpreted until the limit, and a background process compiles
 it for later runs (:mod:`crosstrack.compilation`).
 """
@@ -42,23 +42,23 @@ __all__ = [
     "within",
 ]
 
-#: Labels of one search above which it gives up rather than fill the memory: about 3 GB.
+#: Largest number of labels in one search, about 3 GB. A search that exceeds it stops.
 MOST_LABELS = 50_000_000
-#: Seconds of interpretation in a process: what importing Numba and loading compiled code takes, so
-#: that no run takes much longer than twice what the better choice would have taken.
+#: Interpretation time of a process, in seconds. It equals the time to import Numba and load compiled
+#: code, so a run takes at most about twice the time of the better choice.
 BUDGET = 0.5
-#: Entries of an array above which nothing is interpreted: a loop that calls no kernel notices only at
-#: its end that the budget is used up, and takes about 10 µs for each.
+#: Largest array that is interpreted, in entries. A loop that calls no kernel detects only at its end
+#: that the budget is exhausted, and takes about 10 µs per entry.
 _MOST = 30_000
-#: Seconds that compiling takes for each bytecode of a kernel and those it calls, as measured.
+#: Measured compile time in seconds per bytecode of a kernel and of the kernels it calls.
 _PER_BYTECODE = 1.5e-3
-#: Seconds of silence, after which a person is told what takes so long.
+#: Seconds of compiling after which a warning is logged.
 _SILENCE = 1.0
-#: Seconds for importing Numba, and for each kernel that is loaded from the cache, as measured.
+#: Measured seconds for importing Numba, and for each kernel that is loaded from the cache.
 _IMPORT, _LOAD = 0.8, 0.03
-#: Share of the time left that compiling may be expected to take: other processes may slow it down.
+#: Largest share of the time left for compiling; other processes may slow it down.
 _SHARE = 0.15
-#: Seconds that an interpreted kernel may run beyond the limit, to return what it has.
+#: Seconds that an interpreted kernel may run beyond the limit, to return its current result.
 _GRACE = 0.3
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -72,7 +72,10 @@ _compiling = threading.RLock()
 
 
 class _BudgetUsedUp(Exception):
-    """Raised by the kernels that an interpreted one calls, and caught where that was called."""
+    """The interpretation budget is exhausted.
+
+    Kernels called by an interpreted kernel raise it, and the outermost kernel catches it.
+    """
 
 
 class OutOfTime(Exception):
@@ -84,11 +87,11 @@ class _DoesNotFit(Exception):
 
 
 class _Here(threading.local):
-    """State of the thread: the kernel being interpreted, and the limits of the run."""
+    """Thread-local state: the kernel being interpreted and the limit of the run."""
 
-    #: End of the budget for the kernel that is being interpreted; 0 if none is.
+    #: End of the budget for the kernel being interpreted; 0 outside of interpreted kernels.
     deadline = 0.0
-    #: Limit for the kernel that is interpreted because compiling takes too long, and when it began.
+    #: Limit of the kernel that is interpreted because compiling takes too long, and its start time.
     stretched: Limit | None = None
     begun = 0.0
     #: The limit of the run in this thread.
@@ -103,7 +106,7 @@ class Limit:
     seconds : float, optional
         Seconds from now; None for no limit.
     share : float
-        Share of them that interpreted kernels may use, in 0..1.
+        Share of `seconds` that interpreted kernels may use, in 0..1.
 
     Attributes
     ----------
@@ -119,19 +122,27 @@ class Limit:
 
     @property
     def is_interpreted_too_long(self) -> bool:
-        """Whether kernels have used up the time for interpretation."""
+        """Whether interpreted kernels have exhausted their share of the time."""
         return bool(self.interpreted) and perf_counter() > self.interpretation_end
 
 
 _here = _Here()
-#: Limits of all runs of the process; a helper thread of a run, which has none itself, takes the last.
+#: Limits of all runs of the process. A helper thread without a limit of its own uses the last.
 _limits: list[Limit] = []
 #: Threads in kernels that :data:`_Here.stretched` interprets.
 _stretching: set[int] = set()
 
 
 class Kernel:
-    """A function on plain arrays, interpreted or compiled; ``.py_func`` is its Python meaning."""
+    """Function on plain arrays, interpreted or compiled.
+
+    Parameters
+    ----------
+    function : callable
+        The loop in Python, available as ``.py_func``.
+    interpretable : bool
+        Whether calls from outside of kernels may be interpreted; see :func:`kernel`.
+    """
 
     def __init__(self, function: Callable[..., Any], interpretable: bool) -> None:
         self.py_func = function
@@ -140,7 +151,7 @@ class Kernel:
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Run the loop; only from outside of kernels is there a choice how."""
+        """Run the loop; kernels called by a kernel run in the mode of their caller."""
         global _left
         deadline = _here.deadline
         if deadline:
@@ -173,7 +184,7 @@ class Kernel:
             return self._stretch(arguments)
 
     def _stretch(self, arguments: tuple[Any, ...]) -> Any:
-        """Interpret the loop until the limit of the run, and have it compiled in the background."""
+        """Interpret the loop until the limit of the run, and compile it in the background."""
         limit = _limit()
         limit.interpreted.add(self.py_func.__name__)
         compilation.request(self.py_func.__module__, self.py_func.__qualname__, arguments)
@@ -190,11 +201,11 @@ class Kernel:
             _stretching.discard(thread)
 
     def _require_time(self, arguments: tuple[Any, ...] | None) -> None:
-        """Raise unless the time left is enough to compile for `arguments`, or to load what was."""
+        """Raise unless the time left suffices to compile for `arguments` or to load compiled code."""
         left = _limit().end - perf_counter()
         if left == float("inf"):
             return
-        called = _called(self)
+        called = _callees(self)
         size = sum(len(kernel.py_func.__code__.co_code) // 2 for kernel in called)
         seconds = 0.0 if "numba" in sys.modules else _IMPORT
         if left <= seconds + _LOAD * len(called):
@@ -208,39 +219,39 @@ class Kernel:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """Numba's function: compiled for the types of a call, and kept on disk.
+        """Numba's dispatcher, which compiles for the types of a call and caches on disk.
 
-        It divides as NumPy does, and runs without the interpreter's lock, so that a timer or Ctrl-C
-        can set the stop flag meanwhile.
+        Division follows NumPy. The compiled code releases the interpreter lock, so that a timer or
+        Ctrl-C can set the stop flag while it runs.
         """
         import numba
 
-        # Nobody calls kernels from C, and a wrapper for that takes a tenth of the compiling.
-        how: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+        # The wrapper for calls from C is unused and takes a tenth of the compile time.
+        options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
         try:
-            made = numba.njit(cache=True, **how)(self.py_func)
-            # Numba looks at this function's file alone, and would call what a kernel of another file
-            # was when this one was compiled.
-            file = getattr(getattr(made, "_cache", None), "_cache_file", None)
+            dispatcher = numba.njit(cache=True, **options)(self.py_func)
+            # Numba's cache checks this function's file alone, and would call outdated code of a
+            # kernel in another file.
+            file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
             if file is not None:  # None if NUMBA_DISABLE_JIT is set
                 compilation.name_by_key(file, _stamp(self))
         except RuntimeError as error:
-            # Neither beside the source nor in the user's folder may anything be written.
+            # Neither the source folder nor the user's cache folder is writable.
             log.info("compiled code is not kept: %s", error)
-            made = numba.njit(**how)(self.py_func)
-        later = getattr(made, "_compile_for_args", None)
-        if later is not None:  # what Numba calls for arguments of other types than those met before
+            dispatcher = numba.njit(**options)(self.py_func)
+        compile_new = getattr(dispatcher, "_compile_for_args", None)
+        if compile_new is not None:  # Numba calls it for arguments of new types
 
             def compile_for(*arguments: Any, **keywords: Any) -> Any:
                 self._require_time(None if keywords else arguments)
-                return self._timed(partial(later, *arguments, **keywords))
+                return self._timed(partial(compile_new, *arguments, **keywords))
 
-            made._compile_for_args = compile_for
-        return made
+            dispatcher._compile_for_args = compile_for
+        return dispatcher
 
     @cached_property
     def _numba_type_(self) -> Any:
-        """What Numba asks of a name that compiled code calls."""
+        """Numba type of the kernel if compiled code calls it."""
         return _type_of_callee()(self.dispatcher)
 
     def compile_for(self, arguments: tuple[Any, ...]) -> None:
@@ -249,20 +260,20 @@ class Kernel:
         self._compile(arguments)
 
     def _compile(self, arguments: tuple[Any, ...]) -> None:
-        """Compile for the types of `arguments`, or load what was, while the watchers wait."""
+        """Compile for the types of `arguments`, or load compiled code, inside the watchers."""
         self._require_time(arguments)
 
         def work() -> None:
             import numba
 
-            if hasattr(self.dispatcher, "compile"):  # not where NUMBA_DISABLE_JIT is set
+            if hasattr(self.dispatcher, "compile"):  # absent if NUMBA_DISABLE_JIT is set
                 self.dispatcher.compile(tuple(map(cast(Any, numba.typeof), arguments)))
 
         self._timed(work)
         self._ready = True
 
     def _timed(self, work: Callable[[], Any]) -> Any:
-        """Return what `work` does, which compiles, while the watchers wait."""
+        """Return the result of `work`, which compiles, run inside the watchers."""
         global _spent
         with ExitStack() as stack:
             stack.enter_context(_compiling)
@@ -275,8 +286,8 @@ class Kernel:
             timer.daemon = True
             stack.callback(timer.cancel)
 
-            class Begun(event.Listener):
-                """Told when something is compiled, rather than loaded from disk."""
+            class CompileListener(event.Listener):
+                """Listener that starts the timer when Numba compiles rather than loads from disk."""
 
                 def on_start(self, event: Any) -> None:
                     if timer.ident is None:
@@ -285,13 +296,13 @@ class Kernel:
                 def on_end(self, event: Any) -> None:
                     pass
 
-            stack.enter_context(event.install_listener("numba:compile", Begun()))
-            found = work()
+            stack.enter_context(event.install_listener("numba:compile", CompileListener()))
+            result = work()
             _spent += perf_counter() - begin
-        return found
+        return result
 
     def _announce(self) -> None:
-        size = sum(len(one.py_func.__code__.co_code) // 2 for one in _called(self))
+        size = sum(len(kernel.py_func.__code__.co_code) // 2 for kernel in _callees(self))
         seconds = max(1, round(_PER_BYTECODE * size))
         log.warning("compiling once, about %d s (%s)", seconds, self.py_func.__name__)
 
@@ -304,39 +315,43 @@ def _type_of_callee() -> Any:
     plain: Any = types.unliteral
 
     class Callee(types.Dispatcher):
-        """A kernel that kernels call: constants among its arguments get no code of their own."""
+        """Kernel called by kernels; constant arguments are compiled as variables of their type."""
 
         def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-            return super().get_call_type(context, tuple(plain(one) for one in args), kws)
+            return super().get_call_type(context, tuple(plain(argument) for argument in args), kws)
 
     register_model(Callee)(models.OpaqueModel)
     return Callee
 
 
 def _is_small(arguments: tuple[Any, ...]) -> bool:
-    arrays = (part for one in arguments for part in (one if isinstance(one, tuple) else (one,)))
+    arrays = (
+        part
+        for argument in arguments
+        for part in (argument if isinstance(argument, tuple) else (argument,))
+    )
     return all(getattr(array, "size", 0) <= _MOST for array in arrays)
 
 
-def _called(kernel: Kernel) -> set[Kernel]:
+def _callees(kernel: Kernel) -> set[Kernel]:
     """Return `kernel` and the kernels that it calls, directly or through others."""
-    found: set[Kernel] = set()
+    result: set[Kernel] = set()
     todo = [kernel]
     while todo:
-        one = todo.pop()
-        if one not in found:
-            found.add(one)
-            names = one.py_func.__code__.co_names
-            values = (one.py_func.__globals__.get(name) for name in names)
+        item = todo.pop()
+        if item not in result:
+            result.add(item)
+            names = item.py_func.__code__.co_names
+            values = (item.py_func.__globals__.get(name) for name in names)
             todo += [value for value in values if isinstance(value, Kernel)]
-    return found
+    return result
 
 
 def _stamp(kernel: Kernel) -> tuple[tuple[str, int, int], ...]:
-    """Return what changes when a file does beside which `kernel`, or one that it calls, is written."""
-    folders = {Path(one.py_func.__code__.co_filename).parent for one in _called(kernel)}
+    """Return name, time and size of all Python files in the folders of `kernel` and its callees."""
+    folders = {Path(item.py_func.__code__.co_filename).parent for item in _callees(kernel)}
     files = sorted(path for folder in folders for path in folder.glob("*.py"))
-    # An editor's lock may be a link to nothing.
+    # An editor's lock file may be a dangling link, for which stat() raises.
     stamps = ((path.name, path.lstat()) for path in files)
     return tuple((name, stamp.st_mtime_ns, stamp.st_size) for name, stamp in stamps)
 
@@ -346,16 +361,21 @@ def kernel(function: F) -> F: ...
 @overload
 def kernel(*, interpretable: bool) -> Callable[[F], F]: ...
 def kernel(function: Callable[..., Any] | None = None, *, interpretable: bool = False) -> Any:
-    """Make a :class:`Kernel` of `function`, a loop over arrays and numbers that Numba compiles.
+    """Return a :class:`Kernel` for `function`, a loop over arrays and numbers.
 
     Parameters
     ----------
     function : callable
-        The loop. Kernels that it calls run as it does.
+        The loop, in the subset of Python that Numba compiles. Kernels that it calls run in its mode.
     interpretable : bool
-        Whether it may be interpreted when it is called from outside of kernels. It must be able to
-        start again, so it may fill arguments but not update them; and it must not sum arrays with
-        NumPy, which adds in another order than compiled code.
+        Whether calls from outside of kernels may be interpreted. The loop must be restartable, so it
+        may fill arguments but not update them. It must not sum arrays with NumPy, which adds in
+        another order than compiled code.
+
+    Returns
+    -------
+    Kernel
+        The callable, or a decorator if `function` is None.
     """
     if function is None:
         return lambda function: Kernel(function, interpretable)
@@ -363,23 +383,23 @@ def kernel(function: Callable[..., Any] | None = None, *, interpretable: bool = 
 
 
 def clock() -> float:
-    """Return seconds as ``time.perf_counter`` counts them, without those spent compiling so far."""
+    """Return ``time.perf_counter()`` minus the time spent compiling so far, in seconds."""
     return perf_counter() - _spent
 
 
 def interpreting() -> bool:
-    """Return whether kernels are still interpreted, so that there is nothing to compile yet."""
+    """Return whether the interpretation budget has time left, so that calls compile nothing yet."""
     return _left > 0.0
 
 
 def compile_always() -> None:
-    """Compile every kernel at its first call from now on, for whoever measures."""
+    """Compile every kernel at its first call from now on, for measurements and tests."""
     global _left
     _left = 0.0
 
 
 def _limit() -> Limit:
-    """Return the limit of the run that this thread works for."""
+    """Return the limit of the run that this thread belongs to."""
     limit = _here.limit or (_limits[-1] if _limits else None)
     return _UNLIMITED if limit is None else limit
 
@@ -389,7 +409,7 @@ _UNLIMITED = Limit(None)
 
 @contextmanager
 def within(limit: Limit) -> Iterator[None]:
-    """Apply `limit` to the kernels that this thread calls, and the helper threads of its run."""
+    """Apply `limit` to the kernels called by this thread and by the helper threads of its run."""
     former, _here.limit = _here.limit, limit
     _limits.append(limit)
     try:
@@ -402,7 +422,7 @@ def within(limit: Limit) -> Iterator[None]:
 def end_interpretation(thread: int) -> None:
     """Raise :class:`OutOfTime` in a thread that interprets a kernel beyond its limit.
 
-    Only a loop that calls no other kernel and polls no flag needs it.
+    Only a loop that neither calls a kernel nor polls the stop flag needs it.
     """
     if thread in _stretching:
         error = ctypes.py_object(OutOfTime)
@@ -411,7 +431,7 @@ def end_interpretation(thread: int) -> None:
 
 @contextmanager
 def watched(watcher: Watcher) -> Iterator[None]:
-    """Enter ``watcher()`` around whatever is compiled meanwhile, by any thread of the process."""
+    """Enter ``watcher()`` around each compilation in any thread of the process."""
     _watchers.append(watcher)
     try:
         yield

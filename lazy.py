@@ -1,4 +1,4 @@
-"""Names that a package exports and loads only when they are asked for."""
+"""Lazy exports of a package."""
 
 from __future__ import annotations
 
@@ -19,7 +19,16 @@ def attach(
     package : str
         The package's ``__name__``.
     homes : mapping of str to tuple of str
-        The names to export, by the module below the package that holds them.
+        Exported names by the module that defines them, relative to the package.
+
+    Returns
+    -------
+    get : callable
+        ``__getattr__``, which imports the module of a name at first use.
+    names_of : callable
+        ``__dir__``.
+    names : list of str
+        ``__all__``, sorted.
     """
     modules = {name: module for module, names in homes.items() for name in names}
     names = sorted(modules)

@@ -1,3 +1,3 @@
-"""The version of crosstrack."""
+"""Version of crosstrack."""
 
 __version__ = "0.1.0"

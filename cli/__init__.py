@@ -1,1 +1,1 @@
-"""The commands of the command line; :mod:`crosstrack.__main__` loads each when it is asked for."""
+"""Commands of the command line; :mod:`crosstrack.__main__` imports each at first use."""

@@ -1,4 +1,4 @@
-"""The commands of campaigns: bench runs one, report shows its records."""
+"""Commands for campaigns: ``bench`` runs one, ``report`` shows its records."""
 
 from __future__ import annotations
 
@@ -24,60 +24,60 @@ __all__ = ["bench", "report"]
     "--record",
     required=True,
     metavar="FILE",
-    help="Append every answer to FILE at once, one JSON line each.",
+    help="Append each answer to FILE when it arrives, one JSON line per answer.",
 )
-@click.option("--resume", is_flag=True, help="Go on with FILE, running only what it lacks.")
-@click.option("--retry", is_flag=True, help="With --resume, run what failed again as well.")
-@click.option("--workers", type=int, default=1, show_default=True, help="Jobs at the same time.")
+@click.option("--resume", is_flag=True, help="Continue FILE and run only the missing jobs.")
+@click.option("--retry", is_flag=True, help="With --resume, run failed jobs again.")
+@click.option("--workers", type=int, default=1, show_default=True, help="Number of parallel jobs.")
 @click.option("--cluster", metavar="ADDRESS", help="A Dask scheduler, such as tcp://host:8786.")
-@click.option("--report", "page", metavar="FILE", help="Write a page about the records (html).")
+@click.option("--report", "page", metavar="FILE", help="Write a page of the records (html).")
 @as_json
 def bench(
     campaign: str, record: str, resume: bool, retry: bool, workers: int, cluster: str | None, page: str | None, as_json: bool
 ) -> int:  # fmt: skip
-    """Run the jobs of CAMPAIGN.toml, each in a process of its own, and judge the answers."""
+    """Run the jobs of CAMPAIGN.toml, one worker process per job, and compare the answers."""
     from ..files import writable
     from ..solvers.bench import Campaign, running
     from ..solvers.report.terminal import progress, say
 
-    asked = Campaign.read(campaign)
+    plan = Campaign.read(campaign)
     target = None if page is None else apart(writable(page, (".html",)), record, campaign)
     with progress(f"{campaign}:") as news:
 
-        def told(found: Progress) -> None:
-            news(str(found))
+        def on_progress(records: Progress) -> None:
+            news(str(records))
 
-        found = running.bench(
-            asked,
+        records = running.bench(
+            plan,
             record=record,
             resume=resume,
             retry=retry,
             workers=workers,
             cluster=cluster,
-            on_progress=told,
+            on_progress=on_progress,
         )
-    if target is not None and found.solutions:
+    if target is not None and records.solutions:
         from ..solvers.bench.page import write_page
 
-        # The campaign's own instances: what a record names opens no file.
-        load = {task.job.model.name: task.job.model for task in asked.tasks}.__getitem__
+        # Use the campaign's own instances, so that a name in the record opens no file.
+        load = {task.job.model.name: task.job.model for task in plan.tasks}.__getitem__
         again = shlex.join(["crosstrack", "bench", campaign, "--record", "again.jsonl"])
-        say(f"report: {write_page(found, target, title=found.title, command=again, load=load)}")
-    return _shown(found, as_json)
+        say(f"report: {write_page(records, target, title=records.title, command=again, load=load)}")
+    return _print_records(records, as_json)
 
 
 @click.command(short_help="Show the records of a campaign as a page.")
 @click.argument("record", metavar="RECORD.jsonl")
 @click.option("--output", required=True, metavar="FILE", help="Where to write the page (html).")
-@click.option("--title", default="", help="Its title (default: the record's name).")
+@click.option("--title", default="", help="Title of the page (default: the record's name).")
 @click.option(
     "--backends",
     metavar="NAMES",
-    help="Only these, separated by commas, on the instances that all of them ran on.",
+    help="Restrict to these backends, separated by commas, and to the instances that all of them ran on.",
 )
 @as_json
 def report(record: str, output: str, title: str, backends: str | None, as_json: bool) -> int:
-    """Write one page that shows RECORD.jsonl, and needs nothing beside it."""
+    """Write a self-contained page that shows RECORD.jsonl."""
     from ..files import writable
     from ..instances.catalogue import entry
     from ..solvers.bench.page import write_page
@@ -85,19 +85,19 @@ def report(record: str, output: str, title: str, backends: str | None, as_json: 
     from ..solvers.report.terminal import say
 
     target = apart(writable(output, (".html",)), record)
-    found = read_records(record, title=title)
+    records = read_records(record, title=title)
     if backends is not None:
-        found = found.among(*(name.strip() for name in backends.split(",")))
+        records = records.among(*(name.strip() for name in backends.split(",")))
 
     def load(name: str) -> Model[Any]:
-        return entry(name).build()  # what a record names opens no file
+        return entry(name).build()  # a name in the record opens no file
 
-    say(f"report: {write_page(found, target, title=found.title, load=load)}")
-    return _shown(found, as_json)
+    say(f"report: {write_page(records, target, title=records.title, load=load)}")
+    return _print_records(records, as_json)
 
 
 def apart(page: Path, *files: str) -> Path:
-    """Return the path of a page, which must not be one of the files that it is made of."""
+    """Return the path of the page, or raise if it is one of the input files."""
     from ..errors import InvalidData
 
     for file in files:
@@ -106,14 +106,14 @@ def apart(page: Path, *files: str) -> Path:
     return page
 
 
-def _shown(found: Records, as_json: bool) -> int:
-    """Print what the records amount to; return the exit code."""
+def _print_records(records: Records, as_json: bool) -> int:
+    """Print a summary of the records and return the exit code."""
     from ..solvers.report.terminal import emit, show
 
     if as_json:
-        emit(found.to_dict())
+        emit(records.to_dict())
     else:
-        show(*found.parts())
-    if found.interrupted:
+        show(*records.parts())
+    if records.interrupted:
         return INTERRUPTED
-    return {"AGREED": VERIFIED, "CONTRADICTION": VIOLATED}.get(str(found.outcome), NO_ANSWER)
+    return {"AGREED": VERIFIED, "CONTRADICTION": VIOLATED}.get(str(records.outcome), NO_ANSWER)

@@ -1,4 +1,4 @@
-"""The demonstration: every backend on one instance of a problem, or on a user's own data."""
+"""Demonstration: solve an instance of a problem, or the user's data, with every backend."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
 
 __all__ = ["demo"]
 
-#: The picture where no other is named.
+#: Default file of the picture.
 _PICTURE = "crosstrack-demo.png"
 
 
 @cache
-def _declared() -> tuple[click.Option, ...]:
-    """Return the options that the problems' demonstrations declare, the first of equal names."""
+def _declared_options() -> tuple[click.Option, ...]:
+    """Return the options declared by the problems' demonstrations; the first of equal names counts."""
     from ..instances.demos import demos
 
-    found: dict[str, click.Option] = {}
-    for one in demos().values():
-        for name, option in one.options.items():
+    result: dict[str, click.Option] = {}
+    for demonstration in demos().values():
+        for name, option in demonstration.options.items():
             default = "" if option.default is None else f"  [default: {option.default}]"
-            found.setdefault(
+            result.setdefault(
                 name,
                 click.Option(
                     [f"--{name.replace('_', '-')}", name],
@@ -38,15 +38,15 @@ def _declared() -> tuple[click.Option, ...]:
                     help=option.help + default,
                 ),
             )
-    return tuple(found.values())
+    return tuple(result.values())
 
 
 class _DemoCommand(click.Command):
-    """A command whose options are those that the problems declare, beside its own."""
+    """Command that adds the options declared by the problems."""
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         problem, *rest = super().get_params(ctx)
-        return [problem, *_declared(), *rest]
+        return [problem, *_declared_options(), *rest]
 
 
 @click.command(cls=_DemoCommand, short_help="Show a problem with every backend.")
@@ -54,12 +54,12 @@ class _DemoCommand(click.Command):
 @click.option(
     "--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run."
 )
-@click.option("--plot", metavar="FILE", help=f"Where the picture goes.  [default: {_PICTURE}]")
+@click.option("--plot", metavar="FILE", help=f"File of the picture.  [default: {_PICTURE}]")
 @as_json
-def demo(problem: str, time_limit: float, plot: str | None, as_json: bool, **given: Any) -> int:
-    """Solve an instance of PROBLEM with every backend, print the verdict, draw the plan.
+def demo(problem: str, time_limit: float, plot: str | None, as_json: bool, **data: Any) -> int:
+    """Solve an instance of PROBLEM with every backend, print the verdict and draw the plan.
 
-    PROBLEM is error-correction where none is named: a route past 327 points.
+    The default PROBLEM is error-correction: a route past 327 points.
     """
     from ..instances.demos import build_demo
     from ..solvers.crosscheck import Comparison, compare, rejudged
@@ -74,24 +74,24 @@ def demo(problem: str, time_limit: float, plot: str | None, as_json: bool, **giv
         picture = None
         say(f"nothing is drawn: {error}")
     model: Model[Any] = build_demo(
-        problem, {name: value for name, value in given.items() if value is not None}
+        problem, {name: value for name, value in data.items() if value is not None}
     )
     if not as_json:
         show(f"{model.name}: {model.describe()}", f"  digest {model.digest}")
     chosen = fitting(model)
-    # Native first; their best plan then starts the programs' solvers.
+    # Native backends run first; their best plan is the warm start of the program solvers.
     native = [name for name in chosen if isinstance(model, find_backend(name, model).accepts)]
     parts: list[Comparison] = []
-    with progress("solving:") as news:
+    with progress("solving:") as status:
 
-        def ended(solution: Solution[Any]) -> None:
-            news(f"{solution.backend} {solution.termination}")
+        def on_solution(solution: Solution[Any]) -> None:
+            status(f"{solution.backend} {solution.termination}")
 
-        for names in (native, [name for name in chosen if name not in native]):
+        for group in (native, [name for name in chosen if name not in native]):
             start = rejudged(model, *parts).verdicts[0].best if parts else None
-            if names:
+            if group:
                 part = compare(
-                    model, names, time_limit=time_limit, warm_start=start, on_solution=ended
+                    model, group, time_limit=time_limit, warm_start=start, on_solution=on_solution
                 )
                 parts.append(part)
     result = rejudged(model, *parts)
@@ -101,6 +101,6 @@ def demo(problem: str, time_limit: float, plot: str | None, as_json: bool, **giv
     if as_json:
         emit(result.to_dict())
     else:
-        found = [] if best is None else [f"best plan, by {best.backend}: {best.plan}"]
-        show(*result.parts(), *found)
+        lines = [] if best is None else [f"best plan, by {best.backend}: {best.plan}"]
+        show(*result.parts(), *lines)
     return compare_code(result)

@@ -1,4 +1,4 @@
-"""The commands that list what there is: backends, models, instances."""
+"""Commands that list backends, models and instances."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["backends", "instances", "models"]
 
 
 @click.command(short_help="List the backends and what they prove.")
-@click.option("--probe", is_flag=True, help="Load each one in a worker to find what is broken.")
+@click.option("--probe", is_flag=True, help="Load each backend in a worker to find broken ones.")
 @as_json
 def backends(probe: bool, as_json: bool) -> int:
-    """List the backends: installed or not, version, what they accept, guarantee, features."""
+    """List the backends with their state, version, accepted models, guarantee and features."""
     from ..solvers.probing import probe as probed
     from ..solvers.registry import backend_states
     from ..solvers.report.tables import table
@@ -54,10 +54,10 @@ def models(as_json: bool) -> int:
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, show
 
-    found: list[dict[str, Any]] = []
+    result: list[dict[str, Any]] = []
     for kind, cls in loadable_models():
         unit = cls.objective_unit
-        found.append(
+        result.append(
             {
                 "model": kind,
                 "class": f"{cls.__module__}.{cls.__qualname__}",
@@ -65,15 +65,15 @@ def models(as_json: bool) -> int:
                     name: cls.formulation_type(name).summary for name in cls.formulations
                 },
                 "default_formulation": cls.default_formulation or None,
-                # None where each problem of the kind has its own.
+                # None if each problem of the kind has its own unit.
                 "objective_unit": unit if isinstance(unit, str) else None,
                 "summary": (cls.__doc__ or "").strip().partition("\n")[0],
             }
         )
     if as_json:
-        emit(found)
+        emit(result)
     else:
-        rows = [(f["model"], _plain(f["summary"]), ", ".join(f["formulations"])) for f in found]
+        rows = [(f["model"], _plain(f["summary"]), ", ".join(f["formulations"])) for f in result]
         show(table("", ("model", "summary", "formulations"), rows))
     return VERIFIED
 
@@ -81,16 +81,16 @@ def models(as_json: bool) -> int:
 @click.command(short_help="List the instances of the catalogue.")
 @as_json
 def instances(as_json: bool) -> int:
-    """List the catalogue: papers, published figures, where the data comes from."""
+    """List the catalogue with papers, published values and sources of the data."""
     from ..instances.catalogue import entries
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, show
 
-    found = entries()
+    catalogue = entries()
     if as_json:
-        emit([entry.to_dict() for entry in found])
+        emit([entry.to_dict() for entry in catalogue])
     else:
-        rows = [(e.name, e.model, e.provenance, e.title, e.note) for e in found]
+        rows = [(e.name, e.model, e.provenance, e.title, e.note) for e in catalogue]
         columns = ("instance", "model", "data", "title", "note")
         show(table("", columns, rows, whole=("model", "data"), drop=("note", "model", "data")))
     return VERIFIED

@@ -1,4 +1,4 @@
-"""What several commands share: exit codes, options, and the drawing of a picture."""
+"""Exit codes, shared options and the drawing of pictures."""
 
 from __future__ import annotations
 
@@ -35,32 +35,32 @@ __all__ = [
     "reading",
 ]
 
-#: The exit codes; ``crosstrack.__main__`` says what each means.
+#: Exit codes, explained in ``crosstrack.__main__``.
 VERIFIED, INTERNAL, USAGE, INFEASIBLE, NO_ANSWER, MISSING, VIOLATED = range(7)
 INTERRUPTED = 130
 
 _PLOT_SUFFIXES = (".png", ".pdf", ".svg")
 
 
-#: The options that commands share one by one.
+#: Options shared by several commands.
 def as_json(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--json``, and leave standard output to what the command answers."""
+    """Add ``--json``, which reserves standard output for the JSON document."""
     option = click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
-    found: Callable[..., Any] = option(reserved()(command))
-    return found
+    result: Callable[..., Any] = option(reserved()(command))
+    return result
 
 
 in_process = click.option(
     "--in-process",
     is_flag=True,
-    help="Run solvers in this process, where one that crashes ends the command.",
+    help="Run solvers in this process; a solver that crashes then ends the command.",
 )
 plot = click.option("--plot", metavar="FILE", help="Write a picture of the plan (png, pdf, svg).")
 details = click.option(
     "--details",
     is_flag=True,
-    help="Show the plan row by row, such as the errors at each stop, where the model knows how, and how "
-    "its program was refined.",
+    help="Show the details of the plan row by row, such as the errors at each stop, if the model provides "
+    "them, and the refinement of its program.",
 )
 tolerance = click.option(
     "--tolerance",
@@ -68,58 +68,60 @@ tolerance = click.option(
     help="Largest violation accepted, relative to each constraint's scale (default: 1e-6).",
 )
 memory_limit = click.option(
-    "--memory-limit", type=float, help="MiB that a run may hold in memory, at least 64 (Linux)."
+    "--memory-limit", type=float, help="Memory limit of a run in MiB, at least 64 (Linux)."
 )
 _READING: list[Callable[..., Any]] = [
     click.option(
         "--data",
         multiple=True,
         metavar="KEY=VALUE",
-        help="What INSTANCE lacks where it is a CSV or Excel file, such as alpha1=25.",
+        help="A value that a CSV or Excel file lacks, such as alpha1=25.",
     ),
     click.option(
-        "--model", metavar="KIND", help="The kind of model of such a file, if several fit."
+        "--model", metavar="KIND", help="Model kind of a CSV or Excel file, if several fit."
     ),
     click.option(
         "--trusted",
         is_flag=True,
-        help="You know who wrote INSTANCE: functions in CasADi's own text, which can run code, are read.",
+        help="Trust the author of INSTANCE: read functions in CasADi's text format, which can run code.",
     ),
     click.option(
         "--folder",
         metavar="FOLDER",
-        help="Where files may lie that INSTANCE refers to (default: below its own folder).",
+        help="Folder of the files that INSTANCE refers to (default: the folder of INSTANCE).",
     ),
 ]
 _COMMON: list[Callable[..., Any]] = [
     click.option("--formulation", help="Formulation for backends that take programs."),
-    click.option("--time-limit", type=float, help="Seconds for a run, building included."),
+    click.option("--time-limit", type=float, help="Seconds for a run, including building."),
     memory_limit,
     click.option("--gap", type=float, help="Relative gap at which an exact backend may stop."),
     tolerance,
-    click.option("--seed", type=int, help="Seed for backends that draw."),
-    click.option("--threads", type=int, help="Threads for backends that use several."),
+    click.option("--seed", type=int, help="Seed of backends that use random numbers."),
+    click.option("--threads", type=int, help="Number of threads, for backends that use several."),
     click.option(
-        "--evaluations", type=int, help="Evaluations granted, for backends that count them."
+        "--evaluations", type=int, help="Limit of evaluations, for backends that count them."
     ),
-    click.option("--target", type=float, help="An objective that is good enough to stop at."),
+    click.option(
+        "--target", type=float, help="Stop at a plan with this objective or a better one."
+    ),
     click.option("--warm-start", metavar="PLAN.json", help="A plan to start from; verified first."),
     as_json,
 ]
 
 
 def reading(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of reading an instance file; the command gets them as ``reading``."""
+    """Add the options for reading an instance file; the command receives them as ``reading``."""
 
     @functools.wraps(command)
-    def called(*, data: Sequence[str], **others: Any) -> Any:
-        how = {name: others.pop(name) for name in ("model", "trusted", "folder")}
-        return command(reading={"data": pairs(data, "--data"), **how}, **others)
+    def wrapper(*, data: Sequence[str], **arguments: Any) -> Any:
+        options = {name: arguments.pop(name) for name in ("model", "trusted", "folder")}
+        return command(reading={"data": pairs(data, "--data"), **options}, **arguments)
 
-    found: Callable[..., Any] = called
+    result: Callable[..., Any] = wrapper
     for option in reversed(_READING):
-        found = option(found)
-    return found
+        result = option(result)
+    return result
 
 
 def common(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -130,40 +132,40 @@ def common(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def pairs(values: Sequence[str], option: str) -> dict[str, Any]:
-    """Return ``KEY=VALUE`` options as a mapping; a value that is JSON is read as such."""
-    found: dict[str, Any] = {}
+    """Return ``KEY=VALUE`` options as a mapping; values that are valid JSON are decoded."""
+    result: dict[str, Any] = {}
     for value in values:
         key, sign, text = value.partition("=")
         if not sign or not key:
             raise click.BadParameter(f"{value!r} is not KEY=VALUE", param_hint=option)
         try:
-            found[key] = json.loads(text)
+            result[key] = json.loads(text)
         except json.JSONDecodeError:
-            found[key] = text
-    return found
+            result[key] = text
+    return result
 
 
 def only(**options: Any) -> dict[str, Any]:
-    """Return the options that were given."""
+    """Return the options that are not None."""
     return {name: value for name, value in options.items() if value is not None}
 
 
 def numbers(text: str) -> set[int]:
-    """Return the whole numbers that ``1-6,9`` names."""
-    found: set[int] = set()
+    """Return the integers in a list of numbers and ranges such as ``1-6,9``."""
+    result: set[int] = set()
     for part in text.split(","):
         first, dash, last = part.partition("-")
         try:
-            found.update(range(int(first), int(last if dash else first) + 1))
+            result.update(range(int(first), int(last if dash else first) + 1))
         except ValueError:
             raise click.BadParameter(
                 f"{part!r} is neither a number nor a range", param_hint="--rows"
             ) from None
-    return found
+    return result
 
 
 def picture_path(value: str | None) -> Path | None:
-    """Return where a picture goes; a name that no picture has, or no matplotlib, raises now."""
+    """Return the path of a picture, or raise if it cannot be written or matplotlib is missing."""
     if value is None:
         return None
     from ..files import writable
@@ -174,13 +176,16 @@ def picture_path(value: str | None) -> Path | None:
 
 
 def draw(model: Any, plan: Any, path: Path, tolerance: float | None = None) -> None:
-    """Write the picture of a model with a plan or solution, or of a front; a plan is held to `tolerance` where the picture has one."""
+    """Write a picture of a model with a plan or solution, or of a front.
+
+    `tolerance` is passed to the picture if it has such an option, and then marks violated constraints.
+    """
     from ..files import write_bytes
     from ..models.plots import picture_options, plot
     from ..solvers.report.terminal import say
 
-    takes = tolerance is not None and "tolerance" in picture_options(model.kind)
-    options = only(tolerance=tolerance) if takes else {}
+    accepts_tolerance = tolerance is not None and "tolerance" in picture_options(model.kind)
+    options = only(tolerance=tolerance) if accepts_tolerance else {}
     picture = io.BytesIO()
     plot(model, plan, **options).savefig(picture, dpi=150, format=path.suffix[1:].lower())
     write_bytes(path, picture.getvalue())

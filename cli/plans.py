@@ -1,4 +1,4 @@
-"""The commands about plans: check one, export one, say why there is none."""
+"""Commands for plans: check one, export one, explain why an instance has none."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from .options import (
 __all__ = ["check", "diagnose", "export"]
 
 
-@click.command(short_help="Verify somebody else's plan.")
+@click.command(short_help="Verify a plan from any source.")
 @click.argument("instance")
 @click.argument("plan", metavar="PLAN.json")
 @reading
-@click.option("--formulation", help="Check every row of this formulation as well.")
+@click.option("--formulation", help="Check every row of this formulation, too.")
 @tolerance
 @details
 @as_json
@@ -49,7 +49,7 @@ def check(
     as_json: bool,
     plot: str | None,
 ) -> int:
-    """Verify somebody else's plan for INSTANCE: exit code 0 when it holds, 6 when it does not."""
+    """Verify a plan from any source for INSTANCE: exit code 0 if it is valid, 6 if it is not."""
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
     from ..solvers.dispatch import verify
@@ -58,15 +58,15 @@ def check(
 
     picture = picture_path(plot)
     model = load(instance, **reading)
-    found = read_plan(model, plan)
-    verification = verify(model, found, formulation=formulation, **only(tolerance=tolerance))
+    loaded = read_plan(model, plan)
+    verification = verify(model, loaded, formulation=formulation, **only(tolerance=tolerance))
     if picture is not None:
-        draw(model, found, picture, tolerance)
-    rows = model.details(found) if details else []
+        draw(model, loaded, picture, tolerance)
+    rows = model.details(loaded) if details else []
     if as_json:
-        more = {"details": rows} if details else {}
-        checked = verification.to_dict()
-        emit({"model": model.kind, "instance": model.name, "verification": checked, **more})
+        extra = {"details": rows} if details else {}
+        report = verification.to_dict()
+        emit({"model": model.kind, "instance": model.name, "verification": report, **extra})
     else:
         objective = (
             "" if verification.objective is None else f", objective {verification.objective:.10g}"
@@ -80,18 +80,18 @@ def check(
 @click.argument("instance")
 @click.argument("plan", metavar="PLAN.json")
 @reading
-@click.option("--format", "form", help="A format of the problem (default: its first).")
+@click.option("--format", "form", help="Name of the format (default: the problem's first).")
 @click.option(
     "--output", metavar="FILE", required=True, help="The file to write; - is standard output."
 )
-@click.option("--rate", type=float, help="Samples a unit of time, for samples (default: 100).")
+@click.option("--rate", type=float, help="Samples per unit of time, for samples (default: 100).")
 @click.option(
     "--precision",
     type=click.Choice(["float32", "float64"]),
-    help="Digits of the numbers in poly7: the firmware's (default: float32), or all.",
+    help="Precision of the numbers in poly7: that of the firmware (default: float32) or float64.",
 )
 @click.option(
-    "--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the format's own."
+    "--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the format."
 )
 @click.option("--tolerance", type=float, help="Largest violation accepted (default 1e-6).")
 @as_json
@@ -107,10 +107,10 @@ def export(
     tolerance: float | None,
     as_json: bool,
 ) -> int:
-    """Write PLAN.json for INSTANCE as a file that other software reads.
+    """Write PLAN.json for INSTANCE as a file for other software.
 
-    Each problem has formats of its own; an unknown name lists them. The plan is verified first:
-    one that does not hold is not written (exit code 6).
+    Each problem has its own formats; an unknown name lists them. The plan is verified first, and
+    an invalid plan is not written (exit code 6).
     """
     from ..files import read_text, writable
     from ..instances.catalogue import load
@@ -120,16 +120,16 @@ def export(
     from ..solvers.report.tables import render, verification_table
     from ..solvers.report.terminal import emit, say, show, write
 
-    asked = only(rate=rate, precision=precision) | pairs(options, "--option")
+    arguments = only(rate=rate, precision=precision) | pairs(options, "--option")
     model = load(instance, **reading)
-    name, chosen = choose_format(model, form, asked)
+    name, writer = choose_format(model, form, arguments)
     streamed = output == "-"
     if streamed and as_json:
-        raise click.UsageError("--json and --output - both want standard output for themselves")
+        raise click.UsageError("--json and --output - both need standard output: use one of them")
     if not streamed:
-        writable(output, (chosen.suffix,))
-    found = read_plan(model, plan)
-    verification = verify(model, found, **only(tolerance=tolerance))
+        writable(output, (writer.suffix,))
+    loaded = read_plan(model, plan)
+    verification = verify(model, loaded, **only(tolerance=tolerance))
     if not verification.ok:
         parts = f"{model.name}: NOT verified, nothing written", verification_table(verification)
         if as_json:
@@ -140,32 +140,32 @@ def export(
             show(*parts)
         return VIOLATED
     with tempfile.TemporaryDirectory() as folder:
-        path = f"{folder}/plan{chosen.suffix}" if streamed else output
-        report = export_plan(model, found, path, name, **asked)
+        path = f"{folder}/plan{writer.suffix}" if streamed else output
+        report = export_plan(model, loaded, path, name, **arguments)
         if streamed:
             write(read_text(path))
-    says_more = hasattr(report, "to_dict")
-    words = str(report).replace(path, output) if says_more else f"{output}: {found}"
+    has_report = hasattr(report, "to_dict")
+    message = str(report).replace(path, output) if has_report else f"{output}: {loaded}"
     if as_json:
-        emit({"format": name, "path": output, **(report.to_dict() if says_more else {})})
+        emit({"format": name, "path": output, **(report.to_dict() if has_report else {})})
     elif streamed:
-        say(words)
+        say(message)
     else:
-        show(words)
+        show(message)
     return VERIFIED
 
 
-@click.command(short_help="Say why an instance has no plan.")
+@click.command(short_help="Explain why an instance has no plan.")
 @click.argument("instance")
 @reading
-@click.option("--backend", help="Filter the blocks of a program with this backend instead.")
-@click.option("--formulation", help="The program whose rows are filtered (default: paper).")
+@click.option("--backend", help="Find conflicting blocks of a program with this backend instead.")
+@click.option("--formulation", help="Program whose blocks are examined (default: paper).")
 @click.option(
     "--time-limit",
     type=float,
     default=60.0,
     show_default=True,
-    help="Seconds for each program solved.",
+    help="Seconds for each program that is solved.",
 )
 @memory_limit
 @in_process
@@ -180,7 +180,7 @@ def diagnose(
     in_process: bool,
     as_json: bool,
 ) -> int:
-    """Say why INSTANCE has no plan, in the paper's words (exit code 3), or that it has one (0)."""
+    """Explain why INSTANCE has no plan, in the paper's terms (exit code 3), or report that it has one (0)."""
     from ..instances.catalogue import load
     from ..solvers import diagnosis
     from ..solvers.isolation import Worker
@@ -192,17 +192,17 @@ def diagnose(
             diagnosis.diagnose, model, backend, formulation=formulation, time_limit=time_limit
         )
         if memory_limit is not None:
-            found = search(memory_limit=memory_limit)
+            result = search(memory_limit=memory_limit)
         elif in_process:
-            found = search()
+            result = search()
         else:
             with Worker() as worker:
-                found = diagnosis.Diagnosis.from_dict(
+                result = diagnosis.Diagnosis.from_dict(
                     worker.call(lambda: search().to_dict(), deadline=float("inf"))
                 )
     if as_json:
-        emit(found.to_dict())
+        emit(result.to_dict())
     else:
-        show(str(found))
-    answer: dict[Any, int] = {True: VERIFIED, False: INFEASIBLE, None: NO_ANSWER}
-    return answer[found.feasible]
+        show(str(result))
+    codes: dict[Any, int] = {True: VERIFIED, False: INFEASIBLE, None: NO_ANSWER}
+    return codes[result.feasible]

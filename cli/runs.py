@@ -1,4 +1,4 @@
-"""The commands that run backends on instances: solve, compare, reproduce."""
+"""Commands that run backends on instances: solve, compare, front and reproduce."""
 
 from __future__ import annotations
 
@@ -44,14 +44,18 @@ __all__ = ["compare", "front", "reproduce", "solve"]
 )
 @common
 @click.option(
-    "--starts", type=int, default=1, show_default=True, help="Starts from different seeds."
+    "--starts",
+    type=int,
+    default=1,
+    show_default=True,
+    help="Number of starts with different seeds.",
 )
 @click.option(
     "--option",
     "options",
     multiple=True,
     metavar="KEY=VALUE",
-    help="An option of the backend's own.",
+    help="An option of the backend.",
 )
 @click.option(
     "--formulation-option",
@@ -67,11 +71,11 @@ __all__ = ["compare", "front", "reproduce", "solve"]
 @click.option(
     "--output",
     metavar="FILE",
-    help="Write the solution as JSON; - is standard output, and nothing else goes there.",
+    help="Write the solution as JSON; - for standard output, which then receives nothing else.",
 )
 def solve(
     instance: str, reading: dict[str, Any], backend: str, options: Sequence[str], formulation_options: Sequence[str], as_json: bool,
-    plot: str | None, output: str | None, warm_start: str | None, starts: int, in_process: bool, verbose: bool, details: bool, **asked: Any,
+    plot: str | None, output: str | None, warm_start: str | None, starts: int, in_process: bool, verbose: bool, details: bool, **limits: Any,
 ) -> int:  # fmt: skip
     """Solve INSTANCE and verify the answer."""
     from ..files import writable
@@ -88,8 +92,8 @@ def solve(
     model = load(instance, **reading)
     start = None if warm_start is None else read_plan(model, warm_start)
     auto = backend == "auto"
-    chosen = recommended(model, asked["formulation"]) if auto else find_backend(backend, model)
-    with progress(f"{instance}: {backend}") as news:
+    chosen = recommended(model, limits["formulation"]) if auto else find_backend(backend, model)
+    with progress(f"{instance}: {backend}") as status:
         solution = dispatch.solve(
             model,
             "auto" if auto else chosen,
@@ -97,12 +101,12 @@ def solve(
             starts=starts,
             isolate=False if in_process else None if is_plain(chosen) else True,
             verbose=verbose,
-            on_incumbent=lambda i: news(f"incumbent {i.objective:.10g} after {i.seconds:.1f} s"),
+            on_incumbent=lambda i: status(f"incumbent {i.objective:.10g} after {i.seconds:.1f} s"),
             backend_options=pairs(options, "--option"),
             formulation_options=pairs(formulation_options, "--formulation-option"),
-            **only(**asked),
+            **only(**limits),
         )
-    # Files first: a reader that closes the pipe must not cost the answer.
+    # Files first: a closed pipe must not lose the answer.
     if record is not None:
         solution.save(record)
     if picture is not None:
@@ -145,7 +149,7 @@ def _solve_code(solution: Solution[Any]) -> int:
 @click.option(
     "--backends",
     "names",
-    help="Names separated by commas, each with :formulation where wanted; all that are installed and accept the first instance.",
+    help="Names separated by commas, each with an optional :formulation (default: all installed backends that accept the first instance).",
 )
 @common
 @click.option(
@@ -155,19 +159,21 @@ def _solve_code(solution: Solution[Any]) -> int:
     show_default=True,
     help="Seconds past the time limit before a worker is killed.",
 )
-@click.option("--workers", type=int, default=1, show_default=True, help="Jobs at the same time.")
+@click.option("--workers", type=int, default=1, show_default=True, help="Number of parallel jobs.")
 @click.option(
-    "--repeats", type=int, default=1, show_default=True, help="Runs of each backend that draws."
+    "--repeats", type=int, default=1, show_default=True, help="Runs of each randomised backend."
 )
 @click.option(
-    "--jsonl", metavar="FILE", help="Append every answer to FILE at once, one JSON line each."
+    "--jsonl",
+    metavar="FILE",
+    help="Append each answer to FILE when it arrives, one JSON line per answer.",
 )
-@click.option("--resume", is_flag=True, help="Go on with FILE, running only what it lacks.")
+@click.option("--resume", is_flag=True, help="Continue FILE and run only the missing jobs.")
 def compare(
     instances: Sequence[str], reading: dict[str, Any], names: str | None, as_json: bool, jsonl: str | None, resume: bool,
-    warm_start: str | None, grace: float, workers: int, repeats: int, **asked: Any,
+    warm_start: str | None, grace: float, workers: int, repeats: int, **limits: Any,
 ) -> int:  # fmt: skip
-    """Solve every INSTANCE with several backends, one process each, and judge the answers."""
+    """Solve every INSTANCE with several backends in worker processes and compare the answers."""
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
     from ..solvers import crosscheck
@@ -177,7 +183,7 @@ def compare(
     if resume and jsonl is None:
         raise click.UsageError("--resume needs --jsonl FILE")
     if jsonl == "-":
-        raise click.UsageError("--jsonl takes a file, for --resume reads it; --json prints")
+        raise click.UsageError("--jsonl takes a file, which --resume reads: use --json to print")
     models = [load(instance, **reading) for instance in instances]
     chosen = (
         [name.strip() for name in names.split(",") if name.strip()]
@@ -186,18 +192,18 @@ def compare(
     )
     start = None if warm_start is None else [read_plan(model, warm_start) for model in models]
     total, count = len(models) * len(chosen), 0
-    with progress(f"0 of {total}") as news:
+    with progress(f"0 of {total}") as status:
 
-        def ended(solution: Solution[Any]) -> None:
+        def on_solution(solution: Solution[Any]) -> None:
             nonlocal count
             count += 1
-            news(
+            status(
                 f"{count} done, last: {solution.instance} {solution.backend} {solution.termination}"
             )
 
         result = crosscheck.compare(
             models, chosen, record=jsonl, resume=resume, warm_start=start, grace=grace,
-            workers=workers, repeats=repeats, on_solution=ended, **only(**asked),
+            workers=workers, repeats=repeats, on_solution=on_solution, **only(**limits),
         )  # fmt: skip
     if as_json:
         emit(result.to_dict())
@@ -213,46 +219,48 @@ def compare(
 @click.option(
     "--backend", default="auto", show_default=True, help="A name from 'crosstrack backends'."
 )
-@click.option("--limits", metavar="A,B,…", help="Limits on SECOND (default: found on the way).")
+@click.option(
+    "--limits", metavar="A,B,…", help="Limits on SECOND (default: chosen during the run)."
+)
 @click.option(
     "--points",
     type=int,
-    help="Runs at the most, where no limits are given (default: 10; all where SECOND is whole).",
+    help="Largest number of runs without --limits (default: 10; unlimited if SECOND is an integer).",
 )
 @click.option(
     "--step",
     type=float,
-    help="Share by which a limit is less than the last plan (default: 0.05; one where SECOND is whole).",
+    help="Relative decrease from the last plan to the next limit (default: 0.05; one unit if SECOND is an integer).",
 )
 @click.option(
     "--sweep",
     metavar="FIELD=A,B,…",
-    help="Vary a field instead, such as q=0,0.2,0.4, and compare FIRST and SECOND.",
+    help="Vary a field of the model instead, such as q=0,0.2,0.4, and compare FIRST and SECOND.",
 )
 @click.option("--first", help="The first objective of a sweep, such as sum.")
 @click.option("--time-limit", type=float, help="Seconds for each run (default: 60).")
 @memory_limit
 @click.option("--formulation", help="Formulation for backends that take programs.")
 @click.option("--gap", type=float, help="Relative gap at which an exact backend may stop.")
-@click.option("--seed", type=int, help="Seed for backends that draw.")
-@click.option("--threads", type=int, help="Threads for backends that use several.")
+@click.option("--seed", type=int, help="Seed of backends that use random numbers.")
+@click.option("--threads", type=int, help="Number of threads, for backends that use several.")
 @tolerance
 @click.option(
     "--option",
     "options",
     multiple=True,
     metavar="KEY=VALUE",
-    help="An option of the backend's own.",
+    help="An option of the backend.",
 )
-@click.option("--jsonl", metavar="FILE", help="Append each answer to FILE as soon as it is there.")
-@click.option("--resume", is_flag=True, help="Go on with FILE, running only what it lacks.")
+@click.option("--jsonl", metavar="FILE", help="Append each answer to FILE when it arrives.")
+@click.option("--resume", is_flag=True, help="Continue FILE and run only the missing jobs.")
 @plot
 @as_json
 def front(
     instance: str, second: str, reading: dict[str, Any], backend: str, limits: str | None, points: int | None, step: float | None, sweep: str | None,
-    first: str | None, options: Sequence[str], jsonl: str | None, resume: bool, plot: str | None, as_json: bool, **asked: Any,
+    first: str | None, options: Sequence[str], jsonl: str | None, resume: bool, plot: str | None, as_json: bool, **settings: Any,
 ) -> int:  # fmt: skip
-    """Solve INSTANCE under limits on its SECOND objective, such as max, and print the Pareto set."""
+    """Solve INSTANCE under limits on its SECOND objective, such as max, and print the Pareto front."""
     from ..instances.catalogue import load
     from ..solvers import pareto
     from ..solvers.report.terminal import emit, progress, show
@@ -261,21 +269,21 @@ def front(
         raise click.UsageError("--resume needs --jsonl FILE")
     if (sweep is None) != (first is None):
         raise click.UsageError("--sweep and --first go together")
-    if sweep is not None and any(one is not None for one in (limits, points, step)):
+    if sweep is not None and any(value is not None for value in (limits, points, step)):
         raise click.UsageError("--sweep takes no --limits, --points or --step")
     picture = picture_path(plot)
     model = load(instance, **reading)
-    with progress(f"{instance}: {second}") as news:
+    with progress(f"{instance}: {second}") as status:
         common: dict[str, Any] = {
-            "backend": backend, "record": jsonl, "resume": resume, **only(**asked),
+            "backend": backend, "record": jsonl, "resume": resume, **only(**settings),
             "backend_options": pairs(options, "--option"),
-            "on_point": lambda s: news(f"{s.instance} {s.termination}"),
+            "on_point": lambda s: status(f"{s.instance} {s.termination}"),
         }  # fmt: skip
         if sweep is not None and first is not None:
             [(name, values)] = pairs([sweep], "--sweep").items()
-            result = pareto.sweep(model, name, _values(str(values)), first, second, **common)
+            result = pareto.sweep(model, name, _parse_numbers(str(values)), first, second, **common)
         else:
-            chosen = None if limits is None else _values(limits)
+            chosen = None if limits is None else _parse_numbers(limits)
             result = pareto.front(
                 model, second, limits=chosen, **only(points=points, step=step), **common
             )
@@ -290,24 +298,24 @@ def front(
     return VERIFIED if result.points else max(map(_solve_code, result.unsolved), default=NO_ANSWER)
 
 
-def _values(text: str) -> list[float]:
-    """Return the numbers that ``0,0.2,0.4`` names."""
+def _parse_numbers(text: str) -> list[float]:
+    """Return the numbers in a comma-separated list such as ``0,0.2,0.4``."""
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise click.BadParameter(f"{text!r} is no list of numbers such as 1,2.5") from None
+        raise click.BadParameter(f"{text!r} is not a list of numbers such as 1,2.5") from None
 
 
-@click.command(short_help="Show a paper's result tables beside our values.")
+@click.command(short_help="Compare a paper's result tables with our values.")
 @click.argument("problem")
 @click.option(
     "--table",
     "names",
     multiple=True,
     metavar="NAME",
-    help="A table, such as table-2 (default: all).",
+    help="Name of a table, such as table-2 (default: all).",
 )
-@click.option("--rows", help="Positions of rows in each table, such as 1-6,9 (default: all).")
+@click.option("--rows", help="Row numbers in each table, such as 1-6,9 (default: all).")
 @click.option(
     "--runs",
     type=click.IntRange(min=1),
@@ -327,7 +335,7 @@ def reproduce(
     time_limit: float,
     as_json: bool,
 ) -> int:
-    """Print each cell of the paper's result tables beside our value, for PROBLEM such as error-correction."""
+    """Print each cell of the paper's result tables next to our value, for PROBLEM such as error-correction."""
     from ..instances.paper import measurement, paper_of
     from ..models.verification import check_number
     from ..solvers.report import reproduction
@@ -341,22 +349,22 @@ def reproduce(
         k <= len(t.rows) for t in tables for k in positions if k > 0
     ):
         raise click.BadParameter(f"no row of {problem!r} is among {rows!r}", param_hint="--rows")
-    with progress(f"{problem}: ") as news:
+    with progress(f"{problem}: ") as status:
         result = reproduction.reproduce(
             problem,
-            [(one, measurement(problem, one.name)) for one in tables],
+            [(table, measurement(problem, table.name)) for table in tables],
             rows=positions,
             runs=runs,
             time_limit=time_limit,
-            on_solution=lambda s: news(f"{s.instance} {s.backend} {s.termination}"),
+            on_solution=lambda s: status(f"{s.instance} {s.backend} {s.termination}"),
         )
-    counts = {str(status): count for status, count in paper.counts.items()}
+    counts = {str(state): count for state, count in paper.counts.items()}
     if as_json:
         emit({**result.to_dict(), "paper": paper.reference, "items": counts})
     else:
-        words = ", ".join(f"{count} {status}" for status, count in counts.items())
+        summary = ", ".join(f"{count} {state}" for state, count in counts.items())
         show(paper.reference, *reproduction.reproduction_parts(result))
-        show(f"{len(paper.items)} items of the paper: {words}")
+        show(f"{len(paper.items)} items of the paper: {summary}")
     if not result.comparison.verdicts and not result.interrupted:
         return VERIFIED
     return compare_code(result.comparison)

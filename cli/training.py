@@ -1,4 +1,4 @@
-"""The command that trains what learns."""
+"""Command that trains a backend."""
 
 from __future__ import annotations
 
@@ -15,103 +15,111 @@ __all__ = ["train"]
 
 @click.command(short_help="Train a backend that learns, and write its weights.")
 @click.argument("name", required=False)
-@click.option("--list", "listed", is_flag=True, help="List what can be trained.")
-@click.option("--output", metavar="FILE", help="The file of weights, which ends in .npz.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of all that is drawn.")
-@click.option("--epochs", type=int, help="Epochs to train (default: the training's own number).")
-@click.option("--time-limit", type=float, help="Seconds; the best weights so far are kept.")
-@click.option("--resume", is_flag=True, help="Go on from the checkpoint beside FILE.")
+@click.option("--list", "listed", is_flag=True, help="List the available trainings.")
+@click.option("--output", metavar="FILE", help="File of the weights, which ends in .npz.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the random numbers.")
+@click.option("--epochs", type=int, help="Number of epochs (default: that of the training).")
+@click.option("--time-limit", type=float, help="Time limit in seconds; the best weights are kept.")
+@click.option("--resume", is_flag=True, help="Continue from the checkpoint next to FILE.")
 @click.option(
     "--option",
     "options",
     multiple=True,
     metavar="KEY=VALUE",
-    help="An option of the training's own; 'crosstrack train --list' shows them.",
+    help="An option of the training; 'crosstrack train --list' shows them.",
 )
 @as_json
 def train(
-    name: str | None, listed: bool, output: str | None, options: Sequence[str], resume: bool, as_json: bool, **asked: Any
+    name: str | None, listed: bool, output: str | None, options: Sequence[str], resume: bool, as_json: bool, **limits: Any
 ) -> int:  # fmt: skip
-    """Train the backend NAME, and write its weights to FILE.
+    """Train the backend NAME and write its weights to FILE.
 
-    A checkpoint beside FILE is written after each epoch. Ctrl-C and the time limit keep it, and the best
-    weights so far.
+    A checkpoint next to FILE is written after each epoch. Ctrl-C and the time limit keep the checkpoint
+    and the best weights so far.
     """
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, progress, show
     from ..solvers.training import Epoch, find_training, train as run
 
     if name is None or listed:
-        _list(as_json)
+        _print_trainings(as_json)
         return VERIFIED
     training = find_training(name)
     if output is None:
         raise click.UsageError("train needs --output FILE")
-    with progress(f"{name}:") as news:
+    with progress(f"{name}:") as status:
 
-        def tell(epoch: Epoch) -> None:
-            news(f"epoch {epoch.number} of {epoch.epochs}, {_words(epoch.figures)}")
+        def on_progress(epoch: Epoch) -> None:
+            status(f"epoch {epoch.number} of {epoch.epochs}, {_format_figures(epoch.figures)}")
 
-        done = run(
-            training, output, examples=_examples(name), resume=resume, on_progress=tell,
-            options=pairs(options, "--option"), **only(**asked),
+        result = run(
+            training, output, examples=_examples(name), resume=resume, on_progress=on_progress,
+            options=pairs(options, "--option"), **only(**limits),
         )  # fmt: skip
     if as_json:
-        emit(done.to_dict())
+        emit(result.to_dict())
     else:
-        first = done.epochs - len(done.figures) + 1
-        names = tuple(dict.fromkeys(key for one in done.figures for key in one))
+        first = result.epochs - len(result.figures) + 1
+        names = tuple(dict.fromkeys(key for values in result.figures for key in values))
         rows = [
-            (str(first + k), *(f"{one[key]:.4g}" if key in one else "" for key in names))
-            for k, one in enumerate(done.figures)
+            (str(first + k), *(f"{values[key]:.4g}" if key in values else "" for key in names))
+            for k, values in enumerate(result.figures)
         ]
         if rows:
             show(table(name, ("epoch", *names), rows))
-        ends = {
+        endings = {
             "finished": "finished",
             "time": "stopped at the time limit",
             "interrupted": "interrupted",
         }
-        where = "no weights yet" if done.path is None else f"weights: {done.path}"
-        show(f"{ends[done.ended]} after {done.epochs} epochs and {done.seconds:.1f} s; {where}")
-        if done.path is not None:
-            use = training.use.format(name=name, path=shlex.quote(str(done.path)))
+        where = "no weights yet" if result.path is None else f"weights: {result.path}"
+        show(
+            f"{endings[result.ended]} after {result.epochs} epochs and {result.seconds:.1f} s; {where}"
+        )
+        if result.path is not None:
+            use = training.use.format(name=name, path=shlex.quote(str(result.path)))
             show(f"crosstrack solve INSTANCE {use}")
-    if done.ended == "interrupted":
+    if result.ended == "interrupted":
         return INTERRUPTED
-    return VERIFIED if done.path is not None else NO_ANSWER
+    return VERIFIED if result.path is not None else NO_ANSWER
 
 
-def _list(as_json: bool) -> None:
+def _print_trainings(as_json: bool) -> None:
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, show
     from ..solvers.training import trainings
 
-    found = list(trainings().values())
+    declared = list(trainings().values())
     if as_json:
         emit(
             [
                 {
-                    "training": one.name,
-                    "summary": one.summary,
-                    "epochs": one.epochs,
-                    "minutes": one.minutes,
-                    "extra": one.extra,
-                    "options": {key: option.help for key, option in one.options.items()},
+                    "training": training.name,
+                    "summary": training.summary,
+                    "epochs": training.epochs,
+                    "minutes": training.minutes,
+                    "extra": training.extra,
+                    "options": {key: option.help for key, option in training.options.items()},
                 }
-                for one in found
+                for training in declared
             ]
         )
         return
     rows = [
-        (one.name, one.summary, str(one.epochs), f"{one.minutes:g}", ", ".join(one.options))
-        for one in found
+        (
+            training.name,
+            training.summary,
+            str(training.epochs),
+            f"{training.minutes:g}",
+            ", ".join(training.options),
+        )
+        for training in declared
     ]
     show(table("", ("training", "summary", "epochs", "minutes", "options"), rows))
 
 
 def _examples(name: str) -> Any:
-    """Return what draws the examples of a training: what its problem declares, if anything."""
+    """Return the generator of training examples declared by the problem, or None."""
     from .. import instances, solvers
     from ..models.problems import declared_in, resolve
 
@@ -122,5 +130,5 @@ def _examples(name: str) -> Any:
     return None
 
 
-def _words(figures: Any) -> str:
+def _format_figures(figures: Any) -> str:
     return ", ".join(f"{key} {value:.4g}" for key, value in figures.items())

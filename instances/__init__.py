@@ -1,4 +1,4 @@
-"""ON WHAT: the papers' settings with their figures, seeded generators, readers and writers."""
+"""Instances: the papers' settings and results, seeded generators, readers and writers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The instances that crosstrack knows by name, and the one verb that finds any instance."""
+"""Catalogue of named instances, and the function that loads any instance."""
 
 from __future__ import annotations
 
@@ -21,38 +21,38 @@ __all__ = ["Assumed", "CatalogueEntry", "Provenance", "entries", "entry", "load"
 
 log = logging.getLogger("crosstrack")
 
-#: Entries of users, by name.
+#: Entries registered by the user, by name.
 _REGISTERED: dict[str, CatalogueEntry] = {}
 
-#: Entries of crosstrack, by problem and name, once loaded.
+#: Loaded entries of crosstrack, by problem and name.
 _LOADED: dict[str, dict[str, CatalogueEntry]] = {}
 
 _NAME = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*/[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
 class Provenance(StrEnum):
-    """Where the data of an instance comes from."""
+    """Source of the data of an instance, which decides how far its results compare with the paper's."""
 
-    #: Printed in the paper.
+    #: The paper prints all data, so results compare directly.
     PAPER = "paper"
-    #: Printed in the paper but for something that is left open, which is ours.
+    #: The paper prints the data except for a part, which crosstrack supplies.
     COMPLETED = "completed"
-    #: Ours, drawn by a fixed seed; with the paper's sizes where it prints some.
+    #: crosstrack generates the data from a fixed seed, with the paper's sizes if it prints some.
     SEEDED = "seeded"
-    #: Ours, by a formula.
+    #: crosstrack computes the data from a formula.
     OURS = "ours"
-    #: Published elsewhere.
+    #: The data are published elsewhere.
     PUBLIC = "public"
 
 
 @dataclass(frozen=True)
 class Assumed:
-    """What the reader of a CSV or Excel file puts where the file holds nothing, and a user may give.
+    """Value that the reader of a CSV or Excel file assumes if the file contains none.
 
     Parameters
     ----------
     value : object
-        As data of the model.
+        Data of the model; the user's data take precedence.
     """
 
     value: Any
@@ -60,31 +60,31 @@ class Assumed:
 
 @dataclass(frozen=True)
 class CatalogueEntry:
-    """An instance with a name, and what its paper says of it.
+    """Named instance with the paper's results for it.
 
     Parameters
     ----------
     name : str
-        ``"<problem>/<instance>"``, such as ``"error-correction/7"``.
+        Name of the form ``"<problem>/<instance>"``, such as ``"error-correction/7"``.
     model : str
-        The model's JSON name.
+        Kind of the model.
     title : str
-        What it is, in a line.
+        Description in one line.
     paper : str
-        The citation.
+        Citation.
     provenance : Provenance
-        Whether the data is the paper's, completed by us, ours by seed or by formula, or public.
+        Source of the data.
     builder : callable or str
-        Returns the model; lazily as ``"module:function"``.
+        Function that returns the model, lazily as ``"module:function"``.
     published : mapping
-        The paper's figures for it, as JSON data: optimum, seconds by algorithm, table.
+        The paper's results as JSON data, such as the optimum, seconds by algorithm, or the table.
     note : str
-        What to mind when figures are compared.
+        Remark for comparisons of results.
 
     Raises
     ------
     InvalidData
-        The name is not of the form ``<problem>/<instance>``.
+        The name is not of the form ``<problem>/<instance>``, or a field has another type.
     """
 
     name: str
@@ -112,7 +112,7 @@ class CatalogueEntry:
             )
 
     def build(self) -> Model[Any]:
-        """Return the model, which bears the entry's name."""
+        """Return the model, with the entry's name."""
         builder: Any = self.builder
         model: Model[Any] = resolve(builder)()
         return model if model.name == self.name else model.renamed(self.name)
@@ -130,7 +130,7 @@ class CatalogueEntry:
         }
 
 
-#: How the fields of an entry are checked.
+#: Specifications of the fields of an entry.
 _ENTRY: dict[str, Spec] = {
     **dict.fromkeys(("model", "title", "paper", "note"), Text()),
     "provenance": Member(Provenance),
@@ -139,7 +139,23 @@ _ENTRY: dict[str, Spec] = {
 
 
 def register_entry(new: CatalogueEntry) -> CatalogueEntry:
-    """Put a user's entry into the catalogue of this session; a name that exists raises."""
+    """Add an entry to the catalogue of this session.
+
+    Parameters
+    ----------
+    new : CatalogueEntry
+        Entry to add.
+
+    Returns
+    -------
+    CatalogueEntry
+        `new`.
+
+    Raises
+    ------
+    InvalidData
+        The name is taken.
+    """
     required("entry", new, CatalogueEntry)
     if new.name in _all():
         raise InvalidData(f"the catalogue has an entry {new.name!r} already", field="name")
@@ -148,16 +164,38 @@ def register_entry(new: CatalogueEntry) -> CatalogueEntry:
 
 
 def entries() -> tuple[CatalogueEntry, ...]:
-    """Return all entries, numbers in names in the order of their values."""
-    return tuple(sorted(_all().values(), key=lambda one: _natural(one.name)))
+    """Return all entries of the catalogue.
+
+    Returns
+    -------
+    tuple of CatalogueEntry
+        Entries, sorted by name with numbers in numerical order.
+    """
+    return tuple(sorted(_all().values(), key=lambda item: _natural(item.name)))
 
 
 def entry(name: str) -> CatalogueEntry:
-    """Return the entry called `name`; ``UnknownName`` with suggestions where there is none."""
-    found = _find(name)
-    if found is None:
+    """Return the entry called `name`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the form ``"<problem>/<instance>"``.
+
+    Returns
+    -------
+    CatalogueEntry
+        The entry.
+
+    Raises
+    ------
+    UnknownName
+        The name does not exist; the message suggests similar names.
+    """
+    result = _find(name)
+    if result is None:
         raise UnknownName("instance", name, _all())
-    return found
+    return result
 
 
 def load(
@@ -168,41 +206,47 @@ def load(
     trusted: bool = False,
     folder: str | os.PathLike[str] | None = None,
 ) -> Model[Any]:
-    """Return an instance: by its name in the catalogue, or from a file.
+    """Return an instance by its name in the catalogue, or from a file.
 
     Parameters
     ----------
     source : str or path-like
-        A catalogue name such as ``"error-correction/7"``, or the path of an instance file, whose
-        model is named after it unless it names itself. A
-        string that is both means the catalogue's: write ``"./error-correction/7"`` for the file.
-        A CSV or Excel file holds part of an instance, such as points.
+        A catalogue name such as ``"error-correction/7"``, or the path of an instance file. A model
+        without a name is named after its file. If a string is both, the catalogue takes precedence:
+        write ``"./error-correction/7"`` for the file. A CSV or Excel file contains a part of an
+        instance, such as points.
     data : mapping, optional
-        What a CSV or Excel file lacks of the model's data, such as thresholds.
+        Data of the model that a CSV or Excel file lacks, such as thresholds.
     model : str, optional
-        The kind of model that a CSV or Excel file holds data of; otherwise the first that it and
-        `data` make.
+        Kind of the model for a CSV or Excel file; by default the first kind that fits the file and
+        `data`.
     trusted : bool
-        Whether you know who wrote the file, which may then hold functions in CasADi's own text:
-        reading those can run code. They are read by a process of their own first.
+        Whether you trust the author of the file. Only then are functions in CasADi's text format
+        read, which can run code; a separate process reads them first.
     folder : path-like, optional
-        Where files may lie that the instance refers to; otherwise only below its own folder.
+        Folder that may contain files to which the instance refers, in addition to the instance's own
+        folder.
+
+    Returns
+    -------
+    Model
+        The instance.
 
     Raises
     ------
     UnknownName
         The string is neither a name nor an existing file.
     UnsupportedOption
-        `data` or `model` is given for a whole instance.
+        `data` or `model` is given for a complete instance.
     InvalidData
-        The file cannot be read or does not hold an instance; the message names the place.
+        The file cannot be read or does not contain an instance; the message names the place.
     """
-    given = bool(data) or model is not None
+    has_data = bool(data) or model is not None
     if isinstance(source, str):
-        found = _find(source)
-        if found is not None and not given:
-            return found.build()
-        if found is None and ("\0" in source or not Path(source).exists()):
+        match = _find(source)
+        if match is not None and not has_data:
+            return match.build()
+        if match is None and ("\0" in source or not Path(source).exists()):
             raise UnknownName("instance (and there is no such file)", source, _all())
     from ..files import as_path
 
@@ -211,20 +255,20 @@ def load(
         raise InvalidData(f"{file}: a folder, where an instance file was expected")
     if file.suffix.casefold() in (".csv", ".xlsx"):
         return _of_table(file, data or {}, model)
-    if given:
+    if has_data:
         raise UnsupportedOption(
             f"{source} is a whole instance: data and model are for CSV and Excel files"
         )
     from .storage import read_model
 
-    whole = read_model(file, trusted=trusted, folder=folder)
-    return whole if whole.name else whole.renamed(file.stem)
+    loaded = read_model(file, trusted=trusted, folder=folder)
+    return loaded if loaded.name else loaded.renamed(file.stem)
 
 
 def _of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Model[Any]:
-    """Return the model of what a CSV or Excel file holds and of what it lacks, which is `given`.
+    """Return the model of the data in a CSV or Excel file and of the additional data `given`.
 
-    The first kind of model that both make is taken, unless `kind` names one.
+    `kind` names the kind of model; by default the first kind that fits is used.
     """
     if not file.exists():
         raise InvalidData(f"{file}: no such file")
@@ -233,33 +277,37 @@ def _of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Model[A
         raise UnknownName("model that a CSV or Excel file holds data of", kind, readers)
     unread: dict[str, str] = {}
     lacking: dict[str, str] = {}
-    for one in readers if kind is None else (kind,):
+    for candidate in readers if kind is None else (kind,):
         try:
-            held = resolve(readers[one])(file)
+            contents = resolve(readers[candidate])(file)
         except (InvalidData, BackendBroken) as error:
-            unread[one] = str(error)
+            unread[candidate] = str(error)
             continue
-        assumed = {key: got.value for key, got in held.items() if isinstance(got, Assumed)}
+        assumed = {
+            key: value.value for key, value in contents.items() if isinstance(value, Assumed)
+        }
         try:
-            for key in held:
+            for key in contents:
                 if key in given and key not in assumed:
                     raise InvalidData(f"{key} must not be given: the file holds it", field=key)
-            data = {**held, **assumed, **given}
-            made: Model[Any] = model_type(one).from_data(data, name=file.stem)
+            data = {**contents, **assumed, **given}
+            result: Model[Any] = model_type(candidate).from_data(data, name=file.stem)
         except InvalidData as error:
-            lacking[one] = str(error)
+            lacking[candidate] = str(error)
             continue
         for key in assumed.keys() - given.keys():
             log.warning("%s: %s is assumed, as the file holds none: data may give it", file, key)
-        return made
+        return result
     if not lacking:
         _hint(file)
     reasons: dict[str, str] = {}
-    for one, reason in (lacking or unread).items():
-        reasons[reason] = f"{reasons[reason]}, {one}" if reason in reasons else one
-    held_words = "data, and no whole instance" if lacking else "data of no model that is known here"
+    for candidate, reason in (lacking or unread).items():
+        reasons[reason] = f"{reasons[reason]}, {candidate}" if reason in reasons else candidate
+    description = (
+        "data, and no whole instance" if lacking else "data of no model that is known here"
+    )
     raise InvalidData(
-        f"{file} holds {held_words}"
+        f"{file} holds {description}"
         + "".join(f"\n  {kinds}: {reason}" for reason, kinds in reasons.items())
         + "\ngive what is missing with --data KEY=VALUE on the command line or data={…} in Python, or "
         "in an instance file beside it that names this file in its data"
@@ -267,7 +315,7 @@ def _of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Model[A
 
 
 def _hint(file: Path) -> None:
-    """Raise what a problem says of a CSV file that is no part of an instance."""
+    """Raise a problem's hint on a CSV file that is not part of an instance, if there is one."""
     from ..files import read_text
 
     if file.suffix.casefold() == ".csv":
@@ -283,26 +331,26 @@ def _find(name: Any) -> CatalogueEntry | None:
         return None
     problem = name.partition("/")[0]
     if problem in table(__package__, "CATALOGUE"):
-        found = _problem(problem).get(name)
-        if found is not None:
-            return found
+        match = _problem(problem).get(name)
+        if match is not None:
+            return match
     return _REGISTERED.get(name)
 
 
 def _all() -> dict[str, CatalogueEntry]:
-    found: dict[str, CatalogueEntry] = {}
+    result: dict[str, CatalogueEntry] = {}
     for problem in table(__package__, "CATALOGUE"):
         try:
-            found.update(_problem(problem))
-        except Exception as error:  # a stranger's fault must not hide the other instances
+            result.update(_problem(problem))
+        except Exception as error:  # a broken third-party catalogue must not hide the others
             log.warning("the catalogue of %r cannot be loaded: %s", problem, error)
-    return {**found, **_REGISTERED}
+    return {**result, **_REGISTERED}
 
 
 def _problem(problem: str) -> dict[str, CatalogueEntry]:
     if problem not in _LOADED:
-        listed = resolve(table(__package__, "CATALOGUE")[problem])()
-        _LOADED[problem] = {one.name: one for one in listed}
+        items = resolve(table(__package__, "CATALOGUE")[problem])()
+        _LOADED[problem] = {item.name: item for item in items}
     return _LOADED[problem]
 
 

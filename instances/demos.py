@@ -1,4 +1,4 @@
-"""Demonstrations: what each problem shows of itself on the command line."""
+"""Demonstrations of the problems on the command line."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ __all__ = ["Demo", "DemoOption", "build_demo", "demos"]
 
 @dataclass(frozen=True)
 class DemoOption:
-    """One option of a demonstration.
+    """Option of a demonstration.
 
     Parameters
     ----------
     help : str
-        What it is, in a few words.
+        Description in a few words.
     default : object
-        Its value where it is not given.
+        Default value.
     type : type
-        Of its value: ``str``, ``float`` or ``int``.
+        Type of the value: ``str``, ``float`` or ``int``.
     metavar : str, optional
-        What stands for its value in the help.
+        Placeholder of the value in the help.
     """
 
     help: str
@@ -38,17 +38,16 @@ class DemoOption:
 
 @dataclass(frozen=True)
 class Demo:
-    """What is solved to show a problem.
+    """Demonstration of a problem.
 
     Parameters
     ----------
     instance : str
-        The catalogue instance that is solved where nothing else is asked.
+        Catalogue instance that is solved by default.
     options : mapping of str to DemoOption
-        What a user may give instead; the first is the file with the data, without which the others
-        mean nothing.
+        Options for the user's data. The first is the data file, which the others require.
     build : callable, optional
-        Takes all options by name and returns the user's model.
+        Function from all options by name to the user's model.
     """
 
     instance: str
@@ -62,23 +61,28 @@ def demos() -> dict[str, Demo]:
 
 
 def build_demo(problem: str, given: Mapping[str, Any]) -> Model[Any]:
-    """Return the model that the demonstration of `problem` solves.
+    """Return the model of the demonstration of `problem`.
 
     Parameters
     ----------
     problem : str
-        The demonstration's name, such as ``"error-correction"``.
+        Name of the demonstration, such as ``"error-correction"``.
     given : mapping
-        The options that a user gave.
+        Options given by the user.
+
+    Returns
+    -------
+    Model
+        The default instance, or the model of the user's data.
 
     Raises
     ------
     UnknownName
-        No problem declares such a demonstration.
+        No problem declares this demonstration.
     UnsupportedOption
-        It has no such option, or options were given without the file that they belong to.
+        An option is unknown, or requires the file that is missing.
     InvalidData
-        The file or an option's value is bad.
+        The file or the value of an option is invalid.
     """
     known = demos()
     if problem not in known:

@@ -1,4 +1,4 @@
-"""Writing plans for other software, in the formats that a problem declares."""
+"""Export of plans to other software, in the formats that a problem declares."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ __all__ = ["ExportFormat", "choose_format", "export_formats", "export_plan"]
 
 @dataclass(frozen=True)
 class ExportFormat:
-    """One format of plans that other software reads.
+    """Format of plans for other software.
 
     Parameters
     ----------
     summary : str
-        What it is, in a few words.
+        Description in a few words.
     suffix : str
-        What a file's name must end in, such as ``".csv"``.
+        Required suffix of the file, such as ``".csv"``.
     write : callable
-        ``(plan, path, **options)``; writes the file in one step. Where it has a parameter ``model``,
-        it receives what the plan is for. What it returns may have a ``to_dict`` and a ``str``, which
-        report what the format could not hold.
+        Function ``(plan, path, **options)`` that writes the file atomically. It receives the model if
+        it has a parameter ``model``. Its result is a report of content that the format cannot
+        represent, with ``to_dict`` and ``str``, or any other value.
     """
 
     summary: str
@@ -53,7 +53,18 @@ class ExportFormat:
 
 
 def export_formats(model: Model[Any]) -> Mapping[str, ExportFormat]:
-    """Return the formats that plans of `model` can be written in, the usual one first."""
+    """Return the export formats for plans of `model`.
+
+    Parameters
+    ----------
+    model : Model
+        Model of the plans.
+
+    Returns
+    -------
+    mapping of str to ExportFormat
+        Formats by name, with the default first; empty if the problem has none.
+    """
     owner = problem_of(as_model(model).kind)
     return {
         key: resolve(target)
@@ -65,9 +76,9 @@ def export_formats(model: Model[Any]) -> Mapping[str, ExportFormat]:
 def choose_format(
     model: Model[Any], name: str | None, options: Mapping[str, Any]
 ) -> tuple[str, ExportFormat]:
-    """Return the name and the format that plans of `model` are asked to be written in.
+    """Return name and format for plans of `model`.
 
-    The parameters and what raises are those of :func:`export_plan`.
+    Parameters and exceptions are those of :func:`export_plan`.
     """
     formats = export_formats(model)
     if not formats:
@@ -90,32 +101,37 @@ def export_plan(
     model: Model[Any],
     plan: Any,
     path: str | os.PathLike[str],
-    format: str | None = None,  # noqa: A002 - the word that people type
+    format: str | None = None,  # noqa: A002 - public keyword
     **options: Any,
 ) -> Any:
-    """Write `plan` for `model` as a file that other software reads; return the format's report.
-
-    The plan is not verified here.
+    """Write `plan` for `model` as a file for other software, without verifying it.
 
     Parameters
     ----------
     model : Model
-        What the plan is for.
+        Model of the plan.
     plan : plan, Solution or JSON data
-        The plan.
+        Plan to write.
     path : path-like
-        The file.
+        File to write.
     format : str, optional
-        One of :func:`export_formats`; the first where none is named.
+        Name of one of :func:`export_formats`; by default the first.
     **options
-        Those of the format.
+        Options of the format.
+
+    Returns
+    -------
+    object
+        The format's report.
 
     Raises
     ------
     UnsupportedFormulation
-        The problem has no format to write plans in.
-    UnknownName, UnsupportedOption
-        There is no such format, or the format has no such option.
+        The problem has no export formats.
+    UnknownName
+        The format does not exist.
+    UnsupportedOption
+        The format does not accept an option.
     """
     _, chosen = choose_format(model, format, options)
     return chosen.written(model, model.as_plan(plan), path, options)

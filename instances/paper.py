@@ -244,7 +244,7 @@ class Paper:
     def __post_init__(self) -> None:
         for kind, names in (
             ("items", [item.label for item in self.items]),
-            ("tables", [one.name for one in self.tables]),
+            ("tables", [result.name for result in self.tables]),
         ):
             for name, count in Counter(names).items():
                 if count > 1:
@@ -264,7 +264,7 @@ class Paper:
         UnknownName
             The paper has no such table.
         """
-        known = {one.name: one for one in self.tables}
+        known = {item.name: item for item in self.tables}
         if name not in known:
             raise UnknownName("table", name, known)
         return known[name]

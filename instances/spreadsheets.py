@@ -1,4 +1,4 @@
-"""Rows of CSV and Excel files, from anybody: no formula is computed, and what is read is bounded."""
+"""Bounded reading of CSV and Excel files from untrusted sources, without computing formulas."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from ..models.fields import show
 
 __all__ = ["read_columns", "table_rows", "xlsx_rows"]
 
-#: Bytes that a file may hold, packed and unpacked, and rows and columns that are read of its sheet.
+#: Limits of a file in bytes, packed and unpacked, and of the rows and columns of its sheet.
 PACKED, UNPACKED, ROWS, COLUMNS = 32 << 20, 256 << 20, 200_000, 64
-#: Rows of the other sheets that are looked at.
+#: Number of rows of the other sheets that are checked for content.
 GLANCE = 100
 
 log = logging.getLogger("crosstrack")
@@ -38,20 +38,26 @@ def read_columns(
     Parameters
     ----------
     path : path-like
-        The file.
+        File to read.
     check : callable
-        ``(names, where)``; raises where the header is not that of such a file.
+        Function ``(names, where)`` that raises for an unsuitable header.
     convert : callable
-        ``(text, where, name) -> value`` of a cell; raises where it is none.
+        Function ``(text, where, name) -> value`` of a cell, which raises for an invalid cell.
     what : str
-        What a row is, in the plural, for messages.
+        Plural noun for the rows, for messages.
     field : str
-        The field at fault where rows are missing, too short or too long.
+        Field named in errors about missing, short or long rows.
+
+    Returns
+    -------
+    dict of str to list
+        Converted values per column.
 
     Raises
     ------
     InvalidData
-        A row too short or too long, no row below the header, and what `check` and `convert` raise.
+        A row is too short or too long, or the file has no rows; also the errors of `check` and
+        `convert`.
     """
     file = as_path(path)
     rows = table_rows(file)
@@ -62,7 +68,7 @@ def read_columns(
     for line, values in rows:
         where = f"{file}, line {line}"
         if file.suffix.casefold() == ".xlsx":
-            # A sheet does not tell how many of its cells are empty at the end of a row.
+            # openpyxl omits empty cells at the end of a row.
             values = values + [""] * (len(names) - len(values))
         if len(values) != len(names):
             raise InvalidData(
@@ -78,14 +84,14 @@ def read_columns(
 
 
 def table_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number and the cells of every row of a CSV or Excel file that is not blank.
+    """Yield number and cells of every row of a CSV or Excel file that is not blank.
 
     Raises
     ------
     BackendMissing
-        It is an Excel file, and openpyxl is not installed.
+        The file is an Excel file, and openpyxl is not installed.
     InvalidData
-        The file is no valid CSV or Excel file, or larger than is read.
+        The file is not a valid CSV or Excel file, or exceeds a limit.
     """
     file = Path(path)
     if file.suffix.casefold() == ".xlsx":
@@ -101,17 +107,17 @@ def table_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
 
 
 def xlsx_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number and the cells, as text, of every row of the first sheet that is not blank.
+    """Yield number and cells, as text, of every row of the first sheet that is not blank.
 
-    A formula is read as the value that Excel stored with it; links to other files are not followed. If
-    other sheets hold something, the log ``crosstrack`` names them in a warning.
+    A formula is read as its stored value, and links to other files are not followed. If other sheets
+    have content, a warning in the log ``crosstrack`` names them.
 
     Raises
     ------
     BackendMissing
         openpyxl is not installed.
     InvalidData
-        The file is no Excel file, or larger than is read.
+        The file is not an Excel file, or exceeds a limit.
     """
     try:
         import openpyxl
@@ -131,7 +137,7 @@ def xlsx_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
                     "%s: only the sheet %r is read, not %s",
                     file, book.worksheets[0].title, ", ".join(map(repr, unread)),
                 )  # fmt: skip
-            # One row and one column more than allowed, so that they are found and not cut off.
+            # One row and one column beyond the limit, so that an excess is detected and not cut off.
             rows = book.worksheets[0].iter_rows(
                 max_row=ROWS + 1, max_col=COLUMNS + 1, values_only=True
             )
@@ -148,20 +154,20 @@ def xlsx_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
                     yield line, row
     except InvalidData:
         raise
-    except Exception as error:  # openpyxl raises whatever a damaged file makes it trip over
+    except Exception as error:  # openpyxl may raise anything for a damaged file
         raise InvalidData(
             f"{file}: cannot be read as an Excel file (.xlsx): {type(error).__name__}: {error}"
         ) from None
 
 
 def _holds_something(sheet: Any) -> bool:
-    """Return whether one of the first cells of a sheet is not empty."""
+    """Return whether the first rows of a sheet have a non-empty cell."""
     rows = sheet.iter_rows(max_row=GLANCE, max_col=COLUMNS, values_only=True)
     return any(cell is not None for row in rows for cell in row)
 
 
 def _require_bounded(file: Path) -> None:
-    """Raise where `file` is no zip archive of files, or holds more than is read."""
+    """Raise if `file` is not a zip archive of files, or exceeds a limit."""
     try:
         if not file.is_file():
             raise InvalidData(
@@ -169,7 +175,7 @@ def _require_bounded(file: Path) -> None:
             )
         size = file.stat().st_size
         with zipfile.ZipFile(file) as archive:
-            # Reading stops at the size that an entry states, so its word can be taken.
+            # Reading stops at the stated size of an entry, so the statement can be trusted.
             unpacked = sum(entry.file_size for entry in archive.infolist())
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         raise InvalidData(f"{file}: is no Excel file (.xlsx): {error}") from None
@@ -181,7 +187,7 @@ def _require_bounded(file: Path) -> None:
 
 
 def _text(cell: Any) -> str:
-    """Return a cell as CSV would hold it: 3.0 is 3, as Excel shows it."""
+    """Return a cell as text as in CSV; 3.0 becomes 3, as Excel shows it."""
     if isinstance(cell, float) and cell.is_integer() and abs(cell) < 2**53:
         return str(int(cell))
     return "" if cell is None else str(cell).strip()

@@ -1,8 +1,8 @@
-"""Instance files: models read from JSON and written to it, whatever their kind.
+"""Instance files: models of any kind in JSON.
 
-A file holds ``{"model": kind, "name": …, "data": {…}}``. Where a problem keeps part of its data in
-a file beside it, as ``"points": "file.csv"``, the function registered for its kind puts the content
-in the place of the reference.
+A file contains ``{"model": kind, "name": …, "data": {…}}``. If a problem stores a part of its data in
+another file, as ``"points": "file.csv"``, the function registered for its kind replaces the reference
+with the content.
 """
 
 from __future__ import annotations
@@ -33,29 +33,34 @@ __all__ = [
     "write_text",
 ]
 
-#: Numbers as files may write them.
+#: Accepted forms of numbers in files.
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
-#: Returns the path of a file that an instance refers to by name, where it may be read.
+#: Function that returns the path of a file to which an instance refers by name, if it may be read.
 Find = Callable[[str], Path]
-#: Puts the content of referenced files into the ``data`` of an instance: (data, find) -> data.
+#: Function (data, find) -> data that inserts the content of referenced files into an instance.
 References = Callable[[Mapping[str, Any], Find], dict[str, Any]]
 
-#: Functions of that type that users registered, by model kind.
+#: Functions registered by the user, by model kind.
 _REGISTERED: dict[str, References] = {}
 
 
 def register_references(kind: str, function: References) -> References:
-    """Let instance files of the model `kind` refer to other files.
+    """Register a function that resolves references of instance files to other files.
 
     Parameters
     ----------
     kind : str
-        The model's JSON name.
+        Kind of the model.
     function : callable
-        Takes ``data`` as it stands in the file, and a function ``find``; returns the ``data`` that
-        the model understands. ``find(name)`` returns the path of a file that the instance names,
-        and raises :class:`~crosstrack.errors.InvalidData` where it must not be read.
+        Function from ``data`` as in the file, and a function ``find``, to the ``data`` of the model.
+        ``find(name)`` returns the path of a file named in the instance, and raises
+        :class:`~crosstrack.errors.InvalidData` if it must not be read.
+
+    Returns
+    -------
+    callable
+        `function`.
     """
     _REGISTERED[kind] = function
     return function
@@ -72,17 +77,23 @@ def read_model(
     Parameters
     ----------
     path : path-like
-        The file.
+        File to read.
     trusted : bool
-        Whether you know who wrote it: functions in CasADi's own text, which can run code, are read
-        then alone, and messages quote the files that the instance refers to.
+        Whether you trust the author. Only then are functions in CasADi's text format read, which
+        can run code, and messages quote the files to which the instance refers.
     folder : path-like, optional
-        Where the files may lie that it refers to; otherwise only below its own folder.
+        Folder that may contain files to which the instance refers, in addition to the instance's own
+        folder.
+
+    Returns
+    -------
+    Model
+        The model.
 
     Raises
     ------
     InvalidData
-        Naming the file, and in it the field, the row and the value at fault.
+        The file is invalid; the message names the file, field, row and value.
     """
     file = as_path(path)
     text = read_text(file)
@@ -93,11 +104,11 @@ def read_model(
             readers = {**table(__package__, "REFERENCES"), **_REGISTERED}
             if isinstance(kind, str) and isinstance(data, Mapping) and kind in readers:
                 roots = [file.parent] if folder is None else [file.parent, Path(folder)]
-                found = _Found(file.parent, roots)
+                references = _Found(file.parent, roots)
                 try:
-                    data = resolve(readers[kind])(data, found.find)
+                    data = resolve(readers[kind])(data, references.find)
                 except InvalidData as error:
-                    raise error if trusted else found.without_content(error) from None
+                    raise error if trusted else references.without_content(error) from None
                 content = {**content, "data": data}
         return Model.from_dict(content, trusted=trusted)
     except InvalidData as error:
@@ -107,7 +118,7 @@ def read_model(
 
 
 class _Found:
-    """The files that an instance refers to: regular ones below `roots`, of bounded size."""
+    """Files to which an instance refers: regular files below `roots`, of bounded total size."""
 
     def __init__(self, home: Path, roots: Sequence[Path]) -> None:
         self.home = home
@@ -120,7 +131,7 @@ class _Found:
         label = f"the file {show(name)} that the instance refers to"
         if "\0" in name or Path(name).is_absolute():
             raise InvalidData(f"{label} must be named relative to the instance's folder")
-        # Links are followed first: a name below the folder may lead out of it.
+        # Resolve links first, because a name below the folder may lead out of it.
         file = Path(os.path.realpath(self.home / name))
         if not any(file.is_relative_to(root) for root in self.roots):
             raise InvalidData(
@@ -142,7 +153,7 @@ class _Found:
         return file
 
     def without_content(self, error: InvalidData) -> InvalidData:
-        """Return `error` without what it quotes of a file that was found."""
+        """Return `error` without quoted content of a referenced file."""
         for file in self.files:
             if str(error).startswith(str(file)):
                 line = re.match(", line [0-9]+", str(error)[len(str(file)) :])
@@ -155,15 +166,32 @@ class _Found:
 
 
 def write_model(model: Model[Any], path: str | os.PathLike[str]) -> Path:
-    """Write `model` as JSON, exactly and in one step; return the path.
+    """Write `model` as JSON exactly and atomically; return the path.
 
-    Reading the file back gives the same digest. A reader never sees half a file.
+    Reading the file gives the same digest. Readers see either the old or the new content.
+
+    Parameters
+    ----------
+    model : Model
+        Model to write.
+    path : path-like
+        File to write.
+
+    Returns
+    -------
+    pathlib.Path
+        `path`.
+
+    Raises
+    ------
+    InvalidData
+        The file cannot be written.
     """
     return write_text(path, pretty(as_model(model).to_dict()))
 
 
 def pretty(content: Mapping[str, Any]) -> str:
-    """Return the JSON of an instance with one line a field, and one a row of a matrix."""
+    """Return the JSON of an instance with one line per field and per row of a matrix."""
 
     def plain(value: Any) -> str:
         return json.dumps(value, allow_nan=False, ensure_ascii=False)
@@ -184,15 +212,20 @@ def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
     Parameters
     ----------
     model : Model
-        What the plan is for.
+        Model of the plan.
     source : str or path-like
-        A JSON file with a plan, with ``{"plan": …}``, or with a whole solution; ``"-"`` reads
+        JSON file with a plan, with ``{"plan": …}``, or with a complete solution; ``"-"`` for
         standard input.
+
+    Returns
+    -------
+    plan
+        Plan of the model's type; it is not verified.
 
     Raises
     ------
     InvalidData
-        The file cannot be read, holds no plan, or none of this model.
+        The file cannot be read, or contains no plan of this model.
     """
     model = as_model(model)
     standard = isinstance(source, str) and source == "-"
@@ -207,8 +240,8 @@ def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
 
 
 def number(text: str, where: str, field: str) -> float:
-    """Return the finite number that `text` writes; `where` and `field` go into the message."""
-    # float() alone would take nan, inf, 1_000 and the digits of every script.
+    """Return the finite number in `text`; error messages contain `where` and name `field`."""
+    # float() alone would accept nan, inf, 1_000 and non-ASCII digits.
     stripped = text.strip()
     value = float(stripped) if NUMBER.fullmatch(stripped) else math.nan
     if not math.isfinite(value):

@@ -1,4 +1,4 @@
-"""WHAT is asked: models, their formulations as programs, and the check of a plan."""
+"""Models, their formulations as programs, and the verification of plans."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ _get, _, __all__ = attach(
             "QuadraticProgram",
         ),
         "verification": ("Check", "Verification"),
-        # What other problems export is found in their folders as well.
+        # __getattr__ finds the exports of other problems in their folders.
         "error_correction": ("ErrorCorrectionRouting", "Route"),
         "minimum_snap": (
             "FREE",

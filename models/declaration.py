@@ -1,4 +1,4 @@
-"""Data classes whose fields are declared with a Spec: models, and the parts that models consist of."""
+"""Frozen data classes with declared fields: models and the parts of models."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ __all__ = ["Declared", "Listed", "Nested"]
 class Declared:
     """Base of frozen data classes whose fields are declared with a :class:`Spec`.
 
-    Values are copied, coerced, checked and frozen on the way in, also by unpickling, and
+    The constructor copies, coerces, checks and freezes the values, as does unpickling.
     :meth:`data` writes them as JSON data. Subclasses are frozen dataclasses with ``eq=False``.
     """
 
-    @np.errstate(all="ignore")  # what overflows is refused where it counts
+    @np.errstate(all="ignore")  # the specs reject values that overflow
     def __post_init__(self) -> None:
         sizes: dict[str, tuple[int, str]] = {}
         for name, spec in self._specs():
@@ -31,7 +31,7 @@ class Declared:
         self.check()
 
     def check(self) -> None:
-        """Raise :class:`~crosstrack.errors.InvalidData` where fields contradict one another."""
+        """Raise :class:`~crosstrack.errors.InvalidData` if fields contradict one another."""
 
     @classmethod
     def _specs(cls) -> Iterator[tuple[str, Spec]]:
@@ -50,34 +50,35 @@ class Declared:
     def data(self) -> dict[str, Any]:
         """Return the content as JSON data (no NaN, no infinity).
 
-        A field that was added later is left out at its default, as files from before it do.
+        A field that a later version added is omitted at its default, so that older files keep their
+        form.
         """
-        found = {}
+        result = {}
         for field in dataclasses.fields(self):
             value, spec = getattr(self, field.name), field.metadata.get("spec")
             same = type(value) is type(field.default) and value == field.default
             if field.init and spec is not None and not (same and field.metadata.get("added")):
-                found[field.name] = spec.encode(value)
-        return found
+                result[field.name] = spec.encode(value)
+        return result
 
     @classmethod
     def from_data(cls, data: Any) -> Self:
-        """Return what :meth:`data` wrote; unknown and missing keys raise ``InvalidData``."""
+        """Return the object that :meth:`data` wrote; unknown and missing keys raise ``InvalidData``."""
         return cls._from_data(data)
 
     @classmethod
     def input_names(cls) -> frozenset[str]:
-        """Return further names that the constructor takes beside the fields."""
+        """Return names of constructor arguments that are not fields."""
         return frozenset()
 
     @classmethod
     def _label(cls) -> str:
-        """Return what messages call the data of this class."""
+        """Return the name of the class in error messages."""
         return f"a {cls.__name__.lower()}"
 
     @classmethod
     def _from_data(cls, data: Any, **others: Any) -> Self:
-        """Return what `data` holds; `others` are fields that come from elsewhere."""
+        """Return the object with the fields in `data`; `others` are fields from other sources."""
         if not isinstance(data, Mapping):
             raise InvalidData(f"data must be an object, got {show(data)}", field="data")
         known = {f.name: f for f in dataclasses.fields(cls) if f.init and f.name not in others}
@@ -98,9 +99,9 @@ class Declared:
             and field.default_factory is dataclasses.MISSING
         ]
         if missing:
-            words = "key {} is" if len(missing) == 1 else "keys {} are"
+            phrase = "key {} is" if len(missing) == 1 else "keys {} are"
             raise InvalidData(
-                f"{words.format(', '.join(map(repr, missing)))} missing in the data of "
+                f"{phrase.format(', '.join(map(repr, missing)))} missing in the data of "
                 f"{cls._label()}; allowed: {', '.join(sorted({*known, *extra}))}",
                 field=missing[0],
             )
@@ -109,12 +110,12 @@ class Declared:
 
 @dataclass(frozen=True)
 class Nested(Spec):
-    """A part of its own, or its data.
+    """Field that holds another declared object, given as such or as its JSON data.
 
     Parameters
     ----------
     kind : type
-        The part's class.
+        Class of the object.
     """
 
     kind: type[Declared]
@@ -137,7 +138,13 @@ class Nested(Spec):
 
 @dataclass(frozen=True)
 class Listed(Spec):
-    """Several parts of one kind, as a tuple."""
+    """Field that holds a tuple of declared objects of one class.
+
+    Parameters
+    ----------
+    kind : type
+        Class of the objects.
+    """
 
     kind: type[Declared]
 
@@ -149,9 +156,9 @@ class Listed(Spec):
         return tuple(Nested(self.kind).coerce(f"{name}[{k}]", v, {}) for k, v in enumerate(value))
 
     def encode(self, value: tuple[Declared, ...]) -> Any:
-        return [one.data() for one in value]
+        return [part.data() for part in value]
 
     def feed(self, value: tuple[Declared, ...]) -> Iterable[bytes]:
         yield repr(len(value)).encode()
-        for one in value:
-            yield from Nested(self.kind).feed(one)
+        for part in value:
+            yield from Nested(self.kind).feed(part)

@@ -1,8 +1,8 @@
-"""Declared fields of a model: how a value is coerced, checked, frozen and written as JSON.
+"""Specifications of fields: how a value is coerced, checked, frozen and written as JSON.
 
 A model declares each field with a :class:`Spec`; :class:`~crosstrack.models.model.Model` applies
-them. Strings are no numbers, NaN is never a value, and infinity only where the spec allows it
-(JSON then writes ``null``).
+them. Strings are never converted to numbers and NaN is always rejected. Infinity is allowed only if
+the spec says so, and JSON writes it as ``null``.
 """
 
 from __future__ import annotations
@@ -39,39 +39,39 @@ __all__ = [
 
 Kind = TypeVar("Kind")
 
-#: Whether the caller trusts who wrote the data that is being read.
+#: Whether the caller trusts the author of the data being read.
 TRUSTED: ContextVar[bool] = ContextVar("trusted", default=False)
 
 
 def required(name: str, value: Any, kind: type[Kind]) -> Kind:
-    """Return `value`, or raise :class:`InvalidData` where it is of another type than `kind`."""
+    """Return `value`, or raise :class:`InvalidData` if it is not an instance of `kind`."""
     if not isinstance(value, kind):
         raise InvalidData(f"{name} must be a {kind.__name__}, got {show(value)}", field=name)
     return value
 
 
 def unwritable(text: str) -> bool:
-    """Return whether `text` holds half a character (a lone surrogate), which no file can hold."""
+    """Return whether `text` contains a lone surrogate, which cannot be encoded as UTF-8."""
     return any("\ud800" <= character <= "\udfff" for character in text)
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """Return `array` over memory that nobody can write to: a copy, unless it is one already.
+    """Return `array` in read-only memory, copied unless it already is.
 
-    A write flag that is only cleared can be set again, and a verification must not read what a
-    backend has changed.
+    Clearing NumPy's write flag is not enough: a backend could set it again, and a verification must
+    not read data that a backend has changed.
     """
     base: Any = array
     while isinstance(base, np.ndarray) and not base.flags.writeable:
         base = base.base
     if isinstance(base, bytes):
         return array
-    # An empty buffer is refused where the shape holds no entry.
+    # NumPy rejects an empty buffer even for a shape without entries.
     return np.ndarray(array.shape, array.dtype, array.tobytes() or bytes(array.itemsize))
 
 
 class Spec(ABC):
-    """How one field is checked on the way in and written on the way out."""
+    """Specification of one field: its check, its JSON form and its share of the digest."""
 
     #: Whether the field is part of the content that the digest identifies.
     content: bool = True
@@ -80,11 +80,11 @@ class Spec(ABC):
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Any:
         """Return the checked, coerced and frozen value, or raise :class:`InvalidData`.
 
-        `sizes` collects the named dimensions met so far, each with the field that fixed it.
+        `sizes` maps the named dimensions so far to their length and the field that fixed it.
         """
 
     def encode(self, value: Any) -> Any:
-        """Return what JSON holds for `value`."""
+        """Return the JSON value for `value`."""
         return value
 
     def feed(self, value: Any) -> Iterable[bytes]:
@@ -92,31 +92,40 @@ class Spec(ABC):
         yield repr(value).encode()
 
     def refreeze(self, value: Any) -> Any:
-        """Return `value` as it must be after unpickling."""
+        """Return `value` frozen again after unpickling."""
         return value
 
 
 def declared(spec: Spec, *, hidden: bool = False, added: bool = False, **options: Any) -> Any:
-    """Return a dataclass field that carries `spec`; `options` go to ``dataclasses.field``.
+    """Return a dataclass field that carries `spec`.
 
-    A `hidden` field is read by the verification and by nobody else: backends receive the model
-    without it, see :meth:`crosstrack.models.Model.blinded`. What is computed from it when the model
-    is made has to be hidden too. A field that was `added` to a model that is in use counts in the digest
-    only where it differs from its default, so that stored digests hold.
+    Parameters
+    ----------
+    spec : Spec
+        Specification of the field.
+    hidden : bool
+        Whether only the verification may read the field. Backends receive the model without it, see
+        :meth:`crosstrack.models.Model.blinded`. A value computed from it in the constructor must be
+        hidden as well.
+    added : bool
+        Whether the field was added to a model that is in use. It then enters the digest and the JSON
+        data only if it differs from its default, so that stored digests stay valid.
+    **options
+        Arguments for ``dataclasses.field``.
     """
     if hidden and "default" in options:
-        # A default would be the class's attribute, which is read where the field is not there.
+        # A default would be a class attribute, which a blinded model would return.
         value = options.pop("default")
         options["default_factory"] = lambda: value
     return dataclasses.field(metadata={"spec": spec, "hidden": hidden, "added": added}, **options)
 
 
-#: What counts as a number; a truth value, which Python takes for one, is refused beside it.
+#: Accepted types of numbers; Booleans, which are integers in Python, are excluded separately.
 _NUMBER = int | float | np.integer | np.floating
 
 
 def _number(name: str, value: Any, field: str | None = None) -> float:
-    """Return the number that `value` is; `field` is at fault where it is not `name`."""
+    """Return `value` as a float; errors name `field`, by default `name`."""
     field = name if field is None else field
     if isinstance(value, np.ndarray):
         if value.ndim or value.dtype.kind not in "iuf" or np.ma.is_masked(value):
@@ -134,16 +143,16 @@ def _number(name: str, value: Any, field: str | None = None) -> float:
 
 @dataclass(frozen=True)
 class Real(Spec):
-    """A finite real number, at least `lower` (greater than it when `strict`).
+    """Finite real number.
 
     Parameters
     ----------
     lower, upper : float, optional
-        The range allowed.
+        Closed range of the value; None for no limit.
     strict : bool
-        Exclude `lower` itself.
+        Whether `lower` itself is excluded.
     unit : str
-        Named in messages.
+        Unit shown in error messages.
     """
 
     lower: float | None = None
@@ -170,12 +179,12 @@ class Real(Spec):
 
 @dataclass(frozen=True)
 class Whole(Spec):
-    """A whole number, at least `lower`.
+    """Integer.
 
     Parameters
     ----------
     lower, upper : int, optional
-        The closed range allowed.
+        Closed range of the value; None for no limit.
     """
 
     lower: int | None = None
@@ -194,7 +203,7 @@ class Whole(Spec):
 
 @dataclass(frozen=True)
 class Flag(Spec):
-    """True or False; numbers and strings are neither."""
+    """True or False; numbers and strings are rejected."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> bool:
         if not isinstance(value, bool | np.bool_):
@@ -204,7 +213,13 @@ class Flag(Spec):
 
 @dataclass(frozen=True)
 class Text(Spec):
-    """A string."""
+    """String that can be encoded as UTF-8.
+
+    Parameters
+    ----------
+    content : bool
+        Whether the string is part of the content that the digest identifies.
+    """
 
     content: bool = True
 
@@ -218,7 +233,13 @@ class Text(Spec):
 
 @dataclass(frozen=True)
 class Optional(Spec):
-    """Either None or what `spec` allows."""
+    """None, or a value that `spec` allows.
+
+    Parameters
+    ----------
+    spec : Spec
+        Specification of values other than None.
+    """
 
     spec: Spec
 
@@ -240,18 +261,18 @@ class Optional(Spec):
 
 @dataclass(frozen=True)
 class Array(Spec):
-    """A numeric array of a declared shape.
+    """Numeric array with a declared shape.
 
     Parameters
     ----------
     shape : tuple of int or str
-        One entry a dimension: a length, or a name that must mean the same length in all fields.
+        Length of each dimension, or a name; equal names mean equal lengths in all fields.
     dtype : type
         ``float``, ``int`` or ``bool``.
     lower, upper : float, optional
-        The range allowed.
+        Closed range of the entries; None for no limit.
     infinity : {0, -1, 1}
-        Whether -inf (-1) or inf (1) is a value; JSON writes it as null.
+        Infinite value that is allowed: none (0), -inf (-1) or inf (1). JSON writes it as null.
     """
 
     shape: tuple[int | str, ...]
@@ -262,10 +283,10 @@ class Array(Spec):
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
         array = self._numbers(name, value)
-        array = self._shaped(name, array, sizes)
+        array = self._check_shape(name, array, sizes)
         if self.dtype is float:
             with np.errstate(over="ignore", invalid="ignore"):
-                plain = math.isfinite(array.sum())  # one look at all, and often enough
+                plain = math.isfinite(array.sum())  # one pass, which nearly always suffices
             if not plain:
                 bad = ~np.isfinite(array)
                 if self.infinity:
@@ -284,15 +305,15 @@ class Array(Spec):
             raise InvalidData(f"{name} must not hold masked entries", field=name)
         try:
             raw = np.asarray(value)
-        except Exception:  # ragged, too deep, or what a stranger's own conversion raises
+        except Exception:  # ragged, nested too deeply, or an error of a custom conversion
             raise InvalidData(f"{name} {self._ragged(value)}", field=name) from None
         if self.dtype is not bool and isinstance(value, list | tuple):
-            _refuse_truth(name, value, ())
+            _reject_booleans(name, value, ())
         if raw.size == 0:
             return np.empty(raw.shape, self.dtype)
         if self.dtype is bool:
-            return self._truths(name, raw)
-        # Strings turn a whole array into strings: find the entry at fault among the originals.
+            return self._booleans(name, raw)
+        # A string turns the whole array into strings: search the original for the wrong entry.
         numbers = raw if raw.dtype.kind in "iuf" else self._objects(name, value)
         if self.dtype is int and numbers.dtype.kind == "i":
             return np.array(numbers, dtype=int)
@@ -301,15 +322,15 @@ class Array(Spec):
             whole &= (numbers >= -(2.0**63)) & (numbers < 2.0**63)
             self._refuse(name, numbers, ~whole, "must be whole numbers of 64 bits")
             return numbers.astype(int)
-        found = np.empty(numbers.shape)
-        with np.errstate(over="ignore"):  # only numbers longer than floats can overflow
-            np.add(numbers, 0.0, out=found, casting="same_kind")  # -0.0 becomes 0.0
-        if numbers.dtype.itemsize > found.itemsize:
-            beyond = np.isinf(found) & np.isfinite(numbers)
+        result = np.empty(numbers.shape)
+        with np.errstate(over="ignore"):  # only numbers with more bits than a float can overflow
+            np.add(numbers, 0.0, out=result, casting="same_kind")  # -0.0 becomes 0.0
+        if numbers.dtype.itemsize > result.itemsize:
+            beyond = np.isinf(result) & np.isfinite(numbers)
             self._refuse(name, numbers, beyond, "must be within the range of floats")
-        return found
+        return result
 
-    def _truths(self, name: str, raw: NDArray[Any]) -> NDArray[Any]:
+    def _booleans(self, name: str, raw: NDArray[Any]) -> NDArray[Any]:
         if raw.dtype.kind in "iu":
             self._refuse(name, raw, (raw != 0) & (raw != 1), "must be true or false")
         elif raw.dtype.kind != "b":
@@ -317,7 +338,7 @@ class Array(Spec):
         return raw.astype(bool)
 
     def _objects(self, name: str, value: Any) -> NDArray[Any]:
-        """Return the numbers of a mixed array, None made infinite where that is allowed."""
+        """Return the numbers of a mixed array, with None as infinity if that is allowed."""
         objects = np.asarray(value, dtype=object)
         for place in np.ndindex(objects.shape):
             entry = objects[place]
@@ -335,26 +356,26 @@ class Array(Spec):
                     return f"row {row} must hold {self.shape[1]} numbers, got {show(entry)}"
         return f"must be an array of shape {self._shape_text()}, got {show(value)}"
 
-    def _shaped(
+    def _check_shape(
         self, name: str, array: NDArray[Any], sizes: dict[str, tuple[int, str]]
     ) -> NDArray[Any]:
         if array.size == 0 and array.ndim == 1 and len(self.shape) > 1:
             rest = [d if isinstance(d, int) else sizes.get(d, (0, ""))[0] for d in self.shape[1:]]
             array = array.reshape([0, *rest])
-        wrong = array.ndim != len(self.shape) or any(
-            isinstance(want, int) and have != want
-            for have, want in zip(array.shape, self.shape, strict=False)
+        mismatch = array.ndim != len(self.shape) or any(
+            isinstance(expected, int) and actual != expected
+            for actual, expected in zip(array.shape, self.shape, strict=False)
         )
-        if wrong:
+        if mismatch:
             raise InvalidData(
                 f"{name} must have shape {self._shape_text()}, got {array.shape}", field=name
             )
-        for have, want in zip(array.shape, self.shape, strict=True):
-            if isinstance(want, str):
-                known, source = sizes.setdefault(want, (have, name))
-                if known != have:
+        for actual, expected in zip(array.shape, self.shape, strict=True):
+            if isinstance(expected, str):
+                known, source = sizes.setdefault(expected, (actual, name))
+                if known != actual:
                     raise InvalidData(
-                        f"{name} has {have} entries where {source} has {known}", field=name
+                        f"{name} has {actual} entries where {source} has {known}", field=name
                     )
         return array
 
@@ -381,8 +402,8 @@ class Array(Spec):
         return frozen(value)
 
 
-def _refuse_truth(name: str, value: Any, place: tuple[int, ...]) -> None:
-    """Raise where a list of numbers holds a boolean, which NumPy would take for 0 or 1."""
+def _reject_booleans(name: str, value: Any, place: tuple[int, ...]) -> None:
+    """Raise if a list of numbers contains a Boolean, which NumPy would convert to 0 or 1."""
     if {bool, np.bool_, list, tuple}.isdisjoint(map(type, value)):
         return
     for index, entry in enumerate(value):
@@ -391,7 +412,7 @@ def _refuse_truth(name: str, value: Any, place: tuple[int, ...]) -> None:
                 f"{_at(name, (*place, index))} must be a number, got {entry}", field=name
             )
         if isinstance(entry, list | tuple):
-            _refuse_truth(name, entry, (*place, index))
+            _reject_booleans(name, entry, (*place, index))
 
 
 def _at(name: str, place: tuple[int, ...]) -> str:
@@ -400,15 +421,17 @@ def _at(name: str, place: tuple[int, ...]) -> str:
 
 @dataclass(frozen=True)
 class Broadcast(Array):
-    """A table with one row a segment between two knots, or less where all rows are alike.
+    """Table with one row per segment between two knots, given in full or by a broadcastable shape.
 
-    A single number counts everywhere, one row for every segment, one column for every axis. The
-    full table is kept. Its columns must be known by then, and its rows are one fewer than `knots`.
+    A number applies to all entries, one row to all segments, and one column to all axes. The value
+    is stored in full, with one row fewer than there are knots.
 
     Parameters
     ----------
     shape : tuple of str
-        The names of the knots and of the columns, both fixed by an earlier field.
+        Names of the dimensions of the knots and of the columns, which an earlier field must fix.
+    dtype, lower, upper, infinity
+        See :class:`Array`.
     """
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
@@ -416,7 +439,8 @@ class Broadcast(Array):
         rows, columns = (sizes[str(part)][0] for part in self.shape)
         full = (max(rows - 1, 0), columns)
         fits = array.ndim <= 2 and all(
-            have in (1, want) for have, want in zip(array.shape[::-1], full[::-1], strict=False)
+            actual in (1, expected)
+            for actual, expected in zip(array.shape[::-1], full[::-1], strict=False)
         )
         if not fits:
             raise InvalidData(
@@ -426,7 +450,7 @@ class Broadcast(Array):
             )
         place = {"knots": (full[0], name), "columns": (full[1], name)}
         inner = Array(("knots", "columns"), float, self.lower, self.upper, self.infinity)
-        # Checked before it is spread, so that a message names the entry that was given.
+        # Check before broadcasting, so that a message names the entry of the argument.
         shown = np.atleast_2d(array) if array.ndim else array.reshape(1, 1)
         inner.coerce(name, shown, {})
         return inner.coerce(name, np.broadcast_to(shown, full), place)

@@ -1,4 +1,4 @@
-"""A formulation: a model written as a solver-neutral program, and the way back."""
+"""Formulations: models written as solver-neutral programs, with the mapping of plans."""
 
 from __future__ import annotations
 
@@ -26,16 +26,26 @@ PlanT = TypeVar("PlanT")
 
 @dataclass(frozen=True, eq=False)
 class Formulation(ABC, Generic[ModelT, PlanT]):
-    """A model as a program, with plans encoded into its columns and decoded from them.
+    """Program of a model, with the encoding of plans into its columns and their decoding.
 
-    Subclasses are frozen dataclasses; their fields after `model` are the typed options, checked
-    in ``__post_init__`` with :class:`~crosstrack.errors.UnsupportedOption`, and what of the model
-    they do not cover with :class:`~crosstrack.errors.UnsupportedFormulation`.
+    Subclasses are frozen dataclasses. The fields after `model` are the typed options, which
+    ``__post_init__`` checks with :class:`~crosstrack.errors.UnsupportedOption`. Features of the
+    model that the formulation does not cover raise
+    :class:`~crosstrack.errors.UnsupportedFormulation`.
 
     Parameters
     ----------
     model : Model
-        The model.
+        Model to formulate.
+
+    Attributes
+    ----------
+    name : str
+        Name of the formulation in options and on the command line.
+    program_type : type
+        Class of the program, which decides the backends that accept it.
+    summary : str
+        Description in one line.
     """
 
     model: ModelT
@@ -43,18 +53,31 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
     name: ClassVar[str]
     program_type: ClassVar[type[Program]]
     summary: ClassVar[str] = ""
-    #: Share of the model's tolerance to which the program must be solved, so that what is decoded
-    #: verifies: a program's rows are held against their terms, a model's constraints against 1.
+    #: Share of the model's tolerance to which the program must be solved, so that the decoded plan
+    #: verifies: tolerances of rows are relative to their terms, those of constraints to 1.
     precision: ClassVar[float] = 1.0
-    #: Whether every program is a relaxation of the model, so that its bound and its being infeasible
-    #: hold for the model. Else it is an approximation, such as one mesh of several.
+    #: Whether every program is a relaxation of the model, so that its bound and its infeasibility
+    #: carry over to the model. Otherwise it is an approximation, such as one mesh of several.
     relaxes: ClassVar[bool] = True
-    #: Whether :meth:`started` draws a start, so that no backend need do it.
+    #: Whether :meth:`started` draws a random start, so that backends do not have to.
     draws: ClassVar[bool] = False
 
     @classmethod
     def of(cls, model: ModelT, options: Mapping[str, Any]) -> Self:
-        """Return the formulation of `model` with `options`; an unknown one raises."""
+        """Return the formulation of `model` with `options`.
+
+        Parameters
+        ----------
+        model : Model
+            Model to formulate.
+        options : mapping of str to object
+            Values of the formulation's fields by name.
+
+        Raises
+        ------
+        UnsupportedOption
+            An option is unknown.
+        """
         known = [f.name for f in dataclasses.fields(cls) if f.init and f.name != "model"]
         for name in options:
             if name not in known:
@@ -66,7 +89,7 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
 
     @cached_property
     def program(self) -> Program:
-        """The program, built at the first use."""
+        """The program, built at first use."""
         return self.build()
 
     @abstractmethod
@@ -77,65 +100,70 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
     def encode(self, plan: PlanT) -> NDArray[np.float64]:
         """Return the program's column vector for `plan`.
 
-        Any plan that satisfies the model satisfies the program's rows once encoded, so encoding
-        cross-checks a plan of any backend against the paper's equations; it is also a warm start.
+        A plan that satisfies the model satisfies the rows of the program once encoded. Encoding
+        therefore checks a plan of any backend against the paper's equations. It is also a warm start.
         """
 
     @abstractmethod
     def decode(self, point: NDArray[np.float64]) -> PlanT:
-        """Return the plan that a column vector stands for; ``InvalidData`` where it has none."""
+        """Return the plan for a column vector, or raise ``InvalidData`` if it encodes no plan."""
 
     @property
     def floor(self) -> float:
-        """A lower bound on the objective of every plan that no solver need find; -inf without one."""
+        """Lower bound on the objective of all plans, known without a solver; -inf by default."""
         return -np.inf
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What people must know of the program, such as equations left out of it."""
+        """Remarks about the program for users, such as equations that it omits."""
         return ()
 
     def bounded(self, objective: float) -> Self:
-        """Return a formulation that may leave out plans worse than a verified `objective`.
+        """Return a formulation that may exclude plans worse than a verified `objective`.
 
-        The dispatcher calls it with the objective of a verified warm start. The default keeps
-        the program as it is.
+        The dispatcher calls it with the objective of a verified warm start. By default, the
+        formulation stays as it is.
         """
         return self
 
     def fitted(self, plan: PlanT) -> Self:
-        """Return the formulation that resolves `plan` best, for its rows to be held against it."""
+        """Return the formulation that represents `plan` best, for checking its rows on the plan."""
         return self
 
     def refined(
         self, point: NDArray[np.float64], tolerance: float, duals: NDArray[np.float64] | None = None
     ) -> Self | None:
-        """Return the formulation with what `point`, a solution of its program, shows to be missing.
+        """Return the formulation extended by the violations of `point`, a solution of its program.
 
-        For programs that stand for more than can be written, such as a limit or a motion at every
-        instant: the program holds some of it, and the dispatcher solves, refines and solves again
-        until None says that `point` is settled, or that nothing more can be done.
+        It serves programs with infinitely many constraints, such as a limit that holds at every
+        instant. The program contains some of them. The dispatcher solves and refines until the
+        result is None: `point` has converged, or no further refinement is possible.
 
         Parameters
         ----------
         point : ndarray
-            An optimum of :attr:`program`.
+            Optimum of :attr:`program`.
         tolerance : float
-            Largest violation that may stay, scaled as the model's verification scales it.
+            Largest accepted violation, scaled as in the model's verification.
         duals : ndarray, optional
-            Row multipliers at `point`, where the solver gave some.
+            Row multipliers at `point`; None if the solver returned none.
+
+        Returns
+        -------
+        Formulation, optional
+            None to stop; :attr:`settled` then distinguishes convergence from failure.
         """
         return None
 
     @property
     def settled(self) -> bool:
-        """Whether :meth:`refined`, once it has said None, did so as nothing is missing."""
+        """Whether the last :meth:`refined` that returned None did so because `point` had converged."""
         return True
 
     def counterpart(self, point: NDArray[np.float64]) -> Formulation[ModelT, PlanT] | None:
-        """Return another approximation of the model, started at `point`, whose optimum must agree.
+        """Return another approximation, started at `point`, whose optimum must agree with this one.
 
-        The default is None: an approximation without a counterpart is accepted as it is.
+        By default None: the optimum is accepted without a comparison.
         """
         return None
 
@@ -147,39 +175,39 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         Parameters
         ----------
         point : ndarray
-            An optimum of :attr:`program` for which :meth:`refined` returned None.
+            Optimum of :attr:`program` for which :meth:`refined` returned None.
         objective : float
             Objective of the counterpart's optimum.
         tolerance : float
-            Largest violation that may stay, scaled as the model's verification scales it.
+            Largest accepted violation, scaled as in the model's verification.
 
         Returns
         -------
         Formulation, optional
-            None if the two agree, or if no finer formulation is allowed; then :attr:`settled` is
-            False.
+            None if the two agree, or if no finer formulation is allowed. In the second case
+            :attr:`settled` is False.
         """
         return None
 
     @property
     def history(self) -> tuple[Mapping[str, Any], ...]:
-        """A row for each program so far, of the same names and JSON values; empty where none is told."""
+        """One row per program so far, with equal names and JSON values; empty by default."""
         return ()
 
     def started(self, seed: int) -> Self:
-        """Return the formulation with its program's guess drawn by `seed`, where :attr:`draws`."""
+        """Return the formulation with the program's guess drawn by `seed`; used if :attr:`draws`."""
         return self
 
     def guessed(self, plan: PlanT) -> Self | None:
-        """Return the formulation started at `plan`, which breaks the model; None to refuse such plans."""
+        """Return the formulation started at the infeasible `plan`, or None if it accepts no such plan."""
         return None
 
     def explained(
         self, plan: PlanT, point: NDArray[np.float64], duals: NDArray[np.float64]
     ) -> PlanT:
-        """Return `plan` with what the row multipliers at `point` tell of it, such as costates."""
+        """Return `plan` with the results of the row multipliers at `point`, such as costates."""
         return plan
 
     def statistics(self, plan: PlanT) -> dict[str, float | int | str]:
-        """Return counts of the formulation's own for a solution with `plan`."""
+        """Return additional statistics of a solution with `plan`."""
         return {}

@@ -1,4 +1,4 @@
-"""Reading JSON text strictly: what no model could hold is refused, with its place."""
+"""Strict reading of JSON text, with the place of the error."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def parse_json(text: str) -> Any:
     Raises
     ------
     InvalidData
-        The text is no JSON; a NaN, an infinity or a number beyond the range of floats; a key that
-        stands twice; half a character (a lone surrogate); more levels than Python can follow.
+        The text is not valid JSON or is nested too deeply; it contains NaN, infinity, a number
+        beyond the range of floats, a duplicate key or a lone surrogate.
     """
     required("text", text, str)
     beyond: list[str] = []
@@ -29,18 +29,18 @@ def parse_json(text: str) -> Any:
         raise InvalidData(f"{word} is no JSON number: write null where infinity is meant")
 
     def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        result: dict[str, Any] = {}
         for key, value in items:
-            if key in found:
+            if key in result:
                 raise InvalidData(f"key {key!r} stands twice in one object", field=key)
-            found[key] = value
-        return found
+            result[key] = value
+        return result
 
     def real(digits: str) -> float:
-        found = float(digits)
-        if math.isinf(found):
+        result = float(digits)
+        if math.isinf(result):
             beyond.append(digits)
-        return found
+        return result
 
     def whole(digits: str) -> int | float:
         try:
@@ -48,32 +48,32 @@ def parse_json(text: str) -> Any:
         except ValueError:  # more digits than Python converts
             return real(digits)
 
-    # Looked for only where the text may hold some, for texts may be long.
+    # The tree is searched only if the quick scan finds a suspicious text, as texts may be long.
     suspect = _suspect(text)
     try:
-        found = json.loads(
+        result = json.loads(
             text, parse_constant=constant, object_pairs_hook=pairs,
             parse_float=real if suspect else None, parse_int=whole if suspect else None,
         )  # fmt: skip
         if suspect:
-            _refuse_unwritten(found, (), beyond)
+            _reject_invalid(result, (), beyond)
     except json.JSONDecodeError as error:
         raise InvalidData(f"no valid JSON: {error}") from None
     except RecursionError:
         raise InvalidData("no valid JSON: nested too deeply") from None
-    return found
+    return result
 
 
-#: Half a character, written out or as JSON's escape of it.
+#: Lone surrogate, as a character or as a JSON escape.
 _HALF = re.compile(r"[\ud800-\udfff]|\\u[dD][89a-fA-F]")
-#: An exponent that may be beyond floats.
+#: Exponent that may exceed the range of floats.
 _LARGE = re.compile(r"[eE]\+?0*[1-9][0-9]{2}")
-#: A run of digits beyond floats holds a window of so many of them, wherever windows begin.
+#: Length of a window; every run of digits beyond the range of floats contains a full window.
 _DIGITS = 150
 
 
 def _suspect(text: str) -> bool:
-    """Return whether JSON text may hold half a character or a number beyond floats; fast, not exact."""
+    """Return whether JSON text may contain a lone surrogate or an excessive number; fast, not exact."""
     odd = not text.isascii() or "\\u" in text
     return (
         (odd and _HALF.search(text) is not None)
@@ -82,30 +82,30 @@ def _suspect(text: str) -> bool:
     )
 
 
-def _refuse_unwritten(value: Any, at: tuple[Any, ...], beyond: list[str]) -> None:
-    """Raise where the tree of JSON data holds half a character, or a number `beyond` all floats."""
-    field = next((str(key) for key in at if isinstance(key, str) and key != "data"), None)
+def _reject_invalid(value: Any, path: tuple[Any, ...], beyond: list[str]) -> None:
+    """Raise if the JSON data contain a lone surrogate or a number `beyond` the range of floats."""
+    field = next((str(key) for key in path if isinstance(key, str) and key != "data"), None)
     if isinstance(value, float) and math.isinf(value):
         raise InvalidData(
-            f"{_place(at)} is beyond the range of numbers, got {show(beyond[0])}: write null where "
+            f"{_place(path)} is beyond the range of numbers, got {show(beyond[0])}: write null where "
             "infinity is meant",
             field=field,
         )
     if isinstance(value, str) and unwritable(value):
         raise InvalidData(
-            f"{_place(at)} holds half a character (a lone surrogate), got {ascii(value)[:60]}",
+            f"{_place(path)} holds half a character (a lone surrogate), got {ascii(value)[:60]}",
             field=field,
         )
     if isinstance(value, dict):
         for key, part in value.items():
-            _refuse_unwritten(key, at, beyond)
-            _refuse_unwritten(part, (*at, key), beyond)
+            _reject_invalid(key, path, beyond)
+            _reject_invalid(part, (*path, key), beyond)
     elif isinstance(value, list):
         for k, part in enumerate(value):
-            _refuse_unwritten(part, (*at, k), beyond)
+            _reject_invalid(part, (*path, k), beyond)
 
 
-def _place(at: tuple[Any, ...]) -> str:
-    """Return a place in JSON data as messages name it, such as ``points[0][2]``."""
-    words = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in at)
-    return words.removeprefix(".data").lstrip(".") or "the data"
+def _place(path: tuple[Any, ...]) -> str:
+    """Return the place in JSON data as shown in messages, such as ``points[0][2]``."""
+    text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
+    return text.removeprefix(".data").lstrip(".") or "the data"

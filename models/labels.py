@@ -1,4 +1,4 @@
-"""Names that rows of data bear."""
+"""Labels of rows of data."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ __all__ = ["Ids"]
 
 @dataclass(frozen=True)
 class Ids(Spec):
-    """The names of rows in the file they come from: labels, all different.
+    """Distinct labels of rows, as in the file that the data come from.
 
     Parameters
     ----------
     rows : str
-        The named dimension that they count.
+        Name of the dimension that the labels count.
     """
 
     rows: str = "n"

@@ -1,6 +1,6 @@
-"""The base of every model: declared data, exact JSON, a digest, formulations and a verification.
+"""Base of every model: declared data, exact JSON, a digest, formulations and a verification.
 
-A model says WHAT is asked, and nothing of how it is answered.
+A model states a planning problem. Solution methods belong to :mod:`crosstrack.solvers`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PlanT = TypeVar("PlanT")
 
 @dataclass(frozen=True, eq=False)
 class Model(Declared, ABC, Generic[PlanT]):
-    """A planning problem: its data, and how a plan for it is written and verified.
+    """Planning problem: its data, and how plans for it are written and verified.
 
     Subclasses are frozen dataclasses with ``eq=False`` whose fields are declared with a
     :class:`~crosstrack.models.fields.Spec`; :class:`~crosstrack.models.declaration.Declared` copies,
@@ -41,7 +41,7 @@ class Model(Declared, ABC, Generic[PlanT]):
     Parameters
     ----------
     name : str
-        A label for people; no part of the content.
+        Label of the instance, which is not part of the content.
 
     Attributes
     ----------
@@ -50,31 +50,30 @@ class Model(Declared, ABC, Generic[PlanT]):
     formulations : dict of str to (str or type)
         Formulation classes by name, lazily as ``"module:class"``; ``"paper"`` is the paper's own.
     default_formulation : str
-        The one taken when none is named.
+        Name of the formulation used by default.
     objective_unit : str
         Unit of the objective, which is always minimised.
     agreement : float, optional
-        Largest :meth:`distance` at which two plans agree, for models that no backend proves
-        anything of, such as estimation; None where plans are judged by bounds alone.
+        Largest :meth:`distance` at which two plans agree, for models without provable bounds, such
+        as estimation; None if plans are compared by bounds alone.
     certifier : str
-        Name of the exact backend whose plan other backends' optimal plans are compared with, for models
-        whose objective hides the shape of the plan; empty without one.
+        Name of the exact backend whose plan is compared with the optimal plans of other backends, for
+        models whose objective does not determine the shape of the plan; empty for no comparison.
     certified_distance : float
         Largest :meth:`distance` to the certified plan at which a plan is accepted as optimal.
     rivals : bool
-        Whether all backends answer one question, so that one plan can be the best of all; where each
-        estimates something else, comparisons rank nobody by objectives.
+        Whether all backends solve the same task, so that objectives can be ranked. False if each
+        estimates another quantity; comparisons then rank no backend by its objective.
     plan_type : type
-        What a plan must be an instance of; anything where a model does not say.
+        Required type of plans; ``object`` accepts any.
     second_objectives : dict of str to str
-        What :func:`crosstrack.front` trades the objective against: names, and the field that limits
-        each.
+        Second objectives for :func:`crosstrack.front`: the name, and the field that limits it.
     second_steps : dict of str to float
-        The least difference between two values of a second objective, for those of which all values
-        are multiples of it, such as 1 for a number of stops.
+        Spacing of the values of a second objective if all are multiples of it, such as 1 for a
+        number of stops.
     """
 
-    # Written out, for type checkers see only through dataclasses.field that it is no position.
+    # Written out because type checkers would take declared() for a positional argument.
     name: str = dataclasses.field(default="", kw_only=True, metadata={"spec": Text(content=False)})
 
     kind: ClassVar[str] = ""
@@ -94,9 +93,9 @@ class Model(Declared, ABC, Generic[PlanT]):
         cls.formulations = dict(cls.formulations)
 
     def __getstate__(self) -> dict[str, Any]:
-        held = (field.name for field in dataclasses.fields(self))
-        state = {name: self.__dict__[name] for name in held if name in self.__dict__}
-        # A model without its hidden fields cannot compute its digest again.
+        names = (field.name for field in dataclasses.fields(self))
+        state = {name: self.__dict__[name] for name in names if name in self.__dict__}
+        # The digest covers the hidden fields, so a blinded model cannot compute it.
         return {**state, "digest": self.digest} if self.is_blinded else state
 
     # -- what backends must not see --------------------------------------------------------------
@@ -109,14 +108,14 @@ class Model(Declared, ABC, Generic[PlanT]):
 
     @property
     def is_blinded(self) -> bool:
-        """Whether this is a backend's view, which lacks the hidden fields."""
+        """Whether this is the view for backends, which lacks the hidden fields."""
         return any(name not in self.__dict__ for name in self.hidden_fields())
 
     def blinded(self) -> Self:
-        """Return the model as backends receive it: without its hidden fields, with its digest.
+        """Return the view for backends: the model without its hidden fields, with its digest.
 
-        Reading a hidden field of it raises :class:`~crosstrack.errors.HiddenData`. A model without
-        hidden fields is returned as it is.
+        Reading a hidden field of the view raises :class:`~crosstrack.errors.HiddenData`. A model
+        without hidden fields is returned unchanged.
         """
         hidden = self.hidden_fields()
         if not hidden or self.is_blinded:
@@ -129,16 +128,17 @@ class Model(Declared, ABC, Generic[PlanT]):
         return view
 
     def oracle(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]] | None:
-        """Return what backends may ask of the hidden data during one run, None where there is nothing.
+        """Return the function through which backends query the hidden data, or None.
 
-        It lives where the hidden data does, and is made anew for each run, so it may count. Questions and
-        answers are tables of numbers, such as points and their values; backends ask by
-        :meth:`crosstrack.solvers.Control.ask`. What it raises ends the run. Where it has a method
-        ``contradiction``, that says of a plan what the run did otherwise, or nothing: such a plan is rejected.
+        It runs in the process that holds the hidden data and is created for each run, so it may count
+        queries. Queries and answers are tables of numbers, such as points and their values. Backends
+        call :meth:`crosstrack.solvers.Control.ask`. An exception of the function ends the run. An
+        optional method ``contradiction(plan)`` returns how the plan differs from what the run did, or
+        an empty result; a plan that differs is rejected.
         """
         return None
 
-    if not TYPE_CHECKING:  # else every misspelt attribute would have a type
+    if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt attribute
 
         def __getattr__(self, name: str) -> Any:
             if name in type(self).hidden_fields():
@@ -149,9 +149,9 @@ class Model(Declared, ABC, Generic[PlanT]):
 
     def data(self) -> dict[str, Any]:
         """Return the content as JSON data (no NaN, no infinity)."""
-        found = super().data()
-        del found["name"]
-        return found
+        result = super().data()
+        del result["name"]
+        return result
 
     @classmethod
     def from_data(cls, data: Any, *, name: str = "") -> Self:
@@ -177,10 +177,22 @@ class Model(Declared, ABC, Generic[PlanT]):
         Parameters
         ----------
         data : mapping
-            The model's data.
+            The model's kind, name and data.
         trusted : bool
-            Whether you know who wrote it: functions in CasADi's own text, which can run code, are
-            read then alone, by a process of its own first.
+            Whether you trust the author. Only then are functions in CasADi's text format read, which
+            can run code; a separate process reads them first.
+
+        Returns
+        -------
+        Model
+            The model.
+
+        Raises
+        ------
+        InvalidData
+            The data are not a model's.
+        UnknownName
+            The kind is unknown.
         """
         if not isinstance(data, Mapping):
             raise InvalidData(f"a model must be an object, got {show(data)}", field="model")
@@ -202,22 +214,22 @@ class Model(Declared, ABC, Generic[PlanT]):
             raise InvalidData(f"name must be a string, got {show(name)}", field="name")
         token = TRUSTED.set(trusted)
         try:
-            found: Model[Any] = model_type(data["model"]).from_data(data["data"], name=name)
+            result: Model[Any] = model_type(data["model"]).from_data(data["data"], name=name)
         finally:
             TRUSTED.reset(token)
-        return found
+        return result
 
     @staticmethod
     def from_json(text: str, *, trusted: bool = False) -> Model[Any]:
-        """Return the model of any kind that :meth:`to_json` wrote; `trusted` as in :meth:`from_dict`."""
+        """Return the model of any kind that :meth:`to_json` wrote; see :meth:`from_dict`."""
         return Model.from_dict(parse_json(text), trusted=trusted)
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the content, in hexadecimal; the name is no part of it."""
+        """SHA-256 of the content in hexadecimal, independent of the name."""
         hasher = hashlib.sha256(self.kind.encode())
         fields = dataclasses.fields(self)
-        added = {one.name: one.default for one in fields if one.metadata.get("added")}
+        added = {field.name: field.default for field in fields if field.metadata.get("added")}
         for name, spec in sorted(self._specs()):
             value = getattr(self, name)
             default = added.get(name)
@@ -229,7 +241,7 @@ class Model(Declared, ABC, Generic[PlanT]):
         return hasher.hexdigest()
 
     def __eq__(self, other: object) -> bool:
-        """Return whether `other` is a model of the same type and content; names do not count."""
+        """Return whether `other` has the same type and content; names are ignored."""
         if not isinstance(other, Model):
             return NotImplemented
         return self is other or (type(self) is type(other) and self.digest == other.digest)
@@ -242,9 +254,9 @@ class Model(Declared, ABC, Generic[PlanT]):
         return dataclasses.replace(self, name=name)
 
     def scene_seeds(self, count: int) -> list[int]:
-        """Return `count` seeds that follow from the digest, for objectives measured on drawn scenes.
+        """Return `count` seeds derived from the digest, for objectives measured on random scenes.
 
-        The same model is judged on the same scenes everywhere, and no backend chooses them.
+        The scenes of a model are therefore the same everywhere, and no backend can choose them.
         """
         sequence = np.random.SeedSequence(int(self.digest[:32], 16))
         return [int(seed) for seed in sequence.generate_state(count, np.uint64)]
@@ -258,16 +270,21 @@ class Model(Declared, ABC, Generic[PlanT]):
         Parameters
         ----------
         plan : PlanT
-            A plan for this model, from anywhere.
+            Plan for this model, from any source.
         tolerance : float
-            Largest violation accepted, relative to the scale that each check names; > 0 and < 1.
+            Largest accepted violation, relative to the scale that each check names; > 0 and < 1.
+
+        Returns
+        -------
+        Verification
+            One check per constraint, and the objective.
 
         Raises
         ------
         InvalidData
-            `plan` is no plan for this model.
+            `plan` is not a plan for this model.
         UnsupportedOption
-            `tolerance` is no number > 0 and < 1.
+            `tolerance` is not a number > 0 and < 1.
         """
 
     @abstractmethod
@@ -276,54 +293,55 @@ class Model(Declared, ABC, Generic[PlanT]):
 
     @abstractmethod
     def plan_from_data(self, data: Any) -> PlanT:
-        """Return the plan that :meth:`plan_to_data` wrote; bad data raises ``InvalidData``."""
+        """Return the plan that :meth:`plan_to_data` wrote; invalid data raise ``InvalidData``."""
 
     def details(self, plan: PlanT) -> list[dict[str, Any]]:
-        """Return `plan` row by row, such as stop by stop: the same names in each row, JSON data.
+        """Return details of `plan` row by row, such as one row per stop, as JSON data.
 
-        Empty where the model has nothing to show beside the plan itself.
+        All rows have the same names. Empty if the model has no details beyond the plan.
         """
         return []
 
     @classmethod
     def remark(cls, plan: PlanT) -> str:
-        """Return what solutions print of `plan` beside its objective: a few words, or nothing."""
+        """Return a few words about `plan` to print after its objective, or an empty string."""
         return ""
 
     def second_objective(self, name: str, plan: PlanT) -> float:
-        """Return the second objective called `name` of a plan, from the raw data."""
+        """Return the second objective called `name` of a plan, computed from the raw data."""
         raise UnknownName(f"second objective of model {self.kind!r}", name, self.second_objectives)
 
     def limited(self, name: str, value: float) -> Self:
-        """Return the model with the second objective called `name` limited to `value` at the most.
+        """Return the model with the second objective called `name` limited to at most `value`.
 
-        Limits that the model has already stay where they are less.
+        Existing limits that are tighter are kept.
         """
         field = self.second_objectives[name]
-        given = getattr(self, field)
-        limit = value if given is None else np.minimum(given, value)
+        current = getattr(self, field)
+        limit = value if current is None else np.minimum(current, value)
         changed: dict[str, Any] = {field: limit}
         return dataclasses.replace(self, **changed)
 
     def distance(self, plan: PlanT, other: PlanT) -> float:
-        """Return how far apart two plans are, in the unit of :attr:`agreement`.
+        """Return the distance between two plans, in the unit of :attr:`agreement`.
 
-        The default tells equal plans from different ones: 0 or infinity.
+        By default 0 for equal plans and infinity for different ones.
         """
         return 0.0 if self.plan_to_data(plan) == self.plan_to_data(other) else math.inf
 
     def as_plan(self, value: Any) -> PlanT:
-        """Return the plan that `value` means.
+        """Return `value` as a plan of this model.
 
         Parameters
         ----------
         value : object
-            A plan, its JSON data, or whatever has a plan as its ``plan``, such as a solution.
+            A plan, its JSON data, or an object with a plan in its attribute ``plan``, such as a
+            solution.
 
         Raises
         ------
         InvalidData
-            There is none.
+            `value` contains no plan.
         """
         plan = getattr(value, "plan", value)
         if plan is None:
@@ -331,16 +349,16 @@ class Model(Declared, ABC, Generic[PlanT]):
             raise InvalidData(f"there is no plan{f' ({ended})' if ended else ''}", field="plan")
         if isinstance(plan, Mapping | list | tuple):
             return self.plan_from_data(plan)
-        found: PlanT = required("plan", plan, self.plan_type)
-        return found
+        result: PlanT = required("plan", plan, self.plan_type)
+        return result
 
     # -- formulations ----------------------------------------------------------------------------
 
     def lower(self) -> Model[Any] | None:
-        """Return the more general model that this one is a case of, None where there is none.
+        """Return the more general model of which this is a special case, or None.
 
-        A plan of the one is a plan of the other: whoever solves the general model, the plan is
-        verified by the model that was asked.
+        Plans of the two are interchangeable. A plan found for the general model is verified by this
+        model.
         """
         return None
 
@@ -348,7 +366,17 @@ class Model(Declared, ABC, Generic[PlanT]):
     def formulation_type(cls, name: str | None = None) -> Any:
         """Return the :class:`~crosstrack.models.formulation.Formulation` class called `name`.
 
-        None means the default one.
+        Parameters
+        ----------
+        name : str, optional
+            Name of the formulation; None for :attr:`default_formulation`.
+
+        Raises
+        ------
+        UnknownName
+            No formulation has this name.
+        UnsupportedFormulation
+            The model has no formulations.
         """
         if not cls.formulations:
             raise UnsupportedFormulation(f"model {cls.kind!r} has no formulation as a program")
@@ -359,39 +387,45 @@ class Model(Declared, ABC, Generic[PlanT]):
 
     @property
     def preferred_formulation(self) -> str:
-        """The formulation that this very model takes when none is named: one of :attr:`formulations`."""
+        """Default formulation for this instance: one of :attr:`formulations`."""
         return self.default_formulation
 
     @property
     def preferred_backend(self) -> str:
-        """The backend that ``"auto"`` takes for this very model if it can; empty for the usual order."""
+        """Backend that ``"auto"`` prefers for this instance; empty for the usual order."""
         return ""
 
     @property
     def prefers_native(self) -> bool:
-        """Whether solvers of programs would hardly end on this very model, as it is too large.
+        """Whether this instance is too large for program solvers.
 
-        The backend ``"auto"`` is then a native algorithm, where there is one.
+        ``"auto"`` then chooses a native backend if there is one.
         """
         return False
 
     def formulate(self, name: str | None = None, **options: Any) -> Any:
-        """Return this model's formulation called `name`, with its typed `options`.
+        """Return this model's formulation called `name`.
+
+        Parameters
+        ----------
+        name : str, optional
+            Name of the formulation; None for :attr:`preferred_formulation`.
+        **options
+            Options of the formulation.
 
         Returns
         -------
         Formulation
-            Of the type :meth:`formulation_type`; not named in the signature, for formulations
-            stand above models.
+            Instance of :meth:`formulation_type`.
 
         Raises
         ------
         UnknownName
-            No formulation bears the name.
+            No formulation has this name.
         UnsupportedOption
-            The formulation does not know an option.
+            An option is unknown, or its value is not allowed.
         UnsupportedFormulation
-            The formulation does not cover what this model asks for.
+            The formulation does not cover a feature of the model.
         """
         name = (self.preferred_formulation or None) if name is None else name
         return self.formulation_type(name).of(self, options)
@@ -406,17 +440,17 @@ class Model(Declared, ABC, Generic[PlanT]):
 
 
 def as_model(value: Any) -> Model[Any]:
-    """Return `value` as it is where it is a model, and what its ``build()`` returns where it has one.
+    """Return `value` if it is a model, or the model that its method ``build()`` returns.
 
     Raises
     ------
     InvalidData
-        It is neither.
+        `value` is neither a model nor has such a method.
     """
-    found = value
+    result = value
     if not isinstance(value, Model) and callable(getattr(value, "build", None)):
-        found = value.build()
-    if not isinstance(found, Model):
+        result = value.build()
+    if not isinstance(result, Model):
         hint = "; load it first: crosstrack.load(…)" if isinstance(value, str) else ""
         raise InvalidData(f"model must be a Model, got {show(value)}{hint}", field="model")
-    return found
+    return result

@@ -1,7 +1,7 @@
-"""Which problems there are, and the tables that declare what belongs to each.
+"""List of the problems, and access to the tables that declare their parts.
 
 A problem is a folder of the same name in ``models``, ``solvers`` and ``instances``. The ``__init__``
-of each holds plain tables of ``"module:object"`` strings, which nothing loads before it is used:
+of each contains plain tables of ``"module:object"`` strings, which are imported at first use:
 
 ========================= ============= =====================================================
 folder                    table         keys and objects
@@ -14,17 +14,17 @@ folder                    table         keys and objects
 ``instances/<problem>``   CATALOGUE     catalogue prefix: function that returns the entries
 ``instances/<problem>``   REFERENCES    model kind: function that reads the files it refers to
 ``instances/<problem>``   TABLE_FILES   model kind: function ``(file) -> data`` of a CSV or Excel file
-``instances/<problem>``   HINTS         any: function ``(file, header) -> str`` about a CSV file
+``instances/<problem>``   HINTS         any: function ``(file, header) -> str`` with a hint on a CSV file
 ``instances/<problem>``   EXPORTS       format: an ``ExportFormat``
 ``instances/<problem>``   DEMOS         name: a ``Demo``
-``instances/<problem>``   EXAMPLES      any: function that draws what trainings learn from
+``instances/<problem>``   EXAMPLES      any: generator of the examples for trainings
 ``instances/<problem>``   PAPERS        catalogue prefix: a ``Paper``, its items and result tables
 ``instances/<problem>``   PAPER_TABLES  ``<prefix>/<table>``: function that measures a row of a result table
 ========================= ============= =====================================================
 
 A string that begins with a dot is relative to the package that declares it. Another distribution
-announces a problem in the entry-point group ``crosstrack.problems``; the entry point names one
-module, which holds all tables that the problem has.
+registers a problem in the entry-point group ``crosstrack.problems``. The entry point names one module
+with all tables of the problem.
 """
 
 from __future__ import annotations
@@ -56,73 +56,73 @@ __all__ = [
 
 log = logging.getLogger("crosstrack")
 
-#: The problems of crosstrack: the names of their folders.
+#: Problems of crosstrack, as names of their folders.
 PROBLEMS = (
     *("attractor", "black_box", "error_correction", "fleet", "fleet_mission", "grid_path"),
     *("guided_path", "messenger", "minimum_snap", "optimal_control", "resource_routing"),
     *("satellite_slew", "sideslip", "unknown_grid"),
 )
-#: Entry-point group in which other distributions announce problems.
+#: Entry-point group of problems in other distributions.
 GROUP = "crosstrack.problems"
-#: The kits whose folder in `models` declares models that belong to no problem.
+#: Packages in `models` that declare models outside of any problem.
 KITS = ("programs",)
 
-#: The tables that a problem may have; the docstring above says what each holds.
+#: Names of the tables that a problem may declare, explained in the module's docstring.
 TABLES = (
     *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "TRAININGS"),
     *("CATALOGUE", "REFERENCES", "TABLE_FILES", "HINTS", "EXPORTS", "DEMOS", "EXAMPLES"),
     *("PAPERS", "PAPER_TABLES"),
 )
 
-#: Model types that a user registered in this session, by kind.
+#: Model types registered by the user in this session, by kind.
 _SESSION: dict[str, Any] = {}
 
 
 def resolve(target: Any) -> Any:
-    """Return what a ``"module:object"`` string names; anything else as it is.
+    """Return the object named by a ``"module:object"`` string; other values are returned unchanged.
 
-    A module that begins with a dot is taken from within crosstrack.
+    A module that begins with a dot is relative to crosstrack.
 
     Raises
     ------
     BackendBroken
-        The module or the object cannot be loaded; the cause is named.
+        The module or the object cannot be loaded; the message names the cause.
     """
     if not isinstance(target, str):
         return target
     module, _, name = target.partition(":")
     try:
         return getattr(importlib.import_module(module, __package__.rpartition(".")[0]), name)
-    except Exception as error:  # whatever a stranger's module raises, the cause is named
+    except Exception as error:  # third-party modules may raise anything
         ours = module.partition(".")[0] in ("", __name__.partition(".")[0])
-        gone = ours and isinstance(error, ModuleNotFoundError)
-        hint = ": 'pip install crosstrack' brings all that crosstrack needs" if gone else ""
+        missing = ours and isinstance(error, ModuleNotFoundError)
+        hint = ": 'pip install crosstrack' brings all that crosstrack needs" if missing else ""
         raise BackendBroken(f"{target} cannot be loaded: {error}{hint}") from error
 
 
 def loadable(room: str, name: str) -> Iterator[tuple[str, Any]]:
-    """Yield ``(key, object)`` of every table called `name`; what cannot be loaded is logged."""
+    """Yield ``(key, object)`` of every table called `name`; loading errors are logged."""
     for key, target in table(room, name).items():
         try:
             yield key, resolve(target)
-        except BackendBroken as error:  # a stranger's fault must not hide the others
+        except BackendBroken as error:  # a broken third-party entry must not hide the others
             log.warning("%s %r: %s", name, key, error)
 
 
 @cache
 def _foreign() -> Mapping[str, ModuleType]:
-    """Return the modules of problems that other distributions announce, by their names."""
-    found = {}
+    """Return the problem modules of other distributions by entry-point name."""
+    result = {}
     for point in importlib.metadata.entry_points(group=GROUP):
         try:
             module = importlib.import_module(point.value.partition(":")[0])
             for name in TABLES:
                 if not isinstance(getattr(module, name, {}), Mapping):
                     raise TypeError(f"{name} is no table")
-            found[point.name] = module
-        except Exception as error:  # a stranger's fault must not stop the other problems
+            result[point.name] = module
+        except Exception as error:  # a broken third-party problem must not stop the others
             log.warning("problem %r (%s) cannot be loaded: %s", point.name, point.value, error)
-    return found
+    return result
 
 
 def _folders(room: str) -> Iterator[tuple[str, ModuleType]]:
@@ -133,14 +133,14 @@ def _folders(room: str) -> Iterator[tuple[str, ModuleType]]:
 
 
 def declared_in(room: str, name: str) -> Iterator[tuple[str, str, Any]]:
-    """Yield ``(problem, key, target)`` of every table called `name` in the folders of a room.
+    """Yield ``(problem, key, target)`` of every table called `name` in the folders of a package.
 
     Parameters
     ----------
     room : str
-        The room's package, ``__package__`` of the caller.
+        Package of the folders, such as ``crosstrack.solvers``.
     name : str
-        The table, such as ``"BACKENDS"``.
+        Name of the table, such as ``"BACKENDS"``.
     """
     for problem, module in _folders(room):
         for key, target in getattr(module, name, {}).items():
@@ -152,28 +152,28 @@ def declared_in(room: str, name: str) -> Iterator[tuple[str, str, Any]]:
 
 @cache
 def _declared_table(room: str, name: str) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for problem, key, target in declared_in(room, name):
-        if key in found:
+        if key in result:
             log.warning("%s of problem %r declares %r, which is taken", name, problem, key)
         else:
-            found[key] = target
-    return found
+            result[key] = target
+    return result
 
 
 def table(room: str, name: str) -> dict[str, Any]:
-    """Return the tables called `name` of all problems as one, the first of equal keys."""
+    """Return the merged tables called `name` of all problems; the first of equal keys counts."""
     return dict(_declared_table(room, name))
 
 
 def problem_of(kind: str) -> str:
-    """Return the problem that declares the model `kind`, empty where a user registered it."""
+    """Return the problem that declares the model `kind`; empty if a user registered it."""
     return _owners().get(kind, "")
 
 
 @cache
 def _owners() -> dict[str, str]:
-    """Return the problem of every model kind, the first that declares it."""
+    """Return the first problem that declares each model kind."""
     owners: dict[str, str] = {}
     for problem, kind, _ in declared_in(__package__, "MODELS"):
         owners.setdefault(kind, problem)
@@ -181,17 +181,41 @@ def _owners() -> dict[str, str]:
 
 
 def model_types() -> tuple[str, ...]:
-    """Return the JSON names of all model types."""
+    """Return the kinds of all models.
+
+    Returns
+    -------
+    tuple of str
+        Names of the models in JSON, sorted, including those registered by the user.
+    """
     return tuple(sorted({**table(__package__, "MODELS"), **_SESSION}))
 
 
 def loadable_models() -> Iterator[tuple[str, Any]]:
-    """Yield ``(kind, type)`` of every model, by kind; a type that cannot be loaded is logged."""
+    """Yield ``(kind, type)`` of every model, sorted by kind; loading errors are logged."""
     yield from sorted({**dict(loadable(__package__, "MODELS")), **_SESSION}.items())
 
 
 def model_type(kind: str) -> Any:
-    """Return the model type with the JSON name `kind`; ``UnknownName`` where there is none."""
+    """Return the model type of a kind.
+
+    Parameters
+    ----------
+    kind : str
+        Name of the model in JSON.
+
+    Returns
+    -------
+    type
+        Subclass of :class:`~crosstrack.models.Model`.
+
+    Raises
+    ------
+    UnknownName
+        The kind is unknown.
+    BackendBroken
+        The module of the type cannot be loaded.
+    """
     types = {**table(__package__, "MODELS"), **_SESSION}
     if not isinstance(kind, str) or kind not in types:
         raise UnknownName("model", kind, types)
@@ -199,6 +223,17 @@ def model_type(kind: str) -> Any:
 
 
 def register_model(cls: Any) -> Any:
-    """Make a user's model type readable from JSON by its ``kind``; usable as a decorator."""
+    """Register a model type, so that JSON of its ``kind`` can be read; usable as a decorator.
+
+    Parameters
+    ----------
+    cls : type
+        Subclass of :class:`~crosstrack.models.Model`.
+
+    Returns
+    -------
+    type
+        `cls`.
+    """
     _SESSION[cls.kind] = cls
     return cls

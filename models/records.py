@@ -1,4 +1,4 @@
-"""Stored records, such as solutions and verifications: what reading one back checks."""
+"""Specifications for reading stored records, such as solutions and verifications."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Anything", "Member", "Sequence", "Table", "given", "recorded"]
 
 @dataclass(frozen=True)
 class Anything(Spec):
-    """What is read and checked elsewhere."""
+    """Any value; it is checked elsewhere."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Any:
         return value
@@ -23,7 +23,7 @@ class Anything(Spec):
 
 @dataclass(frozen=True)
 class Sequence(Spec):
-    """A list of anything, as a tuple."""
+    """List of any values, read as a tuple."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> tuple[Any, ...]:
         if not isinstance(value, list | tuple):
@@ -33,14 +33,14 @@ class Sequence(Spec):
 
 @dataclass(frozen=True)
 class Table(Spec):
-    """A mapping from words to anything, as a dict.
+    """Mapping with string keys, read as a dict.
 
     Parameters
     ----------
     known : mapping of str to Spec
-        What certain entries must be, where they are there.
+        Specifications of certain entries, applied if they are present.
     others : Spec
-        What all others must be.
+        Specification of all other entries.
     """
 
     known: Mapping[str, Spec] = field(default_factory=dict)
@@ -49,14 +49,20 @@ class Table(Spec):
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> dict[str, Any]:
         if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
             raise InvalidData(f"{name} must be an object, got {show(value)}", field=name)
-        for key, one in value.items():  # checked, and kept as they stand
-            self.known.get(key, self.others).coerce(f"{name}.{key}", one, sizes)
+        for key, entry in value.items():  # checked only: the values are kept uncoerced
+            self.known.get(key, self.others).coerce(f"{name}.{key}", entry, sizes)
         return dict(value)
 
 
 @dataclass(frozen=True)
 class Member(Spec):
-    """A member of a ``StrEnum``, or its word."""
+    """Member of a ``StrEnum``, or its value.
+
+    Parameters
+    ----------
+    kind : type
+        The enumeration.
+    """
 
     kind: type[StrEnum]
 
@@ -69,25 +75,30 @@ class Member(Spec):
 
 
 def given(name: str, value: Any) -> dict[str, Any]:
-    """Return the options `value`, none where it is None; what is no mapping raises."""
+    """Return `value` as a dict of options, empty for None, or raise if it is not a mapping."""
     return {} if value is None else Table().coerce(name, value, {})
 
 
 def recorded(
     what: str, data: Any, specs: Mapping[str, Spec], defaults: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the entries of a stored record, checked; what a later version adds is left out.
+    """Return the checked entries of a stored record; entries of later versions are omitted.
 
     Parameters
     ----------
     what : str
-        What messages call the record.
+        Name of the record in messages.
     data : mapping
         The record.
     specs : mapping of str to Spec
-        How each entry is checked.
+        Specification of each entry.
     defaults : mapping
-        What stands for an entry that older records lack; others must be there.
+        Values of entries that older records lack. Entries without a default are required.
+
+    Raises
+    ------
+    InvalidData
+        An entry is missing or invalid.
     """
     if not isinstance(data, Mapping):
         raise InvalidData(f"{what} must be an object, got {show(data)}", field="data")

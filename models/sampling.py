@@ -1,4 +1,4 @@
-"""How many samples a plan is written with."""
+"""Number of samples of a written plan."""
 
 from __future__ import annotations
 
@@ -11,17 +11,24 @@ from .fields import show
 
 __all__ = ["MOST_SAMPLES", "sample_count"]
 
-#: Samples above which a table is refused: some 300 MB of text.
+#: Largest number of samples in a table, about 300 MB of text.
 MOST_SAMPLES = 1_000_000
 
 
 def sample_count(duration: float, rate: Any) -> int:
-    """Return how many steps of ``1 / rate`` lie in `duration`.
+    """Return the number of whole steps of length ``1 / rate`` in `duration`.
+
+    Parameters
+    ----------
+    duration : float
+        Duration in the plan's unit of time.
+    rate : float
+        Samples per unit of time, > 0 and finite.
 
     Raises
     ------
     InvalidData
-        The rate is no finite number > 0, or gives more than :data:`MOST_SAMPLES` samples.
+        The rate is not positive and finite, or yields too many samples (:data:`MOST_SAMPLES`).
     """
     plain = isinstance(rate, int | float) and not isinstance(rate, bool)
     if not plain or not 0 < rate <= sys.float_info.max:

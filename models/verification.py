@@ -1,4 +1,4 @@
-"""What the independent check of a plan found: one :class:`Check` a constraint."""
+"""Result of the independent verification of a plan: one :class:`Check` per constraint."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from .records import Sequence, recorded
 
 __all__ = ["ROUNDING", "TOLERANCE", "Check", "Verification", "check_number", "check_tolerance"]
 
-#: Largest violation that rounding explains, relative to the scale of the constraint.
+#: Largest violation that is attributed to rounding, relative to the scale of the constraint.
 ROUNDING = 1e-9
-#: Largest violation that a solver's feasibility tolerance excuses, scaled alike.
+#: Default tolerance: largest violation that a solver's feasibility tolerance explains, same scale.
 TOLERANCE = 1e-6
-#: Share of a limit that its tolerance must not exceed without a word.
+#: Share of a limit above which its tolerance is reported as large.
 NEAR = 0.1
-#: Checks that a one-line summary names.
+#: Number of checks that a one-line summary names.
 SHOWN = 3
 
 
-#: What stored checks and verifications hold; null stands for infinity.
+#: Entries of stored checks and verifications; null means infinity.
 _CHECK: dict[str, Spec] = {
     "name": Text(),
     "equation": Text(),
@@ -46,73 +46,78 @@ _VERIFICATION: dict[str, Spec] = {
 def check_number(
     name: str, value: Any, *, lower: float = 0.0, strict: bool = True, below: float = math.inf
 ) -> float:
-    """Return the option called `name`, or raise where it is no finite number in its range.
+    """Return the value of a numeric option after a check of its range.
 
     Parameters
     ----------
     name : str
-        The option, for the message.
+        Name of the option, for the message.
     value : object
-        Its value; booleans and strings are no numbers.
+        Value of the option; Booleans and strings are rejected.
     lower : float
-        The least value allowed, itself excluded when `strict`.
+        Smallest allowed value, or its exclusive bound if `strict`.
     strict : bool
         Whether `lower` is excluded.
     below : float
-        The value must be less.
+        Exclusive upper bound.
+
+    Returns
+    -------
+    float
+        The value.
 
     Raises
     ------
     UnsupportedOption
-        Naming option, value and what is allowed.
+        `value` is not a finite number in the range; the message names option, value and range.
     """
     try:
         plain = isinstance(value, int | float) and not isinstance(value, bool)
         number = float(value) if plain else math.nan
-    except OverflowError:  # a whole number beyond all floats
+    except OverflowError:  # an integer beyond the range of floats
         number = math.nan
     above = number > lower if strict else number >= lower
     if not (math.isfinite(number) and above and number < below):
-        most = "" if below == math.inf else f" and < {below:g}"
+        upper = "" if below == math.inf else f" and < {below:g}"
         raise UnsupportedOption(
-            f"{name} must be a number {'>' if strict else '>='} {lower:g}{most}, got {show(value)}"
+            f"{name} must be a number {'>' if strict else '>='} {lower:g}{upper}, got {show(value)}"
         )
     return number
 
 
 def check_tolerance(value: Any) -> float:
-    """Return a tolerance, or raise :class:`UnsupportedOption` where it is no number > 0 and < 1.
+    """Return a tolerance, or raise :class:`UnsupportedOption` if it is not a number > 0 and < 1.
 
-    At 1, a violation as large as the limit itself would be accepted.
+    A tolerance of 1 would accept a violation as large as the limit itself.
     """
     return check_number("tolerance", value, below=1.0)
 
 
 @dataclass(frozen=True)
 class Check:
-    """One constraint of the model, measured on one plan.
+    """One constraint of the model, evaluated on one plan.
 
     Parameters
     ----------
     name : str
-        What is checked, in the words of the paper.
+        Constraint, in the terms of the paper.
     equation : str
-        The paper's equation, empty where it has none.
+        Equation number in the paper; empty if it has none.
     worst : float
-        Largest violation, in `unit`; 0 when the constraint holds everywhere.
+        Largest violation, in `unit`; 0 if the constraint holds everywhere.
     unit : str
         Unit of `worst`, `tolerance`, `rounding`, `scale` and `limit`.
     tolerance : float
-        Largest violation accepted.
+        Largest accepted violation, in `unit`.
     where : str
-        The place of the largest violation, or of the least slack.
+        Place of the largest violation, or of the smallest slack.
     rounding : float
-        Largest violation that rounding alone explains.
+        Largest violation that rounding alone explains, in `unit`.
     scale : float
         Magnitude of the constraint's data, in `unit`, which tolerances are relative to.
     limit : float, optional
-        The limit that was checked, or the least where there are several; None where it is 0 or
-        where there is none.
+        Limit of the constraint, or the smallest of several limits, in `unit`; None if it is 0 or
+        the constraint has no limit.
     """
 
     name: str
@@ -144,13 +149,13 @@ class Check:
         Parameters
         ----------
         name, equation, worst, unit, where, limit
-            As in the class.
+            See :class:`Check`.
         tolerance : float
-            Largest violation accepted, relative to `scale`.
+            Largest accepted violation, relative to `scale`.
         scale : float
-            Magnitude of the constraint's data, in `unit`: the limit itself where there is one.
+            Magnitude of the constraint's data, in `unit`: the limit itself if there is one.
         noise : float
-            What the digits of the plan cannot resolve, in `unit`; it is excused besides.
+            Resolution of the plan's digits, in `unit`, which is added to the accepted violation.
         """
         return cls(
             name, equation, float(worst), unit, float(tolerance * scale + noise), where,
@@ -160,23 +165,23 @@ class Check:
 
     @property
     def near(self) -> bool:
-        """Whether the limit lies near the tolerance: a tenth of it or more may be broken.
+        """Whether the tolerance is at least a tenth of the limit, so that the check is weak.
 
-        What rounding alone explains is no limit.
+        A limit within rounding is treated as no limit.
         """
         limit = 0.0 if self.limit is None else abs(self.limit)
         return self.rounding < limit <= self.tolerance / NEAR
 
     @property
     def ok(self) -> bool:
-        """Whether the violation is accepted (never, when it is not a number)."""
+        """Whether the violation is accepted; False if it is NaN."""
         return bool(self.worst <= self.tolerance < math.inf)
 
     @property
     def within_tolerance(self) -> bool:
-        """Whether it is accepted although it is more than rounding.
+        """Whether the violation is accepted but larger than rounding.
 
-        An objective may depend on such a violation, so the plan contradicts nobody.
+        The objective may depend on such a violation, so the plan contradicts no bound.
         """
         return self.ok and self.worst > self.rounding
 
@@ -192,19 +197,19 @@ class Check:
             "ok": self.ok,
             "within_tolerance": self.within_tolerance,
             "rounding": _finite(self.rounding),
-            # Written where they say something, so that records of earlier versions keep their keys.
+            # Omitted at their defaults, so that records of earlier versions keep their keys.
             **({"scale": _finite(self.scale)} if self.scale != 1.0 else {}),
             **({"limit": self.limit} if self.limit is not None else {}),
         }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Check:
-        """Return the check that :meth:`to_dict` wrote; bad data raises ``InvalidData``."""
+        """Return the check that :meth:`to_dict` wrote; invalid data raise ``InvalidData``."""
         older = {"rounding": ROUNDING, "scale": 1.0, "limit": None}
-        found = recorded("a check", data, _CHECK, older)
+        entries = recorded("a check", data, _CHECK, older)
         for key in ("worst", "tolerance", "rounding", "scale"):
-            found[key] = _read(found[key])
-        return cls(**found)
+            entries[key] = _infinity_if_none(entries[key])
+        return cls(**entries)
 
     def __str__(self) -> str:
         state = "within tolerance" if self.within_tolerance else "ok" if self.ok else "VIOLATED"
@@ -216,20 +221,19 @@ class Check:
 
 @dataclass(frozen=True)
 class Verification:
-    """The objective and every constraint of a model, recomputed from its raw data for one plan.
+    """Objective and constraints of a model for one plan, recomputed from its raw data.
 
     Parameters
     ----------
     objective : float, optional
-        The recomputed objective; None where the plan is too broken to have one.
+        Recomputed objective; None if the plan is too defective to have one, or if it is not finite.
     checks : tuple of Check
-        One a constraint.
+        One check per constraint.
     spread : float
-        Half the width of the interval in which the objective lies, where it is measured on drawn
-        scenes; 0 where it is computed. A plan contradicts nobody inside it.
+        Half the width of the interval of an objective that is measured on random scenes; 0 for a
+        computed objective. A plan contradicts no bound within the interval.
     scale : float
-        Magnitude of the objective's data: where the objective is less, its differences are held
-        against this.
+        Magnitude of the objective's data. Differences of smaller objectives are relative to it.
     """
 
     objective: float | None
@@ -248,27 +252,27 @@ class Verification:
 
     @property
     def within_tolerance(self) -> tuple[Check, ...]:
-        """The checks that are accepted although they are off by more than rounding."""
+        """Checks that are accepted although the violation is larger than rounding."""
         return tuple(check for check in self.checks if check.within_tolerance)
 
     @property
     def near(self) -> tuple[Check, ...]:
-        """The checks whose limit lies near the tolerance, so that they say little."""
+        """Checks whose tolerance is at least a tenth of their limit, so that they are weak."""
         return tuple(check for check in self.checks if check.near)
 
     @property
     def violated(self) -> tuple[Check, ...]:
-        """The checks that are not accepted."""
+        """Checks that are not accepted."""
         return tuple(check for check in self.checks if not check.ok)
 
     @property
     def excess(self) -> float:
-        """The largest violation as a share of what is accepted; infinite without an objective."""
+        """Largest violation as a share of the accepted one; infinite without an objective."""
         if self.objective is None:
             return math.inf
-        asked = [c for c in self.checks if not c.ok or c.tolerance > 0.0]
-        shares = (c.worst / c.tolerance if c.tolerance > 0.0 else math.inf for c in asked)
-        return max((math.inf if one != one else one for one in shares), default=0.0)
+        checks = [c for c in self.checks if not c.ok or c.tolerance > 0.0]
+        shares = (c.worst / c.tolerance if c.tolerance > 0.0 else math.inf for c in checks)
+        return max((math.inf if share != share else share for share in shares), default=0.0)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verification as JSON data."""
@@ -282,19 +286,19 @@ class Verification:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Verification:
-        """Return the verification that :meth:`to_dict` wrote; bad data raises ``InvalidData``."""
-        found = recorded("a verification", data, _VERIFICATION, {"spread": 0.0, "scale": 1.0})
-        scale = _read(found["scale"])
-        checks = tuple(map(Check.from_dict, found["checks"]))
-        return cls(**{**found, "checks": checks, "scale": scale})
+        """Return the verification that :meth:`to_dict` wrote; invalid data raise ``InvalidData``."""
+        entries = recorded("a verification", data, _VERIFICATION, {"spread": 0.0, "scale": 1.0})
+        scale = _infinity_if_none(entries["scale"])
+        checks = tuple(map(Check.from_dict, entries["checks"]))
+        return cls(**{**entries, "checks": checks, "scale": scale})
 
     def summary(self) -> str:
-        """Return one word and, where it is not plain ok, the checks that say why."""
+        """Return the state in one line, with the checks that are violated or weak."""
         if not self.ok:
-            return "violated: " + (_listed(self.violated) or "no objective")
-        over, near = self.within_tolerance, self.near
-        found = "ok" if not over else "within tolerance: " + _listed(over)
-        return found + (f"; limits near the tolerance: {_listed(near)}" if near else "")
+            return "violated: " + (_join_names(self.violated) or "no objective")
+        accepted, near = self.within_tolerance, self.near
+        text = "ok" if not accepted else "within tolerance: " + _join_names(accepted)
+        return text + (f"; limits near the tolerance: {_join_names(near)}" if near else "")
 
     def __str__(self) -> str:
         head = "verified" if self.ok else "NOT verified"
@@ -303,21 +307,21 @@ class Verification:
 
 
 def _finite(value: float) -> float | None:
-    """Return what JSON holds for a number: null for what is infinite, or is none."""
+    """Return `value`, or None if it is infinite or NaN."""
     return value if math.isfinite(value) else None
 
 
-def _read(value: float | None) -> float:
+def _infinity_if_none(value: float | None) -> float:
     return math.inf if value is None else value
 
 
-def _listed(checks: tuple[Check, ...]) -> str:
-    """Return the names of checks, of many only those that are nearest to their tolerance or over it."""
+def _join_names(checks: tuple[Check, ...]) -> str:
+    """Return the names of the checks, of many only those with the largest share of their tolerance."""
     if len(checks) <= SHOWN + 1:
         return "; ".join(check.name for check in checks)
 
-    def used(check: Check) -> float:
+    def key(check: Check) -> float:
         return -check.worst / check.tolerance if check.tolerance > 0 else -float("inf")
 
-    shown = sorted(checks, key=used)[:SHOWN]
-    return "; ".join(check.name for check in shown) + f" and {len(checks) - SHOWN} more"
+    selected = sorted(checks, key=key)[:SHOWN]
+    return "; ".join(check.name for check in selected) + f" and {len(checks) - SHOWN} more"

@@ -1,4 +1,4 @@
-"""Instances of black boxes: the paper's functions, the same with moved optima, wild ones, and paths."""
+"""Instances of black boxes: the paper's functions, the same with moved optima, special cases, and paths."""
 
 from __future__ import annotations
 

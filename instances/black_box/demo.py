@@ -1,4 +1,4 @@
-"""The demonstration of black boxes: many local minima, the best of which is not in the middle."""
+"""Demonstration of black boxes: a function with many local minima."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Points of black boxes as tables."""
+"""Export of points of black boxes as tables."""
 
 from __future__ import annotations
 
@@ -18,24 +18,29 @@ __all__ = ["CSV", "write_point_csv"]
 def write_point_csv(
     plan: BlackBoxPoint, path: str | os.PathLike[str], *, model: BlackBoxMinimisation
 ) -> Path:
-    """Write one row a variable as CSV, in one step; return the path.
+    """Write one row per variable as CSV; return the path.
 
-    The columns are ``variable,value,lower,upper``: the number from 0, where the point is, and the bounds,
-    with all digits.
+    The columns are ``variable,value,lower,upper``: the index from 0, the value, and the bounds, with
+    all digits.
 
     Parameters
     ----------
     plan : BlackBoxPoint
-        The point.
+        Point to write.
     path : path-like
-        The file.
+        File to write.
     model : BlackBoxMinimisation
-        What it is for.
+        Model of the point.
+
+    Returns
+    -------
+    pathlib.Path
+        `path`.
 
     Raises
     ------
     InvalidData
-        A point of other variables, or a file that cannot be written.
+        The point has another number of variables, or the file cannot be written.
     """
     required("plan", plan, BlackBoxPoint)
     required("model", model, BlackBoxMinimisation)
@@ -46,4 +51,4 @@ def write_point_csv(
     return write_text(path, "\n".join(["variable,value,lower,upper", *lines]) + "\n")
 
 
-CSV = ExportFormat("one row a variable (CSV)", ".csv", write_point_csv)
+CSV = ExportFormat("one row per variable (CSV)", ".csv", write_point_csv)

@@ -1,7 +1,7 @@
-"""Test functions within their usual bounds, and with optima that a seed moves.
+"""Test functions within their usual bounds, with optima that can be moved by a seed.
 
-Only ``Generator.random`` is drawn from, and what is computed of it is rounded, so that a seed means
-the same function wherever it is used.
+Only ``Generator.random`` is used, and its results are rounded, so that a seed gives the same function
+on every machine.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...models.records import Member
 
 __all__ = ["BOUNDS", "generate"]
 
-#: The least and the greatest value of each variable, as these functions are usually bounded.
+#: Usual lower and upper bound of the variables of each function.
 BOUNDS: Mapping[Landscape, tuple[float, float]] = MappingProxyType(
     {
         Landscape.RASTRIGIN: (-5.12, 5.12),
@@ -34,10 +34,10 @@ BOUNDS: Mapping[Landscape, tuple[float, float]] = MappingProxyType(
         Landscape.CONSTANT: (-1.0, 1.0),
     }
 )
-#: Shares of the range by which an optimum is moved at the least and at the most: it leaves the middle,
-#: and stays within the bounds.
+#: Smallest and largest shift of an optimum as shares of the range: it leaves the centre and stays
+#: within the bounds.
 _NEAR, _FAR = 0.1, 0.3
-#: Digits of these shares.
+#: Number of digits of these shares.
 _DIGITS = 3
 
 
@@ -50,7 +50,7 @@ def generate(
     name: str = "",
     **fields: Any,
 ) -> BlackBoxMinimisation:
-    """Return a test function within its usual bounds, with its optimum moved where there is a seed.
+    """Return a test function within its usual bounds, with a moved optimum if a seed is given.
 
     Parameters
     ----------
@@ -59,29 +59,34 @@ def generate(
     dimension : int
         Number of variables.
     seed : int, optional
-        Same seed, same move: each variable's optimum goes up or down by 0.1 to 0.3 of its range.
-        Without it the optimum stays where the formula has it.
+        Seed of the shift, which moves the optimum of each variable up or down by 0.1 to 0.3 of its
+        range. None for no shift.
     budget : int
-        Evaluations that a run may use.
+        Largest number of evaluations of a run.
     name : str
-        Of the model.
+        Name of the model.
     **fields
         Other fields of :class:`~crosstrack.models.black_box.Named`: ``stretch``, ``deviation``.
+
+    Returns
+    -------
+    BlackBoxMinimisation
+        The model.
 
     Raises
     ------
     InvalidData
-        An unknown function, or a number that is not allowed, named.
+        The function is unknown, or a number is not allowed.
     """
     kind = Member(Landscape).coerce("function", function, {})
     count = Whole(1, MOST).coerce("dimension", dimension, {})
-    chosen = Optional(Whole(0)).coerce("seed", seed, {})
+    checked_seed = Optional(Whole(0)).coerce("seed", seed, {})
     low, high = BOUNDS[Landscape(kind)]
     data = {"name": str(kind), **fields}
-    if chosen is not None:
-        draw = np.random.default_rng(chosen).random((2, count))
+    if checked_seed is not None:
+        draw = np.random.default_rng(checked_seed).random((2, count))
         share = np.round(_NEAR + (_FAR - _NEAR) * draw[0], _DIGITS)
-        # Twelve digits, as products of rounded numbers may differ in the last one.
+        # Twelve digits, because products of rounded numbers may differ in the last one.
         data["shift"] = np.round((high - low) * np.where(draw[1] < 0.5, -share, share), 12)
-    found = Named.from_data(data)
-    return BlackBoxMinimisation(found, np.tile([low, high], (count, 1)), budget, name=name)
+    test_function = Named.from_data(data)
+    return BlackBoxMinimisation(test_function, np.tile([low, high], (count, 1)), budget, name=name)

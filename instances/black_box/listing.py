@@ -1,4 +1,4 @@
-"""What the catalogue holds of black boxes: the paper's five functions, moved ones, wild ones, and paths."""
+"""Catalogue entries of black boxes: the paper's five functions, moved ones, special cases, and paths."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ PAPER = (
     "in Engineering, 2016"
 )
 
-#: Evaluations that a run may use: one per fish in 200 iterations of 100 fish.
+#: Largest number of evaluations of a run: one per fish in 200 iterations of 100 fish.
 _BUDGET = 20_000
-#: Functions of Table 1: name in the catalogue, formula, variables, least value.
+#: Functions of Table 1: name in the catalogue, formula, number of variables, optimal value.
 FUNCTIONS = (
     ("rastrigin-10", "rastrigin", 10, 0.0),
     ("easom", "easom", 2, -1.0),
@@ -28,8 +28,8 @@ FUNCTIONS = (
     ("bohachevsky", "bohachevsky", 2, 0.0),
     ("sum-squares-10", "sum-squares", 10, 0.0),
 )
-#: Lengths (m) of the shortest paths on the maps: in any direction, and along eight neighbours, both proven
-#: by the exact searches. Where the goal is walled in there are none.
+#: Lengths (m) of the shortest paths on the maps, in any direction and along eight neighbours, proven
+#: by the exact searches. A map without a free path has no entry.
 LENGTHS = {
     "open": (26.870057685, 26.870057685),
     "cells": (26.417921924, 28.213203436),
@@ -47,17 +47,17 @@ _SPECIAL = "Ours: the paper has no such instance."
 
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
-    """Return the instances."""
+    """Return the catalogue entries of black boxes."""
     return (*_paper(), *_wild(), *_paths())
 
 
 def _paper() -> tuple[CatalogueEntry, ...]:
-    found = []
-    for row, (name, formula, dimension, least) in enumerate(FUNCTIONS, 1):
+    result = []
+    for row, (name, formula, dimension, optimum) in enumerate(FUNCTIONS, 1):
         several = f"{formula.replace('-', ' ')} of {dimension} variables"
-        figures = {"optimum": least, "source": "the formula"}
+        figures = {"optimum": optimum, "source": "the formula"}
         build = partial(generate, formula, dimension, budget=_BUDGET)
-        found += [
+        result += [
             _entry(
                 name, f"{several}, as printed", build, _USUAL, Provenance.COMPLETED, figures,
             ),
@@ -67,7 +67,7 @@ def _paper() -> tuple[CatalogueEntry, ...]:
                 Provenance.SEEDED, figures,
             ),
         ]  # fmt: skip
-    return tuple(found)
+    return tuple(result)
 
 
 def _wild() -> tuple[CatalogueEntry, ...]:
@@ -121,15 +121,15 @@ def _wild() -> tuple[CatalogueEntry, ...]:
             build,
             _SPECIAL,
             Provenance.OURS,
-            {"optimum": least, "source": "the formula"},
+            {"optimum": optimum, "source": "the formula"},
         )
-        for name, title, build, least in cases
+        for name, title, build, optimum in cases
     )
 
 
 def _paths() -> tuple[CatalogueEntry, ...]:
-    found = []
-    for name, asked in PATHS.items():
+    result = []
+    for name, path_map in PATHS.items():
         published: dict[str, Any] = {}
         if name in LENGTHS:
             anywhere, neighbours = LENGTHS[name]
@@ -138,9 +138,11 @@ def _paths() -> tuple[CatalogueEntry, ...]:
                 "eight neighbours": neighbours,
                 "source": "any-angle",
             }
-        several = f"{asked.title}, {asked.waypoints} waypoints"
-        note = f"The map is ours: the paper shows its maps as pictures only. {asked.note}".rstrip()
-        found.append(
+        several = f"{path_map.title}, {path_map.waypoints} waypoints"
+        note = (
+            f"The map is ours: the paper shows its maps as pictures only. {path_map.note}".rstrip()
+        )
+        result.append(
             _entry(
                 f"path-{name}",
                 several,
@@ -150,7 +152,7 @@ def _paths() -> tuple[CatalogueEntry, ...]:
                 published,
             )
         )
-    return tuple(found)
+    return tuple(result)
 
 
 def _entry(
@@ -174,5 +176,5 @@ def _within(function: Any, bounds: Any, budget: int = 10_000) -> BlackBoxMinimis
 
 
 def _corner(function: str) -> BlackBoxMinimisation:
-    """Return a bowl whose middle lies beyond the bounds: least at (1, 2, -1), where it is 6."""
+    """Return a bowl whose centre is outside of the bounds: the optimum is 6 at (1, 2, -1)."""
     return _within(function, [[1, 5], [2, 6], [-3, -1]])

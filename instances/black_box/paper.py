@@ -199,7 +199,7 @@ TABLE_5 = ResultTable(
     ours=_RATIO,
     note=_ROBOT,
 )
-#: Searches beside which the swarms are measured at equal evaluations.
+#: Searches compared with the swarms at equal evaluations.
 RIVALS = (
     *("dual-annealing", "particle-swarm", "differential-evolution", "direct"),
     *("haafsa", "iafsa", "afsa", "random-search"),
@@ -213,7 +213,7 @@ EQUAL = ResultTable(
     ours={**dict.fromkeys(RIVALS, ".2g"), "runs": "d"},
     note="The paper has no such table. Values below 1e-9 are shown as 0.",
 )
-#: Maps on which waypoints are searched.
+#: Maps for the search of waypoints.
 MAPS = (
     *("open", "cells", "blocks", "polygons-30", "polygons-40"),
     *("gap", "pocket", "corners", "rooms", "enclosed"),

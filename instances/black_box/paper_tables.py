@@ -17,7 +17,7 @@ __all__ = ["equal_evaluations", "paths", "table_2", "table_3", "table_4", "table
 
 #: Distance from the optimum that is shown as 0.
 _SAME = 1e-9
-#: Evaluations at least as many as any swarm of the paper uses in 200 iterations.
+#: Number of evaluations that exceeds those of any swarm of the paper in 200 iterations.
 _AMPLE = 10**6
 
 

@@ -1,4 +1,4 @@
-"""Maps by seed on which a robot's path is planned through waypoints, in the manner of the paper's section 5."""
+"""Seeded maps for the planning of waypoint paths, similar to those of the paper's section 5."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ __all__ = ["PATHS", "PathMap", "path_grid", "path_instance"]
 
 
 class PathMap(NamedTuple):
-    """A map with what is asked on it.
+    """Map with its start and goal.
 
     Parameters
     ----------
     title : str
-        What it shows.
+        Title of the map.
     note : str
-        What is special about it.
+        Remark on the map.
     waypoints : int
-        Points at which a path may turn: no fewer than those at which the shortest one does.
+        Number of points at which a path may turn, at least as many as the shortest path needs.
     grid : callable
-        Returns the path's model, from start to goal in any direction.
+        Function that returns the model of paths in any direction from start to goal.
     """
 
     title: str
@@ -39,12 +39,22 @@ class PathMap(NamedTuple):
 
 
 def path_grid(name: str) -> GridPath:
-    """Return the model whose shortest path the instance called `name` searches, in any direction.
+    """Return the grid model of an instance, for paths in any direction.
+
+    Parameters
+    ----------
+    name : str
+        A name in :data:`PATHS`.
+
+    Returns
+    -------
+    GridPath
+        The model.
 
     Raises
     ------
     UnknownName
-        There is none of this name.
+        The name does not exist.
     """
     if name not in PATHS:
         raise UnknownName("map of paths", name, PATHS)
@@ -52,14 +62,19 @@ def path_grid(name: str) -> GridPath:
 
 
 def path_instance(name: str, budget: int = 10_000) -> BlackBoxMinimisation:
-    """Return the instance called `name`: the waypoints of a path on a map of :data:`PATHS`.
+    """Return an instance: the waypoints of a path on a map of :data:`PATHS`.
 
     Parameters
     ----------
     name : str
         A name in :data:`PATHS`.
     budget : int
-        Evaluations that a run may use.
+        Largest number of evaluations of a run.
+
+    Returns
+    -------
+    BlackBoxMinimisation
+        The instance.
     """
     grid = path_grid(name)
     return path_problem(grid, PATHS[name].waypoints, budget=budget)
@@ -117,33 +132,33 @@ def _enclosed() -> GridPath:
 
 
 def _polygons(side: int, count: int, seed: int, radius: float) -> GridPath:
-    """Return the way across a square map of polygons, for a round robot; cells of 1 m."""
+    """Return a path across a square map of polygons for a round robot, with cells of 1 m."""
     bounds = (0.0, 0.0, float(side), float(side))
     ends = [(1.5, 1.5), (side - 1.5, side - 1.5)]
     polygons = random_polygons(count, seed, bounds, keep=ends, gap=0.5)
     grid = GridMap.from_polygons(polygons, bounds, 1.0, radius)
-    return _made(grid, *grid.cells_of(ends))
+    return _grid_path(grid, *grid.cells_of(ends))
 
 
 def _across(grid: GridMap) -> GridPath:
-    """Return the way from the first to the last cell of the largest part of a map."""
+    """Return a path from the first to the last cell of the largest connected part of a map."""
     from scipy.ndimage import label
 
     parts, _ = label(~grid.blocked)
     largest = 1 + int(np.bincount(parts.ravel())[1:].argmax())
     cells = np.argwhere(parts == largest)
-    return _made(grid, cells[0], cells[-1])
+    return _grid_path(grid, cells[0], cells[-1])
 
 
 def _between(blocked: NDArray[np.bool_], start: tuple[int, int], goal: tuple[int, int]) -> GridPath:
-    return _made(GridMap(blocked), np.array(start), np.array(goal))
+    return _grid_path(GridMap(blocked), np.array(start), np.array(goal))
 
 
-def _made(grid: GridMap, start: NDArray[np.int64], goal: NDArray[np.int64]) -> GridPath:
+def _grid_path(grid: GridMap, start: NDArray[np.int64], goal: NDArray[np.int64]) -> GridPath:
     return GridPath.from_data({"map": grid, "start": start, "goals": goal, "connectivity": "any"})
 
 
-#: The maps by name, from easy to hard.
+#: Maps by name, from easy to hard.
 PATHS: Mapping[str, PathMap] = MappingProxyType(
     {
         "open": PathMap("Across 20 × 20 free cells", "The optimum is the straight line.", 3, _open),

@@ -1,4 +1,4 @@
-"""Benchmark problems of optimal control, each a function that returns the declared problem."""
+"""Benchmark problems of optimal control, each as a function that returns the declared problem."""
 
 from __future__ import annotations
 

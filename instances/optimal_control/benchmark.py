@@ -1,4 +1,4 @@
-"""What makes a function that declares a benchmark problem into one that returns it."""
+"""Decorator for functions that declare a benchmark problem."""
 
 from __future__ import annotations
 
@@ -16,10 +16,14 @@ P = ParamSpec("P")
 
 _NAME = "    name : str\n        Name of the problem.\n"
 _HEAD = "    Parameters\n    ----------\n"
+_RETURNS = (
+    "    Returns\n    -------\n    OptimalControlProblem\n"
+    "        Declared problem, which accepts further declarations.\n    "
+)
 
 
 class Benchmark(Protocol[P]):
-    """A function that returns a problem of a name, which says by default what the function is called."""
+    """Function that returns a named problem; the default name is that of the function."""
 
     __name__: str
 
@@ -29,10 +33,23 @@ class Benchmark(Protocol[P]):
 
 
 def benchmark(declare: Callable[Concatenate[OptimalControlProblem, P], None]) -> Benchmark[P]:
-    """Return the function of a name, and of the options of `declare`, that returns the problem."""
+    """Return a function that creates a problem, declares it with `declare`, and returns it.
+
+    Parameters
+    ----------
+    declare : callable
+        Function ``(ocp, **options)`` that declares a problem.
+
+    Returns
+    -------
+    callable
+        Function ``(name, **options)``, with the name documented as first parameter.
+    """
     default = f"optimal-control/{declare.__name__.replace('_', '-')}"
 
-    value_of = {key: one.default for key, one in inspect.signature(declare).parameters.items()}
+    value_of = {
+        key: parameter.default for key, parameter in inspect.signature(declare).parameters.items()
+    }
 
     @functools.wraps(declare)
     def problem(name: str = default, *args: Any, **options: Any) -> OptimalControlProblem:
@@ -47,9 +64,10 @@ def benchmark(declare: Callable[Concatenate[OptimalControlProblem, P], None]) ->
     text = declare.__doc__ or ""
     where = text.find(_HEAD)
     if where < 0:
-        problem.__doc__ = f"{text.rstrip()}\n\n{_HEAD}{_NAME}    "
+        text = f"{text.rstrip()}\n\n{_HEAD}{_NAME}"
     else:
-        problem.__doc__ = text[: where + len(_HEAD)] + _NAME + text[where + len(_HEAD) :]
+        text = text[: where + len(_HEAD)] + _NAME + text[where + len(_HEAD) :]
+    problem.__doc__ = f"{text.rstrip()}\n\n{_RETURNS}"
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
     first = inspect.Parameter("name", kind, default=default, annotation="str")
     known = inspect.signature(declare)

@@ -1,4 +1,4 @@
-"""Textbook problems with smooth optima, most of them solved in closed form."""
+"""Textbook problems with smooth optima, mostly solved in closed form."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = [
 
 @benchmark
 def brachistochrone(ocp: OptimalControlProblem, *, gravity: float = 9.80665) -> None:
-    """Return the curve of quickest descent: a bead slides without friction from (0, 10) to (10, 5).
+    """Return the brachistochrone: the fastest frictionless slide of a bead from (0, 10) to (10, 5).
 
     The optimum is an arc of a cycloid (Johann Bernoulli, Acta Eruditorum, 1696).
 
@@ -38,7 +38,7 @@ def brachistochrone(ocp: OptimalControlProblem, *, gravity: float = 9.80665) -> 
     x = phase.state("x", initial=0, final=10, lower=0, upper=20, unit="m")
     y = phase.state("y", initial=10, final=5, lower=0, upper=20, unit="m")
     v = phase.state("v", initial=0, lower=0, upper=50, unit="m/s")
-    # Between the downward vertical and the tangent of the curve.
+    # Angle between the downward vertical and the tangent of the curve.
     slope = phase.control("slope", lower=0, upper=math.pi, unit="rad")
     phase.dynamics(
         {
@@ -53,16 +53,16 @@ def brachistochrone(ocp: OptimalControlProblem, *, gravity: float = 9.80665) -> 
 
 @benchmark
 def bryson_denham(ocp: OptimalControlProblem, *, limit: float = 1 / 9) -> None:
-    """Return the least effort that turns a cart around in a second before it meets a wall.
+    """Return the smallest effort that turns a cart around within a second before a wall.
 
-    With the wall at l the optimum is 4 / (9 l) for l <= 1/6, where the cart glides along the wall;
-    2 + 6 (1 - 4 l)² for 1/6 <= l <= 1/4, where it touches it; and 2 beyond (Bryson and Ho,
+    With the wall at l the optimum is 4 / (9 l) for l <= 1/6, if the cart moves along the wall;
+    2 + 6 (1 - 4 l)² for 1/6 <= l <= 1/4, if it touches the wall; and 2 beyond (Bryson and Ho,
     "Applied Optimal Control", 1975, section 3.11).
 
     Parameters
     ----------
     limit : float
-        l, where the wall stands.
+        l, position of the wall.
     """
     phase = ocp.phase(time=(0, 1))
     x = phase.state("x", initial=0, final=0, upper=limit)
@@ -74,7 +74,7 @@ def bryson_denham(ocp: OptimalControlProblem, *, limit: float = 1 / 9) -> None:
 
 @benchmark
 def double_integrator_energy(ocp: OptimalControlProblem) -> None:
-    """Return the move of a unit mass by 1 in a second from rest to rest with least ∫ u² dt.
+    """Return the rest-to-rest move of a unit mass by 1 in a second with the smallest ∫ u² dt.
 
     The optimum is u = 6 - 12 t, x = 3 t² - 2 t³, and costs 12.
     """
@@ -88,7 +88,7 @@ def double_integrator_energy(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def linear_regulator(ocp: OptimalControlProblem, *, horizon: float = 2.0) -> None:
-    """Return the unstable plant ẋ = x + u, brought from 1 towards 0 at least ∫ (x² + u²) dt.
+    """Return the regulation of the unstable plant ẋ = x + u from 1 with the smallest ∫ (x² + u²) dt.
 
     With the horizon T the optimum is p(0) of Riccati's equation,
     tanh(√2 T) / (√2 - tanh(√2 T)) (Bryson and Ho, 1975, chapter 5).
@@ -107,17 +107,17 @@ def linear_regulator(ocp: OptimalControlProblem, *, horizon: float = 2.0) -> Non
 
 @benchmark
 def hypersensitive(ocp: OptimalControlProblem, *, horizon: float = 10_000.0) -> None:
-    """Return a problem that happens at its ends only: ẋ = -x³ + u, least ∫ (x² + u²) / 2 dt.
+    """Return a problem with boundary layers: ẋ = -x³ + u, smallest ∫ (x² + u²) / 2 dt.
 
-    The state leaves 1.5, rests at 0 nearly all the time, and reaches 1 at the end. A mesh that is
-    not refined there sees nothing (Rao and Mease, "Eigenvector approximate dichotomic basis method
-    for solving hyper-sensitive optimal control problems", Optimal Control Applications and Methods
-    21, 2000).
+    The state leaves 1.5, stays at 0 nearly all the time, and reaches 1 at the end. A mesh that is
+    not refined at the ends misses both layers (Rao and Mease, "Eigenvector approximate dichotomic
+    basis method for solving hyper-sensitive optimal control problems", Optimal Control Applications
+    and Methods 21, 2000).
 
     Parameters
     ----------
     horizon : float
-        tf; the optimum hardly depends on it from 25 on.
+        tf; the optimum is nearly independent of it from 25 on.
     """
     phase = ocp.phase(time=(0, horizon))
     x = phase.state("x", initial=1.5, final=1, lower=-2, upper=2)
@@ -128,7 +128,7 @@ def hypersensitive(ocp: OptimalControlProblem, *, horizon: float = 10_000.0) -> 
 
 @benchmark
 def zermelo(ocp: OptimalControlProblem) -> None:
-    """Return a boat's quickest way home through a shear current: it drifts by -y along x.
+    """Return a boat's fastest way home through a shear current with the drift -y along x.
 
     The tangent of the optimal heading grows linearly in time (Zermelo, ZAMM 11, 1931; the numbers
     are those of Bryson and Ho, 1975, section 2.7: from (3.66, -1.86) in 5.46).
@@ -138,7 +138,7 @@ def zermelo(ocp: OptimalControlProblem) -> None:
     phase = ocp.phase(time=(0, (1, 20)))
     x = phase.state("x", initial=3.66, final=0, lower=-10, upper=10)
     y = phase.state("y", initial=-1.86, final=0, lower=-10, upper=10)
-    # Never away from home: the slowest heading satisfies the first-order conditions too.
+    # Headings away from home are excluded: the slowest one satisfies the first-order conditions, too.
     heading = phase.control("heading", lower=math.pi / 2, upper=3 * math.pi / 2, unit="rad")
     phase.dynamics({x: casadi.cos(heading) - y, y: casadi.sin(heading)})
     phase.guess(time=[0, 5], heading=[2, 4])
@@ -147,10 +147,10 @@ def zermelo(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def dido(ocp: OptimalControlProblem, *, length: float = 2.0) -> None:
-    """Return the most land that a rope encloses with a straight shore: a half-disc, l² / (2 π).
+    """Return the largest area between a rope and a straight shore: a half-disc, l² / (2 π).
 
-    The rope is walked along, and its arc length stands for time: so its length is kept by itself
-    (the isoperimetric problem of Queen Dido).
+    Time is the arc length of the rope, which fixes its length (the isoperimetric problem of Queen
+    Dido).
 
     Parameters
     ----------
@@ -170,9 +170,9 @@ def dido(ocp: OptimalControlProblem, *, length: float = 2.0) -> None:
 
 @benchmark
 def hanging_chain(ocp: OptimalControlProblem) -> None:
-    """Return the shape of a chain of length 4 hung up at (0, 1) and (1, 3): least potential energy.
+    """Return the shape of a chain of length 4 between (0, 1) and (1, 3) with the smallest potential energy.
 
-    An integral constraint keeps the length; the optimum is a catenary (Dolan, Moré and Munson,
+    An integral constraint fixes the length. The optimum is a catenary (Dolan, Moré and Munson,
     "Benchmarking optimization software with COPS 3.0", 2004, problem 4).
     """
     import casadi
@@ -183,20 +183,20 @@ def hanging_chain(ocp: OptimalControlProblem) -> None:
     phase.dynamics({height: slope})
     arc = casadi.sqrt(1 + slope**2)
     ocp.subject_to(phase.integral(arc), equals=4, name="length of the chain", unit="m")
-    # A chain that sags, such as a parabola through both ends.
+    # A sagging chain: a parabola through both ends.
     phase.guess(height=lambda t: 1 - 4 * t + 6 * t**2, slope=lambda t: -4 + 12 * t)
     ocp.minimise(phase.integral(height * arc), unit="m²")
 
 
 @benchmark
 def brockett(ocp: OptimalControlProblem) -> None:
-    """Return Brockett's integrator: a plane's closed curve whose area lifts z from 0 to 1.
+    """Return Brockett's integrator: a closed curve in the plane whose area lifts z from 0 to 1.
 
-    ż = x v - y u is twice the rate of the area swept, so least ∫ (u² + v²) dt in a unit of time is
-    the square of the shortest closed curve around 1/2: a circle, and 4 π / 2 (Brockett, "Control
-    theory and singular Riemannian geometry", in "New Directions in Applied Mathematics", Springer,
-    1982). The circle may begin in any direction, and a search that begins on the straight line, at
-    rest, is stationary.
+    ż = x v - y u is twice the rate of the enclosed area, so the smallest ∫ (u² + v²) dt in a unit of
+    time is the square of the length of the shortest closed curve around 1/2: a circle, and 4 π / 2
+    (Brockett, "Control theory and singular Riemannian geometry", in "New Directions in Applied
+    Mathematics", Springer, 1982). The circle may begin in any direction. A search that begins at rest
+    on the straight line is stationary.
     """
     phase = ocp.phase(time=(0, 1))
     x = phase.state("x", initial=0, final=0)
@@ -209,9 +209,9 @@ def brockett(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def maximal_range(ocp: OptimalControlProblem) -> None:
-    """Return the greatest range in two time units of a mass that a thrust of g / 2 drives.
+    """Return the largest range in two time units of a mass with a thrust of g / 2.
 
-    The thrust drives along the velocity and lifts not; the direction is the control, by its two
+    The thrust acts along the velocity and provides no lift. The control is its direction, as two
     components (Bryson, "Dynamic Optimization", Addison-Wesley, 1999).
     """
     phase = ocp.phase(time=(0, 2))

@@ -1,4 +1,4 @@
-"""What an entry of the catalogue of optimal control is made of, and the sources that many share."""
+"""Construction of catalogue entries for optimal control, and sources that several entries share."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ RAO = (
 ATHANS = "M. Athans, P. L. Falb: Optimal Control, McGraw-Hill, 1966"
 
 SHOOTING = "Pontryagin's conditions, shot with DOP853"
-MAXIMUM = "A maximum is sought, so the objective has the opposite sign."
+MAXIMUM = "The paper maximises, so the objective has the opposite sign."
 
 
 def entry(
@@ -64,7 +64,29 @@ def entry(
     note: str = "",
     **options: Any,
 ) -> CatalogueEntry:
-    """Return an entry; `analytic` says that the value follows from a formula or one root of it."""
+    """Return a catalogue entry.
+
+    Parameters
+    ----------
+    problem : callable
+        Function that declares the problem.
+    title, paper, note
+        See :class:`~crosstrack.instances.CatalogueEntry`.
+    objective : float
+        Reference value of the objective.
+    source : str
+        Derivation of the value.
+    name : str
+        Name of the instance; by default that of the function.
+    analytic : bool
+        Whether the value follows from a formula or from one root of a formula.
+    printed : str
+        Value as printed in the paper.
+    provenance : Provenance
+        Source of the data.
+    **options
+        Options of the problem.
+    """
     full = f"optimal-control/{name or problem.__name__.replace('_', '-')}"
     published: dict[str, Any] = {"objective": objective, "source": source, "analytic": analytic}
     words = [note, f"Value: {source}."]
@@ -86,5 +108,5 @@ def entry(
 def _build(
     problem: Callable[..., OptimalControlProblem], name: str, **options: Any
 ) -> OptimalControlProblem:
-    """Return the problem that is declared: the functions return builders, to declare more in."""
+    """Return the built problem; the functions return builders, which accept further declarations."""
     return problem(name, **options).build()

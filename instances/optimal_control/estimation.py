@@ -1,4 +1,4 @@
-"""Constants of nature, estimated: problems in which a parameter is sought with the motion."""
+"""Estimation of constants: problems in which a parameter is optimised with the motion."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ __all__ = ["decay_fit"]
 
 @benchmark
 def decay_fit(ocp: OptimalControlProblem) -> None:
-    """Return the rate p at which ẋ = -p x follows 1 / (1 + t) best over 4 s.
+    """Return the fit of the rate p of ẋ = -p x to 1 / (1 + t) over 4 s.
 
-    There is no control: what is sought is a parameter. No p fits exactly, so that the least
-    ∫ (x - 1 / (1 + t))² dt is above 0; it is the least of a function of one variable.
+    The problem has a parameter and no control. No p fits exactly, so the smallest
+    ∫ (x - 1 / (1 + t))² dt is positive. It is the minimum of a function of one variable.
     """
     rate = ocp.parameter("rate", lower=0, upper=5, guess=1, unit="1/s")
     phase = ocp.phase(time=(0, 4))

@@ -1,4 +1,4 @@
-"""Flight in air: a glider in a thermal, the space shuttle's return, and a fighter's climb."""
+"""Atmospheric flight: a glider in a thermal, the re-entry of the space shuttle, and a fighter's climb."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["hang_glider", "minimum_time_to_climb", "shuttle_reentry"]
 def hang_glider(ocp: OptimalControlProblem) -> None:
     """Return the longest glide of a hang glider through a thermal, from 1000 m down to 900 m.
 
-    Sought is the lift coefficient (Bulirsch, Nerz, Pesch and von Stryk, "Combining direct and
+    The control is the lift coefficient (Bulirsch, Nerz, Pesch and von Stryk, "Combining direct and
     indirect methods in optimal control: range maximization of a hang glider", in "Optimal Control",
     Birkhäuser, 1993; problem 11 of COPS 3.0, 2004).
     """
@@ -29,12 +29,12 @@ def hang_glider(ocp: OptimalControlProblem) -> None:
         "vy", initial=-1.2875005200, final=-1.2875005200, lower=-10, upper=10, unit="m/s"
     )
     lift_coefficient = phase.control("lift_coefficient", lower=0, upper=1.4)
-    # The thermal blows up to 2.5 m/s around x = 250 m.
+    # The updraft is up to 2.5 m/s around x = 250 m.
     place = (x / 100 - 2.5) ** 2
     sink = vy - 2.5 * (1 - place) * casadi.exp(-place)
     speed = casadi.sqrt(vx**2 + sink**2)
     drag_coefficient = 0.034 + 0.069662 * lift_coefficient**2
-    # Both forces over the speed, which turns with the relative wind.
+    # Both forces divided by the speed, which turns with the relative wind.
     pressure = 0.5 * density * area * speed / mass
     lift, drag = pressure * lift_coefficient, pressure * drag_coefficient
     phase.dynamics(
@@ -51,10 +51,11 @@ def hang_glider(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def shuttle_reentry(ocp: OptimalControlProblem) -> None:
-    """Return the space shuttle's return with the largest cross range, without a limit of heating.
+    """Return the re-entry of the space shuttle with the largest cross range, without a heating limit.
 
-    From 260 000 ft and 25 600 ft/s to 80 000 ft and 2500 ft/s over a round Earth at rest, by angle
-    of attack and bank angle, in feet and slugs (Betts, 2010, section 6.1: 34.1412°).
+    From 260 000 ft and 25 600 ft/s to 80 000 ft and 2500 ft/s over a round non-rotating Earth. The
+    controls are angle of attack and bank angle, in feet and slugs (Betts, 2010, section 6.1:
+    34.1412°).
     """
     import casadi
 
@@ -103,8 +104,8 @@ def shuttle_reentry(ocp: OptimalControlProblem) -> None:
     ocp.minimise(-phase.final(latitude), unit="rad")
 
 
-#: Thrust of a fighter's two engines in 1000 lbf, a row each Mach number 0, 0.2 … 1.8, a column each
-#: altitude in 1000 ft. Where Bryson, Desai and Hoffman (1969) leave it open: as in GPOPS-II and ICLOCS2.
+#: Thrust of a fighter's two engines in 1000 lbf, one row per Mach number 0, 0.2 … 1.8 and one column
+#: per altitude in 1000 ft. Values missing in Bryson, Desai and Hoffman (1969) are from GPOPS-II, ICLOCS2.
 ALTITUDES = (0, 5, 10, 15, 20, 25, 30, 40, 50, 70)
 THRUSTS = (
     (24.2, 24.0, 20.3, 17.3, 14.5, 12.2, 10.2, 5.7, 3.4, 0.1),
@@ -118,7 +119,7 @@ THRUSTS = (
     (36.1, 35.2, 42.1, 38.7, 35.7, 32.0, 28.1, 19.3, 11.9, 2.9),
     (36.1, 33.8, 45.7, 41.3, 39.8, 34.6, 31.1, 21.7, 13.3, 3.1),
 )
-#: Its lift-curve slope, drag without lift and efficiency factor over the Mach number.
+#: Lift-curve slope, zero-lift drag and efficiency factor over the Mach number.
 MACHS = (0, 0.4, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6, 1.8)
 LIFT_SLOPES = (3.44, 3.44, 3.44, 3.58, 4.44, 3.44, 3.01, 2.86, 2.44)
 LEAST_DRAGS = (0.013, 0.013, 0.013, 0.014, 0.031, 0.041, 0.039, 0.036, 0.035)
@@ -127,12 +128,12 @@ EFFICIENCIES = (0.54, 0.54, 0.54, 0.75, 0.79, 0.78, 0.89, 0.93, 0.93)
 
 @benchmark
 def minimum_time_to_climb(ocp: OptimalControlProblem) -> None:
-    """Return a supersonic fighter's quickest climb to 20 km and Mach 1.
+    """Return a supersonic fighter's fastest climb to 20 km and Mach 1.
 
-    It dives through the speed of sound on its way (Bryson, Desai and Hoffman, "Energy-state
+    The optimum dives through the speed of sound (Bryson, Desai and Hoffman, "Energy-state
     approximation in performance optimization of supersonic aircraft", Journal of Aircraft 6, 1969).
-    The air is the U.S. Standard Atmosphere of 1976; all tables are cubic splines, so that the time
-    is that of these splines. Nothing is guessed.
+    The air is the U.S. Standard Atmosphere of 1976. All tables are cubic splines, which determine the
+    optimal time. The default guess is used.
     """
     import casadi
     import numpy as np
@@ -141,7 +142,7 @@ def minimum_time_to_climb(ocp: OptimalControlProblem) -> None:
 
     radius, gravitation, area, impulse, gas = 6_378_145.0, 3.986e14, 49.2386, 1600.0, 287.053
     gravity = 9.80665
-    # Temperature falls to 11 km, stays, and rises from 20 km on; the pressure carries the air above.
+    # Temperature falls up to 11 km, is constant, and rises from 20 km; pressure is hydrostatic.
     heights = np.linspace(-2000.0, 24_000.0, 53)
     warmth = np.interp(heights, [-2000, 11_000, 20_000, 32_000], [301.15, 216.65, 216.65, 228.65])
     steps = gravity / gas * np.diff(heights) * 0.5 * (1 / warmth[1:] + 1 / warmth[:-1])

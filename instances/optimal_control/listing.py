@@ -1,4 +1,4 @@
-"""What the catalogue holds of optimal control: the field's benchmark problems with their values."""
+"""Catalogue entries of optimal control: the field's benchmark problems with reference values."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _oscillators() -> tuple[CatalogueEntry, ...]:
             0.0,
             "u = -sin t",
             analytic=True,
-            note="Many controls come within 1e-9 of the optimum; they chatter.",
+            note="Many chattering controls come within 1e-9 of the optimum.",
         ),
         entry(
             oscillators.harmonic_oscillator,

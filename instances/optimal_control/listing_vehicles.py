@@ -1,4 +1,4 @@
-"""What the catalogue holds of optimal control: rockets, aircraft, robots and reactors."""
+"""Catalogue entries of optimal control: rockets, aircraft, robots and reactors."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def _rockets_and_flight() -> tuple[CatalogueEntry, ...]:
             -7529.748477,
             "two transcriptions of this package, Gauss and Radau, which agree to all digits",
             printed="7529.712",
-            note=f"{MAXIMUM} Four linked phases; nothing is guessed. What is printed "
-            "differs by rounded flows of propellant.",
+            note=f"{MAXIMUM} Four linked phases with the default guess. The printed value "
+            "differs because its propellant flows are rounded.",
         ),
         entry(
             rockets.goddard,
@@ -43,7 +43,7 @@ def _rockets_and_flight() -> tuple[CatalogueEntry, ...]:
         ),
         entry(
             rockets.goddard_phases,
-            "Goddard's rocket in three phases, one an arc",
+            "Goddard's rocket in three phases, one per arc",
             f"{BETTS}, section 4.14.1",
             -1.012836918318,
             goddard,
@@ -77,7 +77,7 @@ def _rockets_and_flight() -> tuple[CatalogueEntry, ...]:
             318.186021,
             "two transcriptions of this package, Gauss and Radau, which agree to all digits",
             printed="324.9 by other curves through the same tables",
-            note="Thrust, lift and drag come from tables; nothing is guessed.",
+            note="Thrust, lift and drag come from tables; the default guess is used.",
         ),
         entry(
             rockets.orbit_raising,
@@ -105,7 +105,7 @@ def _rockets_and_flight() -> tuple[CatalogueEntry, ...]:
             "the linear-tangent law through both stages, by Gauss quadrature",
             analytic=True,
             provenance=Provenance.OURS,
-            note=f"{MAXIMUM} The numbers of the rocket are ours.",
+            note=f"{MAXIMUM} The rocket's data are ours.",
         ),
     )
 
@@ -121,7 +121,7 @@ def _robots() -> tuple[CatalogueEntry, ...]:
             "tangents and arcs",
             analytic=True,
             provenance=ours,
-            note="Other ways around the discs are local optima: 4.37583 is the next.",
+            note="Other paths around the discs are local optima: 4.37583 is the next.",
         ),
         entry(
             robots.cart_pole,
@@ -129,7 +129,7 @@ def _robots() -> tuple[CatalogueEntry, ...]:
             "M. Kelly: An introduction to trajectory optimization, SIAM Review 59, 2017",
             57.94478030673,
             SHOOTING,
-            note="The swing-up at once is a local optimum too, 58.80766746.",
+            note="The immediate swing-up is a local optimum, too: 58.80766746.",
         ),
         entry(
             robots.container_crane,
@@ -157,7 +157,7 @@ def _robots() -> tuple[CatalogueEntry, ...]:
             7.910147051122,
             "the times of the eight switches, optimised with DOP853",
             printed="7.9101",
-            note="A local optimum: drawn starts lead to 7.688619.",
+            note="A local optimum: random starts lead to 7.688619.",
         ),
         entry(
             robots.quadrotor,
@@ -179,13 +179,13 @@ def _robots() -> tuple[CatalogueEntry, ...]:
         ),
         entry(
             robots.unicycle,
-            "A unicycle parks one place aside with least effort",
+            "A unicycle parks one space to the side with the least effort",
             "Y. Sachkov, I. Moiseev: Maxwell strata in sub-Riemannian problem on the group of "
             "motions of a plane, ESAIM: COCV 16, 2010",
             11.158158715164,
             SHOOTING,
             provenance=ours,
-            note="Two optima mirror each other; the numbers are ours.",
+            note="Two mirrored plans are optimal; the data are ours.",
         ),
         entry(
             classic.brockett,

@@ -1,4 +1,4 @@
-"""Machines that move: cranes, arms, cars, carts with poles, quadrotors and robots in space."""
+"""Machines: cranes, arms, cars, carts with poles, quadrotors, and robots in space."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ __all__ = [
 def container_crane(ocp: OptimalControlProblem) -> None:
     """Return the move of a container by a crane in 9 s with little swing and little effort.
 
-    Trolley and hoist go from motion to motion (Sakawa and Shindo, "Optimal control of container
-    cranes", Automatica 18, 1982), with the weight of the effort of Augustin and Maurer,
+    Trolley and hoist are in motion at both ends (Sakawa and Shindo, "Optimal control of container
+    cranes", Automatica 18, 1982). The weight of the effort is that of Augustin and Maurer,
     "Sensitivity analysis and real-time control of a container crane under state constraints", in
     "Online Optimization of Large Scale Systems", Springer, 2001.
     """
@@ -53,16 +53,16 @@ def container_crane(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def robot_arm(ocp: OptimalControlProblem) -> None:
-    """Return the quickest turn of a robot arm by 120°, whose rod slides in to turn faster.
+    """Return the fastest turn of a robot arm by 120°, whose rod retracts to turn faster.
 
-    Three bang-bang controls (Mössner-Beigel, thesis, Heidelberg, 1995; problem 8 of COPS 3.0, 2004:
-    9.1409).
+    The three controls are bang-bang (Mössner-Beigel, thesis, Heidelberg, 1995; problem 8 of COPS 3.0,
+    2004: 9.1409).
     """
     import casadi
 
     length = 5.0
     phase = ocp.phase(time=(0, (1, 20)))
-    # How far the rod sticks out, and its two angles.
+    # Length of the extended rod, and its two angles.
     rho = phase.state("rho", initial=4.5, final=4.5, lower=0, upper=length)
     theta = phase.state("theta", initial=0, final=2 * math.pi / 3, lower=-math.pi, upper=math.pi)
     phi = phase.state("phi", initial=math.pi / 4, final=math.pi / 4, lower=0.1, upper=math.pi)
@@ -81,14 +81,14 @@ def robot_arm(ocp: OptimalControlProblem) -> None:
             phi_rate: u[2] / inertia,
         }
     )
-    # The straight way that COPS starts from, at a guessed duration.
+    # The initial guess of COPS, with a guessed duration.
     phase.guess(time=[0, 10], theta=lambda t: 2 * math.pi / 3 * (t / 10) ** 2)
     ocp.minimise(phase.end)
 
 
 @benchmark
 def dubins(ocp: OptimalControlProblem) -> None:
-    """Return the shortest way of a car that drives forwards only and turns with radius 1 or more.
+    """Return the shortest path of a car that drives forwards only, with a turning radius of at least 1.
 
     From (0, 0) heading along x to (4, 4) heading back: an arc, a straight line and an arc (Dubins,
     "On curves of minimal length with a constraint on average curvature", American Journal of
@@ -108,17 +108,17 @@ def dubins(ocp: OptimalControlProblem) -> None:
     ocp.minimise(phase.end)
 
 
-#: Discs in the way of :func:`around_discs`: centre and radius.
+#: Obstacles of :func:`around_discs`: centre and radius.
 DISCS = (((1.2, 0.3), 0.5), ((2.8, -0.3), 0.5))
 
 
 @benchmark
 def around_discs(ocp: OptimalControlProblem) -> None:
-    """Return the shortest way from (0, 0) to (4, 0) at unit speed between two discs.
+    """Return the shortest path from (0, 0) to (4, 0) at unit speed between two discs.
 
-    Straight lines that touch the discs, and an arc along each, on which a path constraint is
-    active. Other ways around the discs are local optima of their own: the guess decides (Latombe,
-    "Robot Motion Planning", Kluwer, 1991, chapter 4).
+    The optimum consists of straight tangents to the discs, and an arc along each disc with an active
+    path constraint. Other paths around the discs are separate local optima, selected by the guess
+    (Latombe, "Robot Motion Planning", Kluwer, 1991, chapter 4).
     """
     import casadi
 
@@ -129,7 +129,7 @@ def around_discs(ocp: OptimalControlProblem) -> None:
     phase.dynamics({x: casadi.cos(heading), y: casadi.sin(heading)})
     for k, ((cx, cy), radius) in enumerate(DISCS, start=1):
         phase.path((x - cx) ** 2 + (y - cy) ** 2, lower=radius**2, name=f"clear of disc {k}")
-    # Below the first, and above the second.
+    # Below the first disc and above the second.
     phase.guess(
         time=[0, 1.3, 2.9, 4.2], x=[0, 1.2, 2.8, 4], y=[0, -0.25, 0.25, 0],
         heading=[-0.2, 0.2, 0.2, -0.2],
@@ -139,18 +139,18 @@ def around_discs(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def cart_pole(ocp: OptimalControlProblem) -> None:
-    """Return the swing-up of a pendulum on a cart in 2 s with least ∫ force² dt.
+    """Return the swing-up of a pendulum on a cart in 2 s with the smallest ∫ force² dt.
 
-    It has two good local optima, which cost 57.94 and 58.81; a straight guess may lead to either
-    (Kelly, "An introduction to trajectory optimization: how to do your own direct collocation",
-    SIAM Review 59, 2017, section 6).
+    Two good local optima cost 57.94 and 58.81; a straight guess may lead to either (Kelly, "An
+    introduction to trajectory optimization: how to do your own direct collocation", SIAM Review 59,
+    2017, section 6).
     """
     import casadi
 
     cart, bob, length, gravity = 1.0, 0.3, 0.5, 9.81
     phase = ocp.phase(time=(0, 2))
     position = phase.state("position", initial=0, final=1, lower=-2, upper=2, unit="m")
-    # From hanging down to standing up.
+    # From hanging to upright.
     angle = phase.state("angle", initial=0, final=math.pi, lower=-7, upper=7, unit="rad")
     speed = phase.state("speed", initial=0, final=0, lower=-20, upper=20, scale=5, unit="m/s")
     rate = phase.state("rate", initial=0, final=0, lower=-50, upper=50, scale=10, unit="rad/s")
@@ -171,18 +171,18 @@ def cart_pole(ocp: OptimalControlProblem) -> None:
             / (length * inertia),
         }
     )
-    # One swing to the other side before: that costs less than to swing up at once.
+    # A swing to the other side first, which costs less than swinging up at once.
     phase.guess(position=[0, 0, 0.6, 0.9, 0.8, 1], angle=[0, 0, -1, 0.5, 2.5, math.pi], force=0)
     ocp.minimise(phase.integral(force**2), unit="N² s")
 
 
 @benchmark
 def quadrotor(ocp: OptimalControlProblem) -> None:
-    """Return the quickest move of a quadrotor by 5 m in the plane, from hovering to hovering.
+    """Return the fastest move of a quadrotor by 5 m in the plane, from hover to hover.
 
-    Sought are the thrust per mass, bang-bang, and the pitch rate, bang-singular (Hehn, Ritz and
-    D'Andrea, "Performance benchmarking of quadrotor systems using time-optimal control", Autonomous
-    Robots 33, 2012).
+    The controls are the thrust per mass, which is bang-bang, and the pitch rate, which is
+    bang-singular (Hehn, Ritz and D'Andrea, "Performance benchmarking of quadrotor systems using
+    time-optimal control", Autonomous Robots 33, 2012).
     """
     import casadi
 
@@ -211,11 +211,10 @@ def quadrotor(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def free_flying_robot(ocp: OptimalControlProblem) -> None:
-    """Return the move of a robot in space by four jets in 12 s, with least propellant.
+    """Return the move of a robot in space by four jets in 12 s with the least propellant.
 
     Every jet is on or off (Sakawa, "Trajectory planning of a free-flying robot by using the optimal
-    control", Optimal Control Applications and Methods 20, 1999; Betts, 2010, section 6.13:
-    7.9101).
+    control", Optimal Control Applications and Methods 20, 1999; Betts, 2010, section 6.13: 7.9101).
     """
     import casadi
 
@@ -226,17 +225,17 @@ def free_flying_robot(ocp: OptimalControlProblem) -> None:
     vx = phase.state("vx", initial=0, final=0, lower=-5, upper=5)
     vy = phase.state("vy", initial=0, final=0, lower=-5, upper=5)
     omega = phase.state("omega", initial=0, final=0, lower=-3, upper=3, scale=1, unit="rad/s")
-    # Forwards and backwards of one side, then of the other.
+    # Forward and backward jets of one side, then of the other.
     jets = phase.control("jets", 4, lower=0, upper=1)
-    one, other = jets[0] - jets[1], jets[2] - jets[3]
+    first, second = jets[0] - jets[1], jets[2] - jets[3]
     phase.dynamics(
         {
             x: vx,
             y: vy,
             theta: omega,
-            vx: (one + other) * casadi.cos(theta),
-            vy: (one + other) * casadi.sin(theta),
-            omega: 0.2 * one - 0.2 * other,
+            vx: (first + second) * casadi.cos(theta),
+            vy: (first + second) * casadi.sin(theta),
+            omega: 0.2 * first - 0.2 * second,
         }
     )
     phase.path(jets[0] + jets[1], upper=1, name="one side")
@@ -246,11 +245,12 @@ def free_flying_robot(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def unicycle(ocp: OptimalControlProblem) -> None:
-    """Return the parking of a unicycle one place aside, with least ∫ (v² + ω²) dt in a unit of time.
+    """Return the parking of a unicycle one space to the side, with the smallest ∫ (v² + ω²) dt in a unit of time.
 
-    The curves are elastica, for the cost is the squared length of a sub-Riemannian geodesic (Sachkov
-    and Moiseev, "Maxwell strata in sub-Riemannian problem on the group of motions of a plane",
-    ESAIM: COCV 16, 2010). Two of them, mirrored, cost the least; at rest the search is stationary.
+    The curves are elastica, because the cost is the squared length of a sub-Riemannian geodesic
+    (Sachkov and Moiseev, "Maxwell strata in sub-Riemannian problem on the group of motions of a
+    plane", ESAIM: COCV 16, 2010). Two mirrored curves are optimal; a search that begins at rest is
+    stationary.
     """
     import casadi
 

@@ -1,4 +1,4 @@
-"""Rockets: the linear-tangent law of steering, staging, orbits, and a sounding rocket's thrust."""
+"""Rockets: the linear-tangent steering law, staging, orbits, and a sounding rocket's thrust."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ __all__ = [
 
 @benchmark
 def linear_tangent_steering(ocp: OptimalControlProblem) -> None:
-    """Return the quickest way to height 5 and speed 45 level, at a constant acceleration of 100.
+    """Return the fastest way to height 5 and horizontal speed 45, at a constant acceleration of 100.
 
-    The tangent of the optimal angle falls linearly in time (Bryson and Ho, 1975, section 2.4; the
+    The tangent of the optimal angle decreases linearly in time (Bryson and Ho, 1975, section 2.4; the
     numbers are those of "particle steering" in COPS 3.0, 2004).
     """
     import casadi
@@ -39,20 +39,20 @@ def linear_tangent_steering(ocp: OptimalControlProblem) -> None:
     ocp.minimise(phase.end)
 
 
-#: Two stages: thrust (t km/s²), propellant flow (t/s), mass at ignition and at burn-out (t). The
-#: second may stop before it is empty.
+#: Two stages: thrust (t km/s²), propellant flow (t/s), and mass at ignition and at burn-out (t). The
+#: second may stop before burn-out.
 STAGES = ((1.8, 0.64, 120.0, 40.0), (0.35, 0.08, 30.0, 4.0))
-#: g on a flat Earth, km/s², and the height and speed of the orbit, km and km/s.
+#: g on a flat Earth (km/s²), and the height and speed of the orbit (km and km/s).
 GRAVITY, ORBIT_HEIGHT, ORBIT_SPEED = 0.00981, 200.0, 7.8
 
 
 @benchmark
 def two_stage_ascent(ocp: OptimalControlProblem) -> None:
-    """Return the ascent of a rocket of two stages into orbit with most mass left.
+    """Return the ascent of a two-stage rocket into orbit with the largest final mass.
 
-    Two phases, linked in position and velocity, while the mass falls at the staging by the empty
-    first stage. The Earth is flat and airless, so that the linear-tangent law holds through both
-    stages (Bryson and Ho, 1975, section 2.4).
+    Two phases are linked in position and velocity, while the mass drops by the empty first stage.
+    The Earth is flat and airless, so the linear-tangent law holds through both stages (Bryson and
+    Ho, 1975, section 2.4).
     """
     import casadi
 
@@ -65,12 +65,14 @@ def two_stage_ascent(ocp: OptimalControlProblem) -> None:
             f"stage {k + 1}",
             time=(0, burn) if first else (burn, (burn + 50, burn + longest)),
         )
-        at = (0, 0, 0, 0) if first else (None, None, None, None)
+        ends = (0, 0, 0, 0) if first else (None, None, None, None)
         to = (None, None, None, None) if first else (None, ORBIT_HEIGHT, ORBIT_SPEED, 0)
-        x = phase.state("x", initial=at[0], lower=0, upper=4000, scale=1000, unit="km")
-        y = phase.state("y", initial=at[1], final=to[1], lower=0, upper=1000, scale=200, unit="km")
-        vx = phase.state("vx", initial=at[2], final=to[2], lower=0, upper=10, unit="km/s")
-        vy = phase.state("vy", initial=at[3], final=to[3], lower=-2, upper=5, unit="km/s")
+        x = phase.state("x", initial=ends[0], lower=0, upper=4000, scale=1000, unit="km")
+        y = phase.state(
+            "y", initial=ends[1], final=to[1], lower=0, upper=1000, scale=200, unit="km"
+        )
+        vx = phase.state("vx", initial=ends[2], final=to[2], lower=0, upper=10, unit="km/s")
+        vy = phase.state("vy", initial=ends[3], final=to[3], lower=-2, upper=5, unit="km/s")
         m = phase.state("mass", initial=full, lower=empty, upper=full, unit="t")
         pitch = phase.control("pitch", lower=-math.pi / 2, upper=math.pi / 2, unit="rad")
         phase.dynamics(
@@ -95,11 +97,11 @@ def two_stage_ascent(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def orbit_raising(ocp: OptimalControlProblem) -> None:
-    """Return the transfer from a circular orbit to the largest that a low thrust reaches in 3.32.
+    """Return the transfer from a circular orbit to the largest one that a low thrust reaches in 3.32.
 
-    In units of the first orbit; the thrust of 0.1405 burns 0.0749 of the mass a time unit. From the
-    Earth's orbit that is nearly the orbit of Mars, 1.525, in 193 days (Bryson and Ho, 1975, section
-    2.5, after Moyer and Pinkham).
+    In units of the first orbit, the thrust of 0.1405 burns 0.0749 of the mass per time unit. From the
+    Earth's orbit this reaches nearly the orbit of Mars, 1.525, in 193 days (Bryson and Ho, 1975,
+    section 2.5, after Moyer and Pinkham).
     """
     import casadi
 
@@ -107,7 +109,7 @@ def orbit_raising(ocp: OptimalControlProblem) -> None:
     r = phase.state("r", initial=1, lower=0.5, upper=3)
     radial = phase.state("radial", initial=0, final=0, lower=-2, upper=2)
     tangential = phase.state("tangential", initial=1, lower=0, upper=2)
-    # From the tangent outwards: it turns by once in all, so it is no angle in [-π, π].
+    # From the outward tangent: it makes a full turn, so [-π, π] is not suitable.
     angle = phase.control("angle", lower=0, upper=2 * math.pi, unit="rad")
     push = 0.1405 / (1 - 0.0749 * phase.time)
     phase.dynamics(
@@ -118,7 +120,7 @@ def orbit_raising(ocp: OptimalControlProblem) -> None:
         }
     )
     ocp.subject_to(phase.final(tangential**2 * r), equals=1, name="the last orbit is circular")
-    # Outwards first and inwards then.
+    # Outwards first, then inwards.
     phase.guess(
         r=[1, 1.5],
         radial=[0, 0.2, 0],
@@ -128,14 +130,14 @@ def orbit_raising(ocp: OptimalControlProblem) -> None:
     ocp.minimise(-phase.final(r))
 
 
-#: Goddard's rocket in units of its first height, mass and weight: largest thrust, drag, the inverse
-#: of the air's scale height, speed of the exhaust, and the empty mass.
+#: Goddard's rocket in units of its initial height, mass and weight: largest thrust, drag, inverse
+#: scale height of the air, exhaust speed, and empty mass.
 THRUST, DRAG, AIR, EXHAUST, EMPTY = 3.5, 310.0, 500.0, 0.5, 0.6
 
 
 @benchmark
 def goddard(ocp: OptimalControlProblem) -> None:
-    """Return Goddard's rocket: how to burn the propellant so as to rise highest.
+    """Return Goddard's rocket: the thrust for the largest height.
 
     Full thrust, then a singular arc on which thrust balances drag against gravity loss, then none:
     h = 1.0128369 (Goddard, "A method of reaching extreme altitudes", 1919; the numbers are those of
@@ -158,9 +160,10 @@ def goddard(ocp: OptimalControlProblem) -> None:
 def goddard_phases(ocp: OptimalControlProblem) -> None:
     """Return Goddard's rocket in three phases: full thrust, singular arc, coasting.
 
-    With its structure declared the problem is smooth in each phase. On the singular arc
-    m g - (1 + v / c) D stays at 0 (Betts, 2010, section 4.14.1); here it is only told to stay, and
-    the optimum finds the level. The empty rocket coasts, so that phase has no mass and no control.
+    With its structure declared, the problem is smooth in each phase. On the singular arc
+    m g - (1 + v / c) D is 0 (Betts, 2010, section 4.14.1). The phase only requires that it is
+    constant, and the optimum determines its value. The empty rocket coasts, so the last phase has no
+    mass and no control.
     """
     import casadi
 
@@ -187,7 +190,7 @@ def goddard_phases(ocp: OptimalControlProblem) -> None:
     rates = {h: v, v: (thrust - drag(h, v)) / m - 1 / h**2, m: -thrust / EXHAUST}
     arc.dynamics(rates)
     level = m / h**2 - (1 + v / EXHAUST) * drag(h, v)
-    drift = sum(casadi.gradient(level, one) * rate for one, rate in rates.items())
+    drift = sum(casadi.gradient(level, state) * rate for state, rate in rates.items())
     arc.path(drift, equals=0, name="thrust of the singular arc", scale=10)
     arc.guess(time=[0.02, 0.07], h=[1.001, 1.005], v=[0.12, 0.13], m=[0.85, EMPTY], thrust=2)
 
@@ -202,26 +205,26 @@ def goddard_phases(ocp: OptimalControlProblem) -> None:
     ocp.minimise(-coast.final(h))
 
 
-#: The Delta III's solid boosters, first and second stage: thrust (N), specific impulse (s), full mass
-#: and propellant (kg), and for how long they burn (s).
+#: Delta III's solid boosters, first and second stage: thrust (N), specific impulse (s), full mass and
+#: propellant (kg), and burn time (s).
 BOOSTER = (628_500.0, 283.33364, 19_290.0, 17_010.0, 75.2)
 FIRST = (1_083_100.0, 301.68, 104_380.0, 95_550.0, 261.0)
 SECOND = (110_094.0, 467.21, 19_300.0, 16_820.0, 700.0)
-#: Its load (kg), the drag coefficient times its area (m²), and the orbit: semi-major axis (m), then
-#: eccentricity, and inclination, ascending node and perigee in degrees.
+#: Load (kg), drag coefficient times area (m²), and the orbit: semi-major axis (m), eccentricity, and
+#: inclination, ascending node and perigee in degrees.
 LOAD, DRAG_AREA = 4164.0, 2 * math.pi
 ORBIT = (24_361_140.0, 0.7308, 28.5, 269.8, 130.5)
-#: The Earth: radius (m), gravitation (m³/s²), rotation (rad/s); the air at sea level (kg/m³), and the
-#: height over which it thins by e (m).
+#: Earth: radius (m), gravitation (m³/s²), rotation (rad/s), air density at sea level (kg/m³), and scale
+#: height (m).
 EARTH, PULL, SPIN, SEA_LEVEL, THINNING = 6_378_145.0, 3.986012e14, 7.29211585e-5, 1.225, 7200.0
 
 
 @benchmark
 def delta_iii(ocp: OptimalControlProblem) -> None:
-    """Return the ascent of a Delta III into a transfer orbit with the most mass.
+    """Return the ascent of a Delta III into a transfer orbit with the largest mass.
 
-    Four phases: six of nine boosters burn beside the first stage, then the other three, then the
-    first stage alone, and last the second stage, which may stop early. Nothing is guessed
+    Four phases: six of nine boosters burn with the first stage, then the other three, then the
+    first stage alone, and last the second stage, which may stop early. The default guess is used
     (Betts, 2010, section 6.15; Benson, "A Gauss pseudospectral transcription for optimal control", 2005).
     """
     import casadi
@@ -230,7 +233,7 @@ def delta_iii(ocp: OptimalControlProblem) -> None:
     pad = math.radians(28.5)
     spin = np.array([0.0, 0.0, SPIN])
     where = EARTH * np.array([math.cos(pad), 0.0, math.sin(pad)])
-    flows = [one[0] / (9.80665 * one[1]) for one in (BOOSTER, FIRST, SECOND)]
+    flows = [stage[0] / (9.80665 * stage[1]) for stage in (BOOSTER, FIRST, SECOND)]
     lasting, burnt = BOOSTER[4], FIRST[3] / FIRST[4]
     times: tuple[Any, ...] = (
         (0, lasting),
@@ -238,8 +241,8 @@ def delta_iii(ocp: OptimalControlProblem) -> None:
         (2 * lasting, FIRST[4]),
         (FIRST[4], (FIRST[4] + 1, FIRST[4] + SECOND[4])),
     )
-    # How many boosters burn, and the mass that is burnt and then dropped in each phase.
-    # The printed propellants and flows differ by less than the 0.1 % that bounds leave.
+    # Number of burning boosters, and the mass that is burnt and then dropped in each phase.
+    # The printed propellants and flows differ by less than the 0.1 % that the bounds allow.
     full = 9 * BOOSTER[2] + FIRST[2] + SECOND[2] + LOAD
     phases = []
     for k, burning in enumerate((6, 3, 0, 0)):
@@ -255,7 +258,7 @@ def delta_iii(ocp: OptimalControlProblem) -> None:
         u = phase.control("direction", 3, lower=-1, upper=1)
         distance, wind = casadi.norm_2(r), v - casadi.cross(casadi.DM(spin), r)
         air = SEA_LEVEL * casadi.exp((EARTH - distance) / THINNING)
-        # On the pad the rocket stands in the air, where the norm has no derivative.
+        # On the pad the relative wind is 0, where the norm has no derivative.
         drag = -0.5 * DRAG_AREA * air * casadi.sqrt(casadi.sumsqr(wind) + 1e-12) * wind
         phase.dynamics({r: v, v: -PULL / distance**3 * r + (thrust * u + drag) / m, m: -flow})
         phase.path(casadi.sumsqr(u), equals=1, name="direction has length 1")
@@ -269,7 +272,7 @@ def delta_iii(ocp: OptimalControlProblem) -> None:
     spun = casadi.cross(r, v)
     round_off = casadi.cross(v, spun) / PULL - r / casadi.norm_2(r)
     node = casadi.vertcat(-spun[1], spun[0], 0)
-    # The inverse of the semi-major axis: that itself has a pole between ellipses and hyperbolas.
+    # The semi-major axis has a pole between ellipses and hyperbolas; its inverse has none.
     inverse = 2 / casadi.norm_2(r) - casadi.sumsqr(v) / PULL
     leaning = casadi.acos(spun[2] / casadi.norm_2(spun))
     ahead = casadi.dot(casadi.cross(node, round_off), spun) / casadi.norm_2(spun)

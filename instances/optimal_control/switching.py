@@ -1,4 +1,4 @@
-"""Controls that jump: bang-bang, bang-off-bang, bang-singular-bang, at known switching times."""
+"""Problems with discontinuous controls: bang-bang, bang-off-bang and bang-singular-bang."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ __all__ = [
 
 @benchmark
 def double_integrator(ocp: OptimalControlProblem) -> None:
-    """Return the quickest move of a unit mass by 1, from rest to rest, by a force of at most 1.
+    """Return the fastest rest-to-rest move of a unit mass by 1, with a force of at most 1.
 
-    The optimum pushes for 1 and brakes for 1: 2 in all.
+    The optimum accelerates for 1 and brakes for 1, and takes 2.
     """
     phase = ocp.phase(time=(0, (0.1, 10)))
     x = phase.state("x", initial=0, final=1, lower=-2, upper=2)
@@ -31,10 +31,10 @@ def double_integrator(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def double_integrator_fuel(ocp: OptimalControlProblem, *, duration: float = 2.5) -> None:
-    """Return the same move in a given time with least ∫ ``|u|`` dt: push, coast, brake.
+    """Return the rest-to-rest move of a unit mass by 1 in a given time with the smallest ∫ ``|u|`` dt.
 
-    Two jets that only push stand for ``|u|``. With the duration T >= 2 the speed of coasting is
-    v = (T - √(T² - 4)) / 2, and the fuel 2 v: 1 for T = 2.5.
+    Two non-negative jets represent ``|u|``. The optimum accelerates, coasts and brakes. For a
+    duration T >= 2 the coasting speed is v = (T - √(T² - 4)) / 2, and the fuel is 2 v: 1 for T = 2.5.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ def double_integrator_fuel(ocp: OptimalControlProblem, *, duration: float = 2.5)
 
 @benchmark
 def lotka_volterra_fishing(ocp: OptimalControlProblem) -> None:
-    """Return when to fish so that prey and predators settle at 1, with least ∫ (x - 1)² + (y - 1)² dt.
+    """Return the fishing problem: prey and predators at 1 with the smallest ∫ (x - 1)² + (y - 1)² dt.
 
-    Fishing w is on or off; a solver finds the relaxed plan, in which it may be anything between.
+    Fishing w is either on or off. Solvers compute the relaxed plan with 0 <= w <= 1.
     """
     phase = ocp.phase(time=(0, 12))
     x = phase.state("x", initial=0.5, lower=0, upper=20, scale=1)
@@ -66,12 +66,12 @@ def lotka_volterra_fishing(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def moon_lander(ocp: OptimalControlProblem) -> None:
-    """Return a soft landing on the Moon with least ∫ u dt: fall freely, then brake at full thrust.
+    """Return the soft landing on the Moon with the smallest ∫ u dt: free fall, then full thrust.
 
     From height 10 and rate -2, under gravity 1.5 with thrust of at most 3, the two parabolas meet
-    where h = 17/3 and v = -√17; braking from there takes √17 / 1.5 and costs 2 √17 (Meditch, "On
-    the problem of optimal thrust programming for a lunar soft landing", IEEE Transactions on
-    Automatic Control, 1964).
+    at h = 17/3 and v = -√17. Braking from there takes √17 / 1.5 and costs 2 √17 (Meditch, "On the
+    problem of optimal thrust programming for a lunar soft landing", IEEE Transactions on Automatic
+    Control, 1964).
     """
     phase = ocp.phase(time=(0, (1, 20)))
     height = phase.state("height", initial=10, final=0, lower=0, upper=20)
@@ -84,12 +84,12 @@ def moon_lander(ocp: OptimalControlProblem) -> None:
 
 @benchmark
 def catalyst_mixing(ocp: OptimalControlProblem) -> None:
-    """Return the mixing of two catalysts along a reactor that yields most of the end product.
+    """Return the mixing of two catalysts along a reactor for the largest yield of the end product.
 
-    S1 ⇄ S2 under the first catalyst, S2 → S3 under the second: pure first, then a constant mixture
-    on a singular arc, then pure second (Gunn and Thomas, "Mass transport and chemical reaction in
-    multifunctional catalyst systems", Chemical Engineering Science 20, 1965; problem 14 of COPS
-    3.0, 2004).
+    S1 ⇄ S2 under the first catalyst, and S2 → S3 under the second. The optimum is the pure first
+    catalyst, a constant mixture on a singular arc, and the pure second one (Gunn and Thomas, "Mass
+    transport and chemical reaction in multifunctional catalyst systems", Chemical Engineering
+    Science 20, 1965; problem 14 of COPS 3.0, 2004).
     """
     phase = ocp.phase(time=(0, 1), unit="")
     first = phase.state("first", initial=1, lower=0, upper=1)
@@ -98,16 +98,16 @@ def catalyst_mixing(ocp: OptimalControlProblem) -> None:
     forth = mixture * (10 * second - first)
     phase.dynamics({first: forth, second: -forth - (1 - mixture) * second})
     phase.guess(first=[1, 0.9], second=[0, 0.1], mixture=[1, 0])
-    # The end product is what is neither of the other two.
+    # The end product is the remainder.
     ocp.minimise(phase.final(first) + phase.final(second) - 1)
 
 
 @benchmark
 def singular_regulator(ocp: OptimalControlProblem) -> None:
-    """Return a double integrator that is regulated from (0, 1): least ½ ∫ (x² + v²) dt over 5 s.
+    """Return the regulation of a double integrator from (0, 1): smallest ½ ∫ (x² + v²) dt over 5 s.
 
-    Full braking, then a singular arc on which x + v = 0 (Jacobson, Gershwin and Lele, "Computation of
-    optimal singular controls", IEEE Transactions on Automatic Control 15, 1970).
+    The optimum is full braking, then a singular arc with x + v = 0 (Jacobson, Gershwin and Lele,
+    "Computation of optimal singular controls", IEEE Transactions on Automatic Control 15, 1970).
     """
     phase = ocp.phase(time=(0, 5))
     x = phase.state("x", initial=0)

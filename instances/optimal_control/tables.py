@@ -1,4 +1,4 @@
-"""Plans of states and controls as tables that other software reads."""
+"""Export of states and controls as tables."""
 
 from __future__ import annotations
 
@@ -22,46 +22,51 @@ __all__ = ["SAMPLES", "write_control_samples"]
 def write_control_samples(
     plan: ControlPlan, path: str | os.PathLike[str], *, rate: float = 100.0
 ) -> Path:
-    """Write a plan at equal steps of time as CSV, in one step; return the path.
+    """Write a plan at equal time steps as CSV; return the path.
 
-    The first column is the phase's number, the second the time, then one a state, a control and
-    each entry of path constraints, invariants and outputs, with its unit in brackets; the latter
-    where the plan knows its declaration. A column that a phase does not have is empty there.
+    The first column is the number of the phase and the second the time. One column follows per
+    state, control, and entry of path constraints, invariants and outputs, with its unit in brackets.
+    The latter require a plan with its declaration. A column is empty in phases without the quantity.
 
     Parameters
     ----------
     plan : ControlPlan
-        The plan.
+        Plan to write.
     path : path-like
-        The file.
+        File to write.
     rate : float
-        Samples a unit of time; the end of every phase is always included.
+        Samples per unit of time; the end of every phase is always included.
+
+    Returns
+    -------
+    pathlib.Path
+        `path`.
 
     Raises
     ------
     InvalidData
-        A rate that is no number > 0 or gives too many samples, or a file that cannot be written.
+        The rate is not positive, or yields too many samples, or the file cannot be written.
     """
     required("plan", plan, ControlPlan)
     names = list(
         dict.fromkeys(
             name
-            for one in plan.phases
-            for name in (*one.state_names, *one.control_names, *_observed(one))
+            for part in plan.phases
+            for name in (*part.state_names, *part.control_names, *_observed(part))
         )
     )
     table = io.StringIO()
     rows = csv.writer(table, lineterminator="\n")
     rows.writerow(["phase", "t", *names])
-    sample_count(sum(one.duration for one in plan.phases), rate)
-    for number, one in enumerate(plan.phases, start=1):
-        count = sample_count(one.duration, rate)
-        times = one.start + np.arange(count + 1) / rate
-        times = np.append(times[times < one.end - 1e-9 * one.duration], one.end)
-        columns = dict(zip(one.state_names, one.states(times).T.tolist(), strict=True))
-        columns.update(zip(one.control_names, one.controls(times).T.tolist(), strict=True))
-        if seen := _observed(one):
-            columns.update(zip(seen, one.observed(times).T.tolist(), strict=True))
+    sample_count(sum(part.duration for part in plan.phases), rate)
+    for number, part in enumerate(plan.phases, start=1):
+        count = sample_count(part.duration, rate)
+        times = part.start + np.arange(count + 1) / rate
+        times = np.append(times[times < part.end - 1e-9 * part.duration], part.end)
+        columns = dict(zip(part.state_names, part.states(times).T.tolist(), strict=True))
+        columns.update(zip(part.control_names, part.controls(times).T.tolist(), strict=True))
+        if heads := _observed(part):
+            columns.update(zip(heads, part.observed(times).T.tolist(), strict=True))
         for k, t in enumerate(times.tolist()):
             values = [repr(columns[name][k]) if name in columns else "" for name in names]
             rows.writerow([number, repr(t), *values])
@@ -69,12 +74,12 @@ def write_control_samples(
 
 
 def _observed(part: PhasePlan) -> tuple[str, ...]:
-    """Return the headings of a phase's path constraints, invariants and outputs, one an entry."""
-    found: list[str] = []
-    for one in () if part.declared is None else part.declared.observed:
-        unit = f" ({one.unit})" if one.unit else ""
-        found += [name + unit for name in entry_names([one])]
-    return tuple(found)
+    """Return the column heads of a phase's path constraints, invariants and outputs, one per entry."""
+    result: list[str] = []
+    for quantity in () if part.declared is None else part.declared.observed:
+        unit = f" ({quantity.unit})" if quantity.unit else ""
+        result += [name + unit for name in entry_names([quantity])]
+    return tuple(result)
 
 
 SAMPLES = ExportFormat("samples of states and controls (CSV)", ".csv", write_control_samples)

@@ -19,13 +19,13 @@ PAPER = (
     'Method", Mathematical Problems in Engineering, 2016'
 )
 
-#: What the paper prints of its slew: final time (s), seconds of computing, tolerance.
+#: Values printed in the paper: final time (s), computing time (s) and tolerance.
 _PRINTED: Mapping[str, Any] = {
     "final_time": 7.836,
     "computing_seconds": 246.0,
     "tolerance": 1e-3,
 }
-#: The best of several starts on a refined mesh.
+#: Source of values found by several starts on a refined mesh.
 _REFINED = "ours: the best of several starts, verified to 1e-6"
 
 _COMPLETED = (
@@ -40,7 +40,7 @@ _OURS = "The satellite is the paper's with limits of each component; the turn is
 
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
-    """Return the instances."""
+    """Return the catalogue entries of satellite slews."""
     return (*_papers(), *_turns(), *_variants())
 
 

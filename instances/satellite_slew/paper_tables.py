@@ -1,4 +1,4 @@
-"""Our values beside the results of the slew's paper."""
+"""Our values for the result tables of the slew's paper."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ..paper import Run, Trials
 
 __all__ = ["methods", "readings"]
 
-#: Times at which the largest values of a plan are sampled.
+#: Number of samples for the largest values of a plan.
 SAMPLES = 4001
 #: Disturbance of the tracked flights about each axis, N m.
 DISTURBANCE = 0.1
-#: The errors of quaternion and rates (rad/s) that the paper prints.
+#: Errors of quaternion and rates (rad/s) printed in the paper.
 BOUNDS = (4e-4, 1e-3)
 #: Backend with formulation, tolerance, and options of the formulation, by row.
 METHODS: Mapping[str, tuple[str, float, Mapping[str, Any]]] = {
@@ -52,7 +52,7 @@ def readings(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     torque = SlewMotion.of(model).torque(states[:, 7:], controls)
     signs = product((-DISTURBANCE, DISTURBANCE), repeat=3)
     flights = [track(model, run.plan, disturbance=push, law="paper") for push in signs]
-    errors = np.array([(one.max_quaternion_error, one.max_rate_error) for one in flights])
+    errors = np.array([(flight.max_quaternion_error, flight.max_rate_error) for flight in flights])
     quaternion, rate = errors.max(axis=0)
     return {
         "final time, s": phase.end,
@@ -72,7 +72,7 @@ def methods(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     """Return final time, seconds and the worst violation of one method on ``satellite-slew/paper``."""
     from .listing import catalogue_entries
 
-    entry = next(one for one in catalogue_entries() if one.name == "satellite-slew/paper")
+    entry = next(item for item in catalogue_entries() if item.name == "satellite-slew/paper")
     model = entry.build()
     backend, tolerance, options = METHODS[row[0]]
     run: Run = trials.run(
@@ -86,7 +86,7 @@ def methods(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     if run.plan is None:
         return {**values, "final time, s": "no plan within the tolerance"}
     checks = model.verify(run.plan, tolerance=tolerance).checks
-    worst = max(checks, key=lambda one: one.worst / one.scale)
+    worst = max(checks, key=lambda item: item.worst / item.scale)
     return {
         **values,
         "final time, s": run.plan.phases[0].end,

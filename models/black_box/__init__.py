@@ -1,4 +1,4 @@
-"""Minimisation of a function that is only known by its values."""
+"""Black-box minimisation: functions known only by their values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A path through waypoints on its map, and how a search came to it."""
+"""Picture of a waypoint path on its map, and an animation of the search for it."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ __all__ = ["animate_search", "blocked_part", "box_of", "draw_ends", "path_functi
 
 Floats = NDArray[np.float64]
 
-#: Points that a part of a path is looked at for what is blocked.
+#: Number of points per segment at which a path is tested for blocked cells.
 _POINTS = 2001
-#: Earlier paths that an animation shows beside the present one.
+#: Number of earlier paths shown by an animation.
 _EARLIER = 5
 
 
 def path_function(model: BlackBoxMinimisation) -> WaypointPath:
-    """Return the function of `model`, or raise where it is the length of no path."""
+    """Return the function of `model`, or raise if it is not the length of a path."""
     return required("function", model.function, WaypointPath)
 
 
 def box_of(function: WaypointPath, lines: Floats) -> tuple[Floats, Floats]:
-    """Return the corners of what is shown, m: the map, and paths that leave it by less than its size."""
+    """Return the corners of the visible box, m: the map, and paths near it."""
     grid = function.map
     low = grid.origin
     high = low + np.array(grid.shape[::-1]) * grid.cell
@@ -65,16 +65,16 @@ def draw_ends(axes: Any, function: WaypointPath, scale: float) -> list[Any]:
 
 
 def blocked_part(function: WaypointPath, line: Floats) -> Floats:
-    """Return points along a path, shape (n, 2), NaN where they are free."""
+    """Return points along a path, shape (n, 2), with NaN at free points."""
     share = np.linspace(0, 1, _POINTS)[:, None]
     parts = [a + share * (b - a) for a, b in itertools.pairwise(line)]
-    way = np.concatenate(parts)
-    # Not to tell the side of a cell, which may be touched, from its inside.
+    path = np.concatenate(parts)
+    # A point on the side of a blocked cell is free, so its four neighbours are tested as well.
     shift = 1e-6 * function.map.cell
-    around = [way + np.array([x, y]) * shift for x in (-1, 1) for y in (-1, 1)]
+    around = [path + np.array([x, y]) * shift for x in (-1, 1) for y in (-1, 1)]
     near = (function.map.cells_of(np.clip(points, -1e15, 1e15)) for points in around)
     free = np.any([function.map.holds(cells) for cells in near], axis=0)
-    return np.where(free[:, None], np.nan, way)
+    return np.where(free[:, None], np.nan, path)
 
 
 def animate_search(
@@ -86,50 +86,48 @@ def animate_search(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> FuncAnimation:
-    """Return how a search came to its path: the best one so far, from one improvement to the next.
+    """Return an animation of the incumbents of a search, from one improvement to the next.
 
     Parameters
     ----------
     model : BlackBoxMinimisation
-        Its function is a :class:`~crosstrack.models.black_box.WaypointPath`.
+        Model whose function is a :class:`~crosstrack.models.black_box.WaypointPath`.
     incumbents : sequence of Incumbent
-        What was met on the way, in its order: ``met`` after
-        ``solve(model, "iafsa", on_incumbent=met.append)``.
+        Incumbents in order: ``met`` after ``solve(model, "iafsa", on_incumbent=met.append)``.
     frames : int
-        Number of pictures at the most, at least 2; where there are more improvements, some are left
-        out.
+        Largest number of frames, at least 2; if there are more improvements, some are omitted.
     interval : float
-        Time from one to the next, ms.
+        Duration of a frame, ms.
     title : str, optional
-        Instead of the name.
+        Title; by default the name.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.animation.FuncAnimation
-        Tied to no window: ``animate_search(model, met).save("search.gif", writer="pillow")``;
+        Animation without a window: ``animate_search(model, met).save("search.gif", writer="pillow")``;
         ``to_jshtml()`` returns a page.
 
     Raises
     ------
     InvalidData
-        The function is another one, or what was met is no list of points of this model.
+        The function is not a waypoint path, or `incumbents` is not a list of points of this model.
     UnsupportedOption
-        An option has a value that is not allowed.
+        The value of an option is not allowed.
     """
     check_frames(frames, interval)
     function = path_function(required("model", model, BlackBoxMinimisation))
     plain = isinstance(incumbents, list | tuple)
-    if not plain or not incumbents or not all(hasattr(one, "plan") for one in incumbents):
+    if not plain or not incumbents or not all(hasattr(line, "plan") for line in incumbents):
         raise InvalidData(
             "incumbents must be a list of at least one, as on_incumbent is given them, got "
             f"{show(incumbents)}",
             field="incumbents",
         )
-    kept = np.unique(np.linspace(0, len(incumbents) - 1, frames).round().astype(int))
-    steps = [incumbents[k] for k in kept]
-    lines = function.polylines(np.array([model.as_plan(one.plan).x for one in steps]))
+    selected = np.unique(np.linspace(0, len(incumbents) - 1, frames).round().astype(int))
+    steps = [incumbents[k] for k in selected]
+    lines = function.polylines(np.array([model.as_plan(line.plan).x for line in steps]))
     text = (model.name or model.describe()) if title is None else title
     stage = stage_of(*box_of(function, lines), title=text, size=size)
     axes, scale = stage.axes, stage.scale
@@ -139,7 +137,7 @@ def animate_search(
         axes.plot([], [], lw=0.8, color=GREY, alpha=0.7 * 0.7**k, zorder=3, gid="earlier path")[0]
         for k in range(_EARLIER)
     ]
-    (way,) = axes.plot([], [], lw=2.0, zorder=5, marker="o", ms=3.5, gid="path", **look)
+    (path,) = axes.plot([], [], lw=2.0, zorder=5, marker="o", ms=3.5, gid="path", **look)
     (within,) = axes.plot([], [], lw=2.4, color=RED, zorder=6, gid="path through what is blocked")
     keys = [
         key("best so far", lw=2.0, **look),
@@ -150,13 +148,13 @@ def animate_search(
 
     def update(frame: int) -> list[Any]:
         frame = min(frame, len(lines) - 1)
-        way.set_data(*(lines[frame] * scale).T)
+        path.set_data(*(lines[frame] * scale).T)
         within.set_data(*(blocked_part(function, lines[frame]) * scale).T)
-        for k, one in enumerate(earlier):
-            before = frame - 1 - k
-            one.set_data(*(lines[before] * scale).T if before >= 0 else ([], []))
-        now = steps[frame]
-        stage.clock.set_text(f"value {number(now.objective)} after {now.seconds:.2f} s")
-        return [way, within, *earlier, stage.clock]
+        for k, line in enumerate(earlier):
+            index = frame - 1 - k
+            line.set_data(*(lines[index] * scale).T if index >= 0 else ([], []))
+        current = steps[frame]
+        stage.clock.set_text(f"value {number(current.objective)} after {current.seconds:.2f} s")
+        return [path, within, *earlier, stage.clock]
 
     return play(stage, update, len(lines), interval)

@@ -1,4 +1,4 @@
-"""Functions that a black box can hold: test functions by name, and whatever Python can call."""
+"""Functions of black boxes: named test functions, and Python callables."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BlackBoxFunction(Declared):
-    """What a black box computes; a subclass says how."""
+    """Base of the functions of black boxes."""
 
-    #: What JSON calls it, as ``{"type": …}``.
+    #: Name in JSON, as ``{"type": …}``.
     type: ClassVar[str] = ""
 
     @abstractmethod
     def values(self, points: Floats) -> Floats:
-        """Return the values at `points`, shape (m, d), as an array of shape (m,); NaN where there is none."""
+        """Return the values at `points`, shape (m, d), as an array of shape (m,); NaN for no value."""
 
     @property
     def noise(self) -> float:
-        """Standard deviation of what is added to every value that a backend sees."""
+        """Standard deviation of the noise on every value that a backend receives."""
         return 0.0
 
     def check_dimension(self, dimension: int) -> None:
-        """Raise :class:`~crosstrack.errors.InvalidData` where it has no values for so many variables."""
+        """Raise :class:`~crosstrack.errors.InvalidData` if the function has another number of variables."""
 
 
 class Landscape(StrEnum):
-    """Test functions; those of the paper's section 4 first."""
+    """Test functions, beginning with those of the paper's section 4."""
 
     RASTRIGIN = "rastrigin"  #: Σ x² - 10 cos 2πx + 10: many local minima, 0 at the origin
     EASOM = "easom"  #: two variables, flat but for a narrow well of -1 at (π, π)
@@ -61,20 +61,20 @@ class Landscape(StrEnum):
 
 def _easom(x: Floats) -> Floats:
     bump = np.exp(-((x[:, 0] - np.pi) ** 2) - (x[:, 1] - np.pi) ** 2)
-    found: Floats = -np.cos(x[:, 0]) * np.cos(x[:, 1]) * bump
-    return found
+    result: Floats = -np.cos(x[:, 0]) * np.cos(x[:, 1]) * bump
+    return result
 
 
 def _bohachevsky(x: Floats) -> Floats:
     waves = 0.3 * np.cos(3 * np.pi * x[:, 0]) + 0.4 * np.cos(4 * np.pi * x[:, 1])
-    found: Floats = x[:, 0] ** 2 + 2 * x[:, 1] ** 2 - waves + 0.7
-    return found
+    result: Floats = x[:, 0] ** 2 + 2 * x[:, 1] ** 2 - waves + 0.7
+    return result
 
 
 def _ackley(x: Floats) -> Floats:
     far = -20 * np.exp(-0.2 * np.sqrt((x**2).mean(axis=1)))
-    found: Floats = far - np.exp(np.cos(2 * np.pi * x).mean(axis=1)) + 20 + np.e
-    return found
+    result: Floats = far - np.exp(np.cos(2 * np.pi * x).mean(axis=1)) + 20 + np.e
+    return result
 
 
 _FORMULAS: dict[Landscape, Callable[[Floats], Floats]] = {
@@ -96,19 +96,19 @@ _TWO = (Landscape.EASOM, Landscape.BOOTH, Landscape.BOHACHEVSKY)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Named(BlackBoxFunction):
-    """A test function, perhaps moved, stretched and noisy: f((x - shift) / stretch) + noise.
+    """Test function, optionally shifted, stretched and noisy: f((x - shift) / stretch) + noise.
 
     Parameters
     ----------
     name : Landscape or str
-        Which one, see :class:`Landscape`.
+        Test function, see :class:`Landscape`.
     shift : ndarray, shape (d,), optional
-        How far its optimum is moved.
+        Shift of the optimum.
     stretch : float
-        By what its variables are multiplied, > 0.
+        Factor of the variables, > 0.
     deviation : float
-        Standard deviation of normal noise that is added to every value that a backend sees; the
-        verification knows the value without it.
+        Standard deviation of normal noise on every value that a backend receives. The verification
+        uses values without noise.
     """
 
     name: Landscape = declared(Member(Landscape))
@@ -120,11 +120,11 @@ class Named(BlackBoxFunction):
 
     @property
     def noise(self) -> float:
-        """Standard deviation of what is added to every value that a backend sees."""
+        """Standard deviation of the noise on every value that a backend receives."""
         return self.deviation
 
     def check_dimension(self, dimension: int) -> None:
-        """Refuse other dimensions than those of the formula and of the shift."""
+        """Raise if the formula or the shift has another number of variables."""
         if self.name in _TWO and dimension != 2:
             raise InvalidData(
                 f"function {str(self.name)!r} has 2 variables, got bounds of {dimension}",
@@ -141,17 +141,17 @@ class Named(BlackBoxFunction):
                 field="function",
             )
 
-    @np.errstate(all="ignore")  # what overflows is no number
+    @np.errstate(all="ignore")  # overflow gives inf or NaN, which is no value
     def values(self, points: Floats) -> Floats:
         """Return the values without noise."""
-        moved = points if self.shift is None else points - self.shift
-        found: Floats = _FORMULAS[self.name](moved / self.stretch)
-        return found
+        shifted = points if self.shift is None else points - self.shift
+        result: Floats = _FORMULAS[self.name](shifted / self.stretch)
+        return result
 
 
 @dataclass(frozen=True)
 class _Call(Anything):
-    """What is called: no part of a digest, as all that it shows of itself is an address."""
+    """Callable, excluded from the digest because only its address is comparable."""
 
     def feed(self, value: Any) -> Iterable[bytes]:
         return ()
@@ -159,7 +159,7 @@ class _Call(Anything):
 
 @dataclass(frozen=True)
 class _Token(Spec):
-    """What tells one Python function from all others, as nothing of it can be compared."""
+    """Unique identifier of a Python function, because its behaviour cannot be compared."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> str:
         return str(value)
@@ -167,18 +167,18 @@ class _Token(Spec):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PythonFunction(BlackBoxFunction):
-    """Whatever Python can call. It runs in the process that holds the model; no file can hold it.
+    """Python callable, which runs in the process that holds the model and cannot be written to a file.
 
-    A run calls it from a thread of its own, several runs at a time from several threads at once, and
-    nothing stops it in the middle of a call: a run that must end is given up instead, with what is known.
+    A run calls it from a separate thread; parallel runs call it from several threads at once. A call
+    is never interrupted. A run that must end is abandoned and returns its best point.
 
     Parameters
     ----------
     call : callable
-        Takes an array of shape (d,) and returns a number; NaN where there is none. With `vectorized`,
-        it takes (m, d) and returns (m,).
+        Function from an array of shape (d,) to a number; NaN for no value. If `vectorized`, from
+        (m, d) to (m,).
     vectorized : bool
-        Whether it takes many points at once.
+        Whether the function accepts many points at once.
     """
 
     call: Callable[..., Any] = declared(_Call())
@@ -188,21 +188,21 @@ class PythonFunction(BlackBoxFunction):
     type: ClassVar[str] = "python"
 
     def check(self) -> None:
-        """Refuse what cannot be called."""
+        """Raise if the function is not callable."""
         if not callable(self.call):
             raise InvalidData(f"function must be callable, got {show(self.call)}", field="function")
 
     def values(self, points: Floats) -> Floats:
-        """Call the function; what it raises becomes ``InvalidData`` with the point."""
+        """Return the function's values; an exception becomes ``InvalidData`` with the point."""
         if self.vectorized:
-            found: Floats = self._numbers(points, self._called(points), points.shape[:1])
-            return found
+            result: Floats = self._numbers(points, self._called(points), points.shape[:1])
+            return result
         rows = (self._numbers(x, self._called(x), ()) for x in points)
         return np.fromiter(rows, np.float64, len(points))
 
     def _called(self, at: Floats) -> Any:
         try:
-            return self.call(at.copy())  # a function that changes its argument changes nothing else
+            return self.call(at.copy())  # protects the points from functions that modify them
         except Exception as error:
             raise InvalidData(
                 f"function raised {type(error).__name__}: {error}, at {show(at.tolist())}",
@@ -213,7 +213,7 @@ class PythonFunction(BlackBoxFunction):
         values: Floats | None = None
         with contextlib.suppress(TypeError, ValueError):
             raw = np.asarray(found)
-            # NumPy would take "1.5" for a number, and None for NaN.
+            # NumPy would convert "1.5" to a number, and None to NaN.
             plain = raw.dtype.kind in "biuf"
             if plain or (raw.dtype.kind == "O" and all(value is not None for value in raw.flat)):
                 values = raw.astype(np.float64)
@@ -226,7 +226,7 @@ class PythonFunction(BlackBoxFunction):
         return values.reshape(shape)
 
 
-#: The functions that JSON can hold, by type; loaded when one is asked for.
+#: Functions that can be written to JSON, by type; imported at first use.
 _TYPES: Mapping[str, Any] = {
     "named": Named,
     "waypoints": ".models.black_box.waypoints:WaypointPath",
@@ -235,7 +235,7 @@ _TYPES: Mapping[str, Any] = {
 
 @dataclass(frozen=True)
 class FunctionSpec(Spec):
-    """A function, its JSON data, or anything that can be called."""
+    """Field that contains a function, given by name, as JSON data or as a callable."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> BlackBoxFunction:
         if isinstance(value, BlackBoxFunction):
@@ -251,8 +251,8 @@ class FunctionSpec(Spec):
                     f"unknown type {show(kind)} of {name}; {hint}allowed: {', '.join(_TYPES)}",
                     field=name,
                 )
-            found: BlackBoxFunction = resolve(_TYPES[kind]).from_data(data)
-            return found
+            result: BlackBoxFunction = resolve(_TYPES[kind]).from_data(data)
+            return result
         if callable(value):
             return PythonFunction(value)
         raise InvalidData(

@@ -1,4 +1,4 @@
-"""A function of bounded variables that is only known by its values, to be minimised in few of them.
+"""Minimisation of a function of bounded variables that is known only by its values.
 
 Source of the test functions and of the algorithms' setting: "The Robot Path Planning Based on Improved
 Artificial Fish Swarm Algorithm", Mathematical Problems in Engineering 2016, article 3297585, doi
@@ -25,37 +25,37 @@ __all__ = ["BlackBoxMinimisation"]
 
 Floats = NDArray[np.float64]
 
-#: Variables at the most.
+#: Largest number of variables.
 MOST = 10_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BlackBoxMinimisation(Model[BlackBoxPoint]):
-    """The least value of a function within bounds, found in a given number of evaluations.
+    """Minimisation of a black-box function within bounds, with a limited number of evaluations.
 
-    Backends never see the function: they run in a process of their own and ask for values, which are
-    counted where the function is. It may be noisy, jump, or have no value (NaN, infinity) in
-    places, which then lie above all others.
+    Backends never receive the function. They run in a separate process and request values, which
+    are counted by the process that holds the function. The function may be noisy or discontinuous.
+    Points without a value (NaN, infinity) are worse than all others.
 
     Parameters
     ----------
     function : str, mapping or callable
-        A test function by name, such as ``"rastrigin"``, its data (:class:`Named`), the length of a path
-        among obstacles (:class:`WaypointPath`), or anything that Python can call
-        (:class:`PythonFunction`). Hidden from backends.
+        Name of a test function, such as ``"rastrigin"``, its data (:class:`Named`), the length of a
+        path among obstacles (:class:`WaypointPath`), or a callable (:class:`PythonFunction`). Hidden
+        from backends.
     bounds : ndarray, shape (d, 2)
-        The least and the greatest value of each variable; where they are equal, it is fixed.
+        Lower and upper bound of each variable; equal bounds fix the variable.
     budget : int
-        Evaluations that a run may use, >= 1.
+        Largest number of evaluations of a run, >= 1.
     samples : int
-        Evaluations that the verification takes the mean of; more than 1 for a function of Python that is
-        noisy.
+        Number of evaluations that the verification averages; more than 1 for a noisy Python
+        function.
 
     Raises
     ------
     InvalidData
-        Naming field, place and value: bounds that are reversed or not finite, a function of other
-        dimensions, an unknown name.
+        The bounds are reversed or not finite, or the function is unknown or has another number of
+        variables. The message names field, place and value.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
     plan_type: ClassVar[type] = BlackBoxPoint
 
     def check(self) -> None:
-        """Refuse bounds that nothing lies within, and functions of other dimensions."""
+        """Raise for empty bounds, and for functions with another number of variables."""
         if not 1 <= self.dimension <= MOST:
             raise InvalidData(
                 f"bounds must have 1 … {MOST} rows, got {self.dimension}", field="bounds"
@@ -95,52 +95,52 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
 
     @property
     def dimension(self) -> int:
-        """The number of variables."""
+        """Number of variables."""
         return len(self.bounds)
 
     @property
     def lows(self) -> Floats:
-        """The least value of each variable, shape (d,)."""
+        """Lower bound of each variable, shape (d,)."""
         return self.bounds[:, 0]
 
     @property
     def highs(self) -> Floats:
-        """The greatest value of each variable, shape (d,)."""
+        """Upper bound of each variable, shape (d,)."""
         return self.bounds[:, 1]
 
     def oracle(self) -> Callable[[Floats], Floats]:
-        """Return what answers a run's questions: points of shape (m, d), values of shape (m, 1).
+        """Return the oracle of a run: from points of shape (m, d) to values of shape (m, 1).
 
-        It refuses points beyond the bounds and, at once, more than :attr:`budget` in all.
+        It rejects points outside of the bounds, and requests that exceed :attr:`budget` in total.
         """
         return _Evaluations(self)
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
     def verify(self, plan: BlackBoxPoint, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the value at the point, without noise where it is known, and whether the bounds hold."""
+        """Return the value at the point, without noise if it is known, and the check of the bounds."""
         check_tolerance(tolerance)
         required("plan", plan, BlackBoxPoint)
         if len(plan.x) != self.dimension:
             raise InvalidData(f"x must have {self.dimension} entries, got {len(plan.x)}", field="x")
         x = np.array(plan.x)
-        over = np.maximum(self.lows - x, x - self.highs)
-        # Relative to the range, or, where it is nothing, to the digits of the bounds.
+        excess = np.maximum(self.lows - x, x - self.highs)
+        # Relative to the range, or for equal bounds to their digits.
         scale = np.maximum(self.highs - self.lows, 1e-9 * np.abs(self.highs))
-        share = np.divide(over, scale, out=np.where(over > 0, np.inf, 0.0), where=scale > 0)
+        share = np.divide(excess, scale, out=np.where(excess > 0, np.inf, 0.0), where=scale > 0)
         k = int(share.argmax())
         bounds = Check.scaled(
-            "bounds", "", max(float(over[k]), 0.0), "", f"x[{k}]", tolerance, float(scale[k])
+            "bounds", "", max(float(excess[k]), 0.0), "", f"x[{k}]", tolerance, float(scale[k])
         )
         values = self.function.values(np.repeat(x[None], self.samples, axis=0))
         numbers = np.isfinite(values)
-        whole = Check(
+        number_check = Check(
             "value is a number", "", float((~numbers).sum()), "", 0.0,
             "" if numbers.all() else f"{values[~numbers][0]:g}", 0.0,
         )  # fmt: skip
         spread = 2 * float(values.std(ddof=1)) / self.samples**0.5 if self.samples > 1 else 0.0
         if not numbers.all():
-            return Verification(None, (bounds, whole))
-        return Verification(float(values.mean()), (bounds, whole), spread)
+            return Verification(None, (bounds, number_check))
+        return Verification(float(values.mean()), (bounds, number_check), spread)
 
     def plan_to_data(self, plan: BlackBoxPoint) -> Any:
         """Return ``{"x": […]}``."""
@@ -157,7 +157,7 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
 
 
 class _Evaluations:
-    """The answers of one run, counted."""
+    """Counted evaluations of one run."""
 
     def __init__(self, model: BlackBoxMinimisation) -> None:
         self.model = model
@@ -165,7 +165,7 @@ class _Evaluations:
         self.noise = np.random.default_rng(model.scene_seeds(1)[0])
 
     def __call__(self, points: Floats) -> Floats:
-        """Return the values at `points`, with noise where there is some."""
+        """Return the values at `points`, including the noise."""
         model = self.model
         if points.ndim != 2 or points.shape[1] != model.dimension:
             raise InvalidData(

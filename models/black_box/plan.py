@@ -1,4 +1,4 @@
-"""A point of a black box."""
+"""Plan of a black box: a point."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ __all__ = ["BlackBoxPoint"]
 
 @dataclass(frozen=True)
 class BlackBoxPoint:
-    """Where the function is evaluated.
+    """Point at which the function is evaluated.
 
     Parameters
     ----------
     x : tuple of float
-        One number a variable.
+        Value of each variable.
     """
 
     x: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        found = Array(("d",)).coerce("x", self.x, {})
-        object.__setattr__(self, "x", tuple(found.tolist()))
+        point = Array(("d",)).coerce("x", self.x, {})
+        object.__setattr__(self, "x", tuple(point.tolist()))
 
     def to_data(self) -> dict[str, Any]:
         """Return the plan as JSON data."""
@@ -34,7 +34,7 @@ class BlackBoxPoint:
 
     @classmethod
     def from_data(cls, data: Any) -> BlackBoxPoint:
-        """Return the plan that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        """Return the plan that :meth:`to_data` wrote; invalid data raise ``InvalidData``."""
         if not isinstance(data, Mapping) or set(data) != {"x"}:
             raise InvalidData(
                 f"a plan must be an object with the key x, got {show(data)}", field="plan"
@@ -43,5 +43,5 @@ class BlackBoxPoint:
 
     def __str__(self) -> str:
         shown = ", ".join(f"{value:.6g}" for value in self.x[:6])
-        more = f", … ({len(self.x)} in all)" if len(self.x) > 6 else ""
-        return f"({shown}{more})"
+        rest = f", … ({len(self.x)} in all)" if len(self.x) > 6 else ""
+        return f"({shown}{rest})"

@@ -1,4 +1,4 @@
-"""Pictures of black boxes: a curve, a map of levels, cross-sections through a point, or a path."""
+"""Pictures of black boxes: a curve, a contour map, cross-sections through a point, or a path."""
 
 from __future__ import annotations
 
@@ -44,29 +44,29 @@ __all__ = ["animate_search", "draw", "draw_progress"]
 
 Floats = NDArray[np.float64]
 
-#: Cross-sections at the most, and plans beside the first.
+#: Largest number of cross-sections, and of plans in addition to the first.
 _MOST, _MOST_OTHERS = 12, 12
-#: Values of a single curve for each of those of a section.
+#: Number of values of a single curve per value of a section.
 _FINER = 4
-#: Steps of a map of levels, and the share of the range that two levels differ by at the least.
+#: Number of levels of a contour map, and their smallest difference relative to the range of values.
 _LEVELS, _APART = 14, 1e-3
-#: A range as many times as far from 0 as it is wide has its ticks counted from a number beside it.
+#: Ratio of distance from 0 to width above which the ticks of an axis have an offset.
 _NARROW = 1e4
-#: Colour of places without a value.
+#: Colour of points without a value.
 _NONE = "#d9d9d9"
-#: Letters of a line of the legend on an inch of the figure.
+#: Number of letters of a legend's line per inch of the figure.
 _LETTERS = 15.0
 
 
-class _Drawn(NamedTuple):
-    """A point that is drawn, and what the model says about it."""
+class _Point(NamedTuple):
+    """Point to draw, with its verification."""
 
     name: str
     x: Floats
     found: Verification
 
 
-@np.errstate(all="ignore")  # what overflows is no number
+@np.errstate(all="ignore")  # overflow gives inf or NaN, which is no value
 def draw(
     model: BlackBoxMinimisation,
     plan: BlackBoxPoint | None = None,
@@ -80,63 +80,64 @@ def draw(
 ) -> Figure:
     """Draw the function of `model`, and the point of `plan`.
 
-    A function of one variable is a curve, one of two a map of levels, which hold equal shares of the
-    area where the values are uneven. Of more variables the first twelve have a cross-section each,
-    through the point or the middle of the bounds. A path through waypoints is drawn on its map.
-    Fixed variables do not count. Where the function has no value or raises, there is a gap.
+    A function of one variable is a curve, and one of two variables a contour map, whose levels have
+    equal shares of the area if the values are uneven. Of more variables, the first twelve have one
+    cross-section each, through the point or the middle of the bounds. A waypoint path is drawn on
+    its map. Fixed variables are ignored. Points without a value, or at which the function raises,
+    are gaps.
 
     Parameters
     ----------
     model : BlackBoxMinimisation
-        The model. Its function is evaluated for the picture, beside any budget.
+        Model. The picture evaluates its function without using the budget.
     plan : BlackBoxPoint, optional
-        A point of it, within the bounds or not.
+        Point of the model, within the bounds or not.
     others : dict of str to plan, optional
-        Further points of the same model by what the legend calls them: plans, their JSON data or
+        Further points of the model by their label in the legend: plans, their JSON data or
         solutions.
     view : {"map", "values"}
-        Whether a path is drawn on its map, or as the function of numbers that it is.
+        Whether a path is drawn on its map, or as a function of its variables.
     points : int
-        Values along each axis, from 2 to 2001; a single curve has four times as many.
+        Number of values along each axis, from 2 to 2001; a single curve has four times as many.
     tolerance : float
-        Largest violation accepted, relative, for what the title says.
+        Largest accepted relative violation, for the title.
     title : str, optional
-        Instead of the name and the value.
+        Title; by default the name and the value.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.figure.Figure
-        One map, or a panel for each cross-section.
+        One map, or one panel per cross-section.
 
     Raises
     ------
     InvalidData
-        A plan is none of this model, or the function raises at one of the plans.
+        A plan does not fit the model, or the function raises at one of the plans.
     UnsupportedOption
-        An option has a value that is not allowed.
+        The value of an option is not allowed.
 
     See Also
     --------
-    animate_search : How a search came to its path.
-    draw_progress : How solutions came about.
+    animate_search : Animation of the search for a path.
+    draw_progress : Convergence of solutions.
     """
     check_tolerance(tolerance)
     check_option("view", view, view in ("map", "values"), "be 'map' or 'values'")
     check_option("points", points, is_whole(points, 2, 2001), "be a whole number from 2 to 2001")
     named = {} if others is None else others
-    good = isinstance(named, Mapping) and all(isinstance(name, str) for name in named)
-    few = good and len(named) <= _MOST_OTHERS
+    is_mapping = isinstance(named, Mapping) and all(isinstance(name, str) for name in named)
+    few = is_mapping and len(named) <= _MOST_OTHERS
     check_option("others", others, few, f"be at most {_MOST_OTHERS} plans by their names")
     path = isinstance(model.function, WaypointPath) and view == "map"
-    given = {} if plan is None else {"path" if path else "point": plan}
+    first = {} if plan is None else {"path" if path else "point": plan}
     drawn = [
-        _drawn(model, name, required("plan", model.as_plan(one), BlackBoxPoint), tolerance)
-        for name, one in [*given.items(), *named.items()]
+        _verify_point(model, name, required("plan", model.as_plan(item), BlackBoxPoint), tolerance)
+        for name, item in [*first.items(), *named.items()]
     ]
-    found = None if plan is None else drawn[0].found
-    text = _title(model, drawn, found) if title is None else title
+    verification = None if plan is None else drawn[0].found
+    text = _title(model, drawn, verification) if title is None else title
     free = np.flatnonzero(model.highs > model.lows)
     if path:
         figure = _draw_path(model, drawn, text, size, main=plan is not None)
@@ -144,29 +145,35 @@ def draw(
         figure = _draw_levels(model, drawn, free, text, size, points, main=plan is not None)
     else:
         figure = _draw_sections(model, drawn, free, text, size, points, main=plan is not None)
-    headline(figure, text, wrong=found is not None and not found.ok)
+    headline(figure, text, wrong=verification is not None and not verification.ok)
     return figure
 
 
-def _drawn(model: BlackBoxMinimisation, name: str, plan: BlackBoxPoint, tolerance: float) -> _Drawn:
-    found = model.verify(plan, tolerance=tolerance)
-    return _Drawn(name, np.array(plan.x), found)
+def _verify_point(
+    model: BlackBoxMinimisation, name: str, plan: BlackBoxPoint, tolerance: float
+) -> _Point:
+    verification = model.verify(plan, tolerance=tolerance)
+    return _Point(name, np.array(plan.x), verification)
 
 
-def _title(model: BlackBoxMinimisation, drawn: list[_Drawn], found: Verification | None) -> str:
+def _title(
+    model: BlackBoxMinimisation, drawn: list[_Point], verification: Verification | None
+) -> str:
     parts = [model.describe()]
-    if found is not None and found.objective is not None:
-        parts.append(f"value {number(found.objective)}")
+    if verification is not None and verification.objective is not None:
+        parts.append(f"value {number(verification.objective)}")
         if isinstance(model.function, WaypointPath):
             line = model.function.polylines(drawn[0].x[None])[0]
             length = float(np.hypot(*np.diff(line, axis=0).T).sum())
-            if found.objective > length * (1 + 1e-12):
-                parts.append(f"of which {number(found.objective - length)} for what is blocked")
-    return title_of(model.name, parts, found)
+            if verification.objective > length * (1 + 1e-12):
+                parts.append(
+                    f"of which {number(verification.objective - length)} for what is blocked"
+                )
+    return title_of(model.name, parts, verification)
 
 
 def _values(function: BlackBoxFunction, points: Floats) -> Floats:
-    """Return the values at `points`, NaN where there is none or the function raises."""
+    """Return the values at `points`, with NaN for no value or an exception."""
     try:
         values = function.values(points)
     except InvalidData:
@@ -177,39 +184,39 @@ def _values(function: BlackBoxFunction, points: Floats) -> Floats:
 def _value(function: BlackBoxFunction, point: Floats) -> float:
     try:
         return float(function.values(point[None])[0])
-    except InvalidData:  # a gap in the picture
+    except InvalidData:  # becomes a gap in the picture
         return np.nan
 
 
-def _shown(model: BlackBoxMinimisation, drawn: list[_Drawn], k: int) -> tuple[float, float]:
-    """Return the range of a variable that is shown: the bounds, and points that are not far away."""
+def _visible_range(model: BlackBoxMinimisation, drawn: list[_Point], k: int) -> tuple[float, float]:
+    """Return the visible range of a variable: the bounds, and points near them."""
     low, high = model.bounds[k].tolist()
     width = (high - low) or 0.5 * (abs(high) or 1.0)
-    places = [float(np.clip(one.x[k], low - width, high + width)) for one in drawn]
-    least, most = min([low, *places]), max([high, *places])
-    return (least, most) if most > least else (low - width, high + width)
+    places = [float(np.clip(point.x[k], low - width, high + width)) for point in drawn]
+    lowest, highest = min([low, *places]), max([high, *places])
+    return (lowest, highest) if highest > lowest else (low - width, high + width)
 
 
 def _look(k: int, main: bool) -> dict[str, Any]:
-    """Return how the point number `k` looks; the first is white where it is the plan."""
+    """Return the marker of point number `k`; the plan's is white."""
     if k == 0 and main:
         return {"marker": "o", "mfc": "white", "mec": BLACK, "ms": 7.0, "mew": 1.3}
     return {"marker": "D", "mfc": axis_style(k)["color"], "mec": "white", "ms": 6.0, "mew": 0.8}
 
 
-def _name(one: _Drawn, *, alone: bool) -> str:
+def _name(point: _Point, *, alone: bool) -> str:
     if alone:
-        return one.name
-    value = one.found.objective
-    wrong = "" if one.found.ok else ", NOT VALID"
-    return f"{one.name}{'' if value is None else f', {number(value)}'}{wrong}"
+        return point.name
+    value = point.found.objective
+    validity = "" if point.found.ok else ", NOT VALID"
+    return f"{point.name}{'' if value is None else f', {number(value)}'}{validity}"
 
 
 # -- cross-sections ------------------------------------------------------------------------------
 
 
 def _draw_sections(
-    model: BlackBoxMinimisation, drawn: list[_Drawn], free: NDArray[np.int64], text: str, size: Any,
+    model: BlackBoxMinimisation, drawn: list[_Point], free: NDArray[np.int64], text: str, size: Any,
     points: int, *, main: bool,
 ) -> Figure:  # fmt: skip
     """Draw the values along each variable through the first point, or the middle of the bounds."""
@@ -232,14 +239,14 @@ def _draw_sections(
     for number_, k in enumerate(chosen):
         axes = figure.add_subplot(rows, columns, number_ + 1)
         panel = _section(model, drawn, k, through, points * (_FINER if single else 1), main=main)
-        first, last = _shown(model, drawn, k)
+        first, last = _visible_range(model, drawn, k)
         draw_panel(panel, axes, [Span("", first, last, np.empty(0))], wrong=False)
         for bound in model.bounds[k]:
             axes.axvline(bound, color=DARK, ls="--", lw=0.9, zorder=1, gid="bound")
         if max(abs(first), abs(last)) > _NARROW * (last - first):
             axes.xaxis.set_major_formatter(
                 ScalarFormatter()
-            )  # tells what all ticks begin with once
+            )  # writes the common part of all ticks once
         axes.set_xlabel(f"x[{k}]", fontsize=8.5)
         if number_ % columns:
             axes.set_ylabel("")
@@ -251,22 +258,22 @@ def _draw_sections(
 
 
 def _section(
-    model: BlackBoxMinimisation, drawn: list[_Drawn], k: int, through: Floats, points: int, *,
+    model: BlackBoxMinimisation, drawn: list[_Point], k: int, through: Floats, points: int, *,
     main: bool,
 ) -> Panel:  # fmt: skip
     low, high = model.bounds[k].tolist()
-    # The point itself besides, as it may lie in a well narrower than a step.
+    # Add the point itself, because its well may be narrower than a step.
     along = np.append(np.linspace(low, high, points), np.clip(through[k], low, high))
     along = np.unique(along)
-    at = np.repeat(np.clip(through, model.lows, model.highs)[None], along.size, axis=0)
-    at[:, k] = along
-    curve = Curve("value", 0, along, _values(model.function, at))
-    first, last = _shown(model, drawn, k)
+    sample = np.repeat(np.clip(through, model.lows, model.highs)[None], along.size, axis=0)
+    sample[:, k] = along
+    curve = Curve("value", 0, along, _values(model.function, sample))
+    first, last = _visible_range(model, drawn, k)
     marks = []
-    for number_, one in enumerate(drawn):
-        value = np.nan if one.found.objective is None else one.found.objective
-        place = np.clip(one.x[k : k + 1], first, last)
-        label = _name(one, alone=len(drawn) == 1 and main)
+    for number_, point in enumerate(drawn):
+        value = np.nan if point.found.objective is None else point.found.objective
+        place = np.clip(point.x[k : k + 1], first, last)
+        label = _name(point, alone=len(drawn) == 1 and main)
         marks.append(Mark(label, place, np.array([value]), number_, _look(number_, main)))
     return Panel("value", "", [curve], marks=marks)
 
@@ -275,7 +282,7 @@ def _section(
 
 
 def _draw_levels(
-    model: BlackBoxMinimisation, drawn: list[_Drawn], free: NDArray[np.int64], text: str, size: Any,
+    model: BlackBoxMinimisation, drawn: list[_Point], free: NDArray[np.int64], text: str, size: Any,
     points: int, *, main: bool,
 ) -> Figure:  # fmt: skip
     from matplotlib import colormaps
@@ -289,16 +296,16 @@ def _draw_levels(
     axes = figure.add_axes(place)
     along, across = np.linspace(model.lows[[a, b]], model.highs[[a, b]], points).T
     through = drawn[0].x if drawn else model.lows
-    at = np.repeat(np.clip(through, model.lows, model.highs)[None], points * points, axis=0)
-    at[:, a], at[:, b] = np.tile(along, points), np.repeat(across, points)
-    values = _values(model.function, at).reshape(points, points)
-    held = values[np.isfinite(values)]
+    sample = np.repeat(np.clip(through, model.lows, model.highs)[None], points * points, axis=0)
+    sample[:, a], sample[:, b] = np.tile(along, points), np.repeat(across, points)
+    values = _values(model.function, sample).reshape(points, points)
+    finite = values[np.isfinite(values)]
     keys = []
     corner, sides = (along[0], across[0]), (along[-1] - along[0], across[-1] - across[0])
     axes.add_patch(Rectangle(corner, *sides, fc=_NONE, ec="none", zorder=0.5, gid="no value"))
     edge = Rectangle(corner, *sides, fc="none", ec=DARK, ls="--", lw=0.9, zorder=1, gid="bound")
     axes.add_patch(edge)
-    levels = _levels(held)
+    levels = _levels(finite)
     if levels.size > 1:
         shades = colormaps["YlGnBu_r"](np.linspace(0.05, 0.95, levels.size - 1))
         filled = axes.contourf(along, across, values, levels, colors=shades, zorder=0.7)
@@ -309,60 +316,60 @@ def _draw_levels(
         bar = figure.colorbar(filled, cax=beside, ticks=levels, spacing="uniform")
         bar.ax.set_yticklabels([number(level, 4) for level in levels.tolist()], fontsize=7.5)
         bar.set_label("value", fontsize=8.5)
-    elif held.size:  # the same value everywhere
+    elif finite.size:  # the same value everywhere
         axes.contourf(
-            along, across, values, [held[0] - 1, held[0] + 1], colors=["#c7e9b4"], zorder=0.7
+            along, across, values, [finite[0] - 1, finite[0] + 1], colors=["#c7e9b4"], zorder=0.7
         )
-        keys.append(key(f"value {number(float(held[0]))}", marker="s", color="#c7e9b4", ms=7))
-    if held.size < values.size:
+        keys.append(key(f"value {number(float(finite[0]))}", marker="s", color="#c7e9b4", ms=7))
+    if finite.size < values.size:
         keys.append(key("no value", marker="s", color=_NONE, ms=7))
-    for number_, one in reversed(list(enumerate(drawn))):
-        limits = np.array([_shown(model, drawn, k) for k in (a, b)])
-        spot = np.clip(one.x[[a, b]], limits[:, 0], limits[:, 1])
+    for number_, point in reversed(list(enumerate(drawn))):
+        limits = np.array([_visible_range(model, drawn, k) for k in (a, b)])
+        spot = np.clip(point.x[[a, b]], limits[:, 0], limits[:, 1])
         axes.plot(
-            *spot[:, None], ls="", zorder=9, clip_on=False, gid=one.name, **_look(number_, main)
+            *spot[:, None], ls="", zorder=9, clip_on=False, gid=point.name, **_look(number_, main)
         )
     for k, limit in ((a, axes.set_xlim), (b, axes.set_ylim)):
-        first, last = _shown(model, drawn, k)
+        first, last = _visible_range(model, drawn, k)
         limit(first - 0.015 * (last - first), last + 0.015 * (last - first))
     axes.set_xlabel(f"x[{a}]", fontsize=8.5)
     axes.set_ylabel(f"x[{b}]", fontsize=8.5)
     bare(axes)
     axes.grid(visible=False)
     alone = len(drawn) == 1 and main
-    keys += [key(_name(one, alone=alone), **_look(k, main)) for k, one in enumerate(drawn)]
+    keys += [key(_name(point, alone=alone), **_look(k, main)) for k, point in enumerate(drawn)]
     _legend(figure, [key("bound", color=DARK, ls="--", lw=0.9), *keys])
     return figure
 
 
 def _levels(values: Floats) -> Floats:
-    """Return where the levels begin and end, ascending: equal shares of the values, or equal steps."""
+    """Return the increasing ends of the levels: equal shares of the values, or equal steps."""
     if not values.size or values.min() == values.max():
         return np.empty(0)
     low, high = float(values.min()), float(values.max())
     shares = np.quantile(values, np.linspace(0, 1, _LEVELS + 1))
-    kept = [low]
+    bounds = [low]
     for level in shares[1:-1].tolist():
-        if min(level - kept[-1], high - level) > _APART * (high - low):
-            kept.append(level)
-    # Flat but for a narrow well or spike, equal shares say nothing.
-    found = (
-        np.array([*kept, high])
-        if len(kept) > _LEVELS // 2
+        if min(level - bounds[-1], high - level) > _APART * (high - low):
+            bounds.append(level)
+    # Equal shares are uninformative for flat functions with a narrow well or spike.
+    result = (
+        np.array([*bounds, high])
+        if len(bounds) > _LEVELS // 2
         else np.linspace(low, high, _LEVELS // 2 + 1)
     )
-    return np.unique(found)
+    return np.unique(result)
 
 
 # -- paths ---------------------------------------------------------------------------------------
 
 
 def _draw_path(
-    model: BlackBoxMinimisation, drawn: list[_Drawn], text: str, size: Any, *, main: bool
+    model: BlackBoxMinimisation, drawn: list[_Point], text: str, size: Any, *, main: bool
 ) -> Figure:
-    """Draw the paths on their map; red is what is blocked of the first one."""
+    """Draw the paths on their map, with the blocked part of the first one in red."""
     function = path_function(model)
-    lines = function.polylines(np.array([one.x for one in drawn]).reshape(-1, model.dimension))
+    lines = function.polylines(np.array([point.x for point in drawn]).reshape(-1, model.dimension))
     low, high = box_of(function, lines)
     span = high - low
     broad, tall = span * 5.0 / span.max()
@@ -381,19 +388,19 @@ def _draw_path(
         axes.plot(*line.T, gid="path" if first else "other path", **look)
         turns: dict[str, Any] = {"size": 20 if first else 10, "edge": "white", "width": 0.6}
         dots(axes, line[1:-1], "o", look["color"], zorder=7 - 0.1 * k, gid="waypoint", **turns)
-    for k, one in enumerate(drawn):
-        keys.append(key(_name(one, alone=alone), lw=1.6, **axis_style(k)))
-    within = blocked_part(function, lines[0]) if drawn else np.full((1, 2), np.nan)
-    if np.isfinite(within).any():
-        axes.plot(*(within * scale).T, color=RED, lw=2.4, zorder=6.5, gid="blocked path")
+    for k, point in enumerate(drawn):
+        keys.append(key(_name(point, alone=alone), lw=1.6, **axis_style(k)))
+    blocked = blocked_part(function, lines[0]) if drawn else np.full((1, 2), np.nan)
+    if np.isfinite(blocked).any():
+        axes.plot(*(blocked * scale).T, color=RED, lw=2.4, zorder=6.5, gid="blocked path")
         keys.append(key("through what is blocked", color=RED, lw=2.4))
     _legend(figure, keys)
     return figure
 
 
 def _legend(figure: Figure, keys: Sequence[Any]) -> None:
-    """Write the legend below everything, in as many rows as it needs."""
-    letters = sum(6 + len(one.get_label()) for one in keys)
+    """Write the legend below everything, in as many rows as needed."""
+    letters = sum(6 + len(entry.get_label()) for entry in keys)
     legend_below(
         figure, keys, rows=min(len(keys), 1 + int(letters / (_LETTERS * inches(figure)[0])))
     )

@@ -1,7 +1,7 @@
-"""Paths of a robot among obstacles as a black box: the coordinates of waypoints are the variables.
+"""Robot paths among obstacles as a black box with the coordinates of waypoints as variables.
 
-Between obstacles the value is the length of the path, as section 5 of the paper minimises it; what
-lies within obstacles is charged for besides, so that every point has a value.
+The value of a free path is its length, as minimised in section 5 of the paper. The length within
+obstacles is penalised in addition, so that every point has a value.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 
-#: Distance from a side of the cells, in cells, below which a point lies on it, as in lines of sight;
-#: and the share of coordinates that their digits leave open.
+#: Distance from a side of the cells, in cells, below which a point is on the side, as in lines of
+#: sight, and relative precision of coordinates.
 _SLACK, _DIGITS = 2e-9, 1e-13
-#: A path that leads farther away, in cells, counts as blocked in its whole length.
+#: Distance of a path, in cells, beyond which its entire length counts as blocked.
 _FAR = 1e9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WaypointPath(BlackBoxFunction):
-    """The length of the path from a start through waypoints to a goal, and a charge for what is blocked.
+    """Length of the path from a start through waypoints to a goal, with a penalty for blocked parts.
 
     The variables are x and y of one waypoint after another, m. The value is the length of the polyline,
-    plus `penalty` times its length in blocked cells, on a side between two of them, and beyond the
-    map; it may touch blocked cells, as where :class:`~crosstrack.models.GridPath` allows any direction.
-    A way from one free cell to another across the corner at which two blocked cells touch, or a turn
-    at such a corner, counts as at least the side of a cell.
+    plus `penalty` times its length in blocked cells, on a side between two of them, and outside of the
+    map. A path may touch blocked cells, as with any direction in :class:`~crosstrack.models.GridPath`.
+    A move between free cells across a corner at which two blocked cells touch, or a turn at such a
+    corner, has a blocked length of at least the side of a cell.
 
-    With the default penalty, no path that enters what is blocked has a value as low as the length of
-    the shortest free one, whatever the number of its waypoints: where less than a side is counted
-    between leaving the free cells and being back, the way along the blocked cell's sides is free and
-    at most √2 times as long, so a penalty above √2 - 1 is enough; and each other one costs a side's
-    penalty beside the straight line from start to goal, which is more than the length of the path
-    along neighbours that the default is made of. Where the waypoints are too few for the shortest
-    free path, one that cuts a corner may still have a lower value than each free path of so few: no
-    penalty of this kind prevents that, more waypoints do.
+    With the default penalty, every path through blocked cells has a larger value than the shortest
+    free path, for any number of waypoints. If less than a side is blocked between two free cells, the
+    path along the sides of the blocked cell is free and at most √2 times as long, so a penalty above
+    √2 - 1 suffices. Any other blocked part costs the penalty of a side in addition to the straight
+    line from start to goal. The sum is longer than the path along neighbours, from which the default
+    is computed. If the waypoints are too few for the shortest free path, a path that cuts a corner may
+    still have a lower value than every free path with as many waypoints. No penalty of this kind
+    prevents that, but more waypoints do.
 
     Parameters
     ----------
@@ -62,15 +62,15 @@ class WaypointPath(BlackBoxFunction):
     start, goal : ndarray, shape (2,)
         x, y (m), in free cells or on their borders.
     waypoints : int
-        Their number, >= 1.
+        Number of waypoints, >= 1.
     penalty : float, optional
-        Charge for a metre that is blocked, in metres, >= 0. By default 1 plus the sides of cells by
-        which the shortest path along neighbours is longer than the straight line.
+        Penalty per blocked metre, in metres, >= 0. By default 1 plus the difference, in sides of
+        cells, between the shortest path along neighbours and the straight line.
 
     Raises
     ------
     InvalidData
-        An end is blocked, off the map, or where two blocked cells touch.
+        An end is blocked, outside of the map, or at a corner of two touching blocked cells.
 
     Examples
     --------
@@ -90,14 +90,14 @@ class WaypointPath(BlackBoxFunction):
     type: ClassVar[str] = "waypoints"
 
     def check(self) -> None:
-        """Refuse ends where no robot can be."""
+        """Raise if a robot cannot be at one of the ends."""
         homes = self._homes - 1
         if self.penalty is None:
-            # Resolved here, so that a default and the same value written out are one content.
+            # Stored here, so that the default and the same explicit value have equal digests.
             object.__setattr__(self, "penalty", self._default(homes[:2], homes[2:]))
 
     def check_dimension(self, dimension: int) -> None:
-        """Refuse other dimensions than two a waypoint."""
+        """Raise unless there are two variables per waypoint."""
         if dimension != 2 * self.waypoints:
             raise InvalidData(
                 f"a path of {self.waypoints} waypoints has {2 * self.waypoints} variables, got bounds "
@@ -105,9 +105,9 @@ class WaypointPath(BlackBoxFunction):
                 field="function",
             )
 
-    @np.errstate(all="ignore")  # what overflows is no number
+    @np.errstate(all="ignore")  # overflow gives inf or NaN, which is no value
     def values(self, points: Floats) -> Floats:
-        """Return the length of each path, with what is charged."""
+        """Return the length of each path, including the penalty."""
         lines = self.polylines(points)
         steps = np.diff(lines, axis=1)
         lengths = np.hypot(steps[..., 0], steps[..., 1]).sum(axis=1)
@@ -115,10 +115,10 @@ class WaypointPath(BlackBoxFunction):
         near = np.asarray((np.abs(cells) <= _FAR).all(axis=(1, 2)))
         sides = np.empty(int(near.sum()))
         _count_blocked(self._padded, cells[near], self._homes, sides)
-        charged = lengths.copy()
-        charged[near] = sides * self.map.cell
-        found: Floats = lengths + self.penalty * charged
-        return found
+        blocked = lengths.copy()
+        blocked[near] = sides * self.map.cell
+        result: Floats = lengths + self.penalty * blocked
+        return result
 
     def polylines(self, points: Floats) -> Floats:
         """Return the paths of `points`, shape (m, 2 waypoints), as shape (m, waypoints + 2, 2), m."""
@@ -128,13 +128,13 @@ class WaypointPath(BlackBoxFunction):
         return lines
 
     def _cells(self, points: Floats) -> Floats:
-        """Return points in cells of the map with a frame, whole numbers where that is meant."""
+        """Return points in cells of the map with a frame, rounded to integers within the precision."""
         grid = self.map
         corner = float(np.abs(grid.origin).max()) + grid.cell * max(grid.shape)
-        found = (points - grid.origin) / grid.cell + 1.0
-        whole = np.round(found)
+        result = (points - grid.origin) / grid.cell + 1.0
+        rounded = np.round(result)
         slack = _SLACK + _DIGITS * corner / grid.cell
-        return np.where(np.abs(found - whole) <= slack, whole, found)
+        return np.where(np.abs(result - rounded) <= slack, rounded, result)
 
     @cached_property
     def _padded(self) -> Truths:
@@ -145,35 +145,35 @@ class WaypointPath(BlackBoxFunction):
         return np.concatenate([self._home("start"), self._home("goal")])
 
     def _home(self, name: str) -> Ints:
-        """Return a free cell, row and column with the frame, that holds the start or the goal."""
+        """Return row and column, in the map with a frame, of a free cell that contains start or goal."""
         x, y = self._cells(getattr(self, name)).tolist()
         rows, columns = self.map.shape
-        why = "lies outside of the map"
+        reason = "lies outside of the map"
         if 1 <= x <= columns + 1 and 1 <= y <= rows + 1:
             low = math.ceil(y) - 1, math.ceil(x) - 1
             around = self._padded[low[0] : math.floor(y) + 1, low[1] : math.floor(x) + 1]
             free = np.argwhere(~around)
             if len(free) != 2 or np.abs(free[1] - free[0]).sum() == 1:
                 if len(free):
-                    found: Ints = free[0] + low
-                    return found
-                why = "is blocked"
+                    result: Ints = free[0] + low
+                    return result
+                reason = "is blocked"
             else:
-                why = "lies where two blocked cells touch"
+                reason = "lies where two blocked cells touch"
         raise InvalidData(
             f"{name} must lie in a free cell or on its border, got {show(getattr(self, name).tolist())}"
-            f", which {why}",
+            f", which {reason}",
             field=name,
         )
 
     def _default(self, start: Ints, goal: Ints) -> float:
-        """Return a penalty that keeps the shortest path free."""
-        way = path_between(self.map, start, goal)
-        if not len(way):
+        """Return a penalty for which the shortest path is free."""
+        cells = path_between(self.map, start, goal)
+        if not len(cells):
             return 1.0 + sum(self.map.shape)
-        line = np.vstack([self.start, self.map.centres(way), self.goal])
-        longer = np.hypot(*np.diff(line, axis=0).T).sum() - np.hypot(*(self.goal - self.start))
-        return 1.0 + max(float(longer), 0.0) / self.map.cell
+        line = np.vstack([self.start, self.map.centres(cells), self.goal])
+        excess = np.hypot(*np.diff(line, axis=0).T).sum() - np.hypot(*(self.goal - self.start))
+        return 1.0 + max(float(excess), 0.0) / self.map.cell
 
 
 def path_problem(
@@ -184,30 +184,30 @@ def path_problem(
     penalty: float | None = None,
     name: str | None = None,
 ) -> BlackBoxMinimisation:
-    """Return the search for a path of few waypoints on a map as a black box.
+    """Return the search for a path with few waypoints on a map as a black box.
 
     Parameters
     ----------
     grid : GridPath
-        Its map, its start and its goal, the one; its connectivity must be "any".
+        Map, start and single goal; its connectivity must be "any".
     waypoints : int
-        Points at which the path may turn.
+        Number of points at which the path may turn.
     budget : int
-        Evaluations that a run may use.
+        Largest number of evaluations of a run.
     penalty : float, optional
         See :class:`WaypointPath`.
     name : str, optional
-        Instead of that of `grid`.
+        Name of the model; by default that of `grid`.
 
     Returns
     -------
     BlackBoxMinimisation
-        Whose bounds are those of the map.
+        Model with the bounds of the map.
 
     Raises
     ------
     InvalidData
-        `grid` has several goals, or its paths lead along neighbours.
+        `grid` has several goals, or its paths follow neighbours.
     """
     required("grid", grid, GridPath)
     if len(grid.goals) != 1 or grid.connectivity != "any":
@@ -216,28 +216,35 @@ def path_problem(
             f"{len(grid.goals)} with connectivity {str(grid.connectivity)!r}",
             field="grid",
         )
-    held: GridMap = grid.map
-    start, goal = held.centres([grid.start, grid.goals[0]])
-    function = WaypointPath(held, start, goal, waypoints, penalty)  # type: ignore[arg-type]
-    box = np.column_stack([held.origin, held.origin + held.cell * np.array(held.shape[::-1])])
+    grid_map: GridMap = grid.map
+    start, goal = grid_map.centres([grid.start, grid.goals[0]])
+    function = WaypointPath(grid_map, start, goal, waypoints, penalty)  # type: ignore[arg-type]
+    box = np.column_stack(
+        [grid_map.origin, grid_map.origin + grid_map.cell * np.array(grid_map.shape[::-1])]
+    )
     bounds = np.tile(box, (function.waypoints, 1))
     return BlackBoxMinimisation(function, bounds, budget, name=grid.name if name is None else name)
 
 
 def as_grid_plan(model: BlackBoxMinimisation, plan: Any) -> GridPlan:
-    """Return the path that a point of `model` stands for, for the verification by a ``GridPath``.
+    """Return the path of a point of `model`, for the verification by a ``GridPath``.
 
     Parameters
     ----------
     model : BlackBoxMinimisation
-        Its function is a :class:`WaypointPath`.
+        Model whose function is a :class:`WaypointPath`.
     plan : BlackBoxPoint, Solution or JSON data
-        A plan for it.
+        Plan of the model.
+
+    Returns
+    -------
+    GridPlan
+        The path.
 
     Raises
     ------
     InvalidData
-        The function is another one, or the point has another number of variables.
+        The function is not a waypoint path, or the point has another number of variables.
     """
     function = required(
         "function", required("model", model, BlackBoxMinimisation).function, WaypointPath
@@ -248,7 +255,7 @@ def as_grid_plan(model: BlackBoxMinimisation, plan: Any) -> GridPlan:
     return GridPlan((function.polylines(x[None])[0],))
 
 
-# -- what is blocked -----------------------------------------------------------------------------
+# -- blocked lengths -----------------------------------------------------------------------------
 
 
 @kernel
@@ -261,7 +268,7 @@ def _touch(blocked: Truths, row: int, column: int, to_row: int, to_column: int) 
 
 @kernel
 def _pinched(blocked: Truths, x: float, y: float) -> bool:
-    """Return whether two blocked cells touch at a point and the two others around it are free."""
+    """Return whether two blocked cells touch at a point, with two free cells opposite."""
     if x != math.floor(x) or y != math.floor(y):
         return False
     i, j = int(x), int(y)
@@ -273,24 +280,24 @@ def _pinched(blocked: Truths, x: float, y: float) -> bool:
 
 @kernel
 def _crossing(at: float, step: float) -> float:
-    """Return the line between cells that a coordinate at `at` meets next on its way by `step`."""
+    """Return the next line between cells for a coordinate at `at` that moves by `step`."""
     return math.floor(at) + 1.0 if step > 0.0 else math.ceil(at) - 1.0
 
 
 @kernel(interpretable=True)
 def _count_blocked(blocked: Truths, lines: Floats, homes: Ints, found: Floats) -> None:
-    """Write how long polylines are where it is blocked, in sides of cells.
+    """Write the blocked lengths of polylines, in sides of cells.
 
     Parameters
     ----------
     blocked : ndarray of bool, shape (rows + 2, columns + 2)
-        The map with a frame of blocked cells.
+        Map with a frame of blocked cells.
     lines : ndarray, shape (m, k, 2)
-        x, y in cells: the map's corner is (1, 1).
+        x, y in cells; the map's corner is (1, 1).
     homes : ndarray of int64, shape (4,)
-        Row and column of free cells in which the polylines begin and end.
+        Row and column of the free cells at the start and the end of the polylines.
     found : ndarray, shape (m,)
-        Filled.
+        Filled with the blocked lengths.
     """
     right, top = blocked.shape[1] - 1.0, blocked.shape[0] - 1.0
     for line in range(lines.shape[0]):
@@ -300,7 +307,7 @@ def _count_blocked(blocked: Truths, lines: Floats, homes: Ints, found: Floats) -
             ax, ay = lines[line, k, 0], lines[line, k, 1]
             dx, dy = lines[line, k + 1, 0] - ax, lines[line, k + 1, 1] - ay
             length = math.hypot(dx, dy)
-            # The part within the map, as shares of the length.
+            # Range of the segment within the map, as shares of its length.
             begin, end = 0.0, 1.0
             if dx != 0.0:
                 begin = max(begin, min((1.0 - ax) / dx, (right - ax) / dx))
@@ -330,7 +337,7 @@ def _count_blocked(blocked: Truths, lines: Floats, homes: Ints, found: Floats) -
                 if to > at:
                     x, y = ax + 0.5 * (at + to) * dx, ay + 0.5 * (at + to) * dy
                     j, i = math.floor(y), math.floor(x)
-                    if blocked[j, i]:  # on a line between two cells, the other one counts as well
+                    if blocked[j, i]:  # on a line between two cells, check the other cell as well
                         if dx == 0.0 and x == math.floor(x):
                             i -= 1
                         elif dy == 0.0 and y == math.floor(y):

@@ -1,4 +1,4 @@
-"""Optimal control: states and controls over time, in phases."""
+"""Optimal control problems: states and controls over time, in one or several phases."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .rounding import RoundedPlan as RoundedPlan, round_controls as round_controls
     from .simulation import Breach as Breach, Simulation as Simulation, simulate as simulate
 
-#: Names that modules of other problems import, beside the public ones.
+#: Names used by modules of other problems, in addition to the public ones.
 SHARED = (
     "lagrange.interpolation",
     "plot.curves_of",

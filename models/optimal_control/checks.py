@@ -1,7 +1,7 @@
-"""The check of a plan for an optimal control problem, from the declared functions alone.
+"""Verification of a plan for an optimal control problem from the declared functions alone.
 
-It shares nothing with the transcriptions: the motion is integrated anew with the plan's control,
-bounds and path constraints are searched between the nodes, integrals are found by quadrature.
+It shares no code with the transcriptions. The motion is re-integrated with the plan's control, bounds
+and path constraints are checked between the nodes, and integrals are computed by quadrature.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ __all__ = ["motion", "verify_control"]
 Floats = NDArray[np.float64]
 
 
-#: Share of the size of a state or control from which its bound is what violations are held against.
+#: Smallest ratio of a bound to the size of its state or control at which the bound is the scale.
 NEAR = 0.1
-#: Scale of a fixed time, relative to the times of its phase: what their rounding leaves.
+#: Scale of a fixed time relative to the times of its phase, which admits rounding only.
 FIXED = 1e-5
 
 
-class _Found(NamedTuple):
-    """The worst of one kind in one phase."""
+class _Violation(NamedTuple):
+    """Largest violation of one kind in one phase."""
 
     worst: float
     scale: float
@@ -43,9 +43,9 @@ class _Found(NamedTuple):
 
 
 class _Sides:
-    """The finite bounds of some entries: one column a side, measured in its own scale.
+    """Finite bounds of some entries, one column per bound, each with its own scale.
 
-    That is the bound, or the size of what is bounded where the bound is less than `near` of it.
+    The scale is the bound, or the size of the entry if the bound is less than `near` times the size.
     """
 
     def __init__(self, lower: Floats, upper: Floats, scale: Floats, *, near: float = 1.0) -> None:
@@ -54,93 +54,106 @@ class _Sides:
         self.entry = np.concatenate([entries[below], entries[above]])
         self._bound = np.concatenate([lower[below], upper[above]])
         self._sign = np.repeat([-1.0, 1.0], [int(below.sum()), int(above.sum())])
-        own, size = scale[self.entry], np.abs(self._bound)
-        self.scale: Floats = np.where(size >= near * own, size, own)
+        size_of_entry, size = scale[self.entry], np.abs(self._bound)
+        self.scale: Floats = np.where(size >= near * size_of_entry, size, size_of_entry)
 
     def __call__(self, values: Floats) -> Floats:
-        """Return by how much `values` break each bound, relative to its scale; shape (…, sides)."""
-        found: Floats = self._sign * (values[..., self.entry] - self._bound) / self.scale
-        return found
+        """Return the excess of `values` over each bound, relative to its scale; shape (…, sides)."""
+        result: Floats = self._sign * (values[..., self.entry] - self._bound) / self.scale
+        return result
 
-    def found(self, share: float, column: int, unit: str, where: str, equation: str) -> _Found:
-        """Return a violation in units of the entry."""
+    def violation(
+        self, share: float, column: int, unit: str, where: str, equation: str
+    ) -> _Violation:
+        """Return a relative violation as an absolute one, in the unit of the entry."""
         scale = float(self.scale[column])
-        return _Found(share * scale if share > 0.0 else 0.0, scale, unit, where, equation)
+        return _Violation(share * scale if share > 0.0 else 0.0, scale, unit, where, equation)
 
     def worst(
         self, values: Floats, units: Sequence[str], places: Sequence[str], equation: str = ""
-    ) -> list[_Found]:
-        """Return the worst of some values, (entries,), with their units and places; none unbounded."""
+    ) -> list[_Violation]:
+        """Return the worst violation of `values`, shape (entries,); an empty list without bounds."""
         if not self.entry.size:
             return []
         _, column, share = _largest(self(values)[None])
         entry = int(self.entry[column])
-        return [self.found(share, column, units[entry], places[entry], equation)]
+        return [self.violation(share, column, units[entry], places[entry], equation)]
 
 
 def _largest(share: Floats) -> tuple[int, int, float]:
-    """Return row, column and value of the largest entry; what is no number is larger than all."""
+    """Return row, column and value of the largest entry; NaN is treated as the largest."""
     share = np.where(np.isnan(share), np.inf, share)
     row, column = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
     return row, column, float(share[row, column])
 
 
 def motion(problem: Any, plan: ControlPlan, phase: int | str = 0) -> Reintegration:
-    """Return the motion of a plan integrated anew with its control, for one phase.
+    """Return the motion of one phase of a plan, re-integrated with its control.
 
     Parameters
     ----------
     problem : OptimalControlProblem or Definition
-        The problem, whose dynamics are integrated.
+        Problem with the dynamics.
     plan : ControlPlan
-        The plan, whose control and first state are taken.
+        Plan with the control and the initial state.
     phase : int or str
-        Number or name of the phase.
+        Index or name of the phase.
+
+    Returns
+    -------
+    Reintegration
+        The motion, and its deviation from the plan's states.
 
     Raises
     ------
     InvalidData
-        The plan does not fit the problem, or there is no such phase.
+        The plan does not fit the problem, or the phase does not exist.
     """
-    found = courses(getattr(problem, "definition", problem), plan)
-    names = [one.phase.name for one in found]
+    phases = courses(getattr(problem, "definition", problem), plan)
+    names = [course.phase.name for course in phases]
     if isinstance(phase, str) and phase in names:
-        return integrate_anew(found[names.index(phase)])
-    if isinstance(phase, int) and -len(found) <= phase < len(found):
-        return integrate_anew(found[phase])
+        return integrate_anew(phases[names.index(phase)])
+    if isinstance(phase, int) and -len(phases) <= phase < len(phases):
+        return integrate_anew(phases[phase])
     raise InvalidData(
-        f"phase must be a number below {len(found)} or one of "
+        f"phase must be a number below {len(phases)} or one of "
         f"{', '.join(map(repr, names))}, got {show(phase)}",
         field="phase",
     )
 
 
 def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) -> Verification:
-    """Return the objective and every constraint of a problem, measured on `plan`.
+    """Return the objective and every constraint of a problem, evaluated on `plan`.
 
     Parameters
     ----------
     definition : Definition
-        What the problem consists of.
+        Definition of the problem.
     plan : ControlPlan
         States, controls, times and parameters.
     tolerance : float
-        Largest violation accepted, relative to the size of what is bounded: the bound, the declared
-        scale (that of a state, control or parameter counts 1 at most), or the state's course.
+        Largest accepted violation, relative to the size of the bounded value: the bound, the
+        declared scale (capped at 1 for a state, control or parameter), or the range of the state.
+
+    Returns
+    -------
+    Verification
+        One check per kind of constraint.
 
     Raises
     ------
     InvalidData
-        The plan's phases, names or parameters are not the problem's, or it is not finite.
+        The phases, names or parameters of the plan differ from those of the problem, or a value is
+        not finite.
     """
     check_tolerance(tolerance)
     phases = courses(definition, plan)
     with np.errstate(all="ignore"):
-        motions = [integrate_anew(one) for one in phases]
+        motions = [integrate_anew(check) for check in phases]
         ends = endpoint(phases)
         objective, boundary = _at_ends(definition, ends, phases[0].parameters)
         sizes = sizes_at(definition, phases, ends, guessed=False)
-        kinds: list[tuple[str, Iterable[_Found]]] = [
+        kinds: list[tuple[str, Iterable[_Violation]]] = [
             ("motion", map(_motion, phases, motions, _labels(phases))),
             ("continuity of states", map(_continuity, phases, _labels(phases))),
             ("times", _times(phases)),
@@ -164,34 +177,34 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
             *_invariants(phases, motions),
             ("objective", _objective(definition, phases, motions, objective, sizes.objective)),
         ]
-        checks = [_check(name, list(found), tolerance) for name, found in kinds]
+        checks = [_check(name, list(violations), tolerance) for name, violations in kinds]
     return Verification(
-        objective if np.isfinite(objective) else None, tuple(one for one in checks if one)
+        objective if np.isfinite(objective) else None, tuple(check for check in checks if check)
     )
 
 
-def _check(name: str, found: list[_Found], tolerance: float) -> Check | None:
-    """Return the worst of one kind over the phases; none where nothing is asked."""
-    if not found:
+def _check(name: str, items: list[_Violation], tolerance: float) -> Check | None:
+    """Return the check of one kind over all phases; None without constraints of this kind."""
+    if not items:
         return None
-    found = [one if one.worst == one.worst else one._replace(worst=np.inf) for one in found]
-    worst = max(found, key=lambda one: one.worst / one.scale)
+    items = [item if item.worst == item.worst else item._replace(worst=np.inf) for item in items]
+    worst = max(items, key=lambda item: item.worst / item.scale)
     return Check.scaled(
         name, worst.equation, worst.worst, worst.unit, worst.where, tolerance, worst.scale
     )
 
 
 def _labels(phases: tuple[Course, ...]) -> list[str]:
-    """Return what names each phase behind a place; nothing where there is only one."""
-    return [f" of phase {one.phase.name!r}" if len(phases) > 1 else "" for one in phases]
+    """Return the suffix of a place that names each phase; empty for a single phase."""
+    return [f" of phase {course.phase.name!r}" if len(phases) > 1 else "" for course in phases]
 
 
 def _units(of: Phase | Definition, what: str) -> list[str]:
-    return [one.unit for one in getattr(of, what) for _ in range(one.size)]
+    return [part.unit for part in getattr(of, what) for _ in range(part.size)]
 
 
 def _place(name: str, course: Course, time: float, label: str) -> str:
-    """Return ``"x at t = 0.31 s of phase 'climb'"``; without a name, the time alone."""
+    """Return ``"x at t = 0.31 s of phase 'climb'"``, or the time alone for an empty name."""
     head = f"{name} at " if name else ""
     return f"{head}t = {time:.6g} {course.phase.time_unit}".rstrip() + label
 
@@ -199,94 +212,107 @@ def _place(name: str, course: Course, time: float, label: str) -> str:
 # -- the motion --------------------------------------------------------------------------------------
 
 
-def _motion(course: Course, found: Reintegration, label: str) -> _Found:
-    row, state, share = _largest(np.abs(found.deviation) / course.state_scale)
-    place = _place(course.phase.state_names[state], course, found.times[row], label)
-    if found.windows > 1:
-        place += f", in {found.windows} windows"
-    if found.failure:
-        place += f": {found.failure}"
+def _motion(course: Course, reintegrated: Reintegration, label: str) -> _Violation:
+    row, state, share = _largest(np.abs(reintegrated.deviation) / course.state_scale)
+    place = _place(course.phase.state_names[state], course, reintegrated.times[row], label)
+    if reintegrated.windows > 1:
+        place += f", in {reintegrated.windows} windows"
+    if reintegrated.failure:
+        place += f": {reintegrated.failure}"
     scale = float(course.state_scale[state])
     unit = _units(course.phase, "states")[state]
-    return _Found(share * scale, scale, unit, place, course.phase.dynamics_equation)
+    return _Violation(share * scale, scale, unit, place, course.phase.dynamics_equation)
 
 
-def _continuity(course: Course, label: str) -> _Found:
+def _continuity(course: Course, label: str) -> _Violation:
     grid = course.dense
-    new = np.flatnonzero(np.diff(grid.interval) > 0)
+    starts = np.flatnonzero(np.diff(grid.interval) > 0)
     unit = _units(course.phase, "states")
-    if not new.size:
-        return _Found(0.0, 1.0, unit[0], "")
-    jumps = np.abs(grid.states[new + 1] - grid.states[new])
+    if not starts.size:
+        return _Violation(0.0, 1.0, unit[0], "")
+    jumps = np.abs(grid.states[starts + 1] - grid.states[starts])
     row, state, share = _largest(jumps / course.state_scale)
     scale = float(course.state_scale[state])
-    place = _place(course.phase.state_names[state], course, grid.times[new[row]], label)
-    return _Found(share * scale, scale, unit[state], place)
+    place = _place(course.phase.state_names[state], course, grid.times[starts[row]], label)
+    return _Violation(share * scale, scale, unit[state], place)
 
 
 def _invariants(
     phases: tuple[Course, ...], motions: list[Reintegration]
-) -> Iterator[tuple[str, list[_Found]]]:
-    """Yield how far each invariant strays, along the plan's states and the integrated ones."""
-    for course, label, moved in zip(phases, _labels(phases), motions, strict=True):
+) -> Iterator[tuple[str, list[_Violation]]]:
+    """Yield the drift of each invariant along the plan's states and along the re-integrated ones."""
+    for course, label, reintegrated in zip(phases, _labels(phases), motions, strict=True):
         if not course.phase.invariants:
             continue
-        tables = (course.dense_values, course.values(moved.at, moved.states))
+        tables = (course.dense_values, course.values(reintegrated.at, reintegrated.states))
         begin = tables[0]["invariant"][0]
-        at = 0
-        for one in course.phase.invariants:
-            entries = slice(at, at + one.size)
-            at += one.size
-            scale = np.maximum(one.scale, np.abs(begin[entries]))
-            found = []
-            grids = (course.dense.times, ""), (moved.times, " (integrated)")
+        start = 0
+        for invariant in course.phase.invariants:
+            entries = slice(start, start + invariant.size)
+            start += invariant.size
+            scale = np.maximum(invariant.scale, np.abs(begin[entries]))
+            items = []
+            grids = (course.dense.times, ""), (reintegrated.times, " (integrated)")
             for table, (times, whose) in zip(tables, grids, strict=True):
-                strays = np.abs(table["invariant"][:, entries] - begin[entries])
-                row, entry, share = _largest(strays / scale)
-                place = _place(_entry(one, entry), course, times[row], label) + whose
+                drift = np.abs(table["invariant"][:, entries] - begin[entries])
+                row, entry, share = _largest(drift / scale)
+                place = _place(_entry(invariant, entry), course, times[row], label) + whose
                 size = float(scale[entry])
-                found.append(_Found(share * size, size, one.unit, place, one.equation))
-            yield one.name, found
+                items.append(
+                    _Violation(share * size, size, invariant.unit, place, invariant.equation)
+                )
+            yield invariant.name, items
 
 
 # -- at every instant --------------------------------------------------------------------------------
 
 
-def _entry(one: Restriction, entry: int) -> str:
-    return f"entry {entry}" if one.size > 1 else ""
+def _entry(restriction: Restriction, entry: int) -> str:
+    return f"entry {entry}" if restriction.size > 1 else ""
 
 
-def _bounds(phases: tuple[Course, ...], what: str) -> Iterator[_Found]:
-    """Yield the worst against the bounds of states or controls, between the nodes as well."""
+def _bounds(phases: tuple[Course, ...], what: str) -> Iterator[_Violation]:
+    """Yield the largest violation of the bounds of states or controls, also between the nodes."""
     for course, label in zip(phases, _labels(phases), strict=True):
         sides = _Sides(*course.phase.bounds(what), getattr(course.sizes, what), near=NEAR)
         if not sides.entry.size:
             continue
         worst = course.largest(
-            lambda at, sides=sides: sides(getattr(at, what)),  # type: ignore[misc]
+            lambda instants, sides=sides: sides(getattr(instants, what)),  # type: ignore[misc]
             sides(getattr(course.dense, what)),
         )
         entry = int(sides.entry[worst.entry])
         names = course.phase.state_names if what == "states" else course.phase.control_names
         place = _place(names[entry], course, worst.time, label)
-        yield sides.found(worst.value, worst.entry, _units(course.phase, what)[entry], place, "")
+        yield sides.violation(
+            worst.value, worst.entry, _units(course.phase, what)[entry], place, ""
+        )
 
 
-def _paths(phases: tuple[Course, ...]) -> Iterator[tuple[str, list[_Found]]]:
-    """Yield the worst of each path constraint, between the nodes as well."""
+def _paths(phases: tuple[Course, ...]) -> Iterator[tuple[str, list[_Violation]]]:
+    """Yield the largest violation of each path constraint, also between the nodes."""
     for course, label in zip(phases, _labels(phases), strict=True):
         begin = 0
-        for one in course.phase.paths:
-            entries = slice(begin, begin + one.size)
-            sides = _Sides(one.lower, one.upper, course.sizes.paths[entries])
-            begin += one.size
+        for restriction in course.phase.paths:
+            entries = slice(begin, begin + restriction.size)
+            sides = _Sides(restriction.lower, restriction.upper, course.sizes.paths[entries])
+            begin += restriction.size
             if not sides.entry.size:
                 continue
             worst = course.largest(
                 _on_path(course, sides, entries), sides(course.dense_values["path"][:, entries])
             )
-            place = _place(_entry(one, int(sides.entry[worst.entry])), course, worst.time, label)
-            yield one.name, [sides.found(worst.value, worst.entry, one.unit, place, one.equation)]
+            place = _place(
+                _entry(restriction, int(sides.entry[worst.entry])), course, worst.time, label
+            )
+            yield (
+                restriction.name,
+                [
+                    sides.violation(
+                        worst.value, worst.entry, restriction.unit, place, restriction.equation
+                    )
+                ],
+            )
 
 
 def _on_path(course: Course, sides: _Sides, entries: slice) -> Callable[[Instants], Floats]:
@@ -296,7 +322,7 @@ def _on_path(course: Course, sides: _Sides, entries: slice) -> Callable[[Instant
 # -- at the ends -------------------------------------------------------------------------------------
 
 
-def _times(phases: tuple[Course, ...]) -> Iterator[_Found]:
+def _times(phases: tuple[Course, ...]) -> Iterator[_Violation]:
     for course, label in zip(phases, _labels(phases), strict=True):
         phase, plan = course.phase, course.plan
         sides = _Sides(
@@ -304,7 +330,7 @@ def _times(phases: tuple[Course, ...]) -> Iterator[_Found]:
             np.array([phase.start_upper, phase.end_upper]),
             np.full(2, plan.duration),
         )
-        # A fixed time is no unknown: the plan has it but for rounding, however long the phase is.
+        # The plan reproduces a fixed time up to rounding, however long the phase is.
         fixed = [phase.start_lower == phase.start_upper, phase.end_lower == phase.end_upper]
         sides.scale[np.array(fixed)[sides.entry]] = FIXED * max(
             plan.duration, abs(plan.start), abs(plan.end)
@@ -313,19 +339,21 @@ def _times(phases: tuple[Course, ...]) -> Iterator[_Found]:
         yield from sides.worst(np.array([plan.start, plan.end]), [phase.time_unit] * 2, places)
 
 
-def _ends(phases: tuple[Course, ...], motions: list[Reintegration], end: int) -> Iterator[_Found]:
-    """Yield the worst of the states at one end, which are measured in the size of the motion."""
-    for course, label, moved in zip(phases, _labels(phases), motions, strict=True):
+def _ends(
+    phases: tuple[Course, ...], motions: list[Reintegration], end: int
+) -> Iterator[_Violation]:
+    """Yield the largest violation of the states at one end, relative to the size of the motion."""
+    for course, label, reintegrated in zip(phases, _labels(phases), motions, strict=True):
         word = ("initial", "final")[end]
         sides = _Sides(*course.phase.bounds("states", word), course.state_scale)
         values = [(course.dense.states[-end], "")]
-        if end and moved.windows == 1:
-            values.append((moved.states[-1], " (integrated)"))
+        if end and reintegrated.windows == 1:
+            values.append((reintegrated.states[-1], " (integrated)"))
         time = (course.plan.start, course.plan.end)[end]
         places = [_place(name, course, time, label) for name in course.phase.state_names]
         for state, whose in values:
-            own = [place + whose for place in places]
-            yield from sides.worst(state, _units(course.phase, "states"), own)
+            labelled = [place + whose for place in places]
+            yield from sides.worst(state, _units(course.phase, "states"), labelled)
 
 
 def _at_ends(definition: Definition, ends: Floats, parameters: Floats) -> tuple[float, Floats]:
@@ -336,13 +364,19 @@ def _at_ends(definition: Definition, ends: Floats, parameters: Floats) -> tuple[
 
 def _boundaries(
     definition: Definition, values: Floats, scale: Floats
-) -> Iterator[tuple[str, list[_Found]]]:
+) -> Iterator[tuple[str, list[_Violation]]]:
     begin = 0
-    for one in definition.boundaries:
-        sides = _Sides(one.lower, one.upper, scale[begin : begin + one.size])
-        own, places = values[begin : begin + one.size], [_entry(one, k) for k in range(one.size)]
-        begin += one.size
-        yield one.name, sides.worst(own, [one.unit] * one.size, places, one.equation)
+    for boundary in definition.boundaries:
+        sides = _Sides(boundary.lower, boundary.upper, scale[begin : begin + boundary.size])
+        part, places = (
+            values[begin : begin + boundary.size],
+            [_entry(boundary, k) for k in range(boundary.size)],
+        )
+        begin += boundary.size
+        yield (
+            boundary.name,
+            sides.worst(part, [boundary.unit] * boundary.size, places, boundary.equation),
+        )
 
 
 def _objective(
@@ -351,12 +385,12 @@ def _objective(
     motions: list[Reintegration],
     objective: float,
     scale: float,
-) -> Iterator[_Found]:
-    """Yield how far the objective lies from that of the motion integrated anew, from end to end."""
-    if any(one.windows > 1 for one in motions):
+) -> Iterator[_Violation]:
+    """Yield the difference between the objective and that of the re-integrated motion, if integrated in one window."""
+    if any(item.windows > 1 for item in motions):
         return
-    ends = endpoint(phases, [(one.states[-1], one.integrals) for one in motions])
-    again, _ = _at_ends(definition, ends, phases[0].parameters)
+    ends = endpoint(phases, [(item.states[-1], item.integrals) for item in motions])
+    recomputed, _ = _at_ends(definition, ends, phases[0].parameters)
     unit = definition.objective_unit
-    where = f"the integrated motion, where it is {again:.10g}"
-    yield _Found(abs(again - objective), scale, unit, where)
+    where = f"the integrated motion, where it is {recomputed:.10g}"
+    yield _Violation(abs(recomputed - objective), scale, unit, where)

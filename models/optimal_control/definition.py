@@ -1,7 +1,7 @@
-"""What an optimal control problem consists of once it is declared: bounds, names and functions.
+"""Definition of an optimal control problem: bounds, names and functions.
 
-Symbols live only while people declare; this is what is stored, sent to another process, digested,
-verified and transcribed.
+The symbols of the declaration are not part of it. A definition is stored, sent to other processes,
+digested, verified and transcribed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _HIGH = Array(("size",), infinity=1)
 
 
 def _check_order(of: str, low: Any, high: Any, what: str) -> None:
-    """Raise where a lower bound exceeds an upper one."""
+    """Raise if a lower bound exceeds the upper one."""
     bad = np.flatnonzero(~(np.atleast_1d(low) <= np.atleast_1d(high)))
     if bad.size:
         k = int(bad[0])
@@ -50,17 +50,19 @@ def _check_order(of: str, low: Any, high: Any, what: str) -> None:
         )
 
 
-def _check_entries(of: str, one: Any) -> None:
-    if not one.name or any(c in one.name for c in "[]"):
-        raise InvalidData(f"{of} must have a name without brackets, got {one.name!r}", field="name")
-    if not one.size:
-        raise InvalidData(f"{of} {one.name!r} must have 1 entry at least, got 0", field="lower")
-    if not (one.scale > 0).all():
-        raise InvalidData(f"scale of {one.name!r} must be > 0, got {one.scale}", field="scale")
+def _check_entries(of: str, item: Any) -> None:
+    if not item.name or any(c in item.name for c in "[]"):
+        raise InvalidData(
+            f"{of} must have a name without brackets, got {item.name!r}", field="name"
+        )
+    if not item.size:
+        raise InvalidData(f"{of} {item.name!r} must have 1 entry at least, got 0", field="lower")
+    if not (item.scale > 0).all():
+        raise InvalidData(f"scale of {item.name!r} must be > 0, got {item.scale}", field="scale")
 
 
-def _refuse_twins(what: str, names: Iterable[str]) -> None:
-    """Raise where a name stands twice."""
+def _check_unique(what: str, names: Iterable[str]) -> None:
+    """Raise if a name occurs twice."""
     known: set[str] = set()
     for name in names:
         if name in known:
@@ -69,44 +71,44 @@ def _refuse_twins(what: str, names: Iterable[str]) -> None:
 
 
 def _check_sizes(what: str, function: casadi.Function, sizes: Mapping[str, int]) -> None:
-    """Raise where an argument or a result of `function` has another size than what is declared."""
+    """Raise if an argument or a result of `function` has another size than declared."""
     for name, size in sizes.items():
         known = function.name_in()
         shape = function.size_in(name) if name in known else function.size_out(name)
-        have = shape[0] * shape[1]
+        actual = shape[0] * shape[1]
         if shape[1] != 1 and shape != (0, 0):
             raise InvalidData(
                 f"{what}: {name} of the function must be a column, got shape {tuple(shape)}",
                 field="function",
             )
-        if have != size:
+        if actual != size:
             raise InvalidData(
-                f"{what}: {name} of the function has {have} entries, {size} are declared",
+                f"{what}: {name} of the function has {actual} entries, {size} are declared",
                 field=name,
             )
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity(Declared):
-    """A state, a control or a parameter: a vector with bounds.
+    """State, control or parameter: a vector with bounds.
 
     Parameters
     ----------
     name : str
-        Its name.
+        Name, without brackets.
     lower, upper : ndarray, shape (size,)
         Bounds at every instant.
     initial_lower, initial_upper, final_lower, final_upper : ndarray, shape (size,)
         Bounds at the two ends of the phase; equal ones fix the value.
     scale : ndarray, shape (size,)
-        Typical size of each entry.
+        Typical size of each entry, positive.
     unit : str
-        Unit, for people.
+        Unit, for display.
     given : bool
-        Whether it is data: a parameter that is not chosen but given; all its bounds are its value.
+        Whether the parameter is data: its value is fixed, and all bounds equal it.
     integer : bool
-        Whether a control is to take whole numbers only. Solvers take what lies between as well;
-        :func:`~.rounding.round_controls` makes whole numbers of it.
+        Whether the control is integer-valued. Solvers relax it, and
+        :func:`~.rounding.round_controls` rounds the relaxed control.
     """
 
     name: str = declared(Text())
@@ -122,7 +124,7 @@ class Quantity(Declared):
     integer: bool = declared(Flag(), default=False, added=True)
 
     def read(self, value: Any) -> Floats:
-        """Return `value` as one of this data, shape (size,); a number counts for all entries.
+        """Return `value` as a value of this data, shape (size,); a number is broadcast.
 
         Raises
         ------
@@ -130,27 +132,27 @@ class Quantity(Declared):
             The value has another size, or is not finite.
         """
         try:
-            found = np.asarray(value)
-            if found.dtype.kind not in "iuf" or np.ma.is_masked(value):
+            result = np.asarray(value)
+            if result.dtype.kind not in "iuf" or np.ma.is_masked(value):
                 raise TypeError
-            found = np.broadcast_to(found.astype(float), (self.size,))
+            result = np.broadcast_to(result.astype(float), (self.size,))
         except (TypeError, ValueError):
-            found = np.array([np.nan])
-        if not np.isfinite(found).all():
+            result = np.array([np.nan])
+        if not np.isfinite(result).all():
             words = "a finite number" if self.size == 1 else f"{self.size} finite numbers, or one"
             raise InvalidData(
                 f"data {self.name!r} must be {words}, got {show(value)}", field=self.name
             )
-        return found
+        return result
 
     def holding(self, value: Any) -> Quantity:
-        """Return this data with another value, as :meth:`read` takes it."""
+        """Return this data with another value, converted by :meth:`read`."""
         sides = ("lower", "upper", "initial_lower", "initial_upper", "final_lower", "final_upper")
         changes: dict[str, Any] = dict.fromkeys(sides, self.read(value))
         return replace(self, **changes)
 
     def check(self) -> None:
-        """Refuse bounds that contradict one another."""
+        """Raise if bounds contradict one another."""
         _check_entries("a quantity", self)
         edges = np.concatenate([self.lower, self.upper])
         if self.integer and not (np.isfinite(edges) & (edges == np.round(edges))).all():
@@ -176,10 +178,10 @@ class Quantity(Declared):
 
 
 def entry_names(quantities: Iterable[Quantity | Restriction]) -> tuple[str, ...]:
-    """Return one name an entry: ``"x"`` for a number, ``"q[0]", "q[1]"`` for a vector."""
+    """Return one name per entry: ``"x"`` for a scalar, ``"q[0]", "q[1]"`` for a vector."""
     names: list[str] = []
-    for one in quantities:
-        names += [one.name] if one.size == 1 else [f"{one.name}[{k}]" for k in range(one.size)]
+    for item in quantities:
+        names += [item.name] if item.size == 1 else [f"{item.name}[{k}]" for k in range(item.size)]
     return tuple(names)
 
 
@@ -190,11 +192,11 @@ class Restriction(Declared):
     Parameters
     ----------
     name, equation, unit : str
-        In the words of the paper.
+        Name and equation number in the paper, and unit.
     lower, upper : ndarray, shape (size,)
-        Bounds; equal ones make an equation.
+        Bounds; equal ones make an equality constraint.
     scale : ndarray, shape (size,)
-        Typical size of the expression.
+        Typical size of the expression, positive.
     """
 
     name: str = declared(Text())
@@ -205,7 +207,7 @@ class Restriction(Declared):
     scale: Floats = declared(Array(("size",), lower=0))
 
     def check(self) -> None:
-        """Refuse bounds that contradict one another."""
+        """Raise if bounds contradict one another."""
         _check_entries("a constraint", self)
         _check_order(repr(self.name), self.lower, self.upper, "bounds")
 
@@ -217,18 +219,18 @@ class Restriction(Declared):
 
 @dataclass(frozen=True, eq=False)
 class Guess(Declared):
-    """A guess of a phase's course, by samples.
+    """Samples of the guessed states and controls of a phase.
 
     Parameters
     ----------
     start, end : float
-        The times guessed for the two ends.
+        Guessed times of the two ends.
     fractions : ndarray, shape (samples,)
-        Places of the samples, from 0 (start) to 1 (end).
+        Positions of the samples, from 0 (start) to 1 (end), increasing.
     states : ndarray, shape (samples, states)
-        Values there; between them linear.
+        Values of the states, interpolated linearly.
     controls : ndarray, shape (samples, controls)
-        The same.
+        Values of the controls, interpolated linearly.
     """
 
     start: float = declared(Real())
@@ -238,7 +240,7 @@ class Guess(Declared):
     controls: Floats = declared(Array(("samples", "controls")))
 
     def check(self) -> None:
-        """Refuse samples that do not follow one another."""
+        """Raise if the samples or times do not increase."""
         if not self.fractions.size or not (np.diff(self.fractions) > 0).all():
             raise InvalidData(
                 f"fractions must increase, got {show(self.fractions.tolist())}", field="fractions"
@@ -251,49 +253,49 @@ class Guess(Declared):
 
 
 class _Stacked(Declared):
-    """What holds tuples of quantities and restrictions, and gives them as vectors."""
+    """Base of classes with tuples of quantities and restrictions, which it stacks into vectors."""
 
     def stacked(self, what: str, field: str) -> Floats:
-        """Return `field` of all quantities or restrictions in `what`, such as states, as a vector."""
-        parts = [getattr(one, field) for one in getattr(self, what)]
+        """Return `field` of all items of `what`, such as states, as a vector."""
+        parts = [getattr(item, field) for item in getattr(self, what)]
         return np.concatenate([*parts, np.empty(0)])
 
     def bounds(self, what: str, side: str = "") -> tuple[Floats, Floats]:
-        """Return both bounds of all in `what`; `side` may be ``"initial"`` or ``"final"``."""
+        """Return lower and upper bounds of all items of `what`; `side` may be ``"initial"`` or ``"final"``."""
         low, high = (f"{side}_{edge}".lstrip("_") for edge in ("lower", "upper"))
         return self.stacked(what, low), self.stacked(what, high)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Phase(_Stacked):
-    """One phase: a stretch of time with its own states, controls and dynamics.
+    """Phase: an interval of time with its own states, controls and dynamics.
 
     Parameters
     ----------
     name : str
-        Its name.
+        Name of the phase.
     states, controls : tuple of Quantity
-        What moves, and what moves it.
+        States and controls.
     start_lower, start_upper, end_lower, end_upper : float
-        Bounds of the two times; equal ones fix them.
+        Bounds of the start and end times; equal ones fix them.
     time_unit : str
         Unit of time.
     paths : tuple of Restriction
         Constraints at every instant (C ≤ 0 of the paper's eq. 13).
     integrals : int
-        Number of integrals over the phase that costs and constraints speak of.
+        Number of integrals over the phase in costs and constraints.
     invariants : tuple of Restriction
-        What the dynamics conserve; the bounds are infinite.
+        Quantities that the dynamics conserve, with infinite bounds.
     function : casadi.Function
-        ``(t, x, u, p) -> (rate, path, integrand, invariant)``: all at one instant.
+        ``(t, x, u, p) -> (rate, path, integrand, invariant)`` at one instant.
     guess : Guess
-        Where a search starts.
+        Start of a search.
     dynamics_equation : str
-        The paper's equation of the dynamics.
+        Equation number of the dynamics in the paper.
     outputs : tuple of Restriction
-        What else is to be seen of a plan; the bounds are infinite.
+        Additional quantities to show, with infinite bounds.
     outputs_function : casadi.Function, optional
-        ``(t, x, u, p) -> output``; None where there are none.
+        ``(t, x, u, p) -> output``; None without outputs.
     """
 
     name: str = declared(Text())
@@ -318,13 +320,13 @@ class Phase(_Stacked):
     )
 
     def check(self) -> None:
-        """Refuse what the function and the guess do not fit."""
+        """Raise if the sizes of the function or the guess do not match the declaration."""
         label = f"phase {self.name!r}"
         if not self.states:
             raise InvalidData(f"{label} has no state", field="states")
-        _refuse_twins(label, (one.name for one in (*self.states, *self.controls)))
+        _check_unique(label, (item.name for item in (*self.states, *self.controls)))
         for what in ("paths", "invariants", "outputs"):
-            _refuse_twins(f"{what} of {label}", (one.name for one in getattr(self, what)))
+            _check_unique(f"{what} of {label}", (item.name for item in getattr(self, what)))
         for side in ("start", "end"):
             low, high = getattr(self, f"{side}_lower"), getattr(self, f"{side}_upper")
             _check_order(label, low, high, side)
@@ -337,36 +339,36 @@ class Phase(_Stacked):
         sizes = {"t": 1, "x": len(self.state_names), "u": len(self.control_names)}
         results = {
             "rate": sizes["x"],
-            "path": sum(one.size for one in self.paths),
+            "path": sum(item.size for item in self.paths),
             "integrand": self.integrals,
-            "invariant": sum(one.size for one in self.invariants),
+            "invariant": sum(item.size for item in self.invariants),
         }
         _check_sizes(label, self.function, sizes | results)
         if (self.outputs_function is None) != (not self.outputs):
             raise InvalidData(f"{label} must have outputs with their function", field="outputs")
         if self.outputs_function is not None:
-            own = sum(one.size for one in self.outputs)
-            _check_sizes(label, self.outputs_function, sizes | {"output": own})
-        for what, wanted in (("states", sizes["x"]), ("controls", sizes["u"])):
-            have = getattr(self.guess, what).shape[1]
-            if have != wanted:
+            entries = sum(item.size for item in self.outputs)
+            _check_sizes(label, self.outputs_function, sizes | {"output": entries})
+        for what, expected in (("states", sizes["x"]), ("controls", sizes["u"])):
+            actual = getattr(self.guess, what).shape[1]
+            if actual != expected:
                 raise InvalidData(
-                    f"guess of {label} has {have} columns for {wanted} {what}", field="guess"
+                    f"guess of {label} has {actual} columns for {expected} {what}", field="guess"
                 )
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:
-        """One name a state."""
+        """Names of the states, one per entry."""
         return entry_names(self.states)
 
     @cached_property
     def control_names(self) -> tuple[str, ...]:
-        """One name a control."""
+        """Names of the controls, one per entry."""
         return entry_names(self.controls)
 
     @property
     def observed(self) -> tuple[Restriction, ...]:
-        """Path constraints, invariants and outputs: what a plan shows beside states and controls."""
+        """Path constraints, invariants and outputs, which a plan evaluates on request."""
         return (*self.paths, *self.invariants, *self.outputs)
 
     def observe(self, t: Floats, x: Floats, u: Floats, p: Floats) -> tuple[Floats, Floats, Floats]:
@@ -377,41 +379,41 @@ class Phase(_Stacked):
         t : ndarray, shape (points,)
             Times.
         x, u : ndarray, shape (points, size)
-            States and controls there.
+            States and controls.
         p : ndarray, shape (parameters,)
-            Values of the parameters.
+            Parameters.
         """
         arguments = (t[None, :], x.T, u.T, p)
-        _, path, _, invariant = (one.full().T for one in self.function(*arguments))
+        _, path, _, invariant = (result.full().T for result in self.function(*arguments))
         if self.outputs_function is None:
             return path, invariant, np.empty((t.size, 0))
         return path, invariant, self.outputs_function(*arguments).full().T
 
     @property
     def end_size(self) -> int:
-        """Entries that the phase has in the endpoint vector: t0, tf, x0, xf and the integrals."""
+        """Number of entries of the phase in the endpoint vector: t0, tf, x0, xf and the integrals."""
         return 2 + 2 * len(self.state_names) + self.integrals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Definition(_Stacked):
-    """An optimal control problem in Bolza form, over one or several phases.
+    """Optimal control problem in Bolza form, over one or several phases.
 
     Parameters
     ----------
     phases : tuple of Phase
-        The phases.
+        Phases in order.
     parameters : tuple of Quantity
-        Constants to be chosen; `initial_lower` = `initial_upper` hold their guess.
+        Constants to be optimised or given; `initial_lower` = `initial_upper` is their guess.
     boundaries : tuple of Restriction
-        Constraints between the phases' ends (φ = 0 of the paper's eq. 13).
+        Constraints between the ends of the phases (φ = 0 of the paper's eq. 13).
     endpoint : casadi.Function
-        ``(e, p) -> (objective, boundary)``, where e stacks t0, tf, x0, xf and the integrals of
-        every phase.
+        ``(e, p) -> (objective, boundary)`` with the endpoint vector e, which stacks t0, tf, x0, xf
+        and the integrals of every phase.
     objective_unit : str
         Unit of the objective.
     objective_scale : float
-        Typical size of the objective; 0 where it is to be measured.
+        Typical size of the objective; 0 to measure it along the guess and each plan.
     """
 
     phases: tuple[Phase, ...] = declared(Listed(Phase))
@@ -422,11 +424,11 @@ class Definition(_Stacked):
     objective_scale: float = declared(Real(0.0), added=True, default=0.0)
 
     def check(self) -> None:
-        """Refuse what the functions do not fit."""
+        """Raise if the sizes of the functions do not match the declaration."""
         if not self.phases:
             raise InvalidData("phases must hold 1 phase at least, got 0", field="phases")
         for what in ("phases", "parameters", "boundaries"):
-            _refuse_twins(what, (one.name for one in getattr(self, what)))
+            _check_unique(what, (item.name for item in getattr(self, what)))
         parameters = len(self.parameter_names)
         for phase in self.phases:
             for function in (phase.function, phase.outputs_function):
@@ -439,24 +441,24 @@ class Definition(_Stacked):
                 "e": sum(phase.end_size for phase in self.phases),
                 "p": parameters,
                 "objective": 1,
-                "boundary": sum(one.size for one in self.boundaries),
+                "boundary": sum(item.size for item in self.boundaries),
             },
         )
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """One name a parameter."""
+        """Names of the parameters, one per entry."""
         return entry_names(self.parameters)
 
     def given(self, values: Mapping[str, Any]) -> Definition:
-        """Return the definition with other values of its data, by name; the others stay.
+        """Return the definition with other values of its data, by name; the others are unchanged.
 
         Raises
         ------
         InvalidData
-            A name is no data of the problem, or a value has another size or is not finite.
+            A name is not data of the problem, or a value has another size or is not finite.
         """
-        data = {one.name: one for one in self.parameters if one.given}
+        data = {parameter.name: parameter for parameter in self.parameters if parameter.given}
         for name in values:
             if name not in data:
                 known = ", ".join(map(repr, data)) or "none"
@@ -468,16 +470,16 @@ class Definition(_Stacked):
         return replace(
             self,
             parameters=tuple(
-                one.holding(values[one.name]) if one.name in values else one
-                for one in self.parameters
+                parameter.holding(values[parameter.name]) if parameter.name in values else parameter
+                for parameter in self.parameters
             ),
         )
 
     @cached_property
     def text(self) -> str:
-        """The definition as canonical JSON text, which the digest hashes.
+        """Definition as canonical JSON text, which the digest hashes.
 
-        Its functions stand there as CasADi's own text, as in files of version 0.1.
+        It contains functions in CasADi's text format, as in files of version 0.1.
         """
         data = self.data()
         data["endpoint"] = canonical_text(data["endpoint"])

@@ -1,4 +1,4 @@
-"""How a small perturbation of a motion grows: where a re-integration has to start afresh."""
+"""Growth of perturbations of a motion, and the windows of its re-integration."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ __all__ = ["GROWTH", "Stretch", "stretches"]
 
 Floats = NDArray[np.float64]
 
-#: Growth of a perturbation beyond which a re-integration starts afresh from the plan. No one can
-#: integrate an unstable motion over more: rounding alone would grow to the size of the states.
+#: Growth of a perturbation beyond which a re-integration restarts from the plan. Over a longer
+#: window of an unstable motion, rounding errors would grow to the size of the states.
 GROWTH = 1e3
-#: Pieces of an interval on each of which the motion is linearised once, at least.
+#: Smallest number of linearisations per interval.
 PIECES = 4
-#: Decay within an interval, in powers of e, from which it is called stiff: an
-#: explicit method of order 8 is held to steps of 6 or so by stability alone.
+#: Decay within an interval, as a power of e, above which it is treated as stiff: stability limits
+#: the steps of an explicit method of order 8 to about 6.
 STIFF = 150.0
 
 
 class Stretch(NamedTuple):
-    """A stretch of one interval that is integrated in one go.
+    """Part of one interval that is integrated in one go.
 
     Attributes
     ----------
     interval : int
-        The interval of the plan.
+        Index of the plan's interval.
     low, high : float
-        The stretch of it, in [-1, 1].
+        Range within the interval, in [-1, 1].
     fresh : bool
-        Whether it starts from the plan's state, not from where the stretch before ended.
+        Whether the integration starts from the plan's state rather than from the previous stretch.
     stiff : bool
-        Whether it needs an implicit integrator.
+        Whether an implicit integrator is needed.
     """
 
     interval: int
@@ -52,7 +52,7 @@ class Stretch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Scaled:
-    """Matrices that may be too large or too small for floating point: exp(log) * part."""
+    """Matrices ``exp(log) * part``, whose entries may exceed the range of floats."""
 
     part: Floats
     log: Floats
@@ -71,7 +71,7 @@ class _Scaled:
 
 @lru_cache(maxsize=64)
 def _slope(function: casadi.Function) -> casadi.Function:
-    """Return the function of (t, x, u, p) that gives ∂f/∂x, dense."""
+    """Return the dense Jacobian ∂f/∂x as a function of (t, x, u, p)."""
     arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
     rate = function.call(arguments)[0]
     slope = casadi.densify(casadi.jacobian(rate, arguments[1]))
@@ -79,38 +79,48 @@ def _slope(function: casadi.Function) -> casadi.Function:
 
 
 def _exponentials(matrices: Floats) -> _Scaled:
-    """Return the exponentials, by scaling and squaring with a small Padé approximant."""
-    one = np.eye(matrices.shape[-1])
+    """Return the matrix exponentials, by scaling and squaring with a Padé approximant."""
+    identity = np.eye(matrices.shape[-1])
     norm = float(np.abs(matrices).sum(axis=-1).max(initial=0.0))
     squarings = max(0, int(np.ceil(np.log2(norm / 0.25)))) if norm > 0 else 0
     half = matrices * 0.5 ** (squarings + 1)
     square = half @ half / 3.0
-    start = np.linalg.solve(one - half + square, one + half + square)
-    found = _Scaled(np.asarray(start, float), np.zeros(len(half)))
+    start = np.linalg.solve(identity - half + square, identity + half + square)
+    result = _Scaled(np.asarray(start, float), np.zeros(len(half)))
     for _ in range(squarings):
-        found = found @ found
-    return found
+        result = result @ result
+    return result
 
 
 def stretches(course: Course) -> tuple[tuple[Stretch, ...], float]:
     """Return the stretches to integrate one by one, and the growth over the whole phase.
 
-    The motion is linearised along the plan and the largest growth of a perturbation, measured in
-    the size of the states, is followed from the start of a window. A window ends at the last knot
-    before it exceeds :data:`GROWTH`; an interval that exceeds it alone is cut into equal parts.
+    The motion is linearised along the plan. The largest growth of a perturbation, relative to the
+    size of the states, is accumulated from the start of a window. A window ends at the last knot
+    before the growth exceeds :data:`GROWTH`. An interval that exceeds it alone is cut into equal
+    parts.
+
+    Returns
+    -------
+    stretches : tuple of Stretch
+        Stretches in order.
+    growth : float
+        Upper estimate of the growth of a perturbation of the first state over the phase.
     """
     knots = course.plan.states.knots
     count, size = knots.size - 1, course.plan.states.size
     pieces = max(PIECES, *(nodes.size for nodes in course.plan.states.nodes))
     tau = (2.0 * np.arange(pieces) + 1.0) / pieces - 1.0
-    at = course.at(np.repeat(np.arange(count), pieces), np.tile(tau, count))
+    instants = course.at(np.repeat(np.arange(count), pieces), np.tile(tau, count))
     slope = _slope(course.phase.function)
-    table = slope(at.times[None, :], at.states.T, at.controls.T, course.parameters).full()
+    table = slope(
+        instants.times[None, :], instants.states.T, instants.controls.T, course.parameters
+    ).full()
     lengths = np.repeat(np.diff(knots) / pieces, pieces)
     with np.errstate(all="ignore"):
         linear = table.reshape(size, -1, size).transpose(1, 0, 2) * lengths[:, None, None]
         linear *= course.state_scale[None, None, :] / course.state_scale[None, :, None]
-    # Where the motion has no derivative, such as sqrt(x) at 0, nothing is known of the growth.
+    # The growth is unknown if a derivative does not exist, such as that of sqrt(x) at 0.
     linear = np.where(np.isfinite(linear), linear, 0.0)
     linear = linear.reshape(count, pieces, size, size)
     stiff = np.zeros(count, bool)
@@ -122,7 +132,7 @@ def stretches(course: Course) -> tuple[tuple[Stretch, ...], float]:
     for k in range(1, pieces):
         each = _Scaled(part[:, k], log[:, k]) @ each
     limit, alone = np.log(GROWTH), each.size
-    found: list[Stretch] = []
+    result: list[Stretch] = []
     window = whole = _Scaled(np.eye(size), np.zeros(()))
     for k in range(count):
         step = _Scaled(each.part[k], each.log[k])
@@ -131,11 +141,11 @@ def stretches(course: Course) -> tuple[tuple[Stretch, ...], float]:
         if alone[k] > limit:
             cuts = np.linspace(-1.0, 1.0, 1 + int(np.ceil(2.0 * alone[k] / limit)))
             for low, high in pairwise(cuts):
-                found.append(Stretch(k, float(low), float(high), True, bool(stiff[k])))
+                result.append(Stretch(k, float(low), float(high), True, bool(stiff[k])))
             window = _Scaled(np.eye(size), np.full((), np.inf))  # the next one starts afresh
             continue
         if not window.size <= limit:
             fresh, window = True, step
-        found.append(Stretch(k, -1.0, 1.0, fresh, bool(stiff[k])))
+        result.append(Stretch(k, -1.0, 1.0, fresh, bool(stiff[k])))
     with np.errstate(over="ignore"):
-        return tuple(found), float(np.exp(whole.size))
+        return tuple(result), float(np.exp(whole.size))

@@ -1,4 +1,4 @@
-"""The Hamiltonian along a plan with costates: a necessary condition of optimality, measured."""
+"""Hamiltonian along a plan with costates: a numerical test of a necessary optimality condition."""
 
 from __future__ import annotations
 
@@ -21,31 +21,33 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class HamiltonianReport:
-    """The Hamiltonian H = λ·f + w·g along one phase of a plan.
+    """Hamiltonian H = λ·f + w·g along one phase of a plan.
 
-    λ are the costates, the derivatives of the least objective by the state; f are the rates, g the
-    integrands, and w the derivatives of the objective by their integrals. On an optimal plan the
-    control minimises H, H is constant where the phase does not speak of time, and it is 0 at an
-    end time that is free and that neither objective nor boundary constraints speak of.
+    λ are the costates, the derivatives of the optimal objective with respect to the state. f are
+    the rates, g the integrands, and w the derivatives of the objective with respect to their
+    integrals. On an optimal plan the control minimises H. H is constant if the phase does not depend
+    on time explicitly. It is 0 at a free end time on which neither the objective nor a boundary
+    constraint depends.
 
     Parameters
     ----------
     phase : str
         Name of the phase.
     autonomous : bool
-        Whether rates, integrands and path constraints leave time out: H must be constant.
+        Whether rates, integrands and path constraints are independent of time, so that H is
+        constant.
     mean : float
-        Its mean over time.
+        Mean of H over time.
     spread : float
-        Largest distance from its median.
+        Largest distance of H from its median.
     relative : float
-        The same over the size of its terms, the largest sum of their magnitudes.
+        `spread` relative to the largest sum of the magnitudes of the terms of H.
     time : float
-        Where the spread is reached.
+        Time at which `spread` is attained.
     end : float
-        Its value at the end of the phase.
+        H at the end of the phase.
     vanishing : bool
-        Whether it must be 0 at the end.
+        Whether H must be 0 at the end.
     """
 
     phase: str
@@ -59,17 +61,23 @@ class HamiltonianReport:
 
 
 def hamiltonian_spread(problem: Any, plan: ControlPlan) -> tuple[HamiltonianReport, ...]:
-    """Return how constant the Hamiltonian is along each phase of a plan that has costates.
+    """Return how constant the Hamiltonian is along each phase of a plan with costates.
 
-    It is a necessary condition of optimality, not of feasibility, and costates of a discrete
-    problem are rough beside jumps of the control: a report, not a check.
+    The condition is necessary for optimality, not for feasibility, and the costates of a
+    transcription are inaccurate near jumps of the control. The result is therefore a report and not
+    a check.
 
     Parameters
     ----------
     problem : OptimalControlProblem or Definition
-        The problem.
+        Problem.
     plan : ControlPlan
-        The plan; a phase without costates has no report.
+        Plan; a phase without costates has no report.
+
+    Returns
+    -------
+    tuple of HamiltonianReport
+        One report per phase with costates.
 
     Raises
     ------
@@ -82,22 +90,24 @@ def hamiltonian_spread(problem: Any, plan: ControlPlan) -> tuple[HamiltonianRepo
 
 
 def hamiltonian_gains(problem: Any, plan: ControlPlan) -> tuple[Floats | None, ...]:
-    """Return what a better control would gain, an interval each, as the Hamiltonian tells.
+    """Return the potential decrease of the objective per interval, estimated from the Hamiltonian.
 
-    To first order, the objective exceeds its optimum by the integral over time of the Hamiltonian
-    less its minimum over the controls. Where the phase does not speak of time, the Hamiltonian of the
-    optimum is constant: the integral of its distance from its median estimates the excess, and is
-    shared out to where it changes.
+    To first order, the objective exceeds its optimum by the integral over time of the difference
+    between the Hamiltonian and its minimum over the controls. If the phase does not depend on time
+    explicitly, the Hamiltonian of the optimum is constant. The integral of its distance from its
+    median then estimates the excess, which is distributed over the intervals in proportion to its
+    changes.
 
     Parameters
     ----------
     problem, plan
-        As in :func:`hamiltonian_spread`.
+        See :func:`hamiltonian_spread`.
 
     Returns
     -------
     tuple of ndarray, shape (intervals,)
-        In the unit of the objective, one a phase; None for one that speaks of time, or without costates.
+        One array per phase, in the unit of the objective; None for a phase that depends on time
+        explicitly or has no costates.
     """
     definition: Definition = getattr(problem, "definition", problem)
     with np.errstate(all="ignore"):
@@ -110,37 +120,37 @@ def hamiltonian_gains(problem: Any, plan: ControlPlan) -> tuple[Floats | None, .
 
 def _gains(course: Course, level: Floats) -> Floats:
     grid = course.dense
-    off = np.abs(level - np.median(level))
+    distance = np.abs(level - np.median(level))
     steps = np.abs(np.diff(level))
-    # A jump at a knot counts half for each side.
+    # A jump at a knot is split equally between its two intervals.
     left, right = grid.interval[:-1], grid.interval[1:]
     changes = np.bincount(left, 0.5 * steps, course.plan.states.intervals)
     changes += np.bincount(right, 0.5 * steps, course.plan.states.intervals)
-    whole = changes.sum()
-    excess = float((0.5 * (off[1:] + off[:-1]) * np.diff(grid.times)).sum())
-    gains: Floats = changes * (excess / whole if whole > 0.0 else 0.0)
+    total = changes.sum()
+    excess = float((0.5 * (distance[1:] + distance[:-1]) * np.diff(grid.times)).sum())
+    gains: Floats = changes * (excess / total if total > 0.0 else 0.0)
     return gains
 
 
 def _terms(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Floats | None]:
-    """Yield the terms of the Hamiltonian on each phase's dense grid, None without costates."""
-    known = any(one.plan.costates is not None for one in phases)
+    """Yield the terms of the Hamiltonian on each phase's dense grid; None without costates."""
+    known = any(part.plan.costates is not None for part in phases)
     weights = _weights(definition, phases) if known else np.zeros(0)
-    at = 0
+    end = 0
     for course in phases:
         phase, costates = course.phase, course.plan.costates
-        at += phase.end_size
+        end += phase.end_size
         if costates is None:
             yield None
             continue
         values = course.dense_values
         multipliers = np.concatenate([costates.on(k, tau) for k, tau in enumerate(course.places)])
-        own = weights[at - phase.integrals : at] * values["integrand"]
-        yield np.concatenate([multipliers * values["rate"], own], axis=1)
+        running = weights[end - phase.integrals : end] * values["integrand"]
+        yield np.concatenate([multipliers * values["rate"], running], axis=1)
 
 
 def _autonomous(course: Course) -> bool:
-    """Return whether rates, integrands and path constraints leave time out."""
+    """Return whether rates, integrands and path constraints are independent of time."""
     function = course.phase.function
     return not any(
         function.jac_sparsity(k, 0).nnz()
@@ -157,10 +167,10 @@ def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Ham
         if terms is None:
             continue
         level = terms.sum(axis=1)
-        off = np.abs(level - np.median(level))
-        row = int(off.argmax())
+        distance = np.abs(level - np.median(level))
+        row = int(distance.argmax())
         size = float(np.abs(terms).sum(axis=1).max())
-        # Trapezoids between the points of the grid; a knot counts twice, with no width between.
+        # Trapezoidal rule on the grid; the two points at a knot enclose no width.
         width = np.diff(grid.times)
         mean = float((0.5 * (level[1:] + level[:-1]) * width).sum() / width.sum())
         free = phase.end_lower < course.plan.end < phase.end_upper
@@ -168,8 +178,8 @@ def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Ham
             phase=phase.name,
             autonomous=_autonomous(course),
             mean=mean,
-            spread=float(off[row]),
-            relative=float(off[row]) / size if size > 0 else 0.0,
+            spread=float(distance[row]),
+            relative=float(distance[row]) / size if size > 0 else 0.0,
             time=float(grid.times[row]),
             end=float(level[-1]),
             vanishing=bool(free and not _speaks_of(definition, first + 1)),
@@ -177,15 +187,15 @@ def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Ham
 
 
 def _weights(definition: Definition, phases: tuple[Course, ...]) -> Floats:
-    """Return the derivatives of the objective by all that it is a function of, at the plan."""
+    """Return the derivatives of the objective with respect to the endpoint vector at the plan."""
     function = definition.endpoint
     e, p = (casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in())
     slope = casadi.Function("slope", [e, p], [casadi.gradient(function(e, p)[0], e)])
-    found: Floats = slope(endpoint(phases), phases[0].parameters).full().ravel()
-    return found
+    result: Floats = slope(endpoint(phases), phases[0].parameters).full().ravel()
+    return result
 
 
 def _speaks_of(definition: Definition, entry: int) -> bool:
-    """Return whether objective or boundary constraints are functions of one entry of the ends."""
+    """Return whether the objective or a boundary constraint depends on one entry of the endpoint vector."""
     function = definition.endpoint
     return any(entry in function.jac_sparsity(k, 0).get_col() for k in range(function.n_out()))

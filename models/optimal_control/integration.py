@@ -1,9 +1,9 @@
-"""The motion of a plan integrated anew: what its control does, whatever its states claim.
+"""Re-integration of a plan: the motion that its control produces, independent of its states.
 
 The control is integrated with the explicit Runge-Kutta method of order 8 of Dormand and Prince
 (DOP853: Hairer, Nørsett and Wanner, "Solving Ordinary Differential Equations I", section II.5), or
-with Radau IIA of order 5 where the motion is stiff. Neither uses the plan's mesh but to stop at
-knots, where a control may jump.
+with Radau IIA of order 5 if the motion is stiff. Both use the plan's mesh only to stop at knots, at
+which a control may jump.
 """
 
 from __future__ import annotations
@@ -26,41 +26,41 @@ __all__ = ["Reintegration", "integrate_anew"]
 
 Floats = NDArray[np.float64]
 
-#: Relative error of a step; the absolute one is as much of the size of the states.
+#: Relative error of a step; the absolute error is the same share of the size of the states.
 ERROR = 1e-12
-#: The same for a stiff motion, where the method has order 5.
+#: Relative error for a stiff motion, integrated with order 5.
 ERROR_STIFF = 1e-10
-#: The first step of all, as a share of the interval.
+#: First step of a phase, as a share of its first interval.
 FIRST = 1e-3
-#: Steps in a phase after which the integration is given up.
+#: Largest number of steps in a phase.
 STEPS = 50_000
-#: How far ahead a rate that is not finite is looked for where a step fails, as shares of an interval.
+#: Distances ahead of a failed step at which a non-finite rate is searched, as shares of an interval.
 AHEAD = 10.0 ** np.arange(-12.0, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Reintegration:
-    """The motion that a plan's control makes from the plan's first state.
+    """Motion that a plan's control produces from the plan's initial state.
 
     Parameters
     ----------
     times : ndarray, shape (points,)
         Times on a dense grid; a knot appears twice, as the end and the start of an interval.
     states : ndarray, shape (points, states)
-        The integrated states; not finite from where the integration broke down to the next start.
+        Integrated states; not finite between a breakdown of the integration and the next restart.
     deviation : ndarray, shape (points, states)
-        What they differ by from the plan's.
+        Difference from the plan's states.
     windows : int
-        How many times the integration started from a state of the plan: more than once for a motion
-        so unstable that nobody can integrate it from end to end.
+        Number of integrations that start from a state of the plan: more than 1 if the motion is too
+        unstable to be integrated from end to end, or after a breakdown.
     growth : float
-        By how much a small perturbation of the first state has grown at the end, at most.
+        Upper estimate of the growth of a perturbation of the initial state over the phase.
     integrals : ndarray, shape (integrals,)
-        The integrals over the phase along the integrated motion; nan where it broke down.
+        Integrals over the phase along the integrated motion; NaN after a breakdown.
     failure : str
-        Why the integration broke down; empty where it did not.
+        Reason of a breakdown of the integration; empty if there was none.
     at : Instants
-        The grid in terms of the plan's intervals.
+        Grid in terms of the plan's intervals.
     """
 
     times: Floats
@@ -75,7 +75,7 @@ class Reintegration:
 
 @lru_cache(maxsize=64)
 def _flat(function: casadi.Function) -> casadi.Function:
-    """Return the function of (t, x, u, p) that gives rates and integrands in one dense column."""
+    """Return rates and integrands as a function of (t, x, u, p) with one dense column."""
     arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
     rate, _, integrand, _ = function.call(arguments)
     rates = casadi.densify(casadi.vertcat(rate, integrand))
@@ -83,9 +83,10 @@ def _flat(function: casadi.Function) -> casadi.Function:
 
 
 class _Rate:
-    """The right-hand side of states and integrals, with the control of one interval.
+    """Right-hand side of states and integrals, with the control of one interval.
 
-    It is asked some thousand times a second: arguments lie in buffers that CasADi reads in place.
+    It is evaluated some thousand times per second, so CasADi reads the arguments from buffers in
+    place.
     """
 
     def __init__(self, course: Course) -> None:
@@ -97,18 +98,18 @@ class _Rate:
         self._result = np.zeros(function.size1_out(0))
         buffer: Any
         buffer, self._evaluate = function.buffer()
-        held = (self._time, self._state, self._control, self._parameters)
-        for k, array in enumerate(held):
+        arguments_of = (self._time, self._state, self._control, self._parameters)
+        for k, array in enumerate(arguments_of):
             if array.size:
                 buffer.set_arg(k, array.data)
         buffer.set_res(0, self._result.data)
-        self._buffer = buffer  # the evaluation works on it, and does not keep it alive
+        self._buffer = buffer  # the evaluation uses the buffer without holding a reference
         self._known: dict[int, Floats] = {}
         integrals = (f"integral {k + 1}" for k in range(course.phase.integrals))
         self._names = (*course.phase.state_names, *integrals)
 
     def enter(self, interval: int) -> None:
-        """Take the control of another interval."""
+        """Select the interval of the control."""
         low, high = self.controls.knots[interval : interval + 2]
         self._nodes = self.controls.nodes[interval]
         self._table = self.controls.values[interval]
@@ -119,12 +120,12 @@ class _Rate:
 
     def __call__(self, t: float, y: Floats) -> Floats:
         if self._control.size:
-            apart = ((t - self._low) * self._factor - 1.0) - self._nodes
-            if apart.all():
-                share = self._weights / apart
+            distance = ((t - self._low) * self._factor - 1.0) - self._nodes
+            if distance.all():
+                share = self._weights / distance
                 value = share @ self._table / share.sum()
             else:
-                value = self._table[int(np.flatnonzero(apart == 0.0)[0])]
+                value = self._table[int(np.flatnonzero(distance == 0.0)[0])]
             if self.controls.lower is not None:
                 value = np.maximum(value, self.controls.lower)
             if self.controls.upper is not None:
@@ -136,9 +137,9 @@ class _Rate:
         return self._result.copy()
 
     def breakdown(self, t: float, y: Floats, scale: Floats, length: float) -> str:
-        """Return at which instant, in which state and by what the integration breaks down."""
+        """Return the time, the state and the reason of a breakdown of the integration."""
         now = self(t, y)
-        for ahead in (0.0, *(length * AHEAD)):  # a rate may end to exist a little further on
+        for ahead in (0.0, *(length * AHEAD)):  # a rate may cease to exist slightly later
             bad = np.flatnonzero(~np.isfinite(self(t + ahead, y + ahead * now) if ahead else now))
             if bad.size:
                 why = f"the rate of {self._names[bad[0]]} is not finite"
@@ -154,11 +155,11 @@ def _advance(
 ) -> tuple[int, float, str]:
     """Integrate from ``out[0]`` at ``times[0]`` and fill `out`.
 
-    Returned are the steps taken, the step to go on with, and why it broke down if it did.
+    Returns the number of steps, the next step size, and the reason of a breakdown or ``""``.
     """
     method, error = (Radau, ERROR_STIFF) if stiff else (DOP853, ERROR)
     begin, end = float(times[0]), float(times[-1])
-    # SciPy's own guess of a first step may be nan, which it would then try for ever.
+    # SciPy's own estimate of the first step may be NaN, which it would then retry for ever.
     first = min(step if step > 0 else FIRST * (end - begin), end - begin)
     solver = method(
         rate, begin, out[0].copy(), end, rtol=error, atol=error * scale, first_step=first
@@ -168,7 +169,7 @@ def _advance(
         proposed = solver.h_abs
         try:
             solver.step()
-        except ValueError:  # the implicit method met a matrix that is not finite
+        except ValueError:  # the implicit method encountered a matrix that is not finite
             return taken, 0.0, rate.breakdown(solver.t, solver.y, scale, end - begin)
         if solver.status == "failed" or not np.isfinite(solver.y).all():
             return taken, 0.0, rate.breakdown(solver.t, solver.y, scale, end - begin)
@@ -180,13 +181,13 @@ def _advance(
                 out[upto - 1] = solver.y
             known = upto
         if solver.status == "finished":
-            # The knot cuts the last step short: what was proposed says more of the motion.
+            # The knot shortens the last step, so the proposed step describes the motion better.
             return taken, float(max(proposed, solver.h_abs)), ""
     return left, 0.0, f"the integration is given up at t = {solver.t:.6g} after {STEPS} steps"
 
 
 def integrate_anew(course: Course) -> Reintegration:
-    """Return the motion of one phase of a plan, integrated anew.
+    """Return the re-integrated motion of one phase of a plan.
 
     The integrals are those of the integrands along that motion.
     """
@@ -198,39 +199,39 @@ def integrate_anew(course: Course) -> Reintegration:
         places.append(np.concatenate([[part.low], inner, [part.high]]))
     counts = [tau.size for tau in places]
     at = course.dense
-    if len(parts) > course.plan.states.intervals:  # an interval was cut: the cuts are points too
+    if len(parts) > course.plan.states.intervals:  # cut intervals: the cuts are grid points, too
         intervals = np.repeat(np.array([part.interval for part in parts]), counts)
         at = course.at(intervals, np.concatenate(places))
     size = course.plan.states.size
     scale = np.concatenate([course.state_scale, course.sizes.integrals])
     scale = np.where(np.isfinite(scale), scale, 1.0)
-    found = np.full((at.times.size, scale.size), np.inf)
+    result = np.full((at.times.size, scale.size), np.inf)
     rate = _Rate(course)
-    here, step, left = np.zeros(scale.size), 0.0, STEPS
+    current, step, left = np.zeros(scale.size), 0.0, STEPS
     windows, failure, broken, begin = 0, "", False, 0
     with np.errstate(all="ignore"):
         for part, count in zip(parts, counts, strict=True):
             rows = slice(begin, begin + count)
             if part.fresh or broken:
                 windows += 1
-                here[:size] = at.states[begin]
-            found[begin] = here
+                current[:size] = at.states[begin]
+            result[begin] = current
             begin += count
             rate.enter(part.interval)
-            taken, step, why = _advance(
-                rate, part.stiff, at.times[rows], scale, step, found[rows], left
+            taken, step, reason = _advance(
+                rate, part.stiff, at.times[rows], scale, step, result[rows], left
             )
-            left, broken, failure = left - taken, bool(why), failure or why
-            if not why:
-                here = found[begin - 1].copy()
-    states = found[:, :size]
+            left, broken, failure = left - taken, bool(reason), failure or reason
+            if not reason:
+                current = result[begin - 1].copy()
+    states = result[:, :size]
     return Reintegration(
         times=at.times,
         states=states,
         deviation=states - at.states,
         windows=windows,
         growth=growth,
-        integrals=np.full(scale.size - size, np.nan) if failure else here[size:],
+        integrals=np.full(scale.size - size, np.nan) if failure else current[size:],
         failure=failure,
         at=at,
     )

@@ -30,28 +30,29 @@ __all__ = ["OptimalControlProblem"]
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class OptimalControlProblem(Model[ControlPlan]):
-    """An optimal control problem, as it is stored, digested, verified and transcribed.
+    """Optimal control problem as it is stored, digested, verified and transcribed.
 
-    People declare one piece by piece: without a definition, ``OptimalControlProblem(name)`` returns
-    a :class:`~crosstrack.models.optimal_control.declaration.problem.ControlProblemBuilder`, which the
-    verbs take like the problem that its ``build()`` returns.
+    Problems are usually declared piece by piece. Without a definition, ``OptimalControlProblem(name)``
+    returns a
+    :class:`~crosstrack.models.optimal_control.declaration.problem.ControlProblemBuilder`, which all
+    functions accept in place of the problem that its ``build()`` returns.
 
     Parameters
     ----------
     name : str
-        A label for people.
+        Label of the problem.
     definition : Definition
-        Such as another problem's, or its JSON data.
+        Definition, for example that of another problem, or its JSON data.
 
     Raises
     ------
     InvalidData
-        At the declaration at fault, or at the first use for what is missing: a state without
-        dynamics, no objective, a free time without bounds.
+        A declaration is invalid. Missing declarations, such as a state without dynamics, no
+        objective or a free time without bounds, raise at first use.
 
     Examples
     --------
-    Bryson and Denham: the least effort that keeps a double integrator below a bound.
+    Bryson and Denham: the smallest effort that keeps a double integrator below a bound.
 
     >>> import crosstrack as ct
     >>> from crosstrack.models import OptimalControlProblem
@@ -81,13 +82,13 @@ class OptimalControlProblem(Model[ControlPlan]):
     plan_type: ClassVar[type] = ControlPlan
 
     if TYPE_CHECKING:
-        # What is called without a definition is a builder, which type checkers do not learn from
+        # Without a definition the result is a builder, which type checkers do not learn from
         # __new__.
         def build(self) -> OptimalControlProblem: ...
         def __getattr__(self, name: str) -> Any: ...
 
     def __new__(cls, name: str = "", **fields: Any) -> Any:
-        """Return a problem, or a builder where no definition is given."""
+        """Return a problem, or a builder if no definition is given."""
         require_casadi("an optimal control problem")
         if fields:
             return object.__new__(cls)
@@ -111,10 +112,15 @@ class OptimalControlProblem(Model[ControlPlan]):
     def given(self, **values: Any) -> OptimalControlProblem:
         """Return the problem with other values of its data, such as ``ocp.given(x0=[1.0, 0.0])``.
 
+        Parameters
+        ----------
+        **values
+            New values by name: a number, or an array of the size of the data.
+
         Raises
         ------
         InvalidData
-            A name is no data of the problem, or a value has another size or is not finite.
+            A name is not data of the problem, or a value has another size or is not finite.
         """
         return type(self)(self.name, definition=self.definition.given(values))
 
@@ -124,42 +130,42 @@ class OptimalControlProblem(Model[ControlPlan]):
         return self.definition.objective_unit
 
     def verify(self, plan: ControlPlan, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective by quadrature and every constraint, the motion integrated anew.
+        """Return the objective and every constraint, with the motion re-integrated.
 
-        The control is integrated with DOP853 from the plan's first state and held against the
-        plan's own; bounds and path constraints are measured on a dense grid between the nodes; the
-        boundary conditions at the ends; integrals by adaptive quadrature; invariants along the way.
+        The control is integrated with DOP853 from the plan's initial state, and the result is compared
+        with the plan's states. Bounds and path constraints are evaluated on a dense grid between the
+        nodes, boundary conditions at the ends, and invariants along the motion. Integrals are computed
+        by adaptive quadrature.
 
-        The last answer is kept: asked again of the same definition, tolerance and numbers, it is
-        given without the work.
+        The last result is cached for equal definition, tolerance and plan.
         """
-        asked = self.definition, _fingerprint(plan), tolerance
-        if isinstance(plan, ControlPlan) and self.__dict__.get("_verified", ((),))[0] == asked:
+        key = self.definition, _fingerprint(plan), tolerance
+        if isinstance(plan, ControlPlan) and self.__dict__.get("_verified", ((),))[0] == key:
             known: Verification = self.__dict__["_verified"][1]
             return known
-        found = verify_control(self.definition, plan, tolerance)
-        self.__dict__["_verified"] = asked, found
-        return found
+        result = verify_control(self.definition, plan, tolerance)
+        self.__dict__["_verified"] = key, result
+        return result
 
     def plan_to_data(self, plan: ControlPlan) -> Any:
         """Return ``{"phases": […], "parameters": {…}}``."""
         return plan.to_data()
 
     def plan_from_data(self, data: Any) -> ControlPlan:
-        """Return the plan in `data`, with its declaration where that fits it."""
+        """Return the plan in `data`, with the declarations of the problem if they fit."""
         plan = ControlPlan.from_data(data)
         try:
             return self.attach(plan)
-        except InvalidData:  # verification says what does not fit
+        except InvalidData:  # the verification reports the reason
             return plan
 
     def attach(self, plan: ControlPlan) -> ControlPlan:
-        """Return `plan` with what is declared: ``plan[name]`` gives outputs and path constraints too.
+        """Return `plan` with the declarations, so that ``plan[name]`` also gives outputs and path constraints.
 
         Raises
         ------
         InvalidData
-            The plan's phases, names or parameters are not the problem's.
+            The phases, names or parameters of the plan differ from those of the problem.
         """
         courses(self.definition, plan)
         return plan.attached(self.definition)
@@ -167,21 +173,21 @@ class OptimalControlProblem(Model[ControlPlan]):
     def describe(self) -> str:
         """Return the size in a few words."""
         phases = self.definition.phases
-        states = sum(len(one.state_names) for one in phases)
-        controls = sum(len(one.control_names) for one in phases)
+        states = sum(len(phase.state_names) for phase in phases)
+        controls = sum(len(phase.control_names) for phase in phases)
         return f"{len(phases)} phase{'s' * (len(phases) > 1)}, {states} states, {controls} controls"
 
 
 def _fingerprint(plan: Any) -> bytes:
-    """Return what tells plans apart whose motion differs in any bit; costates are left aside."""
-    found = hashlib.sha256()
+    """Return a digest of all numbers of a plan that its motion depends on, without costates."""
+    hasher = hashlib.sha256()
     if isinstance(plan, ControlPlan):
         for name, value in sorted(plan.parameters.items()):
-            found.update(repr((name, value.shape)).encode() + value.tobytes())
-        for one in plan.phases:
-            found.update(repr((one.name, one.state_names, one.control_names)).encode())
-            for part in (one.states, one.controls):
+            hasher.update(repr((name, value.shape)).encode() + value.tobytes())
+        for phase in plan.phases:
+            hasher.update(repr((phase.name, phase.state_names, phase.control_names)).encode())
+            for part in (phase.states, phase.controls):
                 for array in (part.knots, *part.nodes, *part.values, part.lower, part.upper):
-                    found.update(b"none" if array is None else repr(array.shape).encode())
-                    found.update(b"" if array is None else array.tobytes())
-    return found.digest()
+                    hasher.update(b"none" if array is None else repr(array.shape).encode())
+                    hasher.update(b"" if array is None else array.tobytes())
+    return hasher.digest()

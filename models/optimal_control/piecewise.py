@@ -18,24 +18,25 @@ __all__ = ["Piecewise"]
 
 Floats = NDArray[np.float64]
 
-#: How far outside its interval, relative to the whole length, a time may lie by rounding.
+#: Largest distance of a time from the interval that is attributed to rounding, relative to its length.
 EDGE = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Piecewise:
-    """A vector of functions of time, one polynomial in Lagrange form an interval.
+    """Vector of functions of time, with one polynomial in Lagrange form per interval.
 
     Parameters
     ----------
     knots : ndarray, shape (intervals + 1,)
-        Where the intervals begin and end, increasing.
+        Ends of the intervals, increasing.
     nodes : tuple of ndarray
-        One an interval: distinct positions in [-1, 1], where -1 is its begin and 1 its end.
+        Distinct positions of the nodes in [-1, 1], one array per interval; -1 is its start and 1 its
+        end.
     values : tuple of ndarray, shape (nodes, size)
-        The values at the nodes.
+        Values at the nodes, one array per interval.
     lower, upper : ndarray, shape (size,), optional
-        Where the values saturate: what lies beyond is cut off, as an actuator does it.
+        Saturation limits: values beyond are clipped, as by an actuator.
     """
 
     knots: Floats
@@ -52,7 +53,7 @@ class Piecewise:
         for name in ("nodes", "values"):
             if not isinstance(getattr(self, name), list | tuple):
                 raise InvalidData(
-                    f"{name} must be a list, one entry an interval, got {show(getattr(self, name))}",
+                    f"{name} must be a list with one entry per interval, got {show(getattr(self, name))}",
                     field=name,
                 )
         if len(self.nodes) != count or len(self.values) != count:
@@ -65,15 +66,19 @@ class Piecewise:
         nodes: list[Floats] = []
         values: list[Floats] = []
         for k in range(count):
-            at = Array(("n",), lower=-1.0, upper=1.0).coerce(f"nodes[{k}]", self.nodes[k], {})
-            if at.size == 0 or not (np.diff(at) > 0).all():
-                raise InvalidData(f"nodes[{k}] must increase, got {at.tolist()}", field="nodes")
-            if k and at.size == nodes[-1].size and (at == nodes[-1]).all():
-                at = nodes[-1]  # kept once: a mesh has few different sets
-            inner = {**sizes, "nodes": (at.size, f"nodes[{k}]")}
+            positions = Array(("n",), lower=-1.0, upper=1.0).coerce(
+                f"nodes[{k}]", self.nodes[k], {}
+            )
+            if positions.size == 0 or not (np.diff(positions) > 0).all():
+                raise InvalidData(
+                    f"nodes[{k}] must increase, got {positions.tolist()}", field="nodes"
+                )
+            if k and positions.size == nodes[-1].size and (positions == nodes[-1]).all():
+                positions = nodes[-1]  # share equal arrays: a mesh has few distinct sets of nodes
+            inner = {**sizes, "nodes": (positions.size, f"nodes[{k}]")}
             table = Array(("nodes", "size")).coerce(f"values[{k}]", self.values[k], inner)
             sizes.setdefault("size", (table.shape[1], "values[0]"))
-            nodes.append(at)
+            nodes.append(positions)
             values.append(table)
         object.__setattr__(self, "knots", knots)
         object.__setattr__(self, "nodes", tuple(nodes))
@@ -99,16 +104,16 @@ class Piecewise:
     @cached_property
     def _weights(self) -> tuple[Floats, ...]:
         known: dict[int, Floats] = {}
-        for at in self.nodes:
-            if id(at) not in known:
-                known[id(at)] = frozen(barycentric_weights(at))
-        return tuple(known[id(at)] for at in self.nodes)
+        for positions in self.nodes:
+            if id(positions) not in known:
+                known[id(positions)] = frozen(barycentric_weights(positions))
+        return tuple(known[id(positions)] for positions in self.nodes)
 
     def _cut(self, values: Floats) -> Floats:
         if self.lower is None and self.upper is None:
             return values
-        found: Floats = np.clip(values, self.lower, self.upper)
-        return found
+        result: Floats = np.clip(values, self.lower, self.upper)
+        return result
 
     def on(self, interval: int, points: ArrayLike) -> Floats:
         """Return the values in `interval` at `points` in [-1, 1], shape (points, size)."""
@@ -116,9 +121,9 @@ class Piecewise:
         return self._cut(matrix @ self.values[interval])
 
     def on_each(self, intervals: NDArray[np.int64], points: ArrayLike) -> Floats:
-        """Return the values at the same `points` of `intervals` that have the same nodes.
+        """Return the values at the same `points` of `intervals` with equal nodes.
 
-        Shape (intervals, points, size).
+        The shape is (intervals, points, size).
         """
         first = intervals[0]
         matrix = interpolation(self.nodes[first], points, self._weights[first])
@@ -127,17 +132,22 @@ class Piecewise:
     def __call__(self, t: ArrayLike, derivative: int = 0) -> Floats:
         """Return the values at times `t`, shape (…, size); at a knot, those of the interval after it.
 
-        A derivative is that of the polynomials, saturation left aside.
+        Parameters
+        ----------
+        t : array_like
+            Times between the first and the last knot.
+        derivative : int
+            Order of the derivative. Derivatives are those of the polynomials, without saturation.
 
         Raises
         ------
         InvalidData
-            A time lies outside the knots, or is no number; a derivative is no whole number >= 0.
+            A time is outside of the knots or not a number, or the derivative is not an integer >= 0.
         """
         order = Whole(0).coerce("derivative", derivative, {})
         try:
             times = np.asarray(t, float)
-        except Exception:  # whatever a stranger's conversion raises
+        except Exception:  # custom conversions may raise anything
             raise InvalidData(f"t must be numbers, got {show(t)}", field="t") from None
         flat = times.reshape(-1)
         begin, end = self.knots[0], self.knots[-1]
@@ -149,20 +159,20 @@ class Piecewise:
             )
         flat = np.clip(flat, begin, end)
         place = np.clip(np.searchsorted(self.knots, flat, side="right") - 1, 0, self.intervals - 1)
-        found = np.empty((flat.size, self.size))
+        result = np.empty((flat.size, self.size))
         for k in np.unique(place):
-            here = place == k
+            inside = place == k
             low, high = self.knots[k], self.knots[k + 1]
-            tau = 2.0 * (flat[here] - low) / (high - low) - 1.0
+            tau = 2.0 * (flat[inside] - low) / (high - low) - 1.0
             if order == 0:
-                found[here] = self.on(int(k), tau)
+                result[inside] = self.on(int(k), tau)
                 continue
             table = self.values[k]
-            turn = differentiation(self.nodes[k]) * (2.0 / (high - low))
+            differentiate = differentiation(self.nodes[k]) * (2.0 / (high - low))
             for _ in range(order):
-                table = turn @ table
-            found[here] = interpolation(self.nodes[k], tau, self._weights[k]) @ table
-        return found.reshape((*times.shape, self.size))
+                table = differentiate @ table
+            result[inside] = interpolation(self.nodes[k], tau, self._weights[k]) @ table
+        return result.reshape((*times.shape, self.size))
 
     def to_data(self) -> dict[str, Any]:
         """Return the functions as JSON data."""
@@ -171,7 +181,7 @@ class Piecewise:
             return None if values is None else Array(("n",), infinity=sign).encode(values)
 
         return {
-            "nodes": [at.tolist() for at in self.nodes],
+            "nodes": [positions.tolist() for positions in self.nodes],
             "values": [table.tolist() for table in self.values],
             "lower": bound(self.lower, -1),
             "upper": bound(self.upper, 1),
@@ -179,7 +189,7 @@ class Piecewise:
 
     @classmethod
     def from_data(cls, data: Any, knots: Any, what: str) -> Piecewise:
-        """Return the functions that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        """Return the functions that :meth:`to_data` wrote; invalid data raise ``InvalidData``."""
         keys = {"nodes", "values", "lower", "upper"}
         if not isinstance(data, Mapping) or not {"nodes", "values"} <= set(data) <= keys:
             raise InvalidData(
@@ -189,7 +199,7 @@ class Piecewise:
         for key in ("nodes", "values"):
             if not isinstance(data[key], Sequence) or isinstance(data[key], str):
                 raise InvalidData(
-                    f"{what}: {key} must be a list, one entry an interval, got {show(data[key])}",
+                    f"{what}: {key} must be a list with one entry per interval, got {show(data[key])}",
                     field=what,
                 )
         return cls(

@@ -1,4 +1,4 @@
-"""What solves an optimal control problem: states and controls as piecewise polynomials of time."""
+"""Plans of optimal control problems: states and controls as piecewise polynomials of time."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ __all__ = ["ControlPlan", "PhasePlan", "Piecewise"]
 
 Floats = NDArray[np.float64]
 
-#: Times that a grid may have.
+#: Largest number of times of a grid.
 MOST_SAMPLES = 10_000_000
-#: States that a plan's one line names.
+#: Number of states in the one-line description of a plan.
 SHOWN = 4
 
 
 def _short(value: float) -> str:
-    """Return a number for people, rounding noise left out."""
+    """Return a number for display, with rounding noise as 0."""
     return f"{0.0 if abs(value) < 1e-9 else value:.6g}"
 
 
@@ -40,18 +40,18 @@ class PhasePlan:
     Parameters
     ----------
     name : str
-        The phase's name.
+        Name of the phase.
     states, controls : Piecewise
-        The functions, on the same knots; a control may saturate.
+        Functions with the same knots; controls may saturate.
     state_names, control_names : tuple of str
-        One a function; entries of a vector are called ``"q[0]"``, ``"q[1]"`` …
+        Names of the functions; entries of a vector are ``"q[0]"``, ``"q[1]"`` …
     costates : Piecewise, optional
-        Multipliers of the dynamics (λ), one a state, where a transcription gave them.
+        Multipliers of the dynamics (λ), one per state; None if the transcription gives none.
     declared : Phase, optional
-        The phase's declaration: what else it names, such as outputs and path constraints, is a
-        function of time then. It is not stored; :meth:`OptimalControlProblem.attach` gives it.
+        Declaration of the phase, which makes outputs and path constraints available as functions of
+        time. It is not stored; :meth:`OptimalControlProblem.attach` sets it.
     values : ndarray, shape (parameters,), optional
-        Values of the parameters, for the declaration.
+        Values of the parameters, used with the declaration.
     """
 
     name: str
@@ -98,33 +98,42 @@ class PhasePlan:
 
     @property
     def start(self) -> float:
-        """Time at which the phase begins (t0)."""
+        """Start time of the phase (t0)."""
         return float(self.states.knots[0])
 
     @property
     def end(self) -> float:
-        """Time at which it ends (tf)."""
+        """End time of the phase (tf)."""
         return float(self.states.knots[-1])
 
     @property
     def duration(self) -> float:
-        """Its length in time."""
+        """Duration of the phase."""
         return self.end - self.start
 
     def grid(self, count: int = 201) -> Floats:
-        """Return `count` even times from begin to end."""
+        """Return `count` equidistant times from start to end."""
         number = Whole(2, MOST_SAMPLES).coerce("count", count, {})
         return np.linspace(self.start, self.end, number)
 
     def __getitem__(self, name: str) -> Signal:
-        """Return what is called `name` as a function of time.
+        """Return the signal called `name` as a function of time.
 
-        That is a state or a control, or an output, path constraint or invariant of the declaration.
+        Parameters
+        ----------
+        name : str
+            Name of a state or control, or of an output, path constraint or invariant of the
+            declaration.
+
+        Returns
+        -------
+        Signal
+            Function of time.
 
         Raises
         ------
         UnknownName
-            Nothing is called so, or the plan does not know its declaration, see
+            No signal has this name, or the plan lacks its declaration, see
             :meth:`OptimalControlProblem.attach`.
         """
         for part, names in (
@@ -135,20 +144,20 @@ class PhasePlan:
                 break
             if name in names:
                 return Signal(part, (names.index(name),), scalar=True)
-            entries = tuple(k for k, one in enumerate(names) if one.startswith(f"{name}["))
+            entries = tuple(k for k, item in enumerate(names) if item.startswith(f"{name}["))
             if entries:
                 return Signal(part, entries, scalar=False)
         known = [*self.state_names, *self.control_names]
         if self.declared is None:
             kind = "state or control (model.attach(plan) gives outputs and path constraints too)"
             raise UnknownName(f"{kind} of phase {self.name!r}", name, known)
-        at = 0
-        for one in self.declared.observed:
-            if isinstance(name, str) and one.name == name:
-                entries = tuple(range(at, at + one.size))
-                return Signal(self.observed, entries, scalar=one.size == 1)
-            at += one.size
-        known += [one.name for one in self.declared.observed]
+        start = 0
+        for item in self.declared.observed:
+            if isinstance(name, str) and item.name == name:
+                entries = tuple(range(start, start + item.size))
+                return Signal(self.observed, entries, scalar=item.size == 1)
+            start += item.size
+        known += [item.name for item in self.declared.observed]
         raise UnknownName(
             f"state or control, constraint or output, of phase {self.name!r}", name, known
         )
@@ -159,7 +168,7 @@ class PhasePlan:
         Raises
         ------
         InvalidData
-            The plan does not know its declaration, or a derivative is asked for.
+            The plan lacks its declaration, or `derivative` is not 0.
         """
         if self.declared is None or self.values is None:
             raise InvalidData(
@@ -174,13 +183,13 @@ class PhasePlan:
             )
         x, u = self.states(t), self.controls(t)
         times = np.asarray(t, float)
-        found = self.declared.observe(
+        parts = self.declared.observe(
             times.reshape(-1), x.reshape(-1, x.shape[-1]), u.reshape(-1, u.shape[-1]), self.values
         )
-        return np.concatenate(found, axis=1).reshape((*times.shape, -1))
+        return np.concatenate(parts, axis=1).reshape((*times.shape, -1))
 
     def simulate(self, **options: Any) -> Simulation:
-        """Return the flight with this control under disturbances, see :func:`~.simulation.simulate`."""
+        """Return the motion with this control under disturbances, see :func:`~.simulation.simulate`."""
         from .simulation import simulate
 
         return simulate(self, **options)
@@ -220,16 +229,16 @@ class PhasePlan:
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """One state, control or declared expression of a plan as a function of time.
+    """State, control or declared expression of a plan as a function of time.
 
     Parameters
     ----------
     source : callable
-        A function of times and the order of a derivative, such as a :class:`Piecewise`.
+        Function of times and the order of a derivative, such as a :class:`Piecewise`.
     entries : tuple of int
-        Its columns there.
+        Columns of the signal in the values of `source`.
     scalar : bool
-        Whether its values are numbers, not vectors.
+        Whether the values are numbers rather than vectors.
     """
 
     source: Callable[[ArrayLike, int], Floats]
@@ -237,22 +246,22 @@ class Signal:
     scalar: bool
 
     def __call__(self, t: ArrayLike, derivative: int = 0) -> Floats:
-        """Return the values at times `t`, of its shape, with one more axis for a vector."""
-        found = self.source(t, derivative)[..., list(self.entries)]
-        return found[..., 0] if self.scalar else found
+        """Return the values at times `t`, with the shape of `t` and an additional axis for a vector."""
+        values = self.source(t, derivative)[..., list(self.entries)]
+        return values[..., 0] if self.scalar else values
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ControlPlan:
-    """States, controls, times and parameters that answer an optimal control problem.
+    """Plan of an optimal control problem: states, controls, times and parameters.
 
-    ``plan["x"](t)`` is a state or control of a plan with one phase; with several, ask the phase:
+    ``plan["x"](t)`` evaluates a state or control of a plan with one phase. With several phases, use
     ``plan.phases[1]["x"](t)`` or ``plan.phase("coast")["x"](t)``.
 
     Parameters
     ----------
     phases : tuple of PhasePlan
-        In the order of the problem.
+        Phases, in the order of the problem.
     parameters : mapping of str to ndarray
         Values of the parameters.
     """
@@ -271,7 +280,7 @@ class ControlPlan:
             single = [value] if np.isscalar(value) else value
             values[name] = Array(("size",)).coerce(f"parameters[{name!r}]", single, {})
         object.__setattr__(self, "parameters", values)
-        if not self.phases or not all(isinstance(one, PhasePlan) for one in self.phases):
+        if not self.phases or not all(isinstance(part, PhasePlan) for part in self.phases):
             raise InvalidData(
                 f"phases of a plan must be 1 PhasePlan at least, got {show(self.phases)}",
                 field="phases",
@@ -282,18 +291,18 @@ class ControlPlan:
 
     def __str__(self) -> str:
         parts = []
-        for one in self.phases:
+        for part in self.phases:
             ends = [
                 f"{name} {_short(begin)} → {_short(end)}"
                 for name, begin, end in zip(
-                    one.state_names, one.states(one.start), one.states(one.end), strict=True
+                    part.state_names, part.states(part.start), part.states(part.end), strict=True
                 )
             ]
             if len(ends) > SHOWN:
                 ends = [*ends[:SHOWN], "…"]
             parts.append(
-                f"{one.name}: t {_short(one.start)} → {one.end:.8g}, {', '.join(ends)} "
-                f"({one.states.intervals} intervals)"
+                f"{part.name}: t {_short(part.start)} → {part.end:.8g}, {', '.join(ends)} "
+                f"({part.states.intervals} intervals)"
             )
         parts += [
             f"{name} = {', '.join(map(_short, value))}" for name, value in self.parameters.items()
@@ -301,34 +310,34 @@ class ControlPlan:
         return "; ".join(parts)
 
     def phase(self, name: str) -> PhasePlan:
-        """Return the phase called `name`."""
-        for one in self.phases:
-            if isinstance(name, str) and one.name == name:
-                return one
-        raise UnknownName("phase", name, [one.name for one in self.phases])
+        """Return the phase called `name`, or raise ``UnknownName``."""
+        for part in self.phases:
+            if isinstance(name, str) and part.name == name:
+                return part
+        raise UnknownName("phase", name, [part.name for part in self.phases])
 
     @property
     def start(self) -> float:
-        """Time at which the first phase begins."""
+        """Start time of the first phase."""
         return self.phases[0].start
 
     @property
     def end(self) -> float:
-        """Time at which the last phase ends."""
+        """End time of the last phase."""
         return self.phases[-1].end
 
     def grid(self, count: int = 201) -> Floats:
-        """Return `count` even times over a plan's only phase."""
+        """Return `count` equidistant times over the phase of a plan with one phase."""
         return self._only("grid").grid(count)
 
     def __getitem__(self, name: str) -> Signal:
-        """Return a signal of a plan's only phase as a function of time."""
+        """Return a signal of a plan with one phase as a function of time."""
         return self._only(repr(name))[name]
 
     def attached(self, definition: Definition) -> ControlPlan:
         """Return the plan with the declaration of each phase, which must fit it."""
-        given = [self.parameters[one.name] for one in definition.parameters]
-        values = frozen(np.concatenate([*given, np.empty(0)]))
+        parameters = [self.parameters[parameter.name] for parameter in definition.parameters]
+        values = frozen(np.concatenate([*parameters, np.empty(0)]))
         return replace(
             self,
             phases=tuple(
@@ -338,7 +347,7 @@ class ControlPlan:
         )
 
     def simulate(self, **options: Any) -> Simulation:
-        """Return the flight of a plan's only phase under disturbances; as :meth:`PhasePlan.simulate`."""
+        """Return the simulation of a plan with one phase; see :meth:`PhasePlan.simulate`."""
         return self._only("simulate").simulate(**options)
 
     def __iter__(self) -> Iterator[PhasePlan]:
@@ -346,7 +355,7 @@ class ControlPlan:
 
     def _only(self, what: str) -> PhasePlan:
         if len(self.phases) > 1:
-            names = ", ".join(repr(one.name) for one in self.phases)
+            names = ", ".join(repr(part.name) for part in self.phases)
             raise InvalidData(
                 f"{what}: the plan has {len(self.phases)} phases ({names}); ask one of them",
                 field="phases",
@@ -356,13 +365,13 @@ class ControlPlan:
     def to_data(self) -> dict[str, Any]:
         """Return the plan as JSON data."""
         return {
-            "phases": [one.to_data() for one in self.phases],
+            "phases": [part.to_data() for part in self.phases],
             "parameters": {name: value.tolist() for name, value in self.parameters.items()},
         }
 
     @classmethod
     def from_data(cls, data: Any) -> ControlPlan:
-        """Return the plan that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        """Return the plan that :meth:`to_data` wrote; invalid data raise ``InvalidData``."""
         if not isinstance(data, Mapping) or not {"phases"} <= set(data) <= {"phases", "parameters"}:
             raise InvalidData(
                 f"a plan must be an object with phases and parameters, got {show(data)}",
@@ -379,4 +388,4 @@ class ControlPlan:
             str(name): Array(("size",)).coerce(f"parameters[{name!r}]", value, {})
             for name, value in parameters.items()
         }
-        return cls(tuple(PhasePlan.from_data(one) for one in data["phases"]), values)
+        return cls(tuple(PhasePlan.from_data(part) for part in data["phases"]), values)

@@ -1,8 +1,8 @@
-"""The picture of an optimal control: states, controls and what bounds them, over time.
+"""Picture of an optimal control: states, controls and their bounds over time.
 
-One panel a state, a control and a path constraint; a vector has one panel for all its entries. Dashed
-lines are limits, dots the nodes of the mesh, ticks its knots. On demand the costates, and how far
-the plan lies from the motion that its control makes when it is integrated anew.
+There is one panel per state, control and path constraint; the entries of a vector share a panel.
+Dashed lines are limits, dots are nodes of the mesh and ticks its knots. Optional panels show the
+costates and the deviation of the plan from its re-integrated motion.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ __all__ = ["curves_of", "draw", "guessed", "nodes_of", "sampled"]
 
 Floats = NDArray[np.float64]
 
-#: Panels up to which one and two columns are enough.
+#: Largest numbers of panels in one column and in two.
 _ONE, _TWO = 3, 10
-#: Points of a curve an interval at the least, and in all about.
+#: Smallest number of points of a curve per interval, and their approximate total.
 _FEWEST, _POINTS = 12, 2400
 
 
@@ -58,10 +58,10 @@ def draw(
     Parameters
     ----------
     model : OptimalControlProblem
-        The problem.
+        Problem.
     plan : ControlPlan, optional
-        A plan of it, valid or not; where it breaks a limit, the worst place is ringed in red. None
-        draws the guess that the search starts from.
+        Plan of the problem, valid or not. The worst violation of a limit is ringed in red. None
+        draws the guess from which the search starts.
     only : tuple of str, optional
         Names of the states, controls and path constraints to draw, in this order; all by default.
     paths : bool
@@ -69,52 +69,52 @@ def draw(
     costates : bool
         Whether to draw the costates λ, which pseudospectral transcriptions give.
     deviation : bool
-        Whether to draw how far the plan is from its motion integrated anew, relative to the size of
-        each state.
+        Whether to draw the deviation of the plan from its re-integrated motion, relative to the size
+        of each state.
     mesh : bool
-        Whether to draw the nodes as dots and the knots as ticks; where there are too many of them to
-        be told apart, they are left out.
+        Whether to draw the nodes as dots and the knots as ticks. They are omitted if there are too
+        many to distinguish.
     tolerance : float
-        Largest violation accepted, relative, for what the title says and what is ringed: that of
-        the solution.
+        Largest accepted relative violation, for the title and the rings; by default that of the
+        solution.
     columns : int, optional
-        Columns of panels, by default as many as the number of panels needs.
+        Number of columns of panels; by default chosen from the number of panels.
     title : str, optional
-        Instead of the name, the objective, the end and the parameters.
+        Title; by default the name, the objective, the end time and the parameters.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.figure.Figure
-        The panels, column by column: states, controls, path constraints, outputs, costates, deviation.
+        Panels column by column: states, controls, path constraints, outputs, costates, deviation.
 
     Raises
     ------
     InvalidData
-        The plan is none of the problem.
+        The plan does not fit the problem.
     UnsupportedOption
-        An option has a value that is not allowed, or asks for what the plan has not.
+        The value of an option is not allowed, or the plan lacks the requested data.
     """
     definition = model.definition
     check_flags(paths=paths, costates=costates, deviation=deviation, mesh=mesh)
     check_tolerance(tolerance)
     drawn = guessed(definition) if plan is None else plan
-    found = courses(definition, drawn)
-    panels = list(_panels(found, paths and plan is not None, tolerance))
+    phases = courses(definition, drawn)
+    panels = list(_panels(phases, paths and plan is not None, tolerance))
     if only is not None:
         known = {panel.title: panel for panel in panels}
         names = check_list(
-            "only", only, lambda one: isinstance(one, str) and one in known,
+            "only", only, lambda item: isinstance(item, str) and item in known,
             f"hold some of {', '.join(map(repr, known))}",
         )  # fmt: skip
         panels = [known[name] for name in names]
     if plan is None and (costates or deviation):
-        raise UnsupportedOption("costates and deviation are of a plan, and there is none")
+        raise UnsupportedOption("costates and deviation need a plan, got None")
     if costates:
-        panels += _costates(found)
+        panels += _costates(phases)
     if deviation:
-        panels.append(_deviation(model, drawn, found, tolerance))
+        panels.append(_deviation(model, drawn, phases, tolerance))
     verification = None if plan is None else model.verify(drawn, tolerance=tolerance)
     text = _title(model, drawn, verification) if title is None else title
     unit = pretty_unit(definition.phases[0].time_unit)
@@ -137,7 +137,7 @@ def _columns(columns: Any, panels: int) -> int:
 
 
 def guessed(definition: Definition) -> ControlPlan:
-    """Return the guess that the search starts from as a plan."""
+    """Return the guess from which the search starts as a plan."""
     phases = []
     for phase in definition.phases:
         guess: Guess = phase.guess
@@ -151,101 +151,108 @@ def guessed(definition: Definition) -> ControlPlan:
             PhasePlan(phase.name, parts[0], parts[1], phase.state_names, phase.control_names)
         )
     return ControlPlan(
-        tuple(phases), {one.name: one.initial_lower for one in definition.parameters}
+        tuple(phases),
+        {parameter.name: parameter.initial_lower for parameter in definition.parameters},
     )
 
 
 def sampled(part: PhasePlan) -> tuple[Floats, Floats, Floats]:
-    """Return times, states and controls of a phase for its curves; a knot comes twice."""
+    """Return times, states and controls of a phase for its curves; knots appear twice."""
     even = np.linspace(-1.0, 1.0, max(_FEWEST, _POINTS // part.states.intervals))
     rows = []
     for k in range(part.states.intervals):
-        at = np.unique(np.concatenate([even, part.states.nodes[k], part.controls.nodes[k]]))
-        rows.append((_times(part.states, k, at), part.states.on(k, at), part.controls.on(k, at)))
+        positions = np.unique(np.concatenate([even, part.states.nodes[k], part.controls.nodes[k]]))
+        rows.append(
+            (
+                _times(part.states, k, positions),
+                part.states.on(k, positions),
+                part.controls.on(k, positions),
+            )
+        )
     times, states, controls = (np.concatenate(column) for column in zip(*rows, strict=True))
     return times, states, controls
 
 
 def nodes_of(part: Piecewise) -> tuple[Floats, Floats]:
-    """Return times and values of the nodes of a plan's functions, (nodes,) and (nodes, size)."""
-    times = [_times(part, k, at) for k, at in enumerate(part.nodes)]
-    values = [part.on(k, at) for k, at in enumerate(part.nodes)]
+    """Return times and values of the nodes of a plan's functions, shapes (nodes,) and (nodes, size)."""
+    times = [_times(part, k, positions) for k, positions in enumerate(part.nodes)]
+    values = [part.on(k, positions) for k, positions in enumerate(part.nodes)]
     return np.concatenate(times), np.concatenate(values)
 
 
 def _times(part: Piecewise, interval: int, at: Floats) -> Floats:
     begin, end = part.knots[interval : interval + 2]
-    found: Floats = begin + 0.5 * (at + 1.0) * (end - begin)
-    return found
+    result: Floats = begin + 0.5 * (at + 1.0) * (end - begin)
+    return result
 
 
 def curves_of(
     names: Sequence[str], times: Floats, values: Floats, nodes: tuple[Floats, Floats] | None = None
 ) -> tuple[list[Curve], list[Mark]]:
-    """Return the curves of a table, one a column, and their nodes (times and table)."""
+    """Return the curves of a table, one per column, and the marks of their nodes (times and table)."""
     curves = [Curve(name, k, times, values[:, k]) for k, name in enumerate(names)]
     dots = [] if nodes is None else list(nodes[1].T)
     return curves, [Mark("node", nodes[0], dot, k) for k, dot in enumerate(dots) if nodes]
 
 
-def _panels(found: Sequence[Course], paths: bool, tolerance: float) -> Iterator[Panel]:
-    """Yield the panels of states, controls and path constraints; phases share those of a name."""
-    samples = [sampled(course.plan) for course in found]
+def _panels(phases: Sequence[Course], paths: bool, tolerance: float) -> Iterator[Panel]:
+    """Yield the panels of states, controls and path constraints; equal names of phases share a panel."""
+    samples = [sampled(course.plan) for course in phases]
     for k, what in enumerate(("states", "controls"), 1):
-        dots = [nodes_of(getattr(course.plan, what)) for course in found]
-        yield from _of_kind(found, what, [(one[0], one[k]) for one in samples], dots, tolerance)
+        dots = [nodes_of(getattr(course.plan, what)) for course in phases]
+        yield from _of_kind(phases, what, [(item[0], item[k]) for item in samples], dots, tolerance)
     if paths:
-        tables = [(course.dense.times, course.dense_values["path"]) for course in found]
-        yield from _of_kind(found, "paths", tables, None, tolerance)
-        shown = [c.phase.observe(*c.dense[2:], c.parameters)[2] for c in found]
-        tables = [(c.dense.times, table) for c, table in zip(found, shown, strict=True)]
-        yield from _of_kind(found, "outputs", tables, None, tolerance)
+        tables = [(course.dense.times, course.dense_values["path"]) for course in phases]
+        yield from _of_kind(phases, "paths", tables, None, tolerance)
+        shown = [c.phase.observe(*c.dense[2:], c.parameters)[2] for c in phases]
+        tables = [(c.dense.times, table) for c, table in zip(phases, shown, strict=True)]
+        yield from _of_kind(phases, "outputs", tables, None, tolerance)
 
 
 def _of_kind(
-    found: Sequence[Course], what: str, tables: Sequence[tuple[Floats, Floats]],
+    phases: Sequence[Course], what: str, tables: Sequence[tuple[Floats, Floats]],
     dots: Sequence[tuple[Floats, Floats]] | None, tolerance: float | None, title: str = "{}",
 ) -> Iterator[Panel]:  # fmt: skip
-    """Yield a panel for each name; without a tolerance one that has neither unit nor limits."""
+    """Yield one panel per name; without a tolerance, it has neither unit nor limits."""
     units: dict[str, str] = {}
     gathered: dict[str, tuple[list[Curve], list[Mark], list[Limit]]] = {}
-    for k, course in enumerate(found):
-        at = 0
-        for one in getattr(course.phase, what):
-            own = slice(at, at + one.size)
-            at += one.size
-            at_nodes = None if dots is None else (dots[k][0], dots[k][1][:, own])
-            curves, marks, bounds = gathered.setdefault(one.name, ([], [], []))
+    for k, course in enumerate(phases):
+        start = 0
+        for item in getattr(course.phase, what):
+            columns = slice(start, start + item.size)
+            start += item.size
+            at_nodes = None if dots is None else (dots[k][0], dots[k][1][:, columns])
+            curves, marks, bounds = gathered.setdefault(item.name, ([], [], []))
             lines, nodes = curves_of(
-                entry_names([one]), tables[k][0], tables[k][1][:, own], at_nodes
+                entry_names([item]), tables[k][0], tables[k][1][:, columns], at_nodes
             )
             curves += lines
             marks += nodes
-            bounds += [] if tolerance is None else _limits(one, course, tolerance)
-            units[one.name] = units.get(one.name) or ("" if tolerance is None else one.unit)
+            bounds += [] if tolerance is None else _limits(item, course, tolerance)
+            units[item.name] = units.get(item.name) or ("" if tolerance is None else item.unit)
     for name, (curves, marks, bounds) in gathered.items():
         yield Panel(title.format(name), units[name], curves, bounds, marks)
 
 
-def _limits(one: Quantity | Restriction, course: Course, tolerance: float) -> Iterator[Limit]:
-    """Yield the bounds over a phase; entries that have the same ones share them."""
+def _limits(item: Quantity | Restriction, course: Course, tolerance: float) -> Iterator[Limit]:
+    """Yield the bounds over a phase; entries with equal bounds share them."""
     groups: dict[tuple[float, float], list[int]] = {}
-    for entry, pair in enumerate(zip(one.lower.tolist(), one.upper.tolist(), strict=True)):
+    for entry, pair in enumerate(zip(item.lower.tolist(), item.upper.tolist(), strict=True)):
         groups.setdefault(pair, []).append(entry)
     times = np.array([course.plan.start, course.plan.end])
     for (lower, upper), members in groups.items():
         edges = [abs(edge) for edge in (lower, upper) if np.isfinite(edge)]
-        # As the checks have it: path constraints are measured in their own scale, too.
-        typical = float(one.scale[members].max())
-        typical = typical if isinstance(one, Restriction) else min(typical, 1.0)
-        colours = () if len(members) == one.size else tuple(members)
+        # As in the verification: the tolerance of a path constraint also scales with its size.
+        typical = float(item.scale[members].max())
+        typical = typical if isinstance(item, Restriction) else min(typical, 1.0)
+        colours = () if len(members) == item.size else tuple(members)
         if edges:
             yield Limit(times, lower, upper, colours, tolerance * max(typical, *edges))
 
 
-def _costates(found: Sequence[Course]) -> Iterator[Panel]:
+def _costates(phases: Sequence[Course]) -> Iterator[Panel]:
     tables, dots = [], []
-    for course in found:
+    for course in phases:
         name, part = course.plan.name, course.plan.costates
         if part is None:
             raise UnsupportedOption(
@@ -255,41 +262,43 @@ def _costates(found: Sequence[Course]) -> Iterator[Panel]:
         names = course.plan.state_names
         tables.append(sampled(PhasePlan(name, part, part, names, names))[:2])
         dots.append(nodes_of(part))
-    yield from _of_kind(found, "states", tables, dots, None, "costate λ of {}")
+    yield from _of_kind(phases, "states", tables, dots, None, "costate λ of {}")
 
 
 def _deviation(
-    model: OptimalControlProblem, plan: ControlPlan, found: Sequence[Course], tolerance: float
+    model: OptimalControlProblem, plan: ControlPlan, phases: Sequence[Course], tolerance: float
 ) -> Panel:
-    """Return the panel of how far the plan is from its motion integrated anew."""
+    """Return the panel of the deviation of the plan from its re-integrated motion."""
     from .checks import motion
 
     curves: list[Curve] = []
-    order = list(dict.fromkeys(one.name for course in found for one in course.phase.states))
-    for k, course in enumerate(found):
-        again = motion(model, plan, k)
-        share = np.abs(again.deviation) / course.state_scale
-        at = 0
-        for one in course.phase.states:
-            largest = share[:, at : at + one.size].max(axis=1)
-            at += one.size
-            # Zeros have no logarithm: the start is one.
+    order = list(dict.fromkeys(item.name for course in phases for item in course.phase.states))
+    for k, course in enumerate(phases):
+        reintegrated = motion(model, plan, k)
+        share = np.abs(reintegrated.deviation) / course.state_scale
+        start = 0
+        for item in course.phase.states:
+            largest = share[:, start : start + item.size].max(axis=1)
+            start += item.size
+            # Zeros, such as the deviation at the start, have no logarithm.
             largest = np.where(largest > 0.0, largest, np.nan)
-            curves.append(Curve(one.name, order.index(one.name), again.times, largest))
+            curves.append(Curve(item.name, order.index(item.name), reintegrated.times, largest))
     limit = Limit(np.array([plan.start, plan.end]), -np.inf, tolerance)
     return Panel("deviation", "relative", curves, [limit], log=True)
 
 
-def _title(model: OptimalControlProblem, plan: ControlPlan, found: Verification | None) -> str:
+def _title(
+    model: OptimalControlProblem, plan: ControlPlan, verification: Verification | None
+) -> str:
     definition = model.definition
-    parts = ["guess"] if found is None else []
-    if found is not None and found.objective is not None:
+    parts = ["guess"] if verification is None else []
+    if verification is not None and verification.objective is not None:
         unit = pretty_unit(definition.objective_unit)
-        parts.append(f"objective = {number(found.objective)} {unit}".rstrip())
+        parts.append(f"objective = {number(verification.objective)} {unit}".rstrip())
     end: Phase = definition.phases[-1]
     unit = pretty_unit(end.time_unit)
     parts.append(f"{number(plan.phases[-1].end, 5)} {unit}".rstrip())
     for name, value in list(plan.parameters.items())[:3]:
         if value.size == 1:
             parts.append(f"{name} = {number(float(value[0]), 5)}")
-    return title_of(model.name, parts, found)
+    return title_of(model.name, parts, verification)

@@ -1,7 +1,7 @@
-"""A phase of a plan at any instants: states, controls, the declared functions, integrals, extremes.
+"""Evaluation of a phase of a plan at any instants: states, controls, functions, integrals, extremes.
 
-Nothing here knows a transcription: the plan is taken as functions of time, and the problem as the
-functions that were declared.
+It is independent of transcriptions: the plan is evaluated as functions of time, and the problem by
+the declared functions.
 """
 
 from __future__ import annotations
@@ -25,28 +25,28 @@ __all__ = ["Course", "Extreme", "Instants", "courses", "endpoint"]
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
-#: Points of the dense grid in an interval, at least, and per node of the plan.
+#: Smallest number of points of the dense grid per interval, and number per node of the plan.
 POINTS, POINTS_A_NODE = 24, 3
-#: Maxima of the grid that are refined, rounds of refinement, and points in each round.
+#: Number of refined maxima of the grid, rounds of refinement, and points per round.
 PEAKS, ROUNDS, SPREAD = 4, 6, 15
-#: Nodes of the Gauss-Legendre rule of the quadrature, how often a panel may be halved, and the
-#: share of the whole integral that a panel may change by when it is.
+#: Nodes of the Gauss-Legendre rule of the quadrature, largest number of halvings of a panel, and
+#: largest change by halving that is accepted, relative to the whole integral.
 RULE, HALVINGS, QUADRATURE = 16, 48, 1e-14
 
 
 class Instants(NamedTuple):
-    """Instants of a phase, each in an interval: at a knot there are two, one from each side.
+    """Instants of a phase, each in an interval; a knot is two instants, one per side.
 
     Attributes
     ----------
     interval : ndarray of int, shape (points,)
-        The interval of the plan.
+        Index of the plan's interval.
     tau : ndarray, shape (points,)
-        The place in it, from -1 to 1.
+        Position in the interval, from -1 to 1.
     times : ndarray, shape (points,)
-        The time.
+        Time.
     states, controls : ndarray, shape (points, size)
-        The plan's values.
+        Values of the plan.
     """
 
     interval: Whole
@@ -57,7 +57,7 @@ class Instants(NamedTuple):
 
 
 class Extreme(NamedTuple):
-    """Where a measure is largest: its value, the entry that has it, and the time."""
+    """Maximum of a measure: value, entry and time."""
 
     value: float
     entry: int
@@ -66,14 +66,14 @@ class Extreme(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """One phase of a plan beside its declaration.
+    """One phase of a plan with its declaration.
 
     Parameters
     ----------
     phase : Phase
-        What was declared.
+        Declaration.
     plan : PhasePlan
-        What is measured; its names and sizes fit.
+        Plan of the phase, with matching names and sizes.
     parameters : ndarray
         Values of the problem's parameters.
     """
@@ -83,7 +83,7 @@ class Course:
     parameters: Floats
 
     def at(self, interval: Whole, tau: Floats) -> Instants:
-        """Return the instants at places `tau` of intervals `interval`, any and in any order."""
+        """Return the instants at positions `tau` of intervals `interval`, in any order."""
         knots = self.plan.states.knots
         begin, end = knots[interval], knots[interval + 1]
         times = np.where(tau >= 1.0, end, begin + 0.5 * (tau + 1.0) * (end - begin))
@@ -98,7 +98,7 @@ class Course:
         return Instants(interval, tau, times, states, controls)
 
     def spread(self, intervals: Whole, tau: Floats) -> Instants:
-        """Return the instants at the same places `tau` of each of `intervals`, whose nodes are the same."""
+        """Return the instants at the same positions `tau` of each of `intervals`, which have equal nodes."""
         knots = self.plan.states.knots
         begin, end = knots[intervals, None], knots[intervals + 1, None]
         times = np.where(tau >= 1.0, end, begin + 0.5 * (tau + 1.0) * (end - begin))
@@ -112,45 +112,46 @@ class Course:
     def values(self, at: Instants, states: Floats | None = None) -> dict[str, Floats]:
         """Return rate, path, integrand and invariant at `at`, each of shape (points, size).
 
-        `states` may stand in for the plan's own.
+        `states` replaces the plan's states if given.
         """
         x = at.states if states is None else states
-        found: Any = self.phase.function(at.times[None, :], x.T, at.controls.T, self.parameters)
+        results: Any = self.phase.function(at.times[None, :], x.T, at.controls.T, self.parameters)
         names = self.phase.function.name_out()
-        # What has no entries at all is 0 by 0 in CasADi, wherever it is evaluated.
+        # CasADi returns a 0 by 0 matrix for a result without entries, at any number of points.
         count = at.times.size
         return {
-            name: part.full().T.reshape(count, -1) for name, part in zip(names, found, strict=True)
+            name: part.full().T.reshape(count, -1)
+            for name, part in zip(names, results, strict=True)
         }
 
     @cached_property
     def places(self) -> tuple[Floats, ...]:
-        """The dense grid of each interval: nodes, and points crowded towards both ends."""
+        """Dense grid of each interval: nodes, and points that cluster at both ends."""
         known: dict[tuple[int, int], Floats] = {}
-        found = []
+        result = []
         for x, u in zip(self.plan.states.nodes, self.plan.controls.nodes, strict=True):
             key = (id(x), id(u))
             if key not in known:
                 count = max(POINTS, POINTS_A_NODE * max(x.size, u.size))
                 crowded = -np.cos(np.linspace(0.0, np.pi, count))
                 known[key] = np.unique(np.concatenate([crowded, x, u]))
-            found.append(known[key])
-        return tuple(found)
+            result.append(known[key])
+        return tuple(result)
 
     @cached_property
     def dense(self) -> Instants:
-        """The dense grid."""
-        sizes = [one.size for one in self.places]
+        """Dense grid of the phase."""
+        sizes = [positions.size for positions in self.places]
         return self.at(np.repeat(np.arange(len(sizes)), sizes), np.concatenate(self.places))
 
     @cached_property
     def dense_values(self) -> dict[str, Floats]:
-        """The declared functions on the dense grid."""
+        """Declared functions on the dense grid."""
         return self.values(self.dense)
 
     @cached_property
     def sizes(self) -> PhaseSizes:
-        """How large states, controls, paths and integrals are along the plan."""
+        """Sizes of states, controls, paths and integrals along the plan."""
         return of_phase(self)
 
     @property
@@ -160,20 +161,20 @@ class Course:
 
     @property
     def integrals(self) -> Floats:
-        """The integrals of the integrands over the phase, shape (integrals,)."""
+        """Integrals of the integrands over the phase, shape (integrals,)."""
         return self._quadrature[0]
 
     @property
     def magnitudes(self) -> Floats:
-        """The integrals of the integrands' magnitudes, roughly, shape (integrals,)."""
+        """Approximate integrals of the integrands' magnitudes, shape (integrals,)."""
         return self._quadrature[1]
 
     @cached_property
     def _quadrature(self) -> tuple[Floats, Floats]:
-        """The integrals, and those of the magnitudes on the first panels.
+        """Integrals, and those of the magnitudes on the initial panels.
 
-        Gauss-Legendre quadrature on panels that are halved until they no longer change, all
-        panels at once; a panel never crosses a knot.
+        Gauss-Legendre quadrature on panels that are halved until their integrals no longer change.
+        All panels are evaluated together. A panel never crosses a knot.
         """
         if not self.phase.integrals:
             return np.zeros(0), np.zeros(0)
@@ -183,20 +184,20 @@ class Course:
         def panels(interval: Whole, low: Floats, high: Floats) -> tuple[Floats, Floats]:
             half = 0.5 * (high - low)
             tau = (0.5 * (high + low))[:, None] + half[:, None] * nodes
-            at = self.at(np.repeat(interval, RULE), tau.ravel())
-            table = self.values(at)["integrand"].reshape(interval.size, RULE, -1)
+            instants = self.at(np.repeat(interval, RULE), tau.ravel())
+            table = self.values(instants)["integrand"].reshape(interval.size, RULE, -1)
             share = weights * (half * 0.5 * lengths[interval])[:, None]
             with np.errstate(all="ignore"):
-                found = np.einsum("kr,kri->ki", share, table)
+                sums = np.einsum("kr,kri->ki", share, table)
                 size = np.einsum("kr,kri->ki", share, np.abs(table))
-            return found, size
+            return sums, size
 
         interval = np.arange(lengths.size)
         low, high = np.full(lengths.size, -1.0), np.ones(lengths.size)
         total: Floats = np.zeros(self.phase.integrals)
-        whole, size = panels(interval, low, high)
+        values, size = panels(interval, low, high)
         size = size.sum(axis=0)
-        enough = QUADRATURE * size
+        limit = QUADRATURE * size
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             interval = np.repeat(interval, 2)
@@ -204,30 +205,35 @@ class Course:
             high = np.stack([middle, high], axis=1).ravel()
             parts, _ = panels(interval, low, high)
             pairs = parts.reshape(-1, 2, parts.shape[1]).sum(axis=1)
-            # What is not finite would never settle: it counts as it is, and makes the sum so.
-            going = (np.abs(pairs - whole) > enough).any(axis=1)
-            total += pairs[~going].sum(axis=0)
-            if not going.any():
+            # Non-finite values would never converge: they are accepted and make the sum non-finite.
+            active = (np.abs(pairs - values) > limit).any(axis=1)
+            total += pairs[~active].sum(axis=0)
+            if not active.any():
                 return total, size
-            kept = np.repeat(going, 2)
-            interval, low, high, whole = interval[kept], low[kept], high[kept], parts[kept]
-        total += whole.sum(axis=0)
+            selected = np.repeat(active, 2)
+            interval, low, high, values = (
+                interval[selected],
+                low[selected],
+                high[selected],
+                parts[selected],
+            )
+        total += values.sum(axis=0)
         return total, size
 
     def largest(self, measure: Callable[[Instants], Floats], on_grid: Floats) -> Extreme:
-        """Return where `measure` is largest over the phase.
+        """Return the maximum of `measure` over the phase.
 
         Parameters
         ----------
         measure : callable
-            Turns instants into values, shape (points, entries).
+            Function from instants to values, shape (points, entries).
         on_grid : ndarray
-            Its values on the dense grid, where the search starts.
+            Values of `measure` on the dense grid, where the search starts.
 
         Notes
         -----
-        The highest maxima of the grid are searched again on finer and finer grids between their
-        neighbours, so that a peak between the points is found as well.
+        The highest maxima of the grid are refined on successively finer grids between their
+        neighbours, so that peaks between the points are included.
         """
         grid = self.dense
         if not np.isfinite(on_grid).all():
@@ -246,17 +252,17 @@ class Course:
         peaks = np.arange(rows.size)
         for _ in range(ROUNDS):
             tau = np.clip(np.linspace(low, high, SPREAD, axis=1), -1.0, 1.0)
-            at = self.at(np.repeat(grid.interval[rows], SPREAD), tau.ravel())
-            table = measure(at).reshape(rows.size, SPREAD, -1)[peaks, :, entries]
+            instants = self.at(np.repeat(grid.interval[rows], SPREAD), tau.ravel())
+            table = measure(instants).reshape(rows.size, SPREAD, -1)[peaks, :, entries]
             if not np.isfinite(table).all():
                 spot = int(np.flatnonzero(~np.isfinite(table.ravel()))[0])
-                return Extreme(np.inf, int(entries[spot // SPREAD]), float(at.times[spot]))
+                return Extreme(np.inf, int(entries[spot // SPREAD]), float(instants.times[spot]))
             column = table.argmax(axis=1)
             top = int(table[peaks, column].argmax())
             if table[top, column[top]] > best.value:
                 spot = top * SPREAD + int(column[top])
                 best = Extreme(
-                    float(table[top, column[top]]), int(entries[top]), float(at.times[spot])
+                    float(table[top, column[top]]), int(entries[top]), float(instants.times[spot])
                 )
             low = tau[peaks, np.maximum(column - 1, 0)]
             high = tau[peaks, np.minimum(column + 1, SPREAD - 1)]
@@ -264,20 +270,21 @@ class Course:
 
 
 def courses(definition: Definition, plan: ControlPlan) -> tuple[Course, ...]:
-    """Return the phases of `plan` beside their declarations.
+    """Return the phases of `plan` with their declarations.
 
     Raises
     ------
     InvalidData
-        The plan's phases, names or parameters are not the problem's, or it is not finite.
+        The phases, names or parameters of the plan differ from those of the problem, or a
+        parameter is not finite.
     """
     required("problem", definition, Definition)
     if not isinstance(plan, ControlPlan):
         raise InvalidData(f"plan must be a ControlPlan, got {show(plan)}", field="plan")
-    _same("phases", [one.name for one in definition.phases], [one.name for one in plan.phases])
-    wanted = {one.name: one.size for one in definition.parameters}
-    _same("parameters", sorted(wanted), sorted(plan.parameters))
-    for name, size in wanted.items():
+    _same("phases", [item.name for item in definition.phases], [item.name for item in plan.phases])
+    sizes = {item.name: item.size for item in definition.parameters}
+    _same("parameters", sorted(sizes), sorted(plan.parameters))
+    for name, size in sizes.items():
         value = plan.parameters[name]
         if value.shape != (size,) or not np.isfinite(value).all():
             raise InvalidData(
@@ -285,32 +292,32 @@ def courses(definition: Definition, plan: ControlPlan) -> tuple[Course, ...]:
                 f"got {show(value.tolist())}",
                 field="parameters",
             )
-    parameters = np.concatenate([*(plan.parameters[name] for name in wanted), np.empty(0)])
-    found = []
+    parameters = np.concatenate([*(plan.parameters[name] for name in sizes), np.empty(0)])
+    result = []
     for phase, part in zip(definition.phases, plan.phases, strict=True):
         for what in ("state_names", "control_names"):
             label = f"{what} of phase {phase.name!r}"
             _same(label, list(getattr(phase, what)), list(getattr(part, what)))
-        found.append(Course(phase, part, parameters))
-    return tuple(found)
+        result.append(Course(phase, part, parameters))
+    return tuple(result)
 
 
-def _same(field: str, wanted: list[str], got: list[str]) -> None:
-    if wanted != got:
-        raise InvalidData(f"{field} of the plan must be {wanted}, got {got}", field=field)
+def _same(field: str, expected: list[str], actual: list[str]) -> None:
+    if expected != actual:
+        raise InvalidData(f"{field} of the plan must be {expected}, got {actual}", field=field)
 
 
 def endpoint(
     phases: Sequence[Course], moved: Sequence[tuple[Floats, Floats]] | None = None
 ) -> Floats:
-    """Return the vector of the ends that objective and boundary constraints are functions of.
+    """Return the endpoint vector, on which the objective and boundary constraints depend.
 
-    `moved` may give other final states and integrals than the plan's, a pair a phase.
+    `moved` may give final states and integrals other than the plan's, one pair per phase.
     """
     parts: list[Floats] = []
-    for k, one in enumerate(phases):
-        states = one.dense.states
-        final, integrals = moved[k] if moved else (states[-1], one.integrals)
-        times = np.array([one.plan.start, one.plan.end])
+    for k, course in enumerate(phases):
+        states = course.dense.states
+        final, integrals = moved[k] if moved else (states[-1], course.integrals)
+        times = np.array([course.plan.start, course.plan.end])
         parts += [times, states[0], final, integrals]
     return np.concatenate(parts)

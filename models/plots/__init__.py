@@ -1,4 +1,4 @@
-"""Pictures of models and their plans; matplotlib is imported only when one is drawn."""
+"""Pictures of models and their plans, drawn with matplotlib."""
 
 from __future__ import annotations
 
@@ -16,75 +16,101 @@ if TYPE_CHECKING:
 
 __all__ = ["picture_options", "plot", "register_plot", "require_matplotlib"]
 
-#: Functions (model, plan, **options) -> Figure that users registered, by model kind.
+#: Functions (model, plan, **options) -> Figure registered by the user, by model kind.
 _REGISTERED: dict[str, Any] = {}
 
 
 def register_plot(kind: str, function: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Draw models of a user's `kind` with ``function(model, plan, **options)``."""
+    """Register ``function(model, plan, **options)`` as the picture of models of `kind`.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the model.
+    function : callable
+        Function that returns a matplotlib figure; its parameters after the second are the options.
+
+    Returns
+    -------
+    callable
+        `function`.
+    """
     _REGISTERED[kind] = function
     return function
 
 
 def plot(model: Any, plan: Any = None, **options: Any) -> Figure:
-    """Draw `model`, and `plan` where one is given.
+    """Draw `model`, and `plan` if one is given.
 
     Parameters
     ----------
     model : Model
-        The model. A :class:`~crosstrack.Front`, or several in a mapping by name, is drawn as such.
+        Model to draw. A :class:`~crosstrack.Front`, or a mapping of names to several, is drawn as
+        such.
     plan : plan, Solution or JSON data, optional
-        A plan for it, valid or not; None draws the data only. A solution is held to the tolerance
-        that it was solved to, where the picture has one.
+        Plan of the model, valid or not; None draws the data only. A solution is checked with the
+        tolerance of its run, if the picture has such an option.
     **options
-        Those of the model's picture, which the problem's page lists.
+        Options of the model's picture, which the problem's page lists.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Tied to no window and no pyplot state: ``plot(…).savefig("route.png")``.
+        Figure without a window or pyplot state: ``plot(…).savefig("route.png")``.
 
     Raises
     ------
     UnknownName
-        There is no picture for this kind of model.
+        This kind of model has no picture.
     UnsupportedOption
-        The picture does not know an option.
+        The picture does not accept an option.
     BackendMissing
         Matplotlib is not installed.
     """
     fronts = list(model.values()) if isinstance(model, Mapping) else [model]
-    if fronts and all(hasattr(one, "second") and hasattr(one, "points") for one in fronts):
+    if fronts and all(hasattr(item, "second") and hasattr(item, "points") for item in fronts):
         require_matplotlib()
         if plan is not None:
             raise UnsupportedOption("a front is drawn with all of its plans: plan must be None")
         from .front import draw_front
 
-        _refuse_unknown("front", draw_front, options, drawn=1)
+        _reject_unknown("front", draw_front, options, drawn=1)
         return draw_front(model, **options)
     model = as_model(model)
     draw = _picture(model.kind)
-    _refuse_unknown(model.kind, draw, options)
-    asked = getattr(plan, "options", None)
-    if isinstance(asked, Mapping) and "tolerance" in picture_options(model.kind):
-        # A solution is as valid as it was asked to be.
-        options.setdefault("tolerance", asked.get("tolerance", TOLERANCE))
+    _reject_unknown(model.kind, draw, options)
+    settings = getattr(plan, "options", None)
+    if isinstance(settings, Mapping) and "tolerance" in picture_options(model.kind):
+        # A solution was verified with the tolerance of its run.
+        options.setdefault("tolerance", settings.get("tolerance", TOLERANCE))
     return draw(model, None if plan is None else model.as_plan(plan), **options)
 
 
 def picture_options(kind: str) -> tuple[str, ...]:
-    """Return the names of the options that pictures of models of `kind` take.
+    """Return the names of the options of the picture for models of `kind`.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the model.
+
+    Returns
+    -------
+    tuple of str
+        Names of the options.
 
     Raises
     ------
-    UnknownName, BackendMissing
-        As :func:`plot` does.
+    UnknownName
+        This kind of model has no picture.
+    BackendMissing
+        Matplotlib is not installed.
     """
     return tuple(inspect.signature(_picture(kind)).parameters)[2:]
 
 
 def require_matplotlib() -> None:
-    """Raise :class:`BackendMissing`, saying what to install, where matplotlib is not there."""
+    """Raise :class:`BackendMissing` with an installation hint if matplotlib is not installed."""
     try:
         import matplotlib.figure  # noqa: F401
     except ModuleNotFoundError as error:
@@ -95,19 +121,19 @@ def require_matplotlib() -> None:
 
 
 def _picture(kind: str) -> Callable[..., Figure]:
-    """Return the function that draws models of `kind`, or raise what :func:`plot` raises."""
+    """Return the function that draws models of `kind`, or raise the errors of :func:`plot`."""
     pictures = {**table(__package__.rpartition(".")[0], "PICTURES"), **_REGISTERED}
     if kind not in pictures:
         raise UnknownName("picture of the model", kind, pictures)
     require_matplotlib()
-    found: Callable[..., Figure] = resolve(pictures[kind])
-    return found
+    result: Callable[..., Figure] = resolve(pictures[kind])
+    return result
 
 
-def _refuse_unknown(
+def _reject_unknown(
     kind: str, draw: Callable[..., Any], options: dict[str, Any], drawn: int = 2
 ) -> None:
-    """Raise where an option is none of the picture's parameters after what is `drawn`."""
+    """Raise if an option is not a parameter of the picture after the first `drawn` ones."""
     parameters = list(inspect.signature(draw).parameters.values())[drawn:]
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         return

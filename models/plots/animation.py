@@ -1,4 +1,4 @@
-"""What moves on a map: the sheet of an animation, its clock, and how it is played."""
+"""Animations on a map: the figure, its clock, and the frames."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ __all__ = ["Stage", "play", "stage_of"]
 
 
 class Stage(NamedTuple):
-    """A map with a clock below it.
+    """Map with a clock below it.
 
     Parameters
     ----------
     figure, axes
-        Of matplotlib.
+        Matplotlib figure and axes.
     scale : float
         Factor from metres to the unit of the axes.
     clock
-        The text below the map, for ``clock.set_text``.
+        Text below the map, set with ``clock.set_text``.
     """
 
     figure: Figure
@@ -52,9 +52,9 @@ def stage_of(low: NDArray[Any], high: NDArray[Any], *, title: str, size: Any) ->
 def play(
     stage: Stage, update: Callable[[int], list[Any]], frames: int, interval: float
 ) -> FuncAnimation:
-    """Return the animation whose picture of each frame `update` draws; `interval` in ms."""
+    """Return the animation; `update` draws a frame, and `interval` is its duration in ms."""
     from matplotlib.animation import FuncAnimation
 
-    # Drawn once by hand, so that the figure is whole even where nobody plays it.
+    # Draw the first frame at once, so that the figure is complete even if it is never played.
     update(0)
     return FuncAnimation(stage.figure, update, frames=frames, interval=interval, blit=False)

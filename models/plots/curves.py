@@ -1,4 +1,4 @@
-"""The plain data of a picture over time: panels of curves, their limits, marks and phases."""
+"""Plain data of pictures over time: panels of curves, their limits, marks and phases."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ __all__ = ["Curve", "Limit", "Mark", "Panel", "Span", "range_of", "worst_of"]
 
 Floats = NDArray[np.float64]
 
-#: A limit farther away than this many times the height of the curves is told in words.
+#: Distance beyond which a limit is only mentioned in words, in heights of the curves.
 _FAR = 1.2
-#: Decades that a logarithmic panel shows at the most.
+#: Largest number of decades of a logarithmic panel.
 _DECADES = 12
 
 
 class Curve(NamedTuple):
-    """One function of time.
+    """Function of time.
 
     Parameters
     ----------
     name : str
-        What it is called in the legend.
+        Label in the legend.
     colour : int
-        The number of its colour, see :func:`.style.axis_style`.
+        Index of the colour, see :func:`.style.axis_style`.
     times, values : ndarray, shape (points,)
-        The curve.
+        Points of the curve.
     width : float
-        Width of the line (point).
+        Line width (point).
     """
 
     name: str
@@ -44,26 +44,26 @@ class Curve(NamedTuple):
 
 
 class Limit(NamedTuple):
-    """A bound that curves have for some time; it may change in steps.
+    """Bound on curves during some time, constant or changing in steps.
 
     Parameters
     ----------
     times : ndarray, shape (points,)
-        When it holds, ascending; where it changes, a time comes twice.
+        Times at which the bound holds, ascending; a time of a step appears twice.
     lower, upper : float or ndarray, shape (points,)
-        The bound; infinite where there is none.
+        Bounds; infinite for none.
     colours : tuple of int
-        The colours of the curves that it bounds; empty for all of the panel.
+        Colours of the bounded curves; empty for all curves of the panel.
     tolerance : float
-        By how much it may be exceeded before the worst place is ringed.
+        Excess above which the worst place is ringed.
     label : str
-        What the legend calls its line.
+        Label of the line in the legend.
     dashes : str
-        Dashes of its line.
+        Dashes of the line.
     shaded : bool
-        Whether what lies beyond it is shaded, where it bounds all curves of the panel.
+        Whether the region beyond the bound is shaded, if it applies to all curves of the panel.
     band : str
-        What the legend calls the region inside it, which is filled; empty where it is not.
+        Label of the filled region inside the bounds; empty to leave it unfilled.
     """
 
     times: Floats
@@ -78,27 +78,27 @@ class Limit(NamedTuple):
 
     @property
     def sides(self) -> tuple[Floats, Floats]:
-        """Both bounds at :attr:`times`."""
+        """Lower and upper bound at :attr:`times`."""
         lower, upper = (np.full(len(self.times), side) for side in (self.lower, self.upper))
         return lower, upper
 
 
 class Mark(NamedTuple):
-    """Places on or beside a curve.
+    """Marked places on or beside a curve.
 
     Parameters
     ----------
     label : str
-        What the legend calls them; ``"node"``, ``"fixed value"``, ``"waypoint"`` and ``"worst
-        violation"`` have a look of their own.
+        Label in the legend. ``"node"``, ``"fixed value"``, ``"waypoint"`` and ``"worst
+        violation"`` have predefined markers.
     times, values : ndarray, shape (points,)
-        The places.
+        Places.
     colour : int
-        The number of their colour, that of the curve they belong to.
+        Index of the colour, that of the curve.
     look : mapping
-        Options of a matplotlib line that change their look, such as ``{"marker": "^"}``.
+        Options of a matplotlib line for the markers, such as ``{"marker": "^"}``.
     note : str
-        Written above the panel, in red.
+        Text above the panel, in red.
     """
 
     label: str
@@ -111,24 +111,24 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """What one panel shows.
+    """Content of one panel.
 
     Parameters
     ----------
     title, unit : str
         Label of the axis.
     curves : sequence of Curve
-        What is drawn.
+        Curves.
     limits : sequence of Limit
-        What bounds it.
+        Bounds of the curves.
     marks : sequence of Mark
-        Places that are marked.
+        Marked places.
     log : bool
-        Whether the values are drawn by their logarithm.
+        Whether the axis is logarithmic; it then shows absolute values.
     whole : bool
-        Whether every limit is in sight, however far away.
+        Whether every limit is in the visible range, however far from the curves.
     shades : mapping of str to a sequence of (float, float)
-        Stretches of time that are shaded, by what the legend calls them.
+        Shaded intervals of time, by their label in the legend.
     """
 
     title: str
@@ -142,7 +142,7 @@ class Panel:
 
 
 class Span(NamedTuple):
-    """A phase: its name, when it begins and ends, and the knots of its mesh."""
+    """Phase: name, start, end and knots of the mesh."""
 
     name: str
     start: float
@@ -151,12 +151,15 @@ class Span(NamedTuple):
 
 
 def range_of(panel: Panel) -> tuple[float, float]:
-    """Return the limits of the panel: of what is drawn, and of the bounds that are near it."""
+    """Return the visible range: that of the curves and marks, and of the bounds near them."""
     drawn = [curve.values for curve in panel.curves] + [mark.values for mark in panel.marks]
     values = np.concatenate([np.empty(0), *drawn])
     values = values[np.isfinite(values)]
     edges = np.concatenate(
-        [np.empty(0), *(np.ravel(side) for one in panel.limits for side in (one.lower, one.upper))]
+        [
+            np.empty(0),
+            *(np.ravel(side) for limit in panel.limits for side in (limit.lower, limit.upper)),
+        ]
     )
     edges = edges[np.isfinite(edges)]
     if panel.log:
@@ -165,7 +168,7 @@ def range_of(panel: Panel) -> tuple[float, float]:
         top = float(sizes.max(initial=0.0)) or 1.0
         return max(float(sizes.min(initial=top)), top * 10.0**-_DECADES) / 3, 3 * top
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
-    # What is constant but for rounding is not blown up.
+    # Do not magnify curves that are constant up to rounding.
     span = high - low
     if span <= 1e-9 * max(1.0, abs(low), abs(high)):
         span = 0.0
@@ -179,20 +182,20 @@ def range_of(panel: Panel) -> tuple[float, float]:
 
 
 def worst_of(panel: Panel) -> tuple[Floats, Floats] | None:
-    """Return where a limit is exceeded most, by more than its tolerance; None where none is."""
-    best, place = 1.0, None
+    """Return the place of the largest excess of a limit over its tolerance, or None."""
+    largest, place = 1.0, None
     for limit, curve in itertools.product(panel.limits, panel.curves):
-        apart = curve.times[0] >= limit.times[-1] or curve.times[-1] <= limit.times[0]
-        # A phase that ends where the limit of the next begins is not bound by it.
-        if apart or (limit.colours and curve.colour not in limit.colours):
+        disjoint = curve.times[0] >= limit.times[-1] or curve.times[-1] <= limit.times[0]
+        # A phase that ends when the limit of the next one begins is not bounded by it.
+        if disjoint or (limit.colours and curve.colour not in limit.colours):
             continue
-        at = np.searchsorted(limit.times, curve.times, side="right") - 1
-        inside = (at >= 0) & (curve.times <= limit.times[-1])
-        lower, upper = (side[np.clip(at, 0, None)] for side in limit.sides)
-        over = np.maximum(curve.values - upper, lower - curve.values)
-        over = np.where(inside & np.isfinite(over), over, -np.inf)
-        row = int(over.argmax())
-        share = float(over[row]) / max(limit.tolerance, np.finfo(float).tiny)
-        if share > best:
-            best, place = share, (curve.times[[row]], curve.values[[row]])
+        index = np.searchsorted(limit.times, curve.times, side="right") - 1
+        inside = (index >= 0) & (curve.times <= limit.times[-1])
+        lower, upper = (side[np.clip(index, 0, None)] for side in limit.sides)
+        excess = np.maximum(curve.values - upper, lower - curve.values)
+        excess = np.where(inside & np.isfinite(excess), excess, -np.inf)
+        row = int(excess.argmax())
+        share = float(excess[row]) / max(limit.tolerance, np.finfo(float).tiny)
+        if share > largest:
+            largest, place = share, (curve.times[[row]], curve.values[[row]])
     return place

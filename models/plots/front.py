@@ -1,4 +1,4 @@
-"""The picture of a front: how much of one objective must be given for how much of another."""
+"""Picture of a front: the trade-off between two objectives."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ __all__ = ["draw_front"]
 
 Floats = NDArray[np.float64]
 
-#: More points than this have no numbers.
+#: Largest number of points that are labelled with numbers.
 _MOST_NUMBERS = 10
-#: Bounds farther below all points than this many times their height are marks at the foot.
+#: Distance below all points, in heights of the points, beyond which bounds are marked at the foot.
 _FAR = 0.6
-#: Room around the points, as a part of their extent.
+#: Margin around the points, relative to their extent.
 _MARGIN = 0.12
-#: And to their left, where numbers stand.
+#: Margin to the left of the points, which contains the numbers.
 _LEFT = 0.2
 
 
@@ -51,133 +51,133 @@ def draw_front(
 ) -> Figure:
     """Draw the points of a front, the second objective to the right and the objective upward.
 
-    Steps lead from point to point: what lies above them and to their right is dominated. A filled
-    marker is proven to be the least objective within its limit, a hollow one is not; a short line
-    below a point is the bound that was proven for it. In a sweep, markers are filled where the
-    answer for the value of the field is proven; its bound is one on another objective.
+    Steps connect the points: the region above and to the right of them is dominated. A filled marker
+    is proven to be the smallest objective within its limit, a hollow marker is not proven. A short
+    line below a point is its proven bound. In a sweep, markers are filled if the answer for the
+    value of the field is proven; bounds are omitted, because they apply to another objective.
 
     Parameters
     ----------
     front : Front or mapping of str to Front
-        The front of a model, or those of several algorithms by their names.
+        Front of a model, or fronts of several algorithms by name.
     size : (float, float), optional
         Width and height (inch).
     title : str, optional
-        Instead of the model's name and size.
+        Title; by default the model's name and size.
     labels : bool, optional
-        Whether to write both objectives beside each point, or in a sweep the value of the field; by
-        default for one front of few points.
+        Whether to write both objectives beside each point, or the value of the field in a sweep. By
+        default only for a single front with few points.
     unit : str, optional
-        Unit of the second objective, by default that of the objective.
+        Unit of the second objective; by default that of the objective.
 
     Returns
     -------
     matplotlib.figure.Figure
-        With one panel.
+        Figure with one panel.
 
     Raises
     ------
     InvalidData
         No front has a point, or they have different second objectives.
     UnsupportedOption
-        An option has a value that is not allowed.
+        The value of an option is not allowed.
     """
     fronts = dict(front) if isinstance(front, Mapping) else {"": front}
     if labels is not None:
         check_flags(labels=labels)
-    drawn = {str(name): _rows(one, one.points) for name, one in fronts.items()}
+    drawn = {str(name): _rows(front_of, front_of.points) for name, front_of in fronts.items()}
     places = np.concatenate([np.empty((0, 2)), *(rows[:, :2] for rows in drawn.values())])
     if not len(places):
         raise InvalidData("front must have at least one point", field="front")
-    if len({one.second for one in fronts.values()}) > 1:
+    if len({front_of.second for front_of in fronts.values()}) > 1:
         raise InvalidData("fronts must have the same second objective", field="front")
     first = next(iter(fronts.values()))
     model = first.model
-    removed = np.concatenate([_rows(one, one.dominated) for one in fronts.values()])
+    removed = np.concatenate([_rows(front_of, front_of.dominated) for front_of in fronts.values()])
     bounds = np.concatenate([rows[:, 2] for rows in drawn.values()])
     low, high = _box(np.concatenate([places, removed[:, :2]]), bounds)
 
     figure = sheet(size, (6.6, 4.8))
     broad, tall = figure.get_size_inches()
-    size_of = f"a sweep of {first.field}" if _swept(first) else model.describe()
+    size_of = f"a sweep of {first.field}" if _is_sweep(first) else model.describe()
     text = title_of(model.name, [size_of], None) if title is None else title
     head, foot = 0.44 + 0.17 * text.count("\n"), 0.98
     axes = figure.add_axes((0.9 / broad, foot / tall, 1 - 1.06 / broad, 1 - (foot + head) / tall))
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     bare(axes)
-    own, what = model.objective_unit, getattr(model, "objective", None)
-    if _swept(first):
-        what = getattr(first, "first", None)
-    what = str(what) if isinstance(what, str) and what else "objective"
-    axes.set_xlabel(_named(first.second, own if unit is None else unit), fontsize=8.5)
-    axes.set_ylabel(_named(what, own), fontsize=8.5)
+    unit_of, quantity = model.objective_unit, getattr(model, "objective", None)
+    if _is_sweep(first):
+        quantity = getattr(first, "first", None)
+    quantity = str(quantity) if isinstance(quantity, str) and quantity else "objective"
+    axes.set_xlabel(_axis_label(first.second, unit_of if unit is None else unit), fontsize=8.5)
+    axes.set_ylabel(_axis_label(quantity, unit_of), fontsize=8.5)
     axes.plot(*removed[:, :2].T, ls="", marker="x", ms=5, color=GREY, zorder=6, gid="dominated")
     colours = [axis_style(k)["color"] if len(drawn) > 1 else BLACK for k in range(len(drawn))]
     for k, rows in enumerate(drawn.values()):
-        # The first ones are wider, so that fronts that are one another's are all seen.
+        # The first fronts have wider lines, so that identical fronts remain visible.
         _draw_one(axes, rows, colours[k], high, 1.2 + 1.3 * (len(drawn) - 1 - k))
     if labels if labels is not None else len(drawn) == 1 and len(places) <= _MOST_NUMBERS:
-        for one, rows in zip(fronts.values(), drawn.values(), strict=True):
-            _write(axes, one, rows)
+        for front_of, rows in zip(fronts.values(), drawn.values(), strict=True):
+            _label_points(axes, front_of, rows)
     every = np.concatenate(list(drawn.values()))
     keys = _keys(drawn, colours, every, len(removed), float(low[1]))
-    if _swept(first) and every[:, 3].any():
+    if _is_sweep(first) and every[:, 3].any():
         keys[len(drawn) if len(drawn) > 1 else 0].set_label(f"proven for its {first.field}")
     legend_below(figure, keys, rows=1 + (len(keys) > 5))
     headline(figure, text, wrong=False)
     return figure
 
 
-def _swept(front: Any) -> bool:
-    """Return whether the points are answers for values of a field, and not for limits."""
+def _is_sweep(front: Any) -> bool:
+    """Return whether the points are answers for values of a field rather than for limits."""
     return getattr(front, "field", "") not in ("", front.model.second_objectives.get(front.second))
 
 
 def _rows(front: Any, points: Sequence[Any]) -> Floats:
-    """Return second objective, objective, bound (NaN for none), whether proven, and limit, a row a point.
+    """Return one row per point: second objective, objective, bound (NaN for none), proven, limit.
 
-    In the order of the second objective; what has no finite objectives is left out. A bound that a
-    sweep has is one on what was minimised, which is not drawn.
+    The rows are sorted by the second objective, and points without finite objectives are omitted. A
+    sweep's bounds apply to the minimised quantity, which is not drawn, so they are omitted as well.
     """
-    swept = _swept(front)
-    found = np.array(
+    swept = _is_sweep(front)
+    result = np.array(
         [
             (
-                one.second, one.objective, None if swept else one.solution.dual_bound, one.proven,
-                one.limit,
+                point.second, point.objective, None if swept else point.solution.dual_bound, point.proven,
+                point.limit,
             )
-            for one in points
+            for point in points
         ],
         float,
     ).reshape(-1, 5)  # fmt: skip
-    found = found[np.isfinite(found[:, :2]).all(axis=1)]
-    return np.asarray(found[np.lexsort((found[:, 1], found[:, 0]))])
+    result = result[np.isfinite(result[:, :2]).all(axis=1)]
+    return np.asarray(result[np.lexsort((result[:, 1], result[:, 0]))])
 
 
-def _write(axes: Any, front: Any, rows: Floats) -> None:
-    """Write beside the points what they are, in a sweep also beside those that are dominated."""
-    if _swept(front):
+def _label_points(axes: Any, front: Any, rows: Floats) -> None:
+    """Label the points, in a sweep also the dominated ones."""
+    if _is_sweep(front):
         rows = np.concatenate([rows, _rows(front, front.dominated)])
-    told: dict[tuple[str, str], list[float]] = {}
+    places: dict[tuple[str, str], list[float]] = {}
     for x, y, *_ in rows.tolist():
-        told.setdefault((number(x, 5), number(y, 5)), [x, y])
-    for pair, (x, y) in told.items():
-        words = f"({', '.join(pair)})"
-        if _swept(front):
+        places.setdefault((number(x, 5), number(y, 5)), [x, y])
+    for pair, (x, y) in places.items():
+        text = f"({', '.join(pair)})"
+        if _is_sweep(front):
             same = [row[4] for row in rows if (number(row[0], 5), number(row[1], 5)) == pair]
-            words = f"{front.field} = {', '.join(number(value, 5) for value in same)}"
-        # Left of and below a point there are no steps.
+            text = f"{front.field} = {', '.join(number(value, 5) for value in same)}"
+        # The steps never pass to the left of and below a point.
         axes.annotate(
-            words, (x, y), (-5, -5), textcoords="offset points", ha="right", va="top", fontsize=7,
+            text, (x, y), (-5, -5), textcoords="offset points", ha="right", va="top", fontsize=7,
             color=DARK, zorder=6, annotation_clip=False,
         )  # fmt: skip
 
 
 def _box(places: Floats, bounds: Floats) -> tuple[Floats, Floats]:
-    """Return the corners of what the axes show: all points, and the bounds that are near them."""
+    """Return the corners of the visible range: all points, and the bounds near them."""
     low, high = places.min(axis=0), places.max(axis=0)
-    # What differs by rounding only is not blown up.
+    # Do not magnify differences within rounding.
     size = np.maximum(np.abs(low), np.abs(high))
     span = np.where(high - low > 1e-9 * size, high - low, 0.1 * size)
     span[span == 0.0] = 1.0
@@ -187,7 +187,7 @@ def _box(places: Floats, bounds: Floats) -> tuple[Floats, Floats]:
     return low - [_LEFT, _MARGIN] * span, high + _MARGIN * span
 
 
-def _named(what: str, unit: str) -> str:
+def _axis_label(what: str, unit: str) -> str:
     return f"{what} ({pretty_unit(unit)})" if unit else what
 
 
@@ -198,26 +198,26 @@ def _draw_one(axes: Any, rows: Floats, colour: str, high: Floats, width: float) 
     if not len(rows):
         return
     x, y, bound, proven, _ = rows.T
-    # The first point is reached from above, the last one left to the right.
+    # The first point is reached from above, and the last one is left to the right.
     steps = np.concatenate([[[x[0], high[1]]], rows[:, :2], [[high[0], y[-1]]]])
     axes.plot(*steps.T, drawstyle="steps-post", color=colour, lw=width, zorder=3, gid="steps")
     for solid, face, across in ((True, colour, 6.0), (False, "white", 7.0)):
-        mine = proven.astype(bool) == solid
+        selected = proven.astype(bool) == solid
         axes.plot(
-            x[mine], y[mine], ls="", marker="o", ms=across, mfc=face, mec=colour, mew=1.3,
+            x[selected], y[selected], ls="", marker="o", ms=across, mfc=face, mec=colour, mew=1.3,
             zorder=5.0 + 0.5 * solid, gid="proven" if solid else "not proven",
         )  # fmt: skip
-    least = axes.get_ylim()[0]
-    seen = np.isfinite(bound) & (bound >= least)
+    foot = axes.get_ylim()[0]
+    visible = np.isfinite(bound) & (bound >= foot)
     axes.plot(
-        x[seen], bound[seen], ls="", marker="_", ms=11, mew=1.6, color=colour, zorder=4, gid="bound",
+        x[visible], bound[visible], ls="", marker="_", ms=11, mew=1.6, color=colour, zorder=4, gid="bound",
     )  # fmt: skip
-    rods = np.stack([x, bound, x, y], axis=1)[seen].reshape(-1, 2, 2)
+    rods = np.stack([x, bound, x, y], axis=1)[visible].reshape(-1, 2, 2)
     axes.add_collection(
         LineCollection(list(rods), color=colour, lw=0.7, ls=":", zorder=2.5, gid="gap"),
         autolim=False,
     )
-    far = np.isfinite(bound) & ~seen
+    far = np.isfinite(bound) & ~visible
     axes.plot(
         x[far], np.zeros(int(far.sum())), ls="", marker="v", ms=5, color=colour, zorder=4,
         transform=axes.get_xaxis_transform(), clip_on=False, gid="bound out of sight",
@@ -227,7 +227,7 @@ def _draw_one(axes: Any, rows: Floats, colour: str, high: Floats, width: float) 
 def _keys(
     drawn: Mapping[str, Floats], colours: Sequence[str], every: Floats, removed: int, least: float
 ) -> list[Any]:
-    """Return the entries of the legend: names of fronts, and of what is drawn."""
+    """Return the entries of the legend: names of fronts, and the kinds of marks."""
     keys = [key(name, color=colour, lw=1.6) for name, colour in zip(drawn, colours, strict=True)]
     keys = keys if len(drawn) > 1 else []
     bound, proven = every[:, 2], every[:, 3].astype(bool)

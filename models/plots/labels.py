@@ -1,4 +1,4 @@
-"""The names of points, written so that they hide neither one another nor the route."""
+"""Labels of points, placed so that they hide neither one another nor the route."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ __all__ = ["place_labels", "write_names"]
 
 Floats = NDArray[np.float64]
 
-#: Directions to try, nearest to "above" first: ties go to the first.
+#: Directions to try; the first of equally good ones is chosen.
 _TURNS = np.deg2rad([90, -90, 45, 135, -45, -135, 0, 180, 68, 112, -68, -112])
-#: Distances of a label's nearest edge from its point, in heights of a line.
+#: Distances of a label's nearest edge from its point, in line heights.
 _GAPS = (0.55, 1.3, 2.1)
 _FAR = np.repeat(_GAPS, len(_TURNS))
-#: How wide a character and how high a line is, in sizes of the font.
+#: Width of a character and height of a line, relative to the font size.
 _CHARACTER, _LINE = 0.62, 1.07
 
 
 def write_names(
     axes: Any, places: Floats, names: Sequence[str], *, size: float, colour: str, route: bool = True
 ) -> None:
-    """Write names beside places of a plane or of space, each where it hides least.
+    """Write names beside places of a plane or of space, with the least overlap.
 
     Parameters
     ----------
     axes : matplotlib axes
-        Plane or space; limits and place are final.
+        Axes with final limits and position.
     places : ndarray, shape (k, 2) or (k, 3)
-        The places, in the order of the route.
+        Places, in the order of the route.
     names : sequence of str, length k
-        Their names; an empty one only tells where the route runs.
+        Names; empty for places that only define the route.
     size : float
-        Size of the font (point).
+        Font size (point).
     colour : str
         Colour of the names.
     route : bool
@@ -47,17 +47,17 @@ def write_names(
     axes.apply_aspect()
     flat = places
     if places.shape[1] == 3:
-        seen = np.column_stack([places, np.ones(len(places))]) @ axes.get_proj().T
-        flat = seen[:, :2] / seen[:, 3:]
-    # In points of print, the unit of font sizes.
+        homogeneous = np.column_stack([places, np.ones(len(places))]) @ axes.get_proj().T
+        flat = homogeneous[:, :2] / homogeneous[:, 3:]
+    # In points, the unit of font sizes.
     paper = axes.transData.transform(flat) * 72 / axes.figure.dpi
     widths = [_CHARACTER * size * len(name) for name in names]
     offsets = place_labels(paper, widths, height=_LINE * size, route=route)
     halo = [withStroke(linewidth=2.0, foreground="white")]
-    for name, at, offset in zip(names, flat, offsets, strict=True):
+    for name, place, offset in zip(names, flat, offsets, strict=True):
         if name:
             axes.annotate(
-                name, at, offset, textcoords="offset points", fontsize=size, color=colour,
+                name, place, offset, textcoords="offset points", fontsize=size, color=colour,
                 ha="center", va="center_baseline", path_effects=halo, zorder=20,
                 annotation_clip=False,
             )  # fmt: skip
@@ -75,9 +75,9 @@ def place_labels(
     Parameters
     ----------
     points : ndarray, shape (k, 2)
-        The points in the plane of the paper, in the order of the route.
+        Points in the plane of the paper, in the order of the route.
     widths : list of float, length k
-        Widths of the labels, in the unit of `points`; 0 where there is none.
+        Widths of the labels, in the unit of `points`; 0 for no label.
     height : float
         Height of a label.
     route : bool
@@ -86,24 +86,26 @@ def place_labels(
     Returns
     -------
     ndarray, shape (k, 2)
-        Same input, same offsets.
+        Offsets; deterministic.
     """
     obstacles = _along(points, height / 2) if route else points
-    ways = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
+    directions = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
     offsets = np.zeros((len(points), 2))
     lows, highs = np.zeros((2, 0, 2))
     for k, (point, width) in enumerate(zip(points, widths, strict=True)):
         if not width:
             continue
         half = np.array([width, height]) / 2
-        tried = np.concatenate([ways * (half * np.abs(ways) + gap * height) for gap in _GAPS])
-        low, high = (point + tried + side * half for side in (-1, 1))
-        # To hide another label is worst, a marker or the line bad, far away a little.
-        apart = np.minimum(high[:, None], highs) - np.maximum(low[:, None], lows)
+        candidates = np.concatenate(
+            [directions * (half * np.abs(directions) + gap * height) for gap in _GAPS]
+        )
+        low, high = (point + candidates + side * half for side in (-1, 1))
+        # Cost: 50 per hidden label, 3 per covered marker or piece of line, 2 per line of distance.
+        overlap = np.minimum(high[:, None], highs) - np.maximum(low[:, None], lows)
         inside = (obstacles > low[:, None]) & (obstacles < high[:, None])
-        hidden, covered = (hit.all(axis=2).sum(axis=1) for hit in (apart > 0, inside))
+        hidden, covered = (hit.all(axis=2).sum(axis=1) for hit in (overlap > 0, inside))
         best = int((50.0 * hidden + 3.0 * covered + 2.0 * _FAR).argmin())
-        offsets[k] = tried[best]
+        offsets[k] = candidates[best]
         lows, highs = np.vstack([lows, low[best]]), np.vstack([highs, high[best]])
     return offsets
 

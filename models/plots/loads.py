@@ -1,4 +1,4 @@
-"""A panel of bars: what each of several vehicles does, their mean, deviation and limits."""
+"""Panel of bars: the load of each vehicle, with mean, deviation and limits."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["MOST_BARS", "draw_loads"]
 
 Floats = NDArray[np.float64]
 
-#: More bars than this have no names and no numbers.
+#: Largest number of bars that have names and numbers.
 MOST_BARS = 24
-#: Height of a bar, where two are 1 apart, and of few; room right of the longest one for its number.
+#: Height of a bar at a spacing of 1, height if there are few, and room for numbers to the right.
 _HEIGHT, _THIN, _ROOM = 0.66, 0.44, 1.22
 
 
@@ -24,24 +24,24 @@ def draw_loads(
     axes: Any, loads: Floats, label: str, *, names: Sequence[str], deviation: float | None = None,
     limits: Floats | None = None, wrong: Sequence[int] = (),
 ) -> list[Any]:  # fmt: skip
-    """Draw a bar for each of `loads`, from the top, in the colour that its route has on the map.
+    """Draw a bar for each of `loads` from the top, in the colour of the vehicle's route on the map.
 
     Parameters
     ----------
     axes : matplotlib axes
-        Where.
+        Axes.
     loads : ndarray, shape (vehicles,)
-        Lengths of the bars; those that are not finite are left out.
+        Lengths of the bars; values that are not finite are omitted.
     label : str
-        Of the axis, with its unit.
+        Label of the axis, with its unit.
     names : sequence of str, length vehicles
         Names of the bars.
     deviation : float, optional
-        Drawn as a band around the mean, which is a line.
+        Half the width of a band around the line at the mean.
     limits : ndarray, shape (vehicles,), optional
-        The most that each bar may reach.
+        Upper limit of each bar.
     wrong : sequence of int
-        Bars that are framed in red, as they break a limit.
+        Bars framed in red because they violate a limit.
 
     Returns
     -------
@@ -53,10 +53,10 @@ def draw_loads(
     from matplotlib.patheffects import withStroke
 
     rows = np.arange(len(loads))
-    shown = np.where(np.isfinite(loads), loads, 0.0)
+    finite = np.where(np.isfinite(loads), loads, 0.0)
     corners = np.array([[0, -0.5], [1, -0.5], [1, 0.5], [0, 0.5]])
     thick = _HEIGHT if len(loads) > 4 else _THIN
-    boxes = corners * [1, thick] * np.stack([shown, np.ones(len(loads))], axis=1)[:, None]
+    boxes = corners * [1, thick] * np.stack([finite, np.ones(len(loads))], axis=1)[:, None]
     boxes[..., 1] += rows[:, None]
     bars = PolyCollection(
         list(boxes), facecolors=[to_rgba(axis_style(k)["color"], 0.85) for k in range(len(loads))], gid="load",
@@ -64,9 +64,9 @@ def draw_loads(
     )  # fmt: skip
     axes.add_collection(bars, autolim=False)
     keys = [key("mean", color=BLACK, lw=1.2, ls="--")]
-    mean = float(shown.mean()) if len(shown) else 0.0
+    mean = float(finite.mean()) if len(finite) else 0.0
     axes.axvline(mean, color=BLACK, lw=1.2, ls="--", zorder=4, gid="mean")
-    ends = [float(shown.max(initial=0.0))]
+    ends = [float(finite.max(initial=0.0))]
     if deviation is not None and np.isfinite(deviation):
         from matplotlib.patches import Patch
 
@@ -89,9 +89,9 @@ def draw_loads(
             keys.append(key("limit", color=RED, lw=1.4))
         far = np.setdiff1d(rows[np.isfinite(limits)], near)
         if far.size:
-            least = number(float(limits[far].min()), 4)
-            words = f"limit {least}" if np.ptp(limits[far]) == 0 else f"limits from {least}"
-            keys.append(key(f"{words}, out of sight", ls=""))
+            smallest = number(float(limits[far].min()), 4)
+            text = f"limit {smallest}" if np.ptp(limits[far]) == 0 else f"limits from {smallest}"
+            keys.append(key(f"{text}, out of sight", ls=""))
     if len(wrong):
         keys.append(key("limit broken", marker="s", mfc="none", mec=RED, mew=1.6, ms=RING["ms"]))
     axes.set_xlim(0.0, top * (_ROOM if len(loads) <= MOST_BARS else 1.05))
@@ -101,7 +101,7 @@ def draw_loads(
     axes.grid(visible=False, axis="y")
     if len(loads) <= MOST_BARS:
         axes.set_yticks(rows, list(names))
-        for row, load, place in zip(rows, loads, shown, strict=True):
+        for row, load, place in zip(rows, loads, finite, strict=True):
             axes.annotate(
                 number(float(load), 5), (place, row), (4, 0), textcoords="offset points", va="center",
                 fontsize=7.5, color=RED if row in wrong else DARK, zorder=6, annotation_clip=False,

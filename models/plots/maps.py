@@ -1,4 +1,4 @@
-"""Maps: equal scales on both axes, in a unit that suits what is drawn; cells, and which way things go."""
+"""Maps with equal scales on both axes and a suitable unit; cells, polygons and headings."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from .style import bare, inches
 
 __all__ = ["BLOCKED", "draw_cells", "draw_polygons", "dress_map", "length_unit", "point_ways"]
 
-#: Units of length: from what extent on (m), the factor from metres, and the name.
+#: Units of length: smallest extent (m), factor from metres, and name.
 _UNITS = ((2000.0, 1e-3, "km"), (0.5, 1.0, "m"), (0.0, 1e3, "mm"))
-#: Room around what is drawn, as a part of its extent.
+#: Margin around the content, relative to its extent.
 _MARGIN = 0.06
-#: Colour of what nobody can enter.
+#: Colour of blocked cells.
 BLOCKED = "#c4c4c4"
 
 
 def length_unit(extent: float) -> tuple[float, str]:
-    """Return the factor from metres to the unit for what is as large as `extent` (m), and the unit."""
+    """Return factor and name of the length unit for an extent in metres."""
     return next((factor, unit) for least, factor, unit in _UNITS if extent >= least or not least)
 
 
 def dress_map(axes: Any, low: NDArray[Any], high: NDArray[Any], unit: str) -> None:
-    """Set the limits of a map, and equal scales that fill the axes.
+    """Set the limits of a map, with equal scales that fill the axes.
 
     Parameters
     ----------
     axes : matplotlib axes
-        The axes.
+        Axes.
     low, high : ndarray, shape (2,)
-        The box around what is drawn, in the axes' unit.
+        Bounding box of the content, in the axes' unit.
     unit : str
-        Its name.
+        Name of the unit.
     """
     span = high - low
-    # A side without any extent has no scale of its own: it gets that of the other.
+    # A side without extent uses the scale of the other.
     around = _MARGIN * (float(span.max()) or max(1.0, float(np.abs(low).max())))
     broad, tall = axes.get_position().size * inches(axes.figure)
     wide, long = span + 2 * around
@@ -61,13 +61,13 @@ def draw_cells(
     Parameters
     ----------
     axes : matplotlib axes
-        Where; its limits stay as they are.
+        Axes; the limits stay unchanged.
     blocked : ndarray of bool, shape (rows, columns)
-        Row 0 lies at ``low[1]``.
+        Blocked cells; row 0 is at ``low[1]``.
     low, high : ndarray, shape (2,)
         Corners of the map, in the axes' unit.
     colour : str
-        Of blocked cells.
+        Colour of blocked cells.
     """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Rectangle
@@ -85,18 +85,18 @@ def draw_cells(
 
 
 def draw_polygons(axes: Any, polygons: Iterable[Any], scale: float, **look: Any) -> None:
-    """Draw shapely's polygons, holes and all, the limits of the axes as they are.
+    """Draw shapely polygons with their holes, without changing the limits of the axes.
 
     Parameters
     ----------
     axes : matplotlib axes
-        Where.
+        Axes.
     polygons : iterable of shapely.Polygon
-        m.
+        Polygons (m).
     scale : float
         Factor from metres to the axes' unit.
     **look
-        How they look: options of a collection of matplotlib.
+        Options of a matplotlib collection.
     """
     from matplotlib.collections import PathCollection
     from matplotlib.path import Path
@@ -104,7 +104,7 @@ def draw_polygons(axes: Any, polygons: Iterable[Any], scale: float, **look: Any)
 
     paths = []
     for polygon in polygons:
-        # Holes run the other way round, which is how a path knows them.
+        # Matplotlib recognises holes by their opposite orientation.
         turned = orient(polygon)
         rings = [np.asarray(ring.coords) for ring in (turned.exterior, *turned.interiors)]
         paths.append(Path.make_compound_path(*(Path(scale * r, closed=True) for r in rings)))
@@ -114,20 +114,20 @@ def draw_polygons(axes: Any, polygons: Iterable[Any], scale: float, **look: Any)
 def point_ways(
     axes: Any, places: NDArray[Any], headings: NDArray[Any], colour: str, size: float
 ) -> None:
-    """Draw small triangles that point where things go.
+    """Draw small triangles that show headings.
 
     Parameters
     ----------
     axes : matplotlib axes
-        Where.
+        Axes.
     places : ndarray, shape (k, 2)
-        Where they stand.
+        Positions, in the axes' unit.
     headings : ndarray, shape (k,)
-        Where they point to, rad.
+        Headings (rad).
     colour : str
-        Their colour.
+        Colour of the triangles.
     size : float
-        Their size (points).
+        Size of the triangles (point).
     """
     for (x, y), heading in zip(places, headings, strict=True):
         axes.plot(

@@ -1,4 +1,4 @@
-"""The options of pictures, checked: every value that is not allowed raises ``UnsupportedOption``."""
+"""Checks of the options of pictures, which raise ``UnsupportedOption``."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ def check_size(size: Any, default: tuple[float, float]) -> tuple[float, float]:
 
 
 def check_flags(**flags: Any) -> None:
-    """Raise where one of the options is neither True nor False."""
+    """Raise if one of the options is neither True nor False."""
     for name, value in flags.items():
         check_option(name, value, isinstance(value, bool), "be True or False")
 
 
 def check_frames(frames: Any, interval: Any) -> None:
-    """Raise unless an animation can have so many `frames`, each for `interval` (ms)."""
-    few = "be a whole number from 2 to 10000"
-    check_option("frames", frames, is_whole(frames, 2, 10_000), few)
+    """Raise unless the number of `frames` and their `interval` in ms are allowed."""
+    rule = "be a whole number from 2 to 10000"
+    check_option("frames", frames, is_whole(frames, 2, 10_000), rule)
     finite = is_number(interval) and 0 < interval < np.inf
     check_option("interval", interval, finite, "be a finite number > 0")
 
@@ -52,7 +52,7 @@ def check_list(
     name: str, value: Any, one: Callable[[Any], bool], allowed: str, *, most: int | None = None,
     least: int = 1,
 ) -> list[Any]:  # fmt: skip
-    """Return the entries of `value`: `least` to `most` different ones, of which each is `one`."""
+    """Return `value` as a list of `least` to `most` distinct entries that satisfy `one`."""
     plain = isinstance(value, Iterable) and not isinstance(value, str | bytes)
     listed = list(value) if plain else []
     good = plain and len(listed) >= least and (most is None or len(listed) <= most)
@@ -62,11 +62,11 @@ def check_list(
 
 
 def is_number(value: Any) -> bool:
-    """Return whether `value` is a number, and no truth value."""
+    """Return whether `value` is a number other than a Boolean."""
     return isinstance(value, int | float | np.number) and not isinstance(value, bool)
 
 
 def is_whole(value: Any, low: int, high: int) -> bool:
-    """Return whether `value` is a whole number from `low` to `high`."""
+    """Return whether `value` is an integer from `low` to `high`."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     return whole and bool(low <= value <= high)

@@ -1,6 +1,6 @@
-"""Panels over time: curves, what bounds them, where they break it, and the mesh; for any problem.
+"""Panels over time for any problem: curves, limits, violations and the mesh.
 
-A picture gathers its data and hands them over::
+A picture collects its data and passes them on::
 
     speed = Panel("speed", "m/s", [Curve("v", 0, times, v)], [Limit(times[[0, -1]], 0.0, 5.0)])
     panel_sheet([speed], [Span("", 0.0, 9.0, knots)], title=title_of(model.name, [], found),
@@ -41,23 +41,23 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_panel", "draw_panels", "keys_of", "panel_sheet"]
 
-#: More nodes than this in a panel are no dots any more, more knots no ticks, more curves have no name.
+#: Largest numbers of nodes drawn as dots, of knots drawn as ticks, and of curves with a name.
 _MOST_NODES, _MOST_TICKS, _MOST_NAMES = 240, 100, 6
 _SHADED = "#E69F00"
-#: How places look, beside their colour, by what the legend calls them.
+#: Markers by label in the legend, in addition to their colour.
 _MARKS: dict[str, dict[str, Any]] = {
     "node": {"ms": 2.0, "mew": 0, "zorder": 3.5},
     "fixed value": {"ms": 3.2, "mfc": "white", "mew": 0.9},
     "waypoint": {"ms": 4.5, "mfc": "white", "mec": BLACK, "mew": 0.9},
     "worst violation": {**RING, "mew": 1.5, "zorder": 7, "clip_on": False},
 }
-#: Height of a panel with its words, and what stands above and below all of them (inch).
+#: Height of a panel with its labels, and of the space above and below all panels (inch).
 _ROW, _HEAD, _FOOT = 1.42, 0.84, 0.50
-#: A line of a title, a key of a legend and each of its letters (inch).
+#: Height of a line of the title, and width of a legend key and of its letters (inch).
 _LINE, _KEY, _LETTER = 0.17, 0.43, 0.06
-#: Left of the first column and between two, for labels, and right of the last (inch).
+#: Space to the left of the first column, between columns, and to the right of the last (inch).
 _LEFT, _GAP, _RIGHT = 0.92, 1.02, 0.15
-#: Letters of a line beside a panel.
+#: Number of letters per line beside a panel.
 _LETTERS = 18
 
 
@@ -65,9 +65,9 @@ def panel_sheet(
     panels: Sequence[Panel], spans: Sequence[Span], *, title: str, wrong: bool, columns: int,
     size: Any = None, **how: Any,
 ) -> Figure:  # fmt: skip
-    """Return a figure of nothing but panels; `how` is told to :func:`draw_panels`.
+    """Return a figure that consists of panels; `how` are options of :func:`draw_panels`.
 
-    `size` is width and height (inch), by default what the panels need.
+    `size` is width and height (inch), by default as required by the panels.
     """
     rows = -(-len(panels) // columns)
     high = _head(title, spans) + _FOOT + _ROW * rows
@@ -82,37 +82,37 @@ def draw_panels(
     label: str, columns: int = 1, mesh: bool = True, ruled: bool = False, guess: bool = False,
     keys: Sequence[Any] = (),
 ) -> list[Axes]:  # fmt: skip
-    """Draw panels that share their time, column by column, below a legend.
+    """Draw panels with a common time axis, column by column, below a legend.
 
     Parameters
     ----------
     figure : Figure or SubFigure
-        Where.
+        Figure to draw in.
     panels : sequence of Panel
-        What to draw, from the top of the first column on.
+        Panels, from the top of the first column.
     spans : sequence of Span
-        The phases; where several follow one another, they are shaded and named.
+        Phases; consecutive ones are shaded and named.
     title : str
-        What will stand above all, for which room is left.
+        Title above the panels, for which space is reserved.
     wrong : bool
-        Whether the plan breaks anything; the worst places are ringed only then.
+        Whether the plan violates a constraint; the worst places are ringed only then.
     label : str
-        Below each column, such as ``"time (s)"``.
+        Label below each column, such as ``"time (s)"``.
     columns : int
         Number of columns.
     mesh : bool
         Whether nodes and knots are drawn.
     ruled : bool
-        Whether knots are lines through the panel, and not ticks at its foot.
+        Whether knots are lines through the panel rather than ticks at its foot.
     guess : bool
-        Whether what is drawn is a guess, and no plan.
+        Whether the curves are a guess and not a plan.
     keys : sequence
-        More entries of the legend, see :func:`.style.key`.
+        Additional entries of the legend, see :func:`.style.key`.
 
     Returns
     -------
     list of Axes
-        One a panel.
+        One entry per panel.
     """
     rows = -(-len(panels) // columns)
     broad, tall = inches(figure)
@@ -132,15 +132,15 @@ def draw_panels(
         draw_panel(panel, axes, spans, wrong=wrong, mesh=mesh, ruled=ruled, guess=guess)
         if row == 0:
             _name_phases(axes, spans)
-        own = _curve_keys(panel)
-        if not shared and len(own) > 1:
-            # In a row above the panel, where names hide nothing.
+        curve_keys = _curve_keys(panel)
+        if not shared and len(curve_keys) > 1:
+            # In a row above the panel, so that the names hide nothing.
             tight: dict[str, Any] = {
                 "handlelength": 1.3,
                 "columnspacing": 1.0,
                 "borderaxespad": 0.0,
             }
-            legend_row(axes, own, "lower right", (1.0, 0.97), **tight)
+            legend_row(axes, curve_keys, "lower right", (1.0, 0.97), **tight)
         if row + 1 < rows and k + 1 < len(panels):
             axes.tick_params(labelbottom=False)
         else:
@@ -148,40 +148,40 @@ def draw_panels(
         places.append(axes)
     for column in range(columns):
         figure.align_ylabels(places[column * rows : (column + 1) * rows])
-    own = _curve_keys(panels[0]) if shared else []
-    found = [*own, *keys_of(panels, places, guess=guess), *keys]
-    # In two rows, where one would not fit.
-    rows = 1 + (sum(_KEY + _LETTER * len(one.get_label()) for one in found) > broad)
+    curve_keys = _curve_keys(panels[0]) if shared else []
+    entries = [*curve_keys, *keys_of(panels, places, guess=guess), *keys]
+    # In two rows if one row is too narrow.
+    rows = 1 + (sum(_KEY + _LETTER * len(entry.get_label()) for entry in entries) > broad)
     place = (0.5, 1 - (0.34 + _LINE * title.count("\n")) / tall)
-    legend_row(figure, found, "upper center", place, rows=rows)
+    legend_row(figure, entries, "upper center", place, rows=rows)
     return places
 
 
 def keys_of(panels: Sequence[Panel], places: Sequence[Axes], *, guess: bool = False) -> list[Any]:
-    """Return the entries of a legend that tell what was drawn of `panels` in `places`."""
+    """Return the legend entries for the artists of `panels` in `places`."""
     from matplotlib.patches import Patch
 
     drawn = {artist.get_gid() for axes in places for artist in (*axes.lines, *axes.collections)}
-    found = [key("guess", color=GREY, lw=1.3, ls=(0, (5, 2)))] if guess else []
+    entries = [key("guess", color=GREY, lw=1.3, ls=(0, (5, 2)))] if guess else []
     limits = [limit for panel in panels for limit in panel.limits]
     for label, dashes in {limit.label: limit.dashes for limit in limits}.items():
         if label in drawn:
-            found.append(key(label, color=DARK, ls=dashes, lw=1.0))
+            entries.append(key(label, color=DARK, ls=dashes, lw=1.0))
     if "forbidden" in drawn:
-        found.append(Patch(facecolor=RED, alpha=0.08, label="forbidden"))
+        entries.append(Patch(facecolor=RED, alpha=0.08, label="forbidden"))
     for band in dict.fromkeys(limit.band for limit in limits if limit.band in drawn):
-        found.append(Patch(facecolor=DARK, alpha=0.13, label=band))
+        entries.append(Patch(facecolor=DARK, alpha=0.13, label=band))
     marks = {mark.label: mark for panel in panels for mark in panel.marks}
     for label in dict.fromkeys([*marks, "worst violation"]):
         if label in drawn:
-            own = _MARKS.get(label) or axis_style(marks[label].colour) | dict(marks[label].look)
-            look = {"marker": "o", "color": GREY, "mec": GREY, **own}
-            found.append(key(label, **look | {"ms": max(3.2, look.get("ms", 5.0)), "ls": ""}))
+            marker = _MARKS.get(label) or axis_style(marks[label].colour) | dict(marks[label].look)
+            look = {"marker": "o", "color": GREY, "mec": GREY, **marker}
+            entries.append(key(label, **look | {"ms": max(3.2, look.get("ms", 5.0)), "ls": ""}))
     if "knot" in drawn:
-        found.append(key("knot of the mesh", color=BLACK, marker="|", ms=7))
+        entries.append(key("knot of the mesh", color=BLACK, marker="|", ms=7))
     for shade in dict.fromkeys(word for panel in panels for word in panel.shades):
-        found.append(Patch(facecolor=_SHADED, alpha=0.25, label=shade))
-    return found
+        entries.append(Patch(facecolor=_SHADED, alpha=0.25, label=shade))
+    return entries
 
 
 # -- one panel -----------------------------------------------------------------------------------
@@ -237,7 +237,7 @@ def _scale(panel: Panel, axes: Axes, low: float, high: float) -> None:
     axes.yaxis.set_major_locator(
         MaxNLocator(nbins=int(np.clip(3 * tall, 4, 6)), steps=[1, 2, 5, 10])
     )
-    # As many digits as tell neighbouring ticks apart.
+    # Enough digits to distinguish neighbouring ticks.
     digits = max(6, 3 + int(np.ceil(np.log10(max(abs(low), abs(high)) / (high - low)))))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, digits)))
 
@@ -246,12 +246,12 @@ def _scale(panel: Panel, axes: Axes, low: float, high: float) -> None:
 
 
 def _draw_limits(panel: Panel, axes: Axes, low: float, high: float) -> list[str]:
-    """Draw the limits, and return those out of sight in words."""
+    """Draw the limits, and return a description of those out of sight."""
     notes: list[str] = []
     several = len({curve.colour for curve in panel.curves}) > 1
     for limit in panel.limits:
-        own = [curve.name for curve in panel.curves if curve.colour in limit.colours]
-        whose = ", ".join(dict.fromkeys(own))
+        bounded = [curve.name for curve in panel.curves if curve.colour in limit.colours]
+        whose = ", ".join(dict.fromkeys(bounded))
         colour = DARK
         if len(limit.colours) == 1 and several:
             colour = axis_style(limit.colours[0])["color"]
@@ -288,8 +288,8 @@ def _draw_limits(panel: Panel, axes: Axes, low: float, high: float) -> list[str]
             hidden = [(f"{limit.label} ±", hidden[1][1])]
         for sign, finite in hidden:
             ends = dict.fromkeys(number(float(end), 4) for end in (finite.min(), finite.max()))
-            words = f"{sign}{'' if '±' in sign else ' '}{' … '.join(ends)}"
-            notes.append(f"{whose} {words}" if whose else words)
+            text = f"{sign}{'' if '±' in sign else ' '}{' … '.join(ends)}"
+            notes.append(f"{whose} {text}" if whose else text)
     return list(dict.fromkeys(notes))
 
 
@@ -304,10 +304,10 @@ def _draw_marks(panel: Panel, axes: Axes, *, wrong: bool, mesh: bool) -> None:
             look = {"marker": "o", "color": axis_style(mark.colour)["color"], "zorder": 4}
             look |= {**_MARKS.get(mark.label, {}), **mark.look}
             axes.plot(mark.times, mark.values, ls="", gid=mark.label, **look)
-    told = [mark.note for mark in panel.marks if mark.note]
-    if told:
-        more = f" (and {len(told) - 1} more)" if len(told) > 1 else ""
-        axes.set_title(told[0] + more, fontsize=7.5, color=RED, loc="right", pad=2.5)
+    notes = [mark.note for mark in panel.marks if mark.note]
+    if notes:
+        rest = f" (and {len(notes) - 1} more)" if len(notes) > 1 else ""
+        axes.set_title(notes[0] + rest, fontsize=7.5, color=RED, loc="right", pad=2.5)
 
 
 def _draw_knots(axes: Axes, spans: Sequence[Span], *, ruled: bool) -> None:
@@ -333,7 +333,7 @@ def _curve_keys(panel: Panel) -> list[Any]:
 
 
 def _name_phases(axes: Axes, spans: Sequence[Span]) -> None:
-    """Write the names of phases above a column, and above the row in which curves are named."""
+    """Write the names of phases above a column, and above the row of curve names."""
     for span in spans if _sequential(spans) else ():
         axes.annotate(
             span.name, (0.5 * (span.start + span.end), 1.0), (0, 13), fontsize=7.5,
@@ -351,5 +351,5 @@ def _sequential(spans: Sequence[Span]) -> bool:
 
 
 def _head(title: str, spans: Sequence[Span]) -> float:
-    """Return the height of what stands above the panels (inch)."""
+    """Return the height of the space above the panels (inch)."""
     return _HEAD + _LINE * (title.count("\n") + _sequential(spans))

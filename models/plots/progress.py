@@ -1,4 +1,4 @@
-"""How runs came to their answers: objective over time, and the gap to what is proven."""
+"""Convergence of runs: objective over time, and the gap to the best proven bound."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_progress"]
 
-#: Seconds that are drawn at the least: time has a logarithmic scale.
+#: Smallest time that is drawn, in seconds, because the axis is logarithmic.
 _LEAST = 1e-4
 
 
@@ -25,45 +25,45 @@ def draw_progress(
     solutions: Any, *, bound: float | None = None, unit: str = "m", title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> Figure:  # fmt: skip
-    """Draw the objective of each run over the logarithm of time, and how far it is from the best proven bound.
+    """Draw the objective of each run over logarithmic time, and its gap to the best proven bound.
 
     Parameters
     ----------
     solutions : Solution or sequence of Solution
-        Runs on one model, which is to be minimised. What a run reported on its way is drawn as steps
-        that end with its answer; a run without a plan gives its bound alone.
+        Runs on one model. The incumbents of a run are drawn as steps that end with its answer. A
+        run without a plan contributes its bound only.
     bound : float, optional
-        A proven lower bound, beside those that the solutions have; the greatest counts.
+        Proven lower bound in addition to those of the solutions; the largest one is used.
     unit : str
-        Of the objective.
+        Unit of the objective.
     title : str, optional
-        Instead of the instance's name.
+        Title; by default the instance's name.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.figure.Figure
-        One panel, or a second one of the gap in per cent where there is a bound.
+        One panel, and a second one with the gap in per cent if there is a bound.
 
     Raises
     ------
     InvalidData
-        No solution has a plan, or they are of different models.
+        No solution has a plan, or they belong to different models.
     UnsupportedOption
-        An option has a value that is not allowed.
+        The value of an option is not allowed.
     """
     allowed = bound is None or (is_number(bound) and np.isfinite(bound))
     check_option("bound", bound, bool(allowed), "be a finite number")
     runs = list(solutions) if isinstance(solutions, Iterable) else [solutions]
-    if len({one.digest for one in runs}) > 1:
+    if len({run.digest for run in runs}) > 1:
         raise InvalidData("solutions must be of one model", field="solutions")
     curves = _curves(runs)
     if not curves:
         raise InvalidData("solutions must hold one with a plan", field="solutions")
     last = max(float(curve.times[-1]) for curve in curves)
     first = min(0.1 * last, *(float(curve.times[0]) for curve in curves))
-    proven = [one.dual_bound for one in runs if one.dual_bound is not None]
+    proven = [run.dual_bound for run in runs if run.dual_bound is not None]
     proven += [] if bound is None else [float(bound)]
     ends = np.array([first, last])
     best = max(proven, default=None)
@@ -71,7 +71,7 @@ def draw_progress(
     panels = [Panel("objective", unit, curves, limits)]
     if best is not None:
         panels.append(Panel("gap to the bound", "%", [_gap(curve, best) for curve in curves]))
-    name = next((one.instance for one in runs if one.instance), "")
+    name = next((run.instance for run in runs if run.instance), "")
     figure = panel_sheet(
         panels, [Span("", first, last, np.empty(0))], columns=1, wrong=False, label="time (s)",
         title=name if title is None else title, size=size,
@@ -83,22 +83,22 @@ def draw_progress(
 
 
 def _curves(runs: Sequence[Any]) -> list[Curve]:
-    """Return the steps of every run that has an answer, each to the end of its run."""
+    """Return the steps of every run with an answer, up to the end of the run."""
     curves = []
-    for number, one in enumerate(runs):
-        if one.primal_bound is None:
+    for number, run in enumerate(runs):
+        if run.primal_bound is None:
             continue
-        end = max(_LEAST, one.seconds.get("solve", one.seconds.get("total", 0.0)))
-        steps = [(max(_LEAST, step.seconds), step.objective) for step in one.incumbents]
-        end = max([end, *(when for when, _ in steps)])
-        # What a backend claims on its way may differ from what verifies in its last digits.
-        steps = [*sorted(steps), (end, one.primal_bound)]
+        end = max(_LEAST, run.seconds.get("solve", run.seconds.get("total", 0.0)))
+        steps = [(max(_LEAST, step.seconds), step.objective) for step in run.incumbents]
+        end = max([end, *(seconds for seconds, _ in steps)])
+        # The reported incumbents may differ in their last digits from the verified objective.
+        steps = [*sorted(steps), (end, run.primal_bound)]
         times, values = np.array(steps, float).T
         values = np.minimum.accumulate(values)
-        # A value holds until the next one comes.
+        # A value holds until the next step.
         times, values = np.repeat(times, 2)[1:], np.repeat(values, 2)[:-1]
-        label = one.backend if [other.backend for other in runs].count(one.backend) == 1 else ""
-        curves.append(Curve(label or f"{one.backend} {number + 1}", number, times, values))
+        label = run.backend if [item.backend for item in runs].count(run.backend) == 1 else ""
+        curves.append(Curve(label or f"{run.backend} {number + 1}", number, times, values))
     return curves
 
 

@@ -1,4 +1,4 @@
-"""Routes of several vehicles on a map, each in a colour of its own, and the nodes that they visit."""
+"""Routes of several vehicles on a map, one colour per vehicle, and the nodes that they visit."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ __all__ = ["draw_routes", "draw_stops", "name_vehicles", "ring"]
 
 Floats = NDArray[np.float64]
 
-#: More nodes than this have small dots; more vehicles have no names.
+#: Largest number of nodes with large dots, and of vehicles with names.
 _MOST_LARGE, _MOST_NAMES = 150, 7
 
 
 def draw_routes(axes: Any, lines: Sequence[Floats], *, gid: str, **look: Any) -> None:
-    """Draw a polyline for each vehicle, the limits of the axes as they are.
+    """Draw one polyline per vehicle without changing the limits of the axes.
 
     Parameters
     ----------
     axes : matplotlib axes
-        Where.
+        Axes.
     lines : sequence of ndarray, each of shape (k, 2)
-        The polylines, in the axes' unit.
+        Polylines, in the axes' unit.
     gid : str
-        What they are called.
+        Identifier of the artist.
     **look
-        How they look, other than by the vehicle's colour and dashes.
+        Options of a matplotlib collection, except for colours and dashes.
     """
     from matplotlib.collections import LineCollection
 
     looks = [axis_style(k) for k in range(len(lines))]
     full: dict[str, Any] = {
-        "colors": [one["color"] for one in looks], "linestyles": [one["ls"] for one in looks],
+        "colors": [style["color"] for style in looks], "linestyles": [style["ls"] for style in looks],
         "lw": 1.6, "zorder": 3, "capstyle": "round", "joinstyle": "round",
     }  # fmt: skip
     axes.add_collection(LineCollection(list(lines), gid=gid, **full | look), autolim=False)
@@ -46,20 +46,20 @@ def draw_routes(axes: Any, lines: Sequence[Floats], *, gid: str, **look: Any) ->
 def draw_stops(
     axes: Any, nodes: Floats, owners: NDArray[np.int64], depots: Floats, missed: Floats
 ) -> list[Any]:
-    """Draw nodes in the colours of their vehicles, depots, and rings around what is missed.
+    """Draw nodes in the colours of their vehicles, depots, and rings around missed nodes.
 
     Parameters
     ----------
     axes : matplotlib axes
-        Where.
+        Axes.
     nodes : ndarray, shape (n, 2)
         Places to visit.
     owners : ndarray of int, shape (n,)
-        The vehicle that visits each; -1 for none.
+        Vehicle that visits each node; -1 for none.
     depots : ndarray, shape (d, 2)
-        Where routes begin and end.
+        Starts and ends of routes.
     missed : ndarray, shape (k, 2)
-        Places that are not visited once.
+        Places that are not visited exactly once.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def draw_stops(
 
 
 def ring(axes: Any, places: Floats, label: str) -> list[Any]:
-    """Draw a red ring around each of the `places`, and return the entry of the legend, if any."""
+    """Draw a red ring around each of `places`, and return its legend entry; empty without places."""
     if not len(places):
         return []
     dots(axes, places, "o", "none", size=150, edge=RED, width=1.8, zorder=21, gid=label)
@@ -86,6 +86,6 @@ def ring(axes: Any, places: Floats, label: str) -> list[Any]:
 
 
 def name_vehicles(count: int, word: str) -> list[Any]:
-    """Return the entries of a legend that name `count` vehicles, each a `word` and its number."""
+    """Return the legend entries for `count` vehicles, named by `word` and a number."""
     keys = [key(f"{word} {k}", lw=1.6, **axis_style(k)) for k in range(min(count, _MOST_NAMES))]
     return keys + [key(f"… {count} in all", ls="")] * (count > _MOST_NAMES)

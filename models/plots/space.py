@@ -1,4 +1,4 @@
-"""What is drawn in a plane and in space: markers, and axes with a quiet box, from one point of view for all problems."""
+"""Markers in a plane and in space, and axes in space with a common point of view."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ __all__ = ["dots", "dress_space", "space_axes"]
 
 
 def space_axes(figure: Any, place: tuple[float, float, float, float]) -> Any:
-    """Return axes in space that draw by ``zorder``; else far markers come behind near lines."""
+    """Return axes in space that draw by ``zorder``; otherwise lines could hide nearer markers."""
     return figure.add_axes(place, projection="3d", computed_zorder=False)
 
 
 def dress_space(axes: Any, *, above: float = 28) -> None:
-    """Set the point of view, `above` the floor (degrees), and draw the box faintly.
+    """Set the point of view, `above` the floor (degrees), and draw a faint box.
 
-    Called after everything else is drawn: nothing is cut off at the square around the box.
+    Call it after everything else is drawn: it disables clipping at the square around the box.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -39,7 +39,7 @@ def dots(
 ) -> Any:  # fmt: skip
     """Draw markers at `places` of a plane or of space, (k, 2) or (k, 3), and return them.
 
-    `size` is the area of a marker (square points), `width` that of its edge (points).
+    `size` is the area of a marker (square points), and `width` that of its edge (points).
     """
     depth = {"depthshade": False} if places.shape[1] == 3 else {}
     return axes.scatter(

@@ -1,8 +1,8 @@
-"""What all pictures have in common: figures and their titles, colours, keys, numbers and units.
+"""Common style of all pictures: figures and titles, colours, legends, numbers and units.
 
-A new picture begins with :func:`sheet` and :func:`headline`; curves over time are described with
-:mod:`.curves` and drawn by :func:`.panels.draw_panels`; :mod:`.space` holds what is drawn in space
-and the names of points; options are checked by :mod:`.options`.
+A new picture begins with :func:`sheet` and :func:`headline`. Curves over time are described with
+:mod:`.curves` and drawn by :func:`.panels.draw_panels`. :mod:`.space` draws in space, :mod:`.labels`
+places the names of points, and :mod:`.options` checks options.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ __all__ = [
     "key", "legend_below", "legend_row", "number", "pretty_unit", "sheet", "title_of",
 ]  # fmt: skip
 
-# Okabe and Ito's colours, which all eyes tell apart and whose greys differ in print.
+# Colours of Okabe and Ito, which are distinguishable with colour blindness and as greys in print.
 BLACK, DARK, GREY, RED = "#1a1a1a", "#404040", "#8c8c8c", "#C8102E"
 _LINES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#7F6000", "#1a1a1a")
-#: How the key of the worst violation looks.
+#: Marker of the worst violation.
 RING: dict[str, Any] = {"marker": "o", "ms": 8, "mfc": "none", "mec": RED}
-#: More knots than this are not told apart: no lines, no numbers.
+#: Largest number of knots drawn as lines or with numbers.
 MOST_KNOTS = 60
-#: Size of a title (point), and how wide a character of it is (inch).
+#: Size of a title (point), and width of one of its characters (inch).
 _TITLE, _CHARACTER = 11.0, 0.086
 
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def sheet(size: Any, default: tuple[float, float]) -> Figure:
-    """Return an empty figure of `size` (inch), `default` for None, tied to no window."""
+    """Return an empty figure of `size` (inch), or `default` for None, without a window."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -51,7 +51,7 @@ def inches(figure: Any) -> tuple[float, float]:
 
 
 def headline(figure: Figure, text: str, *, wrong: bool) -> None:
-    """Write the title, in red where the plan is `wrong`, and smaller where it is too wide."""
+    """Write the title, in red if the plan is `wrong`, and smaller if it is too wide."""
     broad, tall = inches(figure)
     longest = max(map(len, text.split("\n")), default=0) or 1
     figure.suptitle(
@@ -61,24 +61,24 @@ def headline(figure: Figure, text: str, *, wrong: bool) -> None:
 
 
 def title_of(name: str, parts: Sequence[str], found: Verification | None) -> str:
-    """Return ``"name  ·  part, part"``, and below it what the plan breaks where it is not valid."""
+    """Return ``"name  ·  part, part"``, and a second line with the violations of an invalid plan."""
     text = ", ".join(parts)
     text = f"{name}  ·  {text}" if name else text
     if found is None or found.ok:
         return text
-    broken = [check.name for check in found.violated]
-    more = f" and {len(broken) - 2} more" if len(broken) > 2 else ""
-    return f"{text}\nNOT VALID: {', '.join(broken[:2]) or 'no objective'}{more}"
+    violated = [check.name for check in found.violated]
+    rest = f" and {len(violated) - 2} more" if len(violated) > 2 else ""
+    return f"{text}\nNOT VALID: {', '.join(violated[:2]) or 'no objective'}{rest}"
 
 
 def axis_style(axis: int) -> dict[str, Any]:
-    """Return colour and dashes of an axis's line; they repeat only after 21 axes."""
+    """Return colour and dashes of an index; they repeat after 21 indices."""
     dashes = ("-", "-.", ":")[axis // len(_LINES) % 3]
     return {"color": _LINES[axis % len(_LINES)], "ls": dashes}
 
 
 def bare(axes: Axes) -> None:
-    """Remove the parts of a graph's frame that tell nothing, and draw a faint grid."""
+    """Remove the top and right spines, and draw a faint grid."""
     axes.tick_params(labelsize=8)
     axes.grid(color="#ececec", lw=0.6)
     axes.set_axisbelow(True)
@@ -87,7 +87,7 @@ def bare(axes: Axes) -> None:
 
 
 def key(label: str, **look: Any) -> Any:
-    """Return an entry of a legend: a marker where `look` has one, a line otherwise."""
+    """Return an entry of a legend: a marker if `look` has one, otherwise a line."""
     from matplotlib.lines import Line2D
 
     if "marker" in look:
@@ -101,7 +101,7 @@ def legend_row(
 ) -> None:  # fmt: skip
     """Write a legend in `rows` rows in a figure, a part of one or axes; nothing without `keys`.
 
-    `loc` is the corner of the legend that stands at `place`, as matplotlib names it.
+    `loc` is the corner of the legend at `place`, with matplotlib's names.
     """
     if keys:
         where.legend(
@@ -116,7 +116,7 @@ def legend_below(figure: Any, keys: Sequence[Any], middle: float = 0.5, rows: in
 
 
 def number(value: float, digits: int = 6) -> str:
-    """Return ``"6566.48"``, or ``"1.23457×10⁹"`` where zeros would not be counted."""
+    """Return ``"6566.48"``, or ``"1.23457×10⁹"`` for numbers with many zeros."""
     mantissa, mark, power = f"{value:.{digits}g}".partition("e")
     raised = f"×10{str(int(power)).translate(_SUPERSCRIPTS)}" if mark else ""
     return mantissa.replace("-", "−") + raised

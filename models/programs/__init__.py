@@ -1,4 +1,4 @@
-"""Solver-neutral programs in standard form, whose rows and columns know the paper's equations."""
+"""Solver-neutral programs in standard form, whose rows and columns carry the paper's equations."""
 
 from __future__ import annotations
 

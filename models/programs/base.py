@@ -1,4 +1,4 @@
-"""The bases of all programs, of those with bounded blocks, and of those with linear rows."""
+"""Base classes of all programs, of block programs and of programs with linear rows."""
 
 from __future__ import annotations
 
@@ -27,7 +27,13 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Program(Model[Vector]):
-    """Base of all programs: minimise an objective of a column vector under blocks of rows."""
+    """Base of all programs: minimise an objective of a column vector under blocks of rows.
+
+    Parameters
+    ----------
+    name : str
+        Label of the program, which is not part of the content.
+    """
 
     plan_type: ClassVar[type] = np.ndarray
 
@@ -49,30 +55,44 @@ class Program(Model[Vector]):
 
         @property
         def guess(self) -> Vector | None:
-            """Where a search starts, None where the program does not say."""
+            """Start of a search; None if the program has none."""
 
     else:
-        # No property at run time: a subclass may declare a field of this name.
+        # Not a property at run time, because a subclass may declare a field of this name.
         guess = None
 
     def dual_bound(self, duals: Vector, point: Vector) -> float:
-        """Return the lower bound on the objective that row multipliers prove, -inf without one.
+        """Return the lower bound on the objective that row multipliers prove; -inf by default.
 
         Parameters
         ----------
         duals : ndarray, shape (m,)
-            Row multipliers: ``duals[i] >= 0`` counts against the lower bound of row i, ``<= 0``
-            against the upper one.
+            Row multipliers: ``duals[i] >= 0`` belongs to the lower bound of row i, ``<= 0`` to the
+            upper bound.
         point : ndarray, shape (n,)
-            The point that they belong to.
+            Point of the multipliers.
+
+        Returns
+        -------
+        float
+            Lower bound on the objective of all feasible points.
         """
         return -np.inf
 
 
 class BlockProgram(Program):
-    """Base of the programs whose rows and columns have bounds and come in named blocks.
+    """Base of programs whose rows and columns have bounds and are grouped in named blocks.
 
-    A subclass is a dataclass that declares the fields named here, and its objective.
+    Subclasses are dataclasses that declare the fields below and define the objective.
+
+    Attributes
+    ----------
+    row_lower, row_upper : ndarray, shape (m,)
+        Row bounds; infinite for none.
+    column_lower, column_upper : ndarray, shape (n,)
+        Column bounds; infinite for none.
+    columns, rows : tuple of Block
+        Names and equations; either empty or a complete cover.
     """
 
     if TYPE_CHECKING:
@@ -88,7 +108,7 @@ class BlockProgram(Program):
         """Return the objective at `point`."""
 
     def check(self) -> None:
-        """Refuse blocks that do not cover the program."""
+        """Raise if the blocks do not cover the program."""
         for name, blocks, size in (
             ("columns", self.columns, self.size),
             ("rows", self.rows, self.row_count),
@@ -117,7 +137,7 @@ class BlockProgram(Program):
         return self.columns or ((Block("column", "", 0, self.size),) if self.size else ())
 
     def _point(self, plan: Vector) -> Vector:
-        """Return `plan` as a column vector of this program; ``InvalidData`` where it is none."""
+        """Return `plan` as a column vector of this program, or raise ``InvalidData``."""
         return Array((self.size,)).coerce("point", plan, {})
 
     def _checks(
@@ -125,41 +145,40 @@ class BlockProgram(Program):
     ) -> tuple[Check, ...]:
         """Return the worst violation of every block.
 
-        What is violated is held against the bound, or the size of the row or column where that is
-        larger.
+        A violation is relative to the bound, or to the size of the row or column if that is larger.
         """
         check_tolerance(tolerance)
-        found = []
+        result = []
         for value, lower, upper, size, blocks in (
             (rows, self.row_lower, self.row_upper, row_sizes, self._rows),
             (point, self.column_lower, self.column_upper, column_sizes, self._columns),
         ):
-            off = np.maximum(np.maximum(lower - value, value - upper), 0.0)
+            violation = np.maximum(np.maximum(lower - value, value - upper), 0.0)
             near = np.where(value - lower < upper - value, lower, upper)
             bound = np.where(np.isfinite(near), np.abs(near), 0.0)
             scale = np.maximum(size, bound)
             for block in blocks:
                 if block.size:
-                    entry = int((off[block.slice] / scale[block.slice]).argmax())
-                    at = block.start + entry
-                    found.append(
+                    entry = int((violation[block.slice] / scale[block.slice]).argmax())
+                    row = block.start + entry
+                    result.append(
                         Check.scaled(
-                            block.name, block.equation, off[at], block.unit,
-                            _bare(block.place(entry)), tolerance, scale[at], limit=bound[at],
+                            block.name, block.equation, violation[row], block.unit,
+                            _bare(block.place(entry)), tolerance, scale[row], limit=bound[row],
                         )
                     )  # fmt: skip
-        return tuple(found)
+        return tuple(result)
 
     def row_name(self, row: int) -> str:
-        """Return the row in the paper's words."""
+        """Return the name of a row in the paper's terms."""
         return _name("row", self._rows, row)
 
     def column_name(self, column: int) -> str:
-        """Return the column in the paper's words."""
+        """Return the name of a column in the paper's terms."""
         return _name("column", self._columns, column)
 
     def column_block(self, name: str) -> Block:
-        """Return the block of columns called `name`."""
+        """Return the block of columns called `name`, or raise ``UnknownName``."""
         for block in self.columns:
             if isinstance(name, str) and block.name == name:
                 return block
@@ -167,9 +186,18 @@ class BlockProgram(Program):
 
 
 class RowProgram(BlockProgram):
-    """Base of the programs with ``row_lower <= matrix @ x <= row_upper`` and column bounds.
+    """Base of programs with ``row_lower <= matrix @ x <= row_upper`` and column bounds.
 
-    A subclass is a dataclass that declares the fields named here, and its objective.
+    Subclasses are dataclasses that declare the fields below and define the objective.
+
+    Attributes
+    ----------
+    cost : ndarray, shape (n,)
+        Linear objective coefficients.
+    matrix : sparse array, shape (m, n)
+        Row coefficients.
+    offset : float
+        Constant of the objective.
     """
 
     if TYPE_CHECKING:
@@ -179,13 +207,13 @@ class RowProgram(BlockProgram):
 
     kind: ClassVar[str] = "linearly-constrained-program"
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective and the worst violation of every block of rows and columns.
 
-        A column's tolerance is relative to its bound, a row's to the largest of its terms and
-        bounds. Where these are 0, a column has the size of its other bound, a row that of its
-        largest coefficient times its column; it is 1 at most.
+        The tolerance of a column is relative to its bound, that of a row to the largest of its terms
+        and bounds. If these are 0, the scale is the other bound of the column, or the row's largest
+        coefficient times the size of its column, at most 1.
         """
         point = self._point(plan)
         columns = self._column_sizes
@@ -195,7 +223,7 @@ class RowProgram(BlockProgram):
 
     @property
     def _column_sizes(self) -> Vector:
-        """What a column has as its size where its nearest bound is 0: its other bound, at most 1."""
+        """Sizes of columns whose nearest bound is 0: the other bound, at most 1."""
         low, high = (
             np.where(np.isfinite(bound), np.abs(bound), 0.0)
             for bound in (self.column_lower, self.column_upper)
@@ -204,10 +232,10 @@ class RowProgram(BlockProgram):
         return np.where(size > 0, np.minimum(size, 1.0), 1.0)
 
     def sides(self) -> Iterator[tuple[str, NDArray[np.intp], Vector]]:
-        """Yield equal rows, rows from below and rows from above, each kind where there are any.
+        """Yield the equality rows, the rows with lower bounds and the rows with upper bounds.
 
-        Each comes as ``"="``, ``">"`` or ``"<"``, which rows, and their bounds; a row with two
-        bounds comes twice.
+        Each item is the sense ``"="``, ``">"`` or ``"<"``, the row indices and their bounds. Empty
+        groups are omitted. A row with two different bounds appears in two groups.
         """
         low, high = self.row_lower, self.row_upper
         equal = low == high
@@ -221,7 +249,7 @@ class RowProgram(BlockProgram):
 
     @property
     def conditions(self) -> tuple[Block, ...]:
-        """The blocks that :meth:`without_rows` can leave out."""
+        """Blocks that :meth:`without_rows` can remove."""
         return self.rows
 
     def without_rows(self, names: Iterable[str]) -> Self:
@@ -230,7 +258,7 @@ class RowProgram(BlockProgram):
         return self.only_rows(take, blocks)
 
     def only_rows(self, take: NDArray[np.intp], rows: tuple[Block, ...] = ()) -> Self:
-        """Return the program with the rows `take` alone, which are the blocks `rows`."""
+        """Return the program with only the rows `take`, which form the blocks `rows`."""
         changed: dict[str, Any] = {
             "matrix": self.matrix[take],
             "row_lower": self.row_lower[take],
@@ -240,36 +268,36 @@ class RowProgram(BlockProgram):
         return replace(self, **changed)
 
     def to_cvxpy(self) -> tuple[cvxpy.Problem, cvxpy.Variable]:
-        """Return a ``cvxpy.Problem`` and its variable, the column vector in this order."""
+        """Return a ``cvxpy.Problem`` and its variable, the column vector in the same order."""
         from .export import cvxpy_problem
 
         return cvxpy_problem(self)
 
 
 def row_sizes(matrix: sp.csr_array, point: Vector, columns: Vector) -> Vector:
-    """Return the largest term of each row, at least that of columns of size `columns`, at most 1 so."""
-    least = _largest(abs(matrix) @ sp.diags_array(columns))
-    least = np.where(least > 0, np.minimum(least, 1.0), 1.0)
-    return np.maximum(_largest(abs(matrix * point[None, :])), least)
+    """Return the largest term of each row, at least that of columns of size `columns`, capped at 1."""
+    smallest = _largest(abs(matrix) @ sp.diags_array(columns))
+    smallest = np.where(smallest > 0, np.minimum(smallest, 1.0), 1.0)
+    return np.maximum(_largest(abs(matrix * point[None, :])), smallest)
 
 
 def _largest(terms: sp.csr_array) -> Vector:
-    """Return the largest entry of each row, 0 where there is none."""
+    """Return the largest entry of each row; 0 for empty rows."""
     if not (terms.shape[0] and terms.nnz):
         return np.zeros(terms.shape[0])
-    found: Vector = terms.max(axis=1).toarray().ravel()
-    return found
+    result: Vector = terms.max(axis=1).toarray().ravel()
+    return result
 
 
 def _bare(place: str) -> str:
-    """Return a place without the preposition that a sentence supplies."""
-    for word in ("at ", "along ", "in "):
-        place = place.removeprefix(word)
+    """Return a place without its preposition."""
+    for preposition in ("at ", "along ", "in "):
+        place = place.removeprefix(preposition)
     return place
 
 
 def _name(what: str, blocks: Sequence[Block], entry: int) -> str:
     count = sum(block.size for block in blocks)
     place = Whole(0, count - 1).coerce(what, entry, {})
-    block = next(one for one in blocks if place < one.start + one.size)
+    block = next(item for item in blocks if place < item.start + item.size)
     return block.describe(place - block.start)

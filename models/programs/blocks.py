@@ -1,4 +1,4 @@
-"""Blocks of rows and columns that know the paper's equations, and the sparse matrix they index."""
+"""Blocks of rows and columns with the paper's equations, and specifications of sparse matrices."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ __all__ = ["Block", "Blocks", "Sparse", "without"]
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A named run of rows or columns that stand for one equation or one kind of decision.
+    """Named range of rows or columns that represents one equation or one kind of decision.
 
     Parameters
     ----------
     name : str
-        What the block is, such as ``"horizontal error"``.
+        Name of the block, such as ``"horizontal error"``.
     equation : str
-        The paper's equation, empty where it has none.
+        Equation number in the paper; empty if it has none.
     start, size : int
         The rows or columns ``start … start + size - 1``.
     template : str
-        Says where an entry lies, such as ``"arc {0}-{1}"``, filled from `index`.
+        Format of the place of an entry, such as ``"arc {0}-{1}"``, filled from `index`.
     index : ndarray of int, shape (size, k)
-        What fills `template`, one row an entry.
+        Values for `template`, one row per entry.
     unit : str
         Unit of the entries.
     """
@@ -54,7 +54,7 @@ class Block:
         self._check()
 
     def _check(self) -> None:
-        """Raise where the index does not fit the entries, or the template the index."""
+        """Raise if the index does not fit the entries, or the template does not fit the index."""
         if self.index is None:
             return
         if len(self.index) != self.count:
@@ -67,7 +67,7 @@ class Block:
 
     @property
     def count(self) -> int:
-        """Number of entries, those that `index` has rows for."""
+        """Number of entries, and of rows of `index`."""
         return self.size
 
     @property
@@ -76,7 +76,7 @@ class Block:
         return slice(self.start, self.start + self.size)
 
     def place(self, entry: int) -> str:
-        """Return where `entry` (counted within the block) lies."""
+        """Return the place of `entry`, which is counted within the block."""
         if self.index is None:
             return f"{self.name} {entry}" if self.size > 1 else ""
         return self.template.format(*self.index[entry].tolist())
@@ -87,13 +87,13 @@ class Block:
         return f"eq. {self.equation}, {self.name}" if self.equation else self.name
 
     def describe(self, entry: int) -> str:
-        """Return ``"eq. 13, horizontal error at point 40"``."""
+        """Return the description of an entry, such as ``"eq. 13, horizontal error at point 40"``."""
         if self.index is None:
             return f"{self.title} {entry}" if self.size > 1 else self.title
         return f"{self.title} {self.place(entry)}"
 
 
-#: How the fields of a block are checked.
+#: Specifications of the fields of a block.
 _BLOCK: dict[str, Spec] = {
     "name": Text(),
     "equation": Text(),
@@ -106,7 +106,7 @@ _BLOCK: dict[str, Spec] = {
 
 
 def _check_template(template: str, count: int) -> None:
-    """Raise where a template asks for anything but the numbers 0 … `count` - 1, in braces."""
+    """Raise if a template has other fields than the numbers 0 … `count` - 1 in braces."""
     try:
         parts = [part for part in Formatter().parse(template) if part[1] is not None]
     except ValueError:
@@ -124,32 +124,32 @@ SomeBlock = TypeVar("SomeBlock", bound=Block)
 
 
 def block_names(names: Any) -> set[str]:
-    """Return the names of blocks that were given, which must be words."""
+    """Return `names` as a set, or raise if it is not an iterable of strings."""
     if not isinstance(names, str | bytes | Mapping):
-        with contextlib.suppress(TypeError):  # what cannot be gone through is refused below
-            found = list(names)
-            if all(isinstance(one, str) for one in found):
-                return set(found)
+        with contextlib.suppress(TypeError):  # not iterable: rejected below
+            result = list(names)
+            if all(isinstance(name, str) for name in result):
+                return set(result)
     raise InvalidData(f"names must be a list of block names, got {show(names)}", field="names")
 
 
 def without(
     blocks: Iterable[SomeBlock], names: Iterable[str]
 ) -> tuple[NDArray[np.int64], tuple[SomeBlock, ...]]:
-    """Return which entries are left without the blocks called `names`, and the blocks of those."""
+    """Return the indices of the entries outside of the blocks called `names`, and their blocks."""
     drop = block_names(names)
-    take, kept, at = [np.empty(0, np.int64)], [], 0
+    take, remaining, start = [np.empty(0, np.int64)], [], 0
     for block in blocks:
         if block.name not in drop:
             take.append(np.arange(block.start, block.start + block.size))
-            kept.append(replace(block, start=at))
-            at += block.size
-    return np.concatenate(take), tuple(kept)
+            remaining.append(replace(block, start=start))
+            start += block.size
+    return np.concatenate(take), tuple(remaining)
 
 
 @dataclass(frozen=True)
 class Blocks(Spec):
-    """Blocks that cover all rows or columns in order; labels, so no part of the content."""
+    """Blocks that cover all rows or columns in order; not part of the content."""
 
     content: bool = False
 
@@ -160,14 +160,14 @@ class Blocks(Spec):
             block if isinstance(block, Block) else self._read(f"{name}[{k}]", block)
             for k, block in enumerate(value)
         )
-        at = 0
+        next_start = 0
         for block in blocks:
-            if block.start != at:
+            if block.start != next_start:
                 raise InvalidData(
-                    f"{name}: block {block.name!r} starts at {block.start}, {at} is next",
+                    f"{name}: block {block.name!r} starts at {block.start}, {next_start} is next",
                     field=name,
                 )
-            at += block.size
+            next_start += block.size
         names = [block.name for block in blocks]
         if len(set(names)) != len(names):
             raise InvalidData(f"{name}: two blocks bear one name: {names}", field=name)
@@ -199,7 +199,7 @@ class Blocks(Spec):
         return tuple(replace(block) for block in value)
 
 
-#: How the parts of a matrix in compressed rows are checked, in the order that SciPy takes them.
+#: Specifications of the parts of a matrix in compressed rows, in SciPy's order.
 _SPARSE = {
     "data": Array(("entries",)),
     "indices": Array(("entries",), int, lower=0),
@@ -210,7 +210,13 @@ _SPARSE = {
 
 @dataclass(frozen=True)
 class Sparse(Spec):
-    """A sparse matrix in compressed rows, canonical (sorted, summed, no stored zeros)."""
+    """Sparse matrix in compressed rows, canonical (sorted, summed, no stored zeros).
+
+    Parameters
+    ----------
+    shape : tuple of str
+        Names of the two dimensions.
+    """
 
     shape: tuple[str, str]
 
@@ -228,9 +234,9 @@ class Sparse(Spec):
         with np.errstate(over="ignore", invalid="ignore"):
             matrix.sum_duplicates()
         matrix.eliminate_zeros()
-        for have, want in zip(matrix.shape, self.shape, strict=True):
-            known, source = sizes.setdefault(want, (have, name))
-            if known != have:
+        for actual, expected in zip(matrix.shape, self.shape, strict=True):
+            known, source = sizes.setdefault(expected, (actual, name))
+            if known != actual:
                 raise InvalidData(
                     f"{name} has shape {matrix.shape}, but {source} has {known} entries", field=name
                 )

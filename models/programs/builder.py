@@ -1,4 +1,4 @@
-"""Writing a mixed-integer or conic program block by block, as a paper lists its equations."""
+"""Construction of mixed-integer and conic programs block by block."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ __all__ = ["ProgramBuilder"]
 
 Indices = NDArray[np.int64]
 
-#: Rows or columns that a block may have.
+#: Largest number of rows or columns of a block.
 MOST_ENTRIES = 100_000_000
 
 
 class ProgramBuilder:
-    """Collects blocks of columns, rows and cones and makes a program of them.
+    """Builder that collects blocks of columns, rows and cones into a program.
 
-    That is a :class:`MixedIntegerProgram`, or a :class:`ConicProgram` where there are cones.
+    :meth:`build` returns a :class:`MixedIntegerProgram`, and :meth:`build_conic` a
+    :class:`ConicProgram`. The constructor has no parameters.
     """
 
     def __init__(self) -> None:
@@ -57,7 +58,26 @@ class ProgramBuilder:
         index: ArrayLike | None = None,
         unit: str = "",
     ) -> Indices:
-        """Add a block of `size` columns and return their indices."""
+        """Add a block of columns.
+
+        Parameters
+        ----------
+        name : str
+            Name of the block.
+        size : int
+            Number of columns.
+        lower, upper, cost : array_like
+            Bounds and objective coefficients, one number or one per column.
+        integral : bool
+            Whether the columns must be integers.
+        equation, template, index, unit
+            See :class:`Block`.
+
+        Returns
+        -------
+        ndarray of int, shape (size,)
+            Indices of the columns.
+        """
         size = Whole(0, MOST_ENTRIES).coerce("size", size, {})
         block = Block(name, equation, self._size, size, template, _index(index, size), unit)
         data = (
@@ -83,10 +103,21 @@ class ProgramBuilder:
         index: ArrayLike | None = None,
         unit: str = "",
     ) -> None:
-        """Add a block of `size` rows.
+        """Add a block of rows ``lower <= sum of terms <= upper``.
 
-        Each of `terms` is ``(row, column, coefficient)``, broadcast against one another, with the
-        row counted within the block.
+        Parameters
+        ----------
+        name : str
+            Name of the block.
+        size : int
+            Number of rows.
+        *terms : tuple of array_like
+            Triples ``(row, column, coefficient)``, broadcast against one another, with the row
+            counted within the block.
+        lower, upper : array_like
+            Bounds, one number or one per row.
+        equation, template, index, unit
+            See :class:`Block`.
         """
         size = Whole(0, MOST_ENTRIES).coerce("size", size, {})
         block = Block(name, equation, self._row_count, size, template, _index(index, size), unit)
@@ -109,12 +140,23 @@ class ProgramBuilder:
         index: ArrayLike | None = None,
         unit: str = "",
     ) -> None:
-        """Add a block of `count` cones of `dimension` rows each.
+        """Add a block of cones.
 
-        `terms` are as in :meth:`rows`, with the row counted within the block: that of entry e of
-        cone k is ``k * dimension + e``. `offset`, which is added to them, may be one number, one
-        for every entry of a cone, or have the shape ``(count, dimension)``. `index` has one row a
-        cone.
+        Parameters
+        ----------
+        name : str
+            Name of the block.
+        kind : ConeKind
+            Kind of the cones.
+        count, dimension : int
+            Number of cones, and of rows per cone.
+        *terms : tuple of array_like
+            Triples as in :meth:`rows`; entry e of cone k is row ``k * dimension + e`` of the block.
+        offset : array_like
+            Constants of the rows: one number, one per entry of a cone, or an array of shape
+            ``(count, dimension)``.
+        equation, template, index, unit
+            See :class:`Block`; `index` has one row per cone.
         """
         count = Whole(1, MOST_ENTRIES).coerce("count", count, {})
         dimension = Whole(1, MOST_ENTRIES).coerce("dimension", dimension, {})
@@ -131,7 +173,7 @@ class ProgramBuilder:
         self._cone_rows += size
 
     def build(self, *, name: str = "", offset: float = 0.0) -> MixedIntegerProgram:
-        """Return the program; ``InvalidData`` where it has cones, which :meth:`build_conic` takes."""
+        """Return the program, or raise ``InvalidData`` if it has cones."""
         if self._cones:
             raise InvalidData("a program with cones is built by build_conic", field="cones")
         shared, integral = self._shared()
@@ -140,7 +182,17 @@ class ProgramBuilder:
     def build_conic(
         self, *, name: str = "", offset: float = 0.0, hessian: ArrayLike | None = None
     ) -> ConicProgram:
-        """Return the program with its cones; ``InvalidData`` where a column must be whole."""
+        """Return the program with its cones, or raise ``InvalidData`` if a column is integral.
+
+        Parameters
+        ----------
+        name : str
+            Name of the program.
+        offset : float
+            Constant of the objective.
+        hessian : array_like, shape (n, n), optional
+            Hessian of the objective; None for a linear objective.
+        """
         shared, integral = self._shared()
         if integral.any():
             raise InvalidData("a conic program has no integral columns", field="integral")
@@ -155,7 +207,7 @@ class ProgramBuilder:
         )
 
     def _shared(self) -> tuple[dict[str, Any], NDArray[np.bool_]]:
-        """Return what programs of both kinds have, and which columns must be whole."""
+        """Return the fields of both kinds of programs, and which columns are integral."""
         if not self._column_data:
             raise InvalidData("a program needs a block of columns at least", field="columns")
         lower, upper, cost, integral = (
@@ -177,10 +229,10 @@ class ProgramBuilder:
 def _spread(
     name: str, value: Any, shape: int | tuple[int, ...], infinity: int = 0
 ) -> NDArray[np.float64]:
-    """Return numbers that are broadcast to `shape`; `infinity` is as in :class:`Array`."""
-    given = Array(_axes(value), infinity=infinity).coerce(name, value, {})
+    """Return `value` broadcast to `shape`; `infinity` as in :class:`Array`."""
+    array = Array(_axes(value), infinity=infinity).coerce(name, value, {})
     try:
-        return np.broadcast_to(given, shape)
+        return np.broadcast_to(array, shape)
     except ValueError:
         raise InvalidData(
             f"{name} must be a number or fit shape {shape}, got {show(value)}", field=name
@@ -190,8 +242,8 @@ def _spread(
 def _entries(
     terms: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike]], block: Block, columns: int
 ) -> list[tuple[NDArray[Any], NDArray[Any], NDArray[Any]]]:
-    """Return rows, columns and coefficients of `terms` in `block`, which has the rows `block.size`."""
-    found = []
+    """Return rows, columns and coefficients of `terms` in `block`."""
+    result = []
     for k, term in enumerate(terms):
         name = f"term {k} of {block.name!r}"
         if not isinstance(term, tuple | list) or len(term) != 3:
@@ -209,15 +261,15 @@ def _entries(
             raise InvalidData(
                 f"{name}: shapes {[part.shape for part in parts]} do not fit", field="terms"
             ) from None
-        found.append((r.ravel() + block.start, c.ravel(), v.ravel()))
-    return found
+        result.append((r.ravel() + block.start, c.ravel(), v.ravel()))
+    return result
 
 
 def _axes(value: Any) -> tuple[str, ...]:
-    """Return a name for every axis of `value`, which may have any number of them."""
+    """Return a name for every axis of `value`."""
     try:
         return tuple(f"axis {k}" for k in range(np.ndim(value)))
-    except Exception:  # what is no array is refused by its name
+    except Exception:  # not an array: Array rejects it with its name
         return ("axis",)
 
 

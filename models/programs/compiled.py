@@ -1,4 +1,4 @@
-"""Fields that hold a ``casadi.Function``: what is stored, sent and digested of declared symbols."""
+"""Fields that contain a ``casadi.Function``: storage, transfer and digest."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Compiled", "canonical_text", "require_casadi", "scalar_form"]
 
 
 def require_casadi(what: str) -> None:
-    """Raise :class:`BackendMissing`, saying what to install, where CasADi is not there."""
+    """Raise :class:`BackendMissing` with an installation hint if CasADi is not installed."""
     try:
         import casadi  # noqa: F401
     except ModuleNotFoundError as error:
@@ -28,32 +28,33 @@ def require_casadi(what: str) -> None:
 
 
 def canonical_text(encoded: Any) -> str:
-    """Return what digests hash for a function in a file: CasADi's own text of it."""
+    """Return CasADi's text of a stored function, which digests hash."""
     return encoded if isinstance(encoded, str) else read(encoded).serialize()
 
 
 def scalar_form(function: casadi.Function) -> casadi.Function:
-    """Return `function` in scalar operations, or as it is where it has no such form."""
+    """Return `function` expanded to scalar operations, or unchanged if that is not possible."""
     try:
         return function.expand()
     except RuntimeError:
-        # An interpolant or an external function has no scalar form; it works as it is.
+        # Interpolants and external functions have no scalar form.
         return function
 
 
 @dataclass(frozen=True)
 class Compiled(Spec):
-    """A ``casadi.Function`` with canonical names of its arguments and results.
+    """Field that contains a ``casadi.Function`` with canonical names of arguments and results.
 
-    JSON holds a graph of named operations (:mod:`.expressions`). What has none, such as a call of a
-    library, is stored as CasADi's own text, which is read for a caller who trusts it alone.
+    JSON contains a graph of named operations (:mod:`.expressions`). A function without such a
+    graph, such as a call of a library, is stored in CasADi's text format and read only for
+    callers who trust its author.
 
     Parameters
     ----------
     arguments, results : tuple of str
-        The names that it must have, in this order.
+        Required names, in this order.
     content : bool
-        Whether it is part of the content; what can be derived from another function is not.
+        Whether the function is part of the content; False if it can be derived from another one.
     """
 
     arguments: tuple[str, ...]
@@ -70,13 +71,13 @@ class Compiled(Spec):
             value = read_trusted(value, name)
         if not isinstance(value, casadi.Function):
             raise InvalidData(f"{name} must be a casadi.Function, got {show(value)}", field=name)
-        for what, have, want in (
+        for what, actual, expected in (
             ("arguments", value.name_in(), self.arguments),
             ("results", value.name_out(), self.results),
         ):
-            if tuple(have) != want:
+            if tuple(actual) != expected:
                 raise InvalidData(
-                    f"{name} must have the {what} {', '.join(want)}, got {', '.join(have)}",
+                    f"{name} must have the {what} {', '.join(expected)}, got {', '.join(actual)}",
                     field=name,
                 )
         return value

@@ -1,4 +1,4 @@
-"""Convex cones: their kinds, blocks of rows that lie in them, and how far a vector is from them."""
+"""Convex cones: kinds, blocks of cone rows, and distances of vectors from cones."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ Vector = NDArray[np.float64]
 
 
 class ConeKind(StrEnum):
-    """The cones that rows may lie in, each in one convention."""
+    """Kinds of cones, each in one convention."""
 
     #: ``(t, y)`` with ``t >= |y|`` in the Euclidean norm, of any dimension.
     SECOND_ORDER = "second-order"
     #: ``(x, y, z)`` with ``y exp(x / y) <= z`` and ``y > 0``, and the limit ``x <= 0, y = 0, z >= 0``.
     EXPONENTIAL = "exponential"
-    #: The lower triangle of a positive semidefinite matrix, row by row (which is its upper triangle
-    #: column by column), entries off the diagonal times ``sqrt(2)``: the inner product of two vectors
-    #: is then that of the matrices.
+    #: Lower triangle of a positive semidefinite matrix, row by row (its upper triangle column by
+    #: column), with off-diagonal entries times ``sqrt(2)``: the inner product of two vectors then
+    #: equals that of the matrices.
     SEMIDEFINITE = "semidefinite"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ConeBlock(Block):
-    """A named run of rows that holds one cone after another, all of one kind and dimension.
+    """Named range of rows that contains cones of one kind and dimension, one after another.
 
     Parameters
     ----------
     kind : ConeKind
-        Which cone.
+        Kind of the cones.
     dimension : int
-        Rows of one cone; 0 stands for a block of one cone. `size` counts the rows of the block,
-        `index` has one row a cone.
+        Rows per cone; 0 for a block with a single cone. `size` is the number of rows of the
+        block, and `index` has one row per cone.
     """
 
     kind: ConeKind
@@ -53,14 +53,14 @@ class ConeBlock(Block):
         object.__setattr__(self, "dimension", Whole(0).coerce("dimension", self.dimension, {}))
         object.__setattr__(self, "kind", Member(ConeKind).coerce("kind", self.kind, {}))
         object.__setattr__(self, "dimension", self.dimension or self.size)
-        wrong = self.size < 1 or self.dimension < 1 or self.size % self.dimension
+        invalid = self.size < 1 or self.dimension < 1 or self.size % self.dimension
         if self.kind == ConeKind.EXPONENTIAL:
-            wrong = wrong or self.dimension != 3
+            invalid = invalid or self.dimension != 3
         if self.kind == ConeKind.SEMIDEFINITE:
-            wrong = wrong or order(self.dimension) * (order(self.dimension) + 1) != (
+            invalid = invalid or order(self.dimension) * (order(self.dimension) + 1) != (
                 2 * self.dimension
             )
-        if wrong:
+        if invalid:
             raise InvalidData(
                 f"cones {self.name!r}: {self.size} rows hold no {self.kind} cones of "
                 f"{self.dimension} rows",
@@ -74,17 +74,17 @@ class ConeBlock(Block):
         return self.size // self.dimension
 
     def of(self, rows: Vector) -> Vector:
-        """Return the part of a vector over all cone rows that is this block's, one row a cone."""
+        """Return the entries of this block, one row per cone, from a vector over all cone rows."""
         return rows[self.slice].reshape(self.count, self.dimension)
 
     def place(self, entry: int) -> str:
-        """Return where the cone `entry` (counted within the block) lies."""
+        """Return the place of the cone `entry`, which is counted within the block."""
         return "" if self.index is None and self.count == 1 else super().place(entry)
 
 
 @dataclass(frozen=True)
 class Cones(Blocks):
-    """Blocks of cones that cover the cone rows in order; their kinds and sizes are content."""
+    """Blocks that cover the cone rows in order; their kinds and sizes are part of the content."""
 
     content: bool = True
 
@@ -110,35 +110,47 @@ class Cones(Blocks):
 
 
 def order(dimension: int) -> int:
-    """Return the order of the symmetric matrix whose triangle has `dimension` entries."""
+    """Return the order of the symmetric matrix with `dimension` entries in its triangle."""
     return int((np.sqrt(8 * dimension + 1) - 1) / 2 + 0.5)
 
 
 def symmetric(rows: Vector) -> Vector:
-    """Return the symmetric matrices, shape (k, n, n), of triangles of shape (k, n (n + 1) / 2)."""
+    """Return the symmetric matrices, shape (k, n, n), for triangles of shape (k, n (n + 1) / 2)."""
     n = order(rows.shape[1])
     low, high = np.tril_indices(n)
     values = np.where(low == high, rows, rows / np.sqrt(2.0))
-    found = np.zeros((rows.shape[0], n, n))
-    found[:, low, high] = values
-    found[:, high, low] = values
-    return found
+    result = np.zeros((rows.shape[0], n, n))
+    result[:, low, high] = values
+    result[:, high, low] = values
+    return result
 
 
 def triangle(matrices: Vector) -> Vector:
     """Return the triangles, shape (k, n (n + 1) / 2), of symmetric matrices of shape (k, n, n)."""
     low, high = np.tril_indices(matrices.shape[1])
-    found: Vector = matrices[:, low, high] * np.where(low == high, 1.0, np.sqrt(2.0))
-    return found
+    result: Vector = matrices[:, low, high] * np.where(low == high, 1.0, np.sqrt(2.0))
+    return result
 
 
 def missing(kind: ConeKind, rows: Vector) -> Vector:
-    """Return by how much each of `rows`, one cone a row, is outside of its cone; 0 within.
+    """Return the violation of each cone; 0 inside.
 
-    Second-order: ``|y| - t``. Semidefinite: the least eigenvalue, negated. Exponential: the
-    largest change of an entry on the way to a point of the cone that is as near as a change of one
-    entry, or to its limit ``y = 0``, can find (a change of `z` alone says little where ``x / y``
-    is large).
+    The violation of a second-order cone is ``|y| - t``, and that of a semidefinite cone the negated
+    smallest eigenvalue. That of an exponential cone is the largest change of an entry to reach a
+    point of the cone. The point is the nearest that differs in one entry or lies on the limit
+    ``y = 0``. A change of `z` alone would be misleading for large ``x / y``.
+
+    Parameters
+    ----------
+    kind : ConeKind
+        Kind of the cones.
+    rows : ndarray, shape (k, dimension)
+        One cone per row.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Violations, >= 0.
     """
     if kind == ConeKind.SECOND_ORDER:
         amount = np.linalg.norm(rows[:, 1:], axis=1) - rows[:, 0]
@@ -146,21 +158,21 @@ def missing(kind: ConeKind, rows: Vector) -> Vector:
         amount = -np.linalg.eigvalsh(symmetric(rows))[:, 0]
     else:
         amount = np.abs(_exponential(rows) - rows).max(axis=1)
-    off: Vector = np.maximum(amount, 0.0)
-    return off
+    violation: Vector = np.maximum(amount, 0.0)
+    return violation
 
 
 def inside(kind: ConeKind, rows: Vector) -> Vector:
-    """Return a point of the cone near each of `rows`: the nearest, but for the exponential cone."""
+    """Return a point of the cone near each of `rows`, the nearest except for exponential cones."""
     return _INSIDE[kind](rows)
 
 
 def inside_dual(kind: ConeKind, rows: Vector) -> Vector:
     """Return a point of the dual cone near each of `rows`.
 
-    Second-order and semidefinite cones are their own duals. ``(u, v, w)`` is in the dual of the
-    exponential cone where ``-u exp(v / u) <= e w`` and ``u < 0``, or in the limit (documentation of
-    SCS): where ``(u - v, -u, w)`` is in the cone itself.
+    Second-order and semidefinite cones are self-dual. A point ``(u, v, w)`` is in the dual of the
+    exponential cone if ``-u exp(v / u) <= e w`` and ``u < 0``, or in its limit (documentation of
+    SCS). Equivalently, ``(u - v, -u, w)`` is in the cone itself.
     """
     if kind != ConeKind.EXPONENTIAL:
         return inside(kind, rows)
@@ -171,7 +183,7 @@ def inside_dual(kind: ConeKind, rows: Vector) -> Vector:
 
 def _second_order(rows: Vector) -> Vector:
     t, length = rows[:, 0], np.linalg.norm(rows[:, 1:], axis=1)
-    # Outside of both the cone and its polar, the projection is half way (Parikh and Boyd 2014, 6.3).
+    # Outside of the cone and its polar, the projection is half-way (Parikh and Boyd 2014, 6.3).
     share = np.where(
         length <= t, 1.0, np.clip((t + length) / 2 / np.maximum(length, 1e-300), 0.0, 1.0)
     )
@@ -182,28 +194,28 @@ def _second_order(rows: Vector) -> Vector:
 
 def _semidefinite(rows: Vector) -> Vector:
     values, vectors = np.linalg.eigh(symmetric(rows))
-    kept = vectors * np.maximum(values, 0.0)[:, None, :]
-    projected = triangle(kept @ vectors.transpose(0, 2, 1))
-    found: Vector = np.where((values[:, 0] >= 0)[:, None], rows, projected)
-    return found
+    positive = vectors * np.maximum(values, 0.0)[:, None, :]
+    projected = triangle(positive @ vectors.transpose(0, 2, 1))
+    result: Vector = np.where((values[:, 0] >= 0)[:, None], rows, projected)
+    return result
 
 
 def _exponential(rows: Vector) -> Vector:
-    """Return the nearest of three points: z raised, x lowered, or the limit ``y = 0``."""
+    """Return the nearest of three points: z increased, x decreased, or the limit ``y = 0``."""
     x, y, z = rows.T
     positive = np.where(y > 0, y, 1.0)
     with np.errstate(over="ignore"):
         raised = np.maximum(z, positive * np.exp(x / positive))
     lowered = np.minimum(x, positive * np.log(np.where(z > 0, z, 1.0) / positive))
-    found = np.column_stack([np.minimum(x, 0.0), np.zeros_like(y), np.maximum(z, 0.0)])
-    for able, candidate in (
+    result = np.column_stack([np.minimum(x, 0.0), np.zeros_like(y), np.maximum(z, 0.0)])
+    for valid, candidate in (
         ((y > 0) & (z > 0), np.column_stack([lowered, y, z])),
         ((y > 0) & np.isfinite(raised), np.column_stack([x, y, raised])),
     ):
-        away = np.where(able, np.abs(candidate - rows).max(axis=1), np.inf)
-        nearer = away < np.abs(found - rows).max(axis=1)
-        found = np.where(nearer[:, None], candidate, found)
-    return found
+        distance = np.where(valid, np.abs(candidate - rows).max(axis=1), np.inf)
+        nearer = distance < np.abs(result - rows).max(axis=1)
+        result = np.where(nearer[:, None], candidate, result)
+    return result
 
 
 _INSIDE: Mapping[ConeKind, Callable[[Vector], Vector]] = {

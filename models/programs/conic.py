@@ -31,10 +31,10 @@ Vector = NDArray[np.float64]
 class ConicProgram(RowProgram):
     """Minimise ``x @ hessian @ x / 2 + cost @ x + offset`` under rows, bounds and cones.
 
-    ``row_lower <= matrix @ x <= row_upper`` holds as in a
-    :class:`~crosstrack.models.programs.QuadraticProgram`, and ``cone_matrix @ x + cone_offset``
-    lies in the product of the cones. Its multipliers are one vector: those of the rows first, then
-    those of the cone rows, which lie in the dual cones.
+    The rows satisfy ``row_lower <= matrix @ x <= row_upper`` as in a
+    :class:`~crosstrack.models.programs.QuadraticProgram`. The vector ``cone_matrix @ x +
+    cone_offset`` is in the product of the cones. The multipliers are one vector: first those of the
+    rows, then those of the cone rows, which are in the dual cones.
 
     Parameters
     ----------
@@ -45,19 +45,19 @@ class ConicProgram(RowProgram):
     cone_offset : ndarray, shape (k,)
         Constants of the cone rows.
     cones : tuple of ConeBlock
-        Which cones the cone rows lie in; they cover all of them in order.
+        Cones of the cone rows, which they cover in order.
     hessian : sparse array, shape (n, n), optional
-        As in a quadratic program; none makes the objective linear.
+        Hessian as in a quadratic program; None for a linear objective.
     matrix : sparse array, shape (m, n), optional
-        Row coefficients; no rows by default.
+        Row coefficients; None for no rows.
     row_lower, row_upper : ndarray, shape (m,), optional
-        Row bounds; infinite where there is none. With rows, one of them is needed.
+        Row bounds, infinite for none. A program with rows needs at least one of the two.
     column_lower, column_upper : ndarray, shape (n,), optional
-        Column bounds; infinite where there is none, which is the default.
+        Column bounds; infinite by default.
     offset : float
         Constant of the objective.
     columns, rows : tuple of Block
-        Names and equations; empty, or covering all.
+        Names and equations; either empty or a complete cover.
     """
 
     cost: Vector = declared(Array(("n",)))
@@ -77,14 +77,14 @@ class ConicProgram(RowProgram):
     kind: ClassVar[str] = "conic-program"
 
     def __post_init__(self) -> None:
-        # What these two are is what the others have by default.
-        given = {"cost": Array(("n",)).coerce("cost", self.cost, {})}
+        # The sizes of the defaults follow from these fields.
+        known = {"cost": Array(("n",)).coerce("cost", self.cost, {})}
         for name, sign in (("row_lower", -1), ("row_upper", 1)):
             if getattr(self, name) is not None:
-                given[name] = Array(("m",), infinity=sign).coerce(name, getattr(self, name), {})
-        size = given.pop("cost").size
-        rows = next((bound.size for bound in given.values()), 0)
-        for name, nothing in (
+                known[name] = Array(("m",), infinity=sign).coerce(name, getattr(self, name), {})
+        size = known.pop("cost").size
+        rows = next((bound.size for bound in known.values()), 0)
+        for name, default in (
             ("hessian", sp.csr_array((size, size))),
             ("matrix", sp.csr_array((0, size))),
             ("row_lower", np.full(rows, -np.inf)),
@@ -93,11 +93,11 @@ class ConicProgram(RowProgram):
             ("column_upper", np.full(size, np.inf)),
         ):
             if getattr(self, name) is None:
-                object.__setattr__(self, name, nothing)
+                object.__setattr__(self, name, default)
         super().__post_init__()
 
     def check(self) -> None:
-        """Refuse blocks that do not cover the program, and a Hessian that cannot be convex."""
+        """Raise if the blocks do not cover the program, or the Hessian cannot be convex."""
         super().check()
         covered = sum(block.size for block in self.cones)
         if covered != self.cone_offset.size:
@@ -122,16 +122,16 @@ class ConicProgram(RowProgram):
 
     @property
     def conditions(self) -> tuple[Block, ...]:
-        """The blocks of rows and of cones."""
+        """Blocks that :meth:`without_rows` can remove: those of rows and of cones."""
         return (*self.rows, *self.cones)
 
     def without_rows(self, names: Iterable[str]) -> Self:
         """Return the program without the blocks of rows and of cones called `names`."""
         drop = block_names(names)
-        fewer = super().without_rows(drop)
+        reduced = super().without_rows(drop)
         take, cones = without(self.cones, drop)
         return replace(
-            fewer,
+            reduced,
             cone_matrix=self.cone_matrix[take],
             cone_offset=self.cone_offset[take],
             cones=cones,
@@ -146,34 +146,33 @@ class ConicProgram(RowProgram):
         rows: Vector = self.cone_matrix @ point + self.cone_offset
         return rows
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective and the worst violation of every block of rows, columns and cones.
 
-        How far a vector is outside of a cone is what
-        :func:`~crosstrack.models.programs.cones.missing` measures. The tolerance of a cone is
-        relative to the largest of the terms and constants of its rows.
+        :func:`~crosstrack.models.programs.cones.missing` computes the violation of a cone. Its
+        tolerance is relative to the largest of the terms and constants of its rows.
         """
-        found = super().verify(plan, tolerance=tolerance)
+        linear = super().verify(plan, tolerance=tolerance)
         point = self._point(plan)
         values = self.cone_rows(point)
         terms = row_sizes(self.cone_matrix, point, self._column_sizes)
         terms = np.maximum(terms, np.abs(self.cone_offset))
         checks = []
         for block in self.cones:
-            off = missing(block.kind, block.of(values))
+            violation = missing(block.kind, block.of(values))
             scale = block.of(terms).max(axis=1)
-            at = int((off / scale).argmax())
+            worst = int((violation / scale).argmax())
             checks.append(
                 Check.scaled(
-                    block.name, block.equation, off[at], block.unit, block.place(at), tolerance,
-                    scale[at],
+                    block.name, block.equation, violation[worst], block.unit, block.place(worst), tolerance,
+                    scale[worst],
                 )
             )  # fmt: skip
-        return Verification(found.objective, (*found.checks, *checks))
+        return Verification(linear.objective, (*linear.checks, *checks))
 
     def split(self, duals: Vector) -> tuple[Vector, Vector]:
-        """Return the multipliers of the rows, and those of the cone rows: 0 where only rows have some."""
+        """Return the multipliers of the rows and of the cone rows; the latter are 0 if `duals` omits them."""
         y = np.asarray(duals, float)
         if y.shape == (self.row_count,):
             y = np.concatenate([y, np.zeros(self.cone_offset.size)])
@@ -186,18 +185,18 @@ class ConicProgram(RowProgram):
         return y[: self.row_count], y[self.row_count :]
 
     def signed(self, duals: Vector) -> Vector:
-        """Return `duals` with those of the cone rows moved into the dual cones.
+        """Return `duals` with the multipliers of cone rows moved into the dual cones.
 
-        In place of a row's that points at a bound which does not exist stands 0.
+        A multiplier of a row bound that does not exist becomes 0.
         """
         rows, cones = self.split(duals)
         moved = [inside_dual(block.kind, block.of(cones)).ravel() for block in self.cones]
         return np.concatenate([self.quadratic.signed(rows), *moved])
 
     def relaxed(self, duals: Vector) -> QuadraticProgram:
-        """Return the program with its cones as part of the objective, weighted with `duals`.
+        """Return the program with its cone constraints in the objective, weighted with `duals`.
 
-        With multipliers in the dual cones, its optimum is a lower bound on this program's.
+        If the multipliers are in the dual cones, its optimum is a lower bound for this program.
         """
         weights = self.split(duals)[1]
         return replace(
@@ -207,24 +206,32 @@ class ConicProgram(RowProgram):
         )
 
     def dual_residual(self, point: Vector, duals: Vector) -> float:
-        """Return the largest reduced cost that no bound of its column explains."""
+        """Return the largest absolute reduced cost of a column without a bound on that side."""
         y = self.signed(duals)
         return self.relaxed(y).dual_residual(point, y[: self.row_count])
 
     def dual_bound(self, duals: Vector, point: Vector) -> float:
         """Return the lower bound that multipliers prove: that of :meth:`relaxed` at `point`.
 
-        Multipliers are first moved into the dual cones, so that the bound is as rigorous as
-        :meth:`.QuadraticProgram.dual_bound` is.
+        The multipliers are first moved into the dual cones, so that the bound is as rigorous as
+        :meth:`.QuadraticProgram.dual_bound`.
+
+        Parameters
+        ----------
+        duals : ndarray, shape (m,) or (m + k,)
+            Multipliers of the rows, optionally followed by those of the cone rows.
+        point : ndarray, shape (n,)
+            Point of the multipliers.
         """
         y = self.signed(duals)
         return self.relaxed(y).dual_bound(y[: self.row_count], point)
 
     def to_cvxpy(self) -> tuple[cvxpy.Problem, cvxpy.Variable]:
-        """Return a ``cvxpy.Problem`` and its variable, the column vector in this order.
+        """Return a ``cvxpy.Problem`` and its variable, the column vector in the same order.
 
-        The constraints are those of the rows and columns, as of a quadratic program, and then one
-        for every block of second-order or exponential cones, and for every semidefinite cone.
+        The constraints of the rows and columns come first, as for a quadratic program. They are
+        followed by one constraint per block of second-order or exponential cones and one per
+        semidefinite cone.
         """
         from .export_conic import cvxpy_cones
 

@@ -1,7 +1,7 @@
-"""Programs written for other tools: free MPS, LP format, CVXPY.
+"""Export of programs to other tools: free MPS, LP format, CVXPY and qpsolvers.
 
-Numbers are written with all their digits, so another tool reads the very same program. Programs
-call these functions, so they are not imported here: a program is whatever has its fields.
+Numbers are written with all digits, so that another tool reads the same program. The functions
+accept any object with the fields of a program, because programs import this module.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _mps_lines(program: Any) -> Iterator[str]:
         if integral[column] != marked:
             marked = integral[column]
             yield f" MARKER 'MARKER' '{'INTORG' if marked else 'INTEND'}'"
-        # The objective is written even when 0, so that a column without rows exists.
+        # The objective is written even if 0, so that a column without rows exists.
         yield f" x{column} cost {cost[column]!r}"
         for k in range(indptr[column], indptr[column + 1]):
             yield f" x{column} r{indices[k]} {data[k]!r}"
@@ -103,7 +103,7 @@ def _lp_lines(program: Any) -> Iterator[str]:
         if low == high:
             yield f" r{row}: {terms} = {low!r}"
         else:
-            # A range becomes two rows: not every reader knows ranges in this format.
+            # A range becomes two rows, because some readers do not support ranges.
             if low > -np.inf:
                 yield f" r{row}{'l' if high < np.inf else ''}: {terms} >= {low!r}"
             if high < np.inf:
@@ -127,17 +127,17 @@ def _lp_lines(program: Any) -> Iterator[str]:
 def cvxpy_problem(program: Any) -> tuple[cvxpy.Problem, cvxpy.Variable]:
     """Return `program` as a ``cvxpy.Problem`` with its variable.
 
-    The constraints stand in the order: equal rows, rows from below, rows from above, columns from
-    below, columns from above; each only where it has entries.
+    The constraints are the equality rows, the lower and upper row bounds, and the lower and upper
+    column bounds, in this order and without empty groups.
     """
     import cvxpy
 
-    made: Any = cvxpy  # its functions are not typed
+    cp: Any = cvxpy  # its functions have no types
     integral = np.flatnonzero(getattr(program, "integral", ()))
     if integral.size:
-        x = made.Variable(program.size, integer=[integral], name="x")
+        x = cp.Variable(program.size, integer=[integral], name="x")
     else:
-        x = made.Variable(program.size, name="x")
+        x = cp.Variable(program.size, name="x")
     constraints: list[Any] = []
     for sense, which, side in program.sides():
         rows = program.matrix[which] @ x
@@ -150,13 +150,13 @@ def cvxpy_problem(program: Any) -> tuple[cvxpy.Problem, cvxpy.Variable]:
             constraints.append(sign * x[np.flatnonzero(take)] >= sign * bound[take])
     objective = program.cost @ x + program.offset
     if hasattr(program, "hessian"):
-        # The class demands a semidefinite Hessian; CVXPY's own test of it fails by rounding.
-        objective = objective + made.quad_form(x, program.hessian, assume_PSD=True) / 2
-    return made.Problem(made.Minimize(objective), constraints), x
+        # The class requires a semidefinite Hessian; CVXPY's own test of it fails by rounding.
+        objective = objective + cp.quad_form(x, program.hessian, assume_PSD=True) / 2
+    return cp.Problem(cp.Minimize(objective), constraints), x
 
 
 def qpsolvers_problem(program: Any) -> qpsolvers.Problem:
-    """Return `program` as a ``qpsolvers.Problem``; the offset is left out."""
+    """Return `program` as a ``qpsolvers.Problem`` without the constant of the objective."""
     import qpsolvers
     import scipy.sparse as sp
 
@@ -166,7 +166,7 @@ def qpsolvers_problem(program: Any) -> qpsolvers.Problem:
     inequalities = bool((above | below).any())
     stacked = sp.vstack([matrix[np.flatnonzero(above)], -matrix[np.flatnonzero(below)]])
     bounded = np.isfinite(program.column_lower).any() or np.isfinite(program.column_upper).any()
-    # Copies: the program's arrays are read-only, which some solvers behind qpsolvers refuse.
+    # Copies, because the program's arrays are read-only, which some solvers reject.
     return qpsolvers.Problem(
         P=sp.csc_matrix(program.hessian, copy=True),
         q=program.cost.copy(),

@@ -1,27 +1,27 @@
 """Functions as readable data: a ``casadi.Function`` as a versioned graph of named operations.
 
-``{"graph": 1, "functions": […]}`` lists functions, each in terms of earlier ones; the last is the
-function meant. A function is of one of four kinds:
+``{"graph": 1, "functions": […]}`` lists functions, each in terms of earlier ones. The last function
+is the result. A function is of one of four kinds:
 
 ========== =======================================================================================
 kind       its other keys
 ========== =======================================================================================
 ``scalar`` ``name``, ``inputs``, ``outputs``, ``nodes``: every value is one number
 ``matrix`` the same; every value is a matrix
-``map``    ``of``: the number of an earlier function, ``times``: how often it stands side by side
+``map``    ``of``: index of an earlier function, ``times``: number of copies side by side
 ``table``  ``name``, ``method`` (linear or bspline), ``grid`` and ``numbers``: an interpolated table
 ========== =======================================================================================
 
-An input is ``{"name", "shape"}``, and ``symbols`` where its symbols have other names than CasADi
-gives. A shape is ``[rows, columns]``, or ``[rows, columns, colind, row]`` in compressed columns where
-it is sparse. Values are numbered from 0: first the inputs (of a scalar function, each stored entry of
-each input), then the results of ``nodes``, in order. A node is ``[operation, …]``: the numbers of the
-values that it takes, then what else the operation needs; a call has a result for each that its
-function has (of a scalar function, for each stored entry). An output is ``{"name", "shape",
-"values"}``: a matrix function has one value an output, a scalar function one for each stored entry.
+An input is ``{"name", "shape"}``, with ``symbols`` if its symbols differ from CasADi's default names.
+A shape is ``[rows, columns]``, or ``[rows, columns, colind, row]`` in compressed columns if it is
+sparse. Values are numbered from 0: first the inputs (of a scalar function, each stored entry of each
+input), then the results of ``nodes``, in order. A node is ``[operation, …]``: the numbers of its
+arguments, then the parameters of the operation. A call has one result per result of its function (of
+a scalar function, per stored entry). An output is ``{"name", "shape", "values"}``: one value per
+output of a matrix function, one per stored entry of a scalar function.
 
-There are ``const``, ``call``, the operations of :data:`UNARY` and :data:`BINARY` and, on matrices,
-those of :data:`STRUCTURAL`, and no others. None reads a file, calls a library or runs code.
+The operations are ``const``, ``call``, those of :data:`UNARY` and :data:`BINARY` and, on matrices,
+those of :data:`STRUCTURAL`. None of them reads a file, calls a library or runs code.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ __all__ = [
     "write",
 ]
 
-#: The version of the format.
+#: Version of the format.
 VERSION = 1
-#: Operations entry by entry on one value, as CasADi calls them.
+#: Elementwise operations on one value, with CasADi's names.
 UNARY = frozenset(
     [
         "acos",
@@ -82,7 +82,7 @@ UNARY = frozenset(
         "twice",
     ]
 )
-#: Operations entry by entry on two values; of two matrices, one may be a single number.
+#: Elementwise operations on two values; of two matrices, one may be a single number.
 BINARY = frozenset(
     [
         "add",
@@ -107,7 +107,7 @@ BINARY = frozenset(
         "sub",
     ]
 )
-#: Operations on whole matrices that CasADi can evaluate: how many values they take (None: any number), what follows them.
+#: Operations on whole matrices: the number of values (None for any) and the parameters.
 STRUCTURAL: dict[str, tuple[int | None, tuple[str, ...]]] = {
     "bilin": (3, ()),
     "call": (None, ("function",)),
@@ -135,7 +135,7 @@ STRUCTURAL: dict[str, tuple[int | None, tuple[str, ...]]] = {
     "vertcat": (None, ()),
     "vertsplit": (1, ("offsets",)),
 }
-#: The keys of a function, by its kind.
+#: Keys of a function, by its kind.
 KEYS = {
     "scalar": ("kind", "name", "inputs", "outputs", "nodes"),
     "matrix": ("kind", "name", "inputs", "outputs", "nodes"),
@@ -145,16 +145,26 @@ KEYS = {
 
 
 class Unwritable(Exception):
-    """A function holds what the format does not know."""
+    """The function contains an operation that the format does not cover."""
 
 
 def write(function: casadi.Function) -> dict[str, Any]:
-    """Return `function` as data.
+    """Return `function` as data in the format of this module.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Function to write.
+
+    Returns
+    -------
+    dict
+        The graph.
 
     Raises
     ------
     Unwritable
-        It holds an operation outside the list, such as a call of a library or a solver.
+        The function contains another operation, such as a call of a library or a solver.
     """
     functions: list[dict[str, Any]] = []
     _write(function, functions, {})
@@ -164,30 +174,30 @@ def write(function: casadi.Function) -> dict[str, Any]:
 def _write(
     function: casadi.Function, functions: list[dict[str, Any]], known: dict[int, int]
 ) -> int:
-    """Append `function`, after what it calls, and return its number; `known` are those by hash."""
+    """Append the functions it calls and `function`; return its index. `known` maps hashes to indices."""
     key = function.__hash__()
     if key in known:
         return known[key]
     kind = function.class_name()
     if kind == "Map":
-        given = function.info()
-        made = {"kind": "map", "of": _write(given["f"], functions, known), "times": given["n"]}
+        info = function.info()
+        entry = {"kind": "map", "of": _write(info["f"], functions, known), "times": info["n"]}
     elif kind in ("LinearInterpolant", "BSplineInterpolant"):
-        made = _write_table(function)
+        entry = _write_table(function)
     elif kind == "SXFunction":
-        made = _write_scalar(function, functions, known)
+        entry = _write_scalar(function, functions, known)
     elif kind == "MXFunction":
-        made = _write_matrix(function, functions, known)
+        entry = _write_matrix(function, functions, known)
     else:
         raise Unwritable(f"a function of type {kind}")
     known[key] = len(functions)
-    functions.append(made)
+    functions.append(entry)
     return known[key]
 
 
 @cache
 def operation_names() -> dict[int, str]:
-    """Return CasADi's numbers of operations with their names, which do not change by version."""
+    """Return the names of CasADi's operation codes, which do not depend on the version."""
     import casadi
 
     return {
@@ -196,7 +206,7 @@ def operation_names() -> dict[int, str]:
 
 
 def _number(value: float) -> float | str:
-    """Return what JSON holds for `value`, which may be infinite or no number."""
+    """Return the JSON value for `value`, which may be infinite or NaN."""
     return value if math.isfinite(value) else repr(float(value))
 
 
@@ -221,11 +231,13 @@ def _write_scalar(
     total = 0
     for k, name in enumerate(function.name_in()):
         sparsity = function.sparsity_in(k)
-        given, usual = (
-            [one.name() for one in argument.nonzeros()]  # type: ignore[attr-defined]
+        symbols, default = (
+            [item.name() for item in argument.nonzeros()]  # type: ignore[attr-defined]
             for argument in (function.sx_in(k), casadi.SX.sym(name, sparsity))
         )
-        inputs.append(_entry(name, sparsity, **({} if given == usual else {"symbols": given})))
+        inputs.append(
+            _entry(name, sparsity, **({} if symbols == default else {"symbols": symbols}))
+        )
         first.append(total)
         total += sparsity.nnz()
     outputs = [
@@ -233,28 +245,28 @@ def _write_scalar(
         for k, name in enumerate(function.name_out())
     ]
     nodes: list[list[Any]] = []
-    place: dict[int, int] = {}  # what each register holds
+    place: dict[int, int] = {}  # number of the value in each register
     calls: Any = None
     for k in range(function.n_instructions()):
         name = names[function.instruction_id(k)]
-        taken, made = function.instruction_input(k), function.instruction_output(k)
+        arguments, results = function.instruction_input(k), function.instruction_output(k)
         if name == "input":
-            place[made[0]] = first[taken[0]] + taken[1]
+            place[results[0]] = first[arguments[0]] + arguments[1]
             continue
         if name == "output":
-            outputs[made[0]]["values"][made[1]] = place[taken[0]]
+            outputs[results[0]]["values"][results[1]] = place[arguments[0]]
             continue
         if name == "const":
             nodes.append([name, _number(function.instruction_constant(k))])
         elif name in UNARY or name in BINARY:
-            nodes.append([name, *(place[one] for one in taken)])
+            nodes.append([name, *(place[item] for item in arguments)])
         elif name == "call":
             calls = calls or function.instructions_sx().nonzeros()
-            called = _write(calls[k].which_function(), functions, known)
-            nodes.append([name, *(place[one] for one in taken), called])
+            callee = _write(calls[k].which_function(), functions, known)
+            nodes.append([name, *(place[item] for item in arguments), callee])
         else:
             raise Unwritable(f"operation {name}")
-        for register in made:
+        for register in results:
             place[register] = total
             total += 1
     name = function.name()
@@ -269,48 +281,48 @@ def _write_matrix(
     names = operation_names()
     arguments = function.mx_in()
     labels = [list(function.name_in()), list(function.name_out())]
-    if not all(one.is_symbolic() or not one.nnz() for one in arguments):
-        # An argument that is made of several symbols becomes one that is taken apart.
+    if not all(item.is_symbolic() or not item.nnz() for item in arguments):
+        # An argument that consists of several symbols is replaced by one symbol that is split.
         arguments = [
-            casadi.MX.sym(name, one.sparsity())
-            for name, one in zip(labels[0], arguments, strict=True)
+            casadi.MX.sym(name, item.sparsity())
+            for name, item in zip(labels[0], arguments, strict=True)
         ]
         results = function.call(arguments, True, False)
         function = casadi.Function(function.name(), arguments, results, labels[0], labels[1])
     inputs = []
-    for name, one in zip(labels[0], arguments, strict=True):
-        symbol = one.name() if one.nnz() else name
-        further = {} if symbol == name else {"symbols": [symbol]}
-        inputs.append(_entry(name, one.sparsity(), **further))
+    for name, item in zip(labels[0], arguments, strict=True):
+        symbol = item.name() if item.nnz() else name
+        extra = {} if symbol == name else {"symbols": [symbol]}
+        inputs.append(_entry(name, item.sparsity(), **extra))
     nodes: list[list[Any]] = []
     total = len(inputs)
     place: dict[int, int] = {}
-    parts: list[list[int]] = [[] for _ in range(function.n_out())]  # of each output
+    parts: list[list[int]] = [[] for _ in range(function.n_out())]  # values of each output
     for k in range(function.n_instructions()):
         name = names[function.instruction_id(k)]
-        taken, made = function.instruction_input(k), function.instruction_output(k)
+        inputs_of, outputs_of = function.instruction_input(k), function.instruction_output(k)
         if name == "input":
-            place[made[0]] = taken[0]
+            place[outputs_of[0]] = inputs_of[0]
             continue
         if name == "output":
-            parts[made[0]].append(place[taken[0]])
+            parts[outputs_of[0]].append(place[inputs_of[0]])
             continue
         node = function.instruction_MX(k)
         if name == "call":
             others = [_write(node.which_function(), functions, known)]
         else:
-            others = _others(name, node)
-        if min(taken, default=0) < 0:
+            others = _parameters(name, node)
+        if min(inputs_of, default=0) < 0:
             raise Unwritable("a call without all its arguments")
-        nodes.append([name, *(place[one] for one in taken), *others])
-        for register in made:
+        nodes.append([name, *(place[item] for item in inputs_of), *others])
+        for register in outputs_of:
             place[register] = total
             total += 1
 
     def joined(expression: casadi.MX, values: Iterator[int]) -> int:
-        """Return the value of an output; CasADi's list has the parts of what it puts together."""
+        """Return the value of an output; CasADi lists the parts of a concatenated output."""
         nonlocal total
-        name = names.get(expression.op(), "")  # a call's result has none
+        name = names.get(expression.op(), "")  # the result of a call has no operation
         if name in ("horzcat", "vertcat", "diagcat"):
             parts = [joined(expression.dep(k), values) for k in range(expression.n_dep())]
             nodes.append([name, *parts])
@@ -325,54 +337,54 @@ def _write_matrix(
 
     outputs = []
     expressions = function.call(arguments, True, False)
-    for name, one, values in zip(function.name_out(), expressions, parts, strict=True):
-        outputs.append(_entry(name, one.sparsity(), values=[joined(one, iter(values))]))
+    for name, item, values in zip(function.name_out(), expressions, parts, strict=True):
+        outputs.append(_entry(name, item.sparsity(), values=[joined(item, iter(values))]))
     name = function.name()
     return {"kind": "matrix", "name": name, "inputs": inputs, "outputs": outputs, "nodes": nodes}
 
 
-def _others(name: str, node: casadi.MX) -> list[Any]:
-    """Return what follows the values of a matrix node."""
+def _parameters(name: str, node: casadi.MX) -> list[Any]:
+    """Return the parameters of a matrix node."""
     if name in UNARY or name in BINARY:
         return []
     if name not in STRUCTURAL:
         raise Unwritable(f"operation {name}")
-    given = node.info()
-    found: list[Any] = []
-    for what in STRUCTURAL[name][1]:
-        if what == "shape":
-            found.append(_shape(node.sparsity()))
-        elif what == "numbers":
-            numbers = [_number(one) for one in node.to_DM().nonzeros()]
-            found.append(numbers[0] if numbers and len(set(numbers)) == 1 else numbers)
-        elif what == "times":
+    info = node.info()
+    result: list[Any] = []
+    for parameter in STRUCTURAL[name][1]:
+        if parameter == "shape":
+            result.append(_shape(node.sparsity()))
+        elif parameter == "numbers":
+            numbers = [_number(value) for value in node.to_DM().nonzeros()]
+            result.append(numbers[0] if numbers and len(set(numbers)) == 1 else numbers)
+        elif parameter == "times":
             sizes = sorted((node.size2(), node.dep(0).size2()))
-            found.append(sizes[1] // max(1, sizes[0]))
-        elif what == "offsets":
-            parts, side = given["output"], int(name == "horzsplit")
+            result.append(sizes[1] // max(1, sizes[0]))
+        elif parameter == "offsets":
+            parts, side = info["output"], int(name == "horzsplit")
             sizes = [parts.size_out(k)[side] for k in range(parts.n_out())]
-            found.append([0, *itertools.accumulate(sizes)])
-        elif given.get("add"):
+            result.append([0, *itertools.accumulate(sizes)])
+        elif info.get("add"):
             raise Unwritable("operation addnonzeros")
-        elif "slice" in given:
-            found.append(given["slice"])
+        elif "slice" in info:
+            result.append(info["slice"])
         else:
-            found.append(_places(given))
-    return found
+            result.append(_entry_indices(info))
+    return result
 
 
-def _places(given: Mapping[str, Any]) -> list[int]:
-    """Return the stored entries that a node takes or sets, one by one."""
-    if "nz" in given:
-        return list(given["nz"])
+def _entry_indices(info: Mapping[str, Any]) -> list[int]:
+    """Return the indices of the stored entries that a node reads or sets."""
+    if "nz" in info:
+        return list(info["nz"])
     outer, inner = (
-        range(*(given[k][w] for w in ("start", "stop", "step"))) for k in ("outer", "inner")
+        range(*(info[k][w] for w in ("start", "stop", "step"))) for k in ("outer", "inner")
     )
-    return [one + other for one in outer for other in inner]
+    return [first + second for first in outer for second in inner]
 
 
 def _write_table(function: casadi.Function) -> dict[str, Any]:
-    """Return an interpolated table; CasADi tells its numbers only in its own text."""
+    """Return an interpolated table, whose numbers CasADi exposes only in its text format."""
     text = function.serialize({"debug": True}).encode()
     raw = bytes(
         (low - 97) | (high - 97) << 4 for low, high in zip(text[::2], text[1::2], strict=True)
@@ -395,6 +407,6 @@ def _write_table(function: casadi.Function) -> dict[str, Any]:
         "kind": "table",
         "name": function.name(),
         "method": "linear" if function.class_name() == "LinearInterpolant" else "bspline",
-        "grid": [grid[one:other] for one, other in itertools.pairwise(offset)],
+        "grid": [grid[first:last] for first, last in itertools.pairwise(offset)],
         "numbers": vector("Interpolant::values", "d", "<d"),
     }

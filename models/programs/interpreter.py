@@ -1,7 +1,7 @@
-"""Rebuild functions from readable data: an interpreter that knows a closed list of operations.
+"""Reconstruction of functions from readable data with a closed list of operations.
 
-The format is that of :mod:`.expressions`. What a file says is checked before CasADi sees it, and
-bounded before anything is allocated, for files may come from strangers.
+The format is that of :mod:`.expressions`. Files may come from untrusted sources, so the data are
+checked before CasADi uses them, and bounded before anything is allocated.
 """
 
 from __future__ import annotations
@@ -33,37 +33,42 @@ __all__ = ["LARGEST", "read", "readable"]
 
 log = logging.getLogger("crosstrack")
 
-#: Entries that all values of a function may hold together, counted anew for every call: a few
-#: hundred MB, and a tenth of a second an evaluation.
+#: Largest number of entries of all values of a function, counted for every call: a few hundred MB,
+#: and a tenth of a second per evaluation.
 LARGEST = 20_000_000
-#: How deep functions may call one another.
+#: Largest depth of nested calls.
 DEEPEST = 100
-#: What a symbol of a scalar function counts, which is an object of its own.
+#: Weight of a symbol of a scalar function, which is an object of its own.
 SYMBOL = 20
 
 
 def read(data: Any, field: str = "function") -> casadi.Function:
-    """Return the function that :func:`write` wrote.
+    """Return the function in data written by :func:`write`.
 
     Parameters
     ----------
     data : mapping
         The graph.
     field : str
-        What messages call it.
+        Name of the field in messages.
+
+    Returns
+    -------
+    casadi.Function
+        The function.
 
     Raises
     ------
     InvalidData
-        At the place at fault: a version or an operation that is not known, a number that names no
-        earlier value, a shape that does not fit, more than :data:`LARGEST` entries.
+        A version or an operation is unknown, a number refers to no earlier value, a shape does not
+        fit, or there are more than :data:`LARGEST` entries. The message names the place.
     """
     reader = _Reader(field)
     reader.keyed(data, ("graph", "functions"), field)
     if data["graph"] != VERSION or isinstance(data["graph"], bool):
         reader.refuse(f"graph must be version {VERSION}, got {show(data['graph'])}")
-    for number, one in enumerate(reader.items(data["functions"], f"{field}.functions")):
-        reader.function(one, f"{field}.functions[{number}]")
+    for number, entry in enumerate(reader.items(data["functions"], f"{field}.functions")):
+        reader.function(entry, f"{field}.functions[{number}]")
     if not reader.functions:
         reader.refuse("functions must hold 1 function at least, got 0")
     function = reader.functions[-1]
@@ -74,7 +79,7 @@ def read(data: Any, field: str = "function") -> casadi.Function:
     return function
 
 
-#: What builds a structural operation from its values alone.
+#: Names in CasADi of structural operations without parameters.
 _PLAIN = {
     "bilin": "bilin",
     "diagcat": "diagcat",
@@ -93,12 +98,12 @@ _PLAIN = {
 
 
 def _last_line(error: Exception) -> str:
-    """Return what CasADi says, without the places in its own source that it names first."""
+    """Return the message of CasADi without the locations in its source."""
     return show((str(error).strip() or type(error).__name__).splitlines()[-1])
 
 
 class _Reader:
-    """Rebuilds functions one by one; every number in the data is checked before it is used."""
+    """Reader that rebuilds functions one by one and checks every number before its use."""
 
     def __init__(self, field: str) -> None:
         import casadi
@@ -107,10 +112,10 @@ class _Reader:
         self.field = field.partition("[")[0]
         self.place = field
         self.functions: list[casadi.Function] = []
-        #: Entries that each of the functions holds, what it calls included; all of them together.
+        #: Number of entries per function, including those of its calls, and their sum.
         self.costs: list[int] = []
         self.total = 0
-        #: How deep each of the functions calls others; and the one that is being built, so far.
+        #: Depth of calls per function, and of the function being built.
         self.depths: list[int] = []
         self.depth = 0
         self.codes = {name: code for code, name in operation_names().items()}
@@ -123,7 +128,7 @@ class _Reader:
     def keyed(
         self, data: Any, keys: tuple[str, ...], place: str, further: tuple[str, ...] = ()
     ) -> None:
-        """Refuse what is no object with these `keys` and, if at all, the `further` ones."""
+        """Raise unless `data` is an object with all of `keys` and no others than `further`."""
         self.place = place
         if not isinstance(data, Mapping):
             self.refuse(f"must be an object, got {show(data)}")
@@ -147,19 +152,19 @@ class _Reader:
         return data
 
     def whole(self, data: Any, end: int, what: str) -> int:
-        """Return `data` where it is a whole number from 0 to `end` - 1."""
+        """Return `data` if it is an integer from 0 to `end` - 1, or raise."""
         if type(data) is not int or not 0 <= data < end:
             self.refuse(f"{what} must be a whole number >= 0 and < {end}, got {show(data)}")
         return data
 
     def times(self, data: Any) -> int:
-        """Return `data` where it says how often: CasADi divides by it."""
+        """Return `data` if it is a positive count, or raise: CasADi divides by it."""
         return self.whole(data, LARGEST, "times") or self.refuse("times must be >= 1, got 0")
 
     def wholes(self, data: Any, end: int, what: str) -> list[int]:
         if not isinstance(data, list | tuple):
             self.refuse(f"{what} must be a list, got {show(data)}")
-        return [self.whole(one, end, what) for one in data]
+        return [self.whole(item, end, what) for item in data]
 
     def number(self, data: Any) -> float:
         if isinstance(data, str) and data in ("inf", "-inf", "nan"):
@@ -175,7 +180,7 @@ class _Reader:
         return value
 
     def count(self, entries: int) -> None:
-        """Refuse what would take more entries than functions may."""
+        """Add `entries` to the count, or raise if it exceeds the limit."""
         self.total += entries
         if self.total > LARGEST:
             self.refuse(f"more than {LARGEST} entries in all")
@@ -183,7 +188,7 @@ class _Reader:
     def shape(self, data: Any, weight: int = 1) -> Any:
         if not isinstance(data, list | tuple) or len(data) not in (2, 4):
             self.refuse(f"a shape must be [rows, columns] or with colind and row, got {show(data)}")
-        rows, columns = (self.whole(one, 2**31, "rows and columns") for one in data[:2])
+        rows, columns = (self.whole(item, 2**31, "rows and columns") for item in data[:2])
         if len(data) == 2:
             self.count(rows + columns + rows * columns * weight)
             return self.casadi.Sparsity.dense(rows, columns)
@@ -194,7 +199,7 @@ class _Reader:
             self.refuse(f"colind must hold {columns + 1} numbers from 0 to {len(row)}")
         for start, end in itertools.pairwise(colind):
             if (
-                any(one >= other for one, other in itertools.pairwise(row[start:end]))
+                any(item >= following for item, following in itertools.pairwise(row[start:end]))
                 or end < start
             ):
                 self.refuse("colind must not decrease, and rows must increase in each column")
@@ -211,31 +216,31 @@ class _Reader:
         self.keyed(data, KEYS[kind], place)
         before, self.depth = self.total, 0
         try:
-            made = getattr(self, f"_{kind}")(data, place)
+            result = getattr(self, f"_{kind}")(data, place)
         except InvalidData:
             raise
         except (RuntimeError, NotImplementedError, TypeError, ValueError, OverflowError) as error:
-            # CasADi's own checks: shapes that do not fit, a name that is none.
+            # CasADi's own checks, such as shapes that do not fit or an invalid name.
             self.refuse(f"no valid function: {_last_line(error)}")
-        self.functions.append(made)
+        self.functions.append(result)
         self.costs.append(self.total - before)
         self.depths.append(self.depth)
 
     def called(self, data: Any, times: int = 1) -> casadi.Function:
-        """Return an earlier function, whose `times` calls are counted."""
-        found = self.whole(data, len(self.functions), "a function")
-        self.count(times * max(1, self.costs[found]))
-        self.depth = max(self.depth, 1 + self.depths[found])
+        """Return an earlier function and add the cost of `times` calls."""
+        index = self.whole(data, len(self.functions), "a function")
+        self.count(times * max(1, self.costs[index]))
+        self.depth = max(self.depth, 1 + self.depths[index])
         if self.depth > DEEPEST:
             self.refuse(f"calls are nested more than {DEEPEST} deep")
-        return self.functions[found]
+        return self.functions[index]
 
     def _entries(self, data: Any, place: str, further: str) -> Iterator[Any]:
-        """Yield the inputs or outputs in `data`, checked."""
-        for k, one in enumerate(self.items(data, place)):
-            self.keyed(one, ("name", "shape"), f"{place}[{k}]", (further,))
-            self.text(one["name"])
-            yield one
+        """Yield the checked inputs or outputs in `data`."""
+        for k, entry in enumerate(self.items(data, place)):
+            self.keyed(entry, ("name", "shape"), f"{place}[{k}]", (further,))
+            self.text(entry["name"])
+            yield entry
 
     def _map(self, data: Any, place: str) -> casadi.Function:
         times = self.times(data["times"])
@@ -245,38 +250,40 @@ class _Reader:
         if data["method"] not in ("linear", "bspline"):
             self.refuse(f"method must be linear or bspline, got {show(data['method'])}")
         grid = [
-            [self.finite(one) for one in self.items(axis, f"{place}.grid")]
+            [self.finite(number) for number in self.items(axis, f"{place}.grid")]
             for axis in self.items(data["grid"], f"{place}.grid")
         ]
-        numbers = [self.finite(one) for one in self.items(data["numbers"], f"{place}.numbers")]
+        numbers = [
+            self.finite(number) for number in self.items(data["numbers"], f"{place}.numbers")
+        ]
         self.place = place
         size = math.prod(map(len, grid))
         if not grid or not size or not numbers or len(numbers) % size:
             self.refuse(f"{len(numbers)} numbers do not fit a grid of {size} points")
-        # A spline is found from a banded system.
+        # The coefficients of a spline solve a banded system.
         self.count(size * (size // max(map(len, grid)) if data["method"] == "bspline" else 1))
         name = self.text(data["name"])
-        made: casadi.Function = self.casadi.interpolant(name, data["method"], grid, numbers)
+        function: casadi.Function = self.casadi.interpolant(name, data["method"], grid, numbers)
         if data["method"] == "bspline":
-            # CasADi keeps derivatives with a spline once somebody asked for them. They are asked for
-            # here, so that a digest does not depend on what was solved before.
+            # CasADi stores derivatives in a spline once they have been requested. They are
+            # requested here, so that a digest does not depend on earlier solves.
             x = self.casadi.MX.sym("x", len(grid))
-            y = made(x)
+            y = function(x)
             weights = self.casadi.MX.sym("weights", y.numel())
             self.casadi.hessian(self.casadi.dot(weights, self.casadi.vec(y)), x)
-        return made
+        return function
 
     def _scalar(self, data: Any, place: str) -> casadi.Function:
         sx = self.casadi.SX
         arguments: list[Any] = []
         values: list[Any] = []
-        for one in self._entries(data["inputs"], f"{place}.inputs", "symbols"):
-            shape = self.shape(one["shape"], SYMBOL)
-            if "symbols" in one:
-                names = self.items(one["symbols"], self.place)
-                argument = self._filled(shape, [sx.sym(self.text(name)) for name in names])
+        for entry in self._entries(data["inputs"], f"{place}.inputs", "symbols"):
+            shape = self.shape(entry["shape"], SYMBOL)
+            if "symbols" in entry:
+                names = self.items(entry["symbols"], self.place)
+                argument = self._fill(shape, [sx.sym(self.text(name)) for name in names])
             else:
-                argument = sx.sym(one["name"], shape)
+                argument = sx.sym(entry["name"], shape)
             arguments.append(argument)
             values += argument.nonzeros()
         nodes = self.items(data["nodes"], f"{place}.nodes")
@@ -288,20 +295,20 @@ class _Reader:
                 values.append(sx(self.number(others[0])))
                 continue
             if name == "call" and others:
-                values += self._scalar_call(others.pop(), self._taken(values, others))
+                values += self._scalar_call(others.pop(), self._arguments(values, others))
                 continue
             arity = 1 if name in UNARY else 2 if name in BINARY else 0
             if not arity or len(others) != arity:
                 self.refuse(f"must be an operation on numbers and what it takes, got {show(node)}")
-            made = sx.unary if arity == 1 else sx.binary
-            values.append(made(self.codes[name], *self._taken(values, others)))
+            combine = sx.unary if arity == 1 else sx.binary
+            values.append(combine(self.codes[name], *self._arguments(values, others)))
         results = []
-        for one in self._entries(data["outputs"], f"{place}.outputs", "values"):
-            entries = self._taken(values, self.items(one.get("values"), self.place))
-            results.append(self._filled(self.shape(one["shape"]), entries))
-        return self._made(data, place, arguments, results)
+        for entry in self._entries(data["outputs"], f"{place}.outputs", "values"):
+            entries = self._arguments(values, self.items(entry.get("values"), self.place))
+            results.append(self._fill(self.shape(entry["shape"]), entries))
+        return self._build(data, place, arguments, results)
 
-    def _filled(self, shape: Any, entries: list[Any]) -> Any:
+    def _fill(self, shape: Any, entries: list[Any]) -> Any:
         """Return the scalar expressions `entries` as a matrix."""
         if shape.nnz() != len(entries):
             self.refuse(f"a shape with {shape.nnz()} entries is given {len(entries)}")
@@ -310,65 +317,65 @@ class _Reader:
     def _matrix(self, data: Any, place: str) -> casadi.Function:
         mx = self.casadi.MX
         arguments = []
-        for one in self._entries(data["inputs"], f"{place}.inputs", "symbols"):
-            symbols = self.items(one.get("symbols", [one["name"]]), self.place)
+        for entry in self._entries(data["inputs"], f"{place}.inputs", "symbols"):
+            symbols = self.items(entry.get("symbols", [entry["name"]]), self.place)
             if len(symbols) != 1:
                 self.refuse(f"symbols must hold 1 name, got {len(symbols)}")
-            arguments.append(mx.sym(self.text(symbols[0]), self.shape(one["shape"])))
+            arguments.append(mx.sym(self.text(symbols[0]), self.shape(entry["shape"])))
         values: list[Any] = list(arguments)
         for k, node in enumerate(self.items(data["nodes"], f"{place}.nodes")):
             self.place = f"{place}.nodes[{k}]"
             name, *others = self._operation(node)
-            wanted: tuple[int | None, tuple[str, ...]] | None = (
+            signature: tuple[int | None, tuple[str, ...]] | None = (
                 (1, ()) if name in UNARY else (2, ()) if name in BINARY else STRUCTURAL.get(name)
             )
-            if wanted is None:
+            if signature is None:
                 self.refuse(f"unknown operation {show(name)}")
-            arity = len(others) - len(wanted[1]) if wanted[0] is None else wanted[0]
-            if arity < 0 or len(others) != arity + len(wanted[1]):
-                what = ", ".join([f"{'' if wanted[0] is None else arity} values", *wanted[1]])
+            arity = len(others) - len(signature[1]) if signature[0] is None else signature[0]
+            if arity < 0 or len(others) != arity + len(signature[1]):
+                what = ", ".join([f"{'' if signature[0] is None else arity} values", *signature[1]])
                 self.refuse(f"{name} takes {what.strip()}, got {show(node)}")
-            taken = self._taken(values, others[:arity])
+            taken = self._arguments(values, others[:arity])
             if name in UNARY:
-                made = [mx.unary(self.codes[name], *taken)]
+                results_of = [mx.unary(self.codes[name], *taken)]
             elif name in BINARY:
-                made = [mx.binary(self.codes[name], *taken)]
+                results_of = [mx.binary(self.codes[name], *taken)]
             else:
-                made = getattr(self, f"_{name}", self._plain)(name, taken, *others[arity:])
-            for one in made:
-                self.count(one.nnz())
-            values += made
+                results_of = getattr(self, f"_{name}", self._plain)(name, taken, *others[arity:])
+            for entry in results_of:
+                self.count(entry.nnz())
+            values += results_of
         results = []
-        for one in self._entries(data["outputs"], f"{place}.outputs", "values"):
-            found = self._taken(values, self.items(one.get("values"), self.place))
-            if len(found) != 1 or found[0].sparsity() != self.shape(one["shape"]):
+        for entry in self._entries(data["outputs"], f"{place}.outputs", "values"):
+            outputs = self._arguments(values, self.items(entry.get("values"), self.place))
+            if len(outputs) != 1 or outputs[0].sparsity() != self.shape(entry["shape"]):
                 self.refuse("values must hold 1 value, of the shape given")
-            results += found
-        return self._made(data, place, arguments, results)
+            results += outputs
+        return self._build(data, place, arguments, results)
 
-    def _taken(self, values: list[Any], numbers: list[Any]) -> list[Any]:
-        return [values[self.whole(one, len(values), "a value")] for one in numbers]
+    def _arguments(self, values: list[Any], numbers: list[Any]) -> list[Any]:
+        return [values[self.whole(index, len(values), "a value")] for index in numbers]
 
     def _operation(self, node: Any) -> Any:
         if not isinstance(node, list | tuple) or not node or not isinstance(node[0], str):
             self.refuse(f"must be [operation, …], got {show(node)}")
         return node
 
-    def _made(
+    def _build(
         self, data: Any, place: str, arguments: list[Any], results: list[Any]
     ) -> casadi.Function:
         self.place = place
-        inputs, outputs = ([one["name"] for one in data[key]] for key in ("inputs", "outputs"))
-        made: casadi.Function = self.casadi.Function(
+        inputs, outputs = ([entry["name"] for entry in data[key]] for key in ("inputs", "outputs"))
+        function: casadi.Function = self.casadi.Function(
             self.text(data["name"]), arguments, results, inputs, outputs
         )
-        return made
+        return function
 
-    # -- matrix operations: the name, the values taken, what follows them --
+    # -- matrix operations: name, values, parameters --
 
     def _plain(self, name: str, taken: list[Any]) -> list[Any]:
-        # What they put together holds as much as all that they take.
-        self.count(sum(one.nnz() + sum(one.shape) for one in taken))
+        # The result has as many entries as all arguments together.
+        self.count(sum(value.nnz() + sum(value.shape) for value in taken))
         return [getattr(self.casadi, _PLAIN[name])(*taken)]
 
     def _const(self, name: str, taken: list[Any], shape: Any, numbers: Any) -> list[Any]:
@@ -390,23 +397,27 @@ class _Reader:
         self.count(SYMBOL * sum(function.nnz_out(k) for k in range(function.n_out())))
         ends = itertools.accumulate(sizes)
         arguments = [
-            self._filled(function.sparsity_in(k), taken[end - size : end])
+            self._fill(function.sparsity_in(k), taken[end - size : end])
             for k, (size, end) in enumerate(zip(sizes, ends, strict=True))
         ]
-        return [one for made in function.call(arguments, False, True) for one in made.nonzeros()]
+        return [
+            entry for result in function.call(arguments, False, True) for entry in result.nonzeros()
+        ]
 
     def _mtimes(self, name: str, taken: list[Any]) -> list[Any]:
         return [self.casadi.mac(taken[1], taken[2], taken[0])]
 
     def _getnonzeros(self, name: str, taken: list[Any], shape: Any, places: Any) -> list[Any]:
-        wanted = self.shape(shape)
-        found = taken[0].nz[self.casadi.DM(wanted, self._places(places, taken[0].nnz()))]
-        return [found if found.shape == wanted.shape else self.casadi.reshape(found, wanted)]
+        sparsity = self.shape(shape)
+        entries = taken[0].nz[self.casadi.DM(sparsity, self._places(places, taken[0].nnz()))]
+        return [
+            entries if entries.shape == sparsity.shape else self.casadi.reshape(entries, sparsity)
+        ]
 
     def _setnonzeros(self, name: str, taken: list[Any], places: Any) -> list[Any]:
-        made = self.casadi.MX(taken[0])
-        made.nz[self._places(places, made.nnz())] = taken[1]
-        return [made]
+        result = self.casadi.MX(taken[0])
+        result.nz[self._places(places, result.nnz())] = taken[1]
+        return [result]
 
     def _places(self, data: Any, end: int) -> list[int]:
         if not isinstance(data, Mapping):
@@ -439,25 +450,26 @@ class _Reader:
 
 
 def readable(function: casadi.Function) -> tuple[dict[str, Any] | str, casadi.Function]:
-    """Return what a file holds for `function`, and the function that reading it gives.
+    """Return the stored form of `function`, and the function that reading it gives.
 
-    Where the format does not cover it, both are CasADi's own: its text, which
-    :func:`~crosstrack.models.programs.trusted.read_trusted` reads, and `function` itself.
+    A function that the format does not cover is stored in CasADi's text format, which
+    :func:`~crosstrack.models.programs.trusted.read_trusted` reads. The second result is then
+    `function` itself.
     """
     try:
         data = write(function)
-        again = read(data)
+        rebuilt = read(data)
     except (Unwritable, InvalidData, RecursionError) as error:
         log.info("function %r is stored as CasADi's own text: %s", function.name(), error)
         return function.serialize(), function
-    # Unlike what is lost without a trace, such as a cached derivative, values must not differ.
-    if again.serialize() != function.serialize() and not _agree(function, again):
+    # The rebuilt function may lose a cached derivative, but its values must not differ.
+    if rebuilt.serialize() != function.serialize() and not _agree(function, rebuilt):
         return function.serialize(), function
-    return data, again
+    return data, rebuilt
 
 
 def _agree(function: casadi.Function, other: casadi.Function) -> bool:
-    """Return whether two functions give the same numbers, to the last bit, at drawn points."""
+    """Return whether two functions give bitwise equal numbers at random points."""
     import casadi
     import numpy as np
 
@@ -467,9 +479,9 @@ def _agree(function: casadi.Function, other: casadi.Function) -> bool:
             casadi.DM(function.sparsity_in(k), sample(function.nnz_in(k)))
             for k in range(function.n_in())
         ]
-        for one, two in zip(function.call(point), other.call(point), strict=True):
-            if one.sparsity() != two.sparsity() or not np.array_equal(
-                one.nonzeros(), two.nonzeros(), equal_nan=True
+        for first, second in zip(function.call(point), other.call(point), strict=True):
+            if first.sparsity() != second.sparsity() or not np.array_equal(
+                first.nonzeros(), second.nonzeros(), equal_nan=True
             ):
                 return False
     return True

@@ -1,7 +1,7 @@
-"""Solver-neutral programs in standard form, whose rows and columns know the paper's equations.
+"""Mixed-integer and quadratic programs, whose rows and columns carry the paper's equations.
 
-A program is a model too: it has data, a digest and an independent verification, and its plan is
-the column vector. Any backend for programs therefore solves one that no paper stands behind.
+A program is a model, with data, a digest and an independent verification. Its plan is the column
+vector. Backends for programs therefore also solve programs without a paper.
 """
 
 from __future__ import annotations
@@ -47,15 +47,15 @@ class MixedIntegerProgram(RowProgram):
     matrix : sparse array, shape (m, n)
         Row coefficients.
     row_lower, row_upper : ndarray, shape (m,)
-        Row bounds; infinite where there is none.
+        Row bounds; infinite for none.
     column_lower, column_upper : ndarray, shape (n,)
-        Column bounds; infinite where there is none.
+        Column bounds; infinite for none.
     integral : ndarray of bool, shape (n,)
-        Which columns must be whole numbers.
+        Columns that must be integers.
     offset : float
         Constant of the objective.
     columns, rows : tuple of Block
-        Names and equations; empty, or covering all.
+        Names and equations; either empty or a complete cover.
     """
 
     cost: Vector = declared(Array(("n",)))
@@ -77,35 +77,44 @@ class MixedIntegerProgram(RowProgram):
 
     @property
     def continuous(self) -> bool:
-        """Whether no column must be whole: a linear program."""
+        """Whether the program is linear: no column must be an integer."""
         return not self.integral.any()
 
     def objective(self, point: Vector) -> float:
         """Return the objective at `point`."""
         return float(self.cost @ point + self.offset)
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective and the worst violation of every block, integrality included."""
-        found = super().verify(plan, tolerance=tolerance)
+        """Return the objective and the worst violation of every block and of integrality."""
+        linear = super().verify(plan, tolerance=tolerance)
         if not self.integral.any():
-            return found
+            return linear
         point = np.asarray(plan, float)
-        off = np.where(self.integral, np.abs(point - np.round(point)), 0.0)
-        at = int(off.argmax())
-        check = Check.scaled("integrality", "", off[at], "", self.column_name(at), tolerance, 1.0)
-        return Verification(found.objective, (*found.checks, check))
+        violation = np.where(self.integral, np.abs(point - np.round(point)), 0.0)
+        worst = int(violation.argmax())
+        check = Check.scaled(
+            "integrality", "", violation[worst], "", self.column_name(worst), tolerance, 1.0
+        )
+        return Verification(linear.objective, (*linear.checks, check))
 
     def dual_bound(self, duals: Vector, point: Vector | None = None) -> float:
-        """Return the Lagrangian lower bound that row multipliers prove, whatever the point.
+        """Return the Lagrangian lower bound that row multipliers prove.
 
-        ``duals[i] >= 0`` counts against the lower bound of row i, ``<= 0`` against the upper one.
-        The bound holds for the linear relaxation, and so for the program; it is -inf where a
-        multiplier or a reduced cost points at a bound that does not exist.
+        The bound holds for the linear relaxation, hence for the program. It is -inf if a multiplier
+        or a reduced cost belongs to a bound that does not exist.
+
+        Parameters
+        ----------
+        duals : ndarray, shape (m,)
+            Row multipliers: ``duals[i] >= 0`` belongs to the lower bound of row i, ``<= 0`` to the
+            upper bound.
+        point : ndarray, optional
+            Unused; the bound does not depend on the point.
         """
         y = np.asarray(duals, float)
         reduced = self.cost - self.matrix.T @ y
-        # A reduced cost that is rounding noise against the terms it sums must not meet an infinite bound.
+        # A reduced cost within the rounding noise of its terms must not meet an infinite bound.
         noise = 1e-9 * (1 + np.abs(self.cost) + abs(self.matrix).T @ np.abs(y))
         free = np.where(
             reduced > 0, ~np.isfinite(self.column_lower), ~np.isfinite(self.column_upper)
@@ -146,20 +155,20 @@ class QuadraticProgram(RowProgram):
     Parameters
     ----------
     hessian : sparse array, shape (n, n)
-        Symmetric and positive semidefinite, with both triangles. Symmetry is checked, and what of
-        definiteness the diagonal shows; the rest is the caller's.
+        Symmetric positive semidefinite matrix with both triangles. Symmetry and the 2 x 2 minors
+        are checked; the caller guarantees full definiteness.
     cost : ndarray, shape (n,)
         Linear objective coefficients.
     matrix : sparse array, shape (m, n)
         Row coefficients.
     row_lower, row_upper : ndarray, shape (m,)
-        Row bounds; infinite where there is none.
+        Row bounds; infinite for none.
     column_lower, column_upper : ndarray, shape (n,)
-        Column bounds; infinite where there is none.
+        Column bounds; infinite for none.
     offset : float
         Constant of the objective.
     columns, rows : tuple of Block
-        Names and equations; empty, or covering all.
+        Names and equations; either empty or a complete cover.
     """
 
     hessian: sp.csr_array = declared(Sparse(("n", "n")))
@@ -176,7 +185,7 @@ class QuadraticProgram(RowProgram):
     kind: ClassVar[str] = "quadratic-program"
 
     def check(self) -> None:
-        """Refuse blocks that do not cover the program, and a Hessian that cannot be convex."""
+        """Raise if the blocks do not cover the program, or the Hessian cannot be convex."""
         super().check()
         largest = float(abs(self.hessian).max()) if self.hessian.nnz else 0.0
         skew = abs(self.hessian - self.hessian.T)
@@ -188,13 +197,13 @@ class QuadraticProgram(RowProgram):
                 field="hessian",
             )
         diagonal = self.hessian.diagonal()
-        # The 2 x 2 minors: a negative diagonal entry, or one that its row outweighs at zero.
+        # 2 x 2 minors with a zero: a negative diagonal entry, or a zero in a nonzero row.
         reach = abs(self.hessian).max(axis=1).toarray().ravel() if self.hessian.nnz else diagonal
-        bad = (diagonal < 0) | ((diagonal == 0) & (reach > 0))
-        if bad.any():
-            at = int(np.flatnonzero(bad)[0])
+        invalid = (diagonal < 0) | ((diagonal == 0) & (reach > 0))
+        if invalid.any():
+            entry = int(np.flatnonzero(invalid)[0])
             raise InvalidData(
-                f"hessian[{at}, {at}] is {diagonal[at]:g}, which no positive semidefinite matrix "
+                f"hessian[{entry}, {entry}] is {diagonal[entry]:g}, which no positive semidefinite matrix "
                 "with that row has",
                 field="hessian",
             )
@@ -210,13 +219,13 @@ class QuadraticProgram(RowProgram):
     def reduced_costs(self, point: Vector, duals: Vector) -> Vector:
         """Return ``hessian @ point + cost - matrix.T @ duals``, the multipliers of the columns.
 
-        At an optimum they vanish for every column strictly between its bounds.
+        At an optimum they are 0 for every column strictly between its bounds.
         """
         reduced: Vector = self.hessian @ point + self.cost - self.matrix.T @ duals
         return reduced
 
     def dual_residual(self, point: Vector, duals: Vector) -> float:
-        """Return the largest reduced cost that no bound of its column explains."""
+        """Return the largest absolute reduced cost of a column without a bound on that side."""
         reduced = self.reduced_costs(point, self.signed(duals))
         loose = np.where(
             reduced > 0, ~np.isfinite(self.column_lower), ~np.isfinite(self.column_upper)
@@ -224,7 +233,7 @@ class QuadraticProgram(RowProgram):
         return float(np.abs(reduced[loose]).max(initial=0.0))
 
     def signed(self, duals: Vector) -> Vector:
-        """Return `duals` with 0 in place of what points at a row bound that does not exist."""
+        """Return `duals` with 0 for multipliers of a row bound that does not exist."""
         y = np.asarray(duals, float)
         loose = np.where(y > 0, ~np.isfinite(self.row_lower), ~np.isfinite(self.row_upper))
         return np.where(loose, 0.0, y)
@@ -232,11 +241,18 @@ class QuadraticProgram(RowProgram):
     def dual_bound(self, duals: Vector, point: Vector) -> float:
         """Return the lower bound that row multipliers prove (Dorn's dual at `point`).
 
-        ``duals[i] >= 0`` counts against the lower bound of row i, ``<= 0`` against the upper one.
-        No solver makes the reduced cost of an unbounded column exactly zero, so such a column is
-        held within ``max(1, |point|)`` of `point` on the side that has no bound: the bound is
-        rigorous for every x in that box. What lies beyond cannot be much better either: the
-        objective is convex, so a gain far away shows as a share of it within the box.
+        Solvers never make the reduced cost of an unbounded column exactly zero. On its unbounded side,
+        such a column is therefore limited to a distance of ``max(1, |point|)`` from `point`. The bound
+        is rigorous for every x in that box. Points outside cannot be much better either: the objective
+        is convex, so a gain far away implies a proportional gain within the box.
+
+        Parameters
+        ----------
+        duals : ndarray, shape (m,)
+            Row multipliers: ``duals[i] >= 0`` belongs to the lower bound of row i, ``<= 0`` to the
+            upper bound.
+        point : ndarray, shape (n,)
+            Point of the multipliers.
         """
         p = np.asarray(point, float)
         y = self.signed(duals)
@@ -246,15 +262,15 @@ class QuadraticProgram(RowProgram):
         high = np.where(np.isfinite(self.column_upper), self.column_upper, p + reach)
         with np.errstate(invalid="ignore"):
             rows = np.where(y == 0, 0.0, y * np.where(y > 0, self.row_lower, self.row_upper))
-        # Summed as the gap beside the primal objective: both are large where the gap is small.
+        # Add the gap to the primal objective, because both terms of the dual are large at small gaps.
         slack = rows - y * (self.matrix @ p)
         away = reduced * (np.where(reduced > 0, low, high) - p)
         return self.objective(p) + float(slack.sum() + away.sum())
 
     def to_qpsolvers(self) -> qpsolvers.Problem:
-        """Return a ``qpsolvers.Problem``; it has no place for the offset.
+        """Return a ``qpsolvers.Problem`` without the constant of the objective.
 
-        Equal rows come first, then rows from above and rows from below (negated) as ``G x <= h``.
+        Equality rows come first, then upper and negated lower row bounds as ``G x <= h``.
         """
         from .export import qpsolvers_problem
 

@@ -24,7 +24,7 @@ __all__ = ["NonlinearProgram"]
 
 Vector = NDArray[np.float64]
 
-#: Perturbations of a guess at which derivatives are not finite, in terms of the columns' sizes.
+#: Perturbations of a guess with non-finite derivatives, relative to the columns' sizes.
 STEPS = (1e-4, 1e-2)
 
 
@@ -37,25 +37,25 @@ class NonlinearProgram(BlockProgram):
     function : casadi.Function
         ``(x) -> (f, g)``, with x of shape (n,), f a number, g of shape (m,).
     row_lower, row_upper : ndarray, shape (m,)
-        Row bounds; infinite where there is none.
+        Row bounds; infinite for none.
     column_lower, column_upper : ndarray, shape (n,)
-        Column bounds; infinite where there is none.
+        Column bounds; infinite for none.
     guess : ndarray, shape (n,)
-        Where a search starts.
+        Start of a search.
     column_scale : ndarray, shape (n,), optional
-        Typical size of each column, positive: solvers work on ``x / column_scale``. Default 1.
+        Typical size of each column, positive; default 1. Solvers work on ``x / column_scale``.
     row_scale : ndarray, shape (m,), optional
         Typical size of each row, positive; default 1.
     objective_scale : float
         Typical size of the objective, positive.
     derivatives : casadi.Function, optional
-        ``(x) -> (grad_f, jac_g)``: gradient (n,) and sparse Jacobian (m, n), where the maker of the
-        program knows their structure better than automatic differentiation. Excluded from the digest.
+        ``(x) -> (grad_f, jac_g)``: gradient (n,) and sparse Jacobian (m, n). Useful if their
+        structure is known better than to automatic differentiation. Excluded from the digest.
     hessian : casadi.Function, optional
         ``(x, lam_f, lam_g) -> (hess)``: the upper triangle of the Hessian of ``lam_f f + lam_g·g``,
         sparse (n, n). Excluded from the digest.
     columns, rows : tuple of Block
-        Names and equations; empty, or covering all.
+        Names and equations; either empty or a complete cover.
     """
 
     function: casadi.Function = declared(Compiled(("x",), ("f", "g")))
@@ -79,31 +79,32 @@ class NonlinearProgram(BlockProgram):
     kind: ClassVar[str] = "nonlinear-program"
 
     def check(self) -> None:
-        """Fill in the scales, and refuse shapes and bounds that contradict one another."""
+        """Fill in the scales, and raise if shapes or bounds contradict one another."""
         n, m = self.size, self.row_count
-        for name, have, want in (
+        for name, actual, expected in (
             ("x", self.function.size_in(0), (n, 1)),
             ("f", self.function.size_out(0), (1, 1)),
             ("g", self.function.size_out(1), (m, 1)),
         ):
-            # Empty ones are written in many shapes.
-            if tuple(have) != want and not (0 in have and 0 in want):
+            # CasADi writes empty vectors in several shapes.
+            if tuple(actual) != expected and not (0 in actual and 0 in expected):
                 raise InvalidData(
-                    f"function: {name} must have shape {want}, got {tuple(have)}", field="function"
+                    f"function: {name} must have shape {expected}, got {tuple(actual)}",
+                    field="function",
                 )
         for name, size in (("column_scale", n), ("row_scale", m)):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, frozen(np.ones(size)))
             scale = getattr(self, name)
             if (scale <= 0).any():
-                at = int(np.flatnonzero(scale <= 0)[0])
-                raise InvalidData(f"{name}[{at}] must be > 0, got {scale[at]}", field=name)
+                entry = int(np.flatnonzero(scale <= 0)[0])
+                raise InvalidData(f"{name}[{entry}] must be > 0, got {scale[entry]}", field=name)
         for what in ("column", "row"):
             lower, upper = getattr(self, f"{what}_lower"), getattr(self, f"{what}_upper")
             if (lower > upper).any():
-                at = int(np.flatnonzero(lower > upper)[0])
+                entry = int(np.flatnonzero(lower > upper)[0])
                 raise InvalidData(
-                    f"{what}_lower[{at}] = {lower[at]:g} exceeds {what}_upper[{at}] = {upper[at]:g}",
+                    f"{what}_lower[{entry}] = {lower[entry]:g} exceeds {what}_upper[{entry}] = {upper[entry]:g}",
                     field=f"{what}_lower",
                 )
         super().check()
@@ -123,12 +124,12 @@ class NonlinearProgram(BlockProgram):
         """Return the objective at `point`."""
         return self.values(point)[0]
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective and the worst violation of every block of rows and columns.
 
-        A tolerance is relative to the bound, or to the typical size of the row where that is larger;
-        a column counts 1 at most for this.
+        A tolerance is relative to the bound, or to the typical size of the row or column if that is
+        larger. The size of a column is capped at 1.
         """
         point = self._point(plan)
         objective, rows = self.values(point)
@@ -138,16 +139,16 @@ class NonlinearProgram(BlockProgram):
         return Verification(objective if np.isfinite(objective) else None, checks)
 
     def violations(self, point: Vector) -> Vector:
-        """Return by how much each row is off at `point`, in units of its typical size, (m,)."""
+        """Return the violation of each row at `point` relative to its typical size, shape (m,)."""
         rows = self.values(point)[1]
-        off = np.maximum(np.maximum(self.row_lower - rows, rows - self.row_upper), 0.0)
-        return np.where(np.isfinite(rows), off, np.inf) / self.row_scale
+        amount = np.maximum(np.maximum(self.row_lower - rows, rows - self.row_upper), 0.0)
+        return np.where(np.isfinite(rows), amount, np.inf) / self.row_scale
 
     # -- derivatives -----------------------------------------------------------------------------
 
     @cached_property
     def first_order(self) -> casadi.Function:
-        """``(x) -> (grad_f, jac_g)``: the function given, or automatic differentiation."""
+        """``(x) -> (grad_f, jac_g)``: `derivatives`, or by automatic differentiation."""
         if self.derivatives is not None:
             return self.derivatives
         import casadi
@@ -159,7 +160,7 @@ class NonlinearProgram(BlockProgram):
 
     @cached_property
     def second_order(self) -> casadi.Function:
-        """``(x, lam_f, lam_g) -> (hess)``: the function given, or automatic differentiation."""
+        """``(x, lam_f, lam_g) -> (hess)``: `hessian`, or by automatic differentiation."""
         if self.hessian is not None:
             return self.hessian
         import casadi
@@ -187,18 +188,18 @@ class NonlinearProgram(BlockProgram):
         return np.array(self.first_order(np.asarray(point, float))[0], float).reshape(-1)
 
     def reduced_costs(self, point: Vector, duals: Vector) -> Vector:
-        """Return ``∇f - duals·∇g``, the multipliers of the columns; signed as linear duals are.
+        """Return ``∇f - duals·∇g``, the multipliers of the columns, with the signs of linear duals.
 
-        ``duals[i] >= 0`` counts against the lower bound of row i, ``<= 0`` against the upper one.
+        ``duals[i] >= 0`` belongs to the lower bound of row i, ``<= 0`` to the upper bound.
         """
         reduced: Vector = self.gradient(point) - self.jacobian(point).T @ np.asarray(duals, float)
         return reduced
 
     def stationarity(self, point: Vector, duals: Vector) -> float:
-        """Return the largest reduced cost that no active bound explains, in scaled terms.
+        """Return the largest scaled reduced cost without an active bound.
 
-        A positive reduced cost is explained at the column's lower bound, a negative one at the
-        upper; what remains is held against ``objective_scale / column_scale``.
+        A positive reduced cost is admissible at the column's lower bound, a negative one at the upper
+        bound. The others are divided by ``objective_scale / column_scale``.
         """
         p = np.asarray(point, float)
         reduced = self.reduced_costs(p, duals)
@@ -210,11 +211,19 @@ class NonlinearProgram(BlockProgram):
         return float(left.max(initial=0.0))
 
     def start(self, seed: int | None = None) -> Vector:
-        """Return where a search begins: the guess, or a point drawn about it by `seed`.
+        """Return the start of a search: the guess, or a random point near it.
 
-        Seed None or 0 is the guess itself, moved into the bounds, and a little further where a
-        derivative is no number there, such as that of a root at 0. Any other seed draws each column
-        uniformly: between its bounds where it has both, else within its typical size of the guess.
+        Parameters
+        ----------
+        seed : int, optional
+            None or 0 for the guess, moved into the bounds, and slightly further if a derivative is not
+            finite there, such as that of a square root at 0. Any other seed draws each column uniformly:
+            between its bounds if it has both, otherwise within its typical size of the guess.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The start, within the bounds.
         """
         low, high = self.column_lower, self.column_upper
         if not seed:
@@ -227,7 +236,7 @@ class NonlinearProgram(BlockProgram):
         return np.clip(middle + reach * draw, low, high)
 
     def _regular(self, point: Vector) -> Vector:
-        """Return `point`, or one near it at which the derivatives are numbers."""
+        """Return `point`, or a point near it with finite derivatives."""
         draw = np.random.default_rng(0).uniform(-1.0, 1.0, self.size)
         for step in (0.0, *STEPS):
             near = np.clip(
@@ -239,9 +248,9 @@ class NonlinearProgram(BlockProgram):
         return point
 
     def to_casadi(self) -> dict[str, Any]:
-        """Return the program as ``casadi.nlpsol`` takes it: ``{"x", "f", "g"}`` in MX symbols.
+        """Return the program in the form of ``casadi.nlpsol``: ``{"x", "f", "g"}`` in MX symbols.
 
-        The bounds are ``lbx, ubx, lbg, ubg`` of the solver's call, not part of it.
+        The bounds ``lbx, ubx, lbg, ubg`` are arguments of the solver's call and not included.
         """
         import casadi
 

@@ -1,4 +1,4 @@
-"""Sparse matrices whose entries are constants and multiples of what functions give."""
+"""Sparse matrices whose entries are constants and multiples of function values."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Whole = NDArray[np.int64]
 
 @dataclass(eq=False)
 class Triplets:
-    """Entries of a sparse matrix: constants, and multiples of what a function gives.
+    """Entries of a sparse matrix: constants, and multiples of function values.
 
-    `source` counts in the vector of all that functions give; -1 marks a constant.
+    A source is an index in the vector of all function values; -1 marks a constant.
     """
 
     rows: list[Whole] = field(default_factory=list)
@@ -29,7 +29,7 @@ class Triplets:
     sources: list[Whole] = field(default_factory=list)
 
     def add(self, rows: Any, columns: Any, factors: Any, sources: Any = -1) -> None:
-        """Add entries; what is given once counts for all."""
+        """Add entries; scalars are broadcast."""
         parts = np.broadcast_arrays(rows, columns, factors, sources)
         flat = [np.asarray(part).reshape(-1) for part in parts]
         self.rows.append(flat[0].astype(np.int64))
@@ -38,7 +38,7 @@ class Triplets:
         self.sources.append(flat[3].astype(np.int64))
 
     def joined(self) -> tuple[Whole, Whole, Floats, Whole]:
-        """Return all entries."""
+        """Return rows, columns, factors and sources of all entries."""
         none = np.empty(0)
         rows, columns, sources = (
             np.concatenate([*parts, none]).astype(np.int64)
@@ -47,12 +47,22 @@ class Triplets:
         return rows, columns, np.concatenate([*self.factors, none]), sources
 
     def matrix(self, shape: tuple[int, int], given: Any, count: int) -> Any:
-        """Return the matrix in CasADi's symbols, from the vector `given` of `count` entries."""
+        """Return the matrix in CasADi's symbols, with function values from the vector `given`.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Numbers of rows and columns.
+        given : casadi.MX
+            Vector of all function values.
+        count : int
+            Its length.
+        """
         rows, columns, factors, sources = self.joined()
         pattern = sp.csc_array((np.ones(rows.size), (rows, columns)), shape=shape)
         pattern.sum_duplicates()
         pattern.sort_indices()
-        # The place of each entry among the nonzeros, column by column as CasADi counts them.
+        # Index of each entry among the nonzeros, column by column as in CasADi.
         keys = np.repeat(np.arange(shape[1]), np.diff(pattern.indptr)) * shape[0] + pattern.indices
         place = np.searchsorted(keys, columns * shape[0] + rows)
         fixed = sources < 0
@@ -70,7 +80,7 @@ class Triplets:
 
 
 def dm(matrix: Any) -> casadi.DM:
-    """Return a sparse matrix of SciPy's as CasADi's."""
+    """Return a sparse SciPy matrix as a ``casadi.DM``."""
     csc = sp.csc_array(matrix)
     csc.sort_indices()
     sparsity = casadi.Sparsity(

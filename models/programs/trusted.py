@@ -1,6 +1,6 @@
-"""CasADi's own text of a function, which can load libraries and crash: read for who trusts it alone.
+"""Reading of CasADi's text format for trusted callers, as it can load libraries and crash.
 
-``python -m crosstrack.models.programs.trusted`` is the process that reads it first.
+``python -m crosstrack.models.programs.trusted`` is the process that reads a text first.
 """
 
 from __future__ import annotations
@@ -20,21 +20,28 @@ if TYPE_CHECKING:
 
 __all__ = ["read_trusted"]
 
-#: Seconds and bytes of memory that the process which reads a text first may take.
+#: Limits of seconds and of bytes of memory for the process that reads a text first.
 SECONDS, MEMORY = 60.0, 8 << 30
 
 
 def read_trusted(text: str, field: str) -> casadi.Function:
-    """Return the function in CasADi's own `text`.
+    """Return the function in CasADi's `text`.
 
-    Another process reads it first. What the format of :mod:`.expressions` covers is rebuilt here from
-    that; only what it does not cover is read by CasADi in this process too.
+    Another process reads the text first. If :mod:`.expressions` covers the function, it is rebuilt
+    here from that form. CasADi reads the text in this process only if it does not.
+
+    Parameters
+    ----------
+    text : str
+        Serialised function.
+    field : str
+        Name of the field in messages.
 
     Raises
     ------
     InvalidData
-        The caller has not said that the data is trusted, or the text cannot be read: the process
-        crashed, hung or failed.
+        The caller does not trust the data, or the text cannot be read: the other process crashed,
+        hung or failed.
     """
     if not TRUSTED.get():
         raise InvalidData(
@@ -42,19 +49,19 @@ def read_trusted(text: str, field: str) -> casadi.Function:
             "know who wrote it, read it with trusted=True, on the command line with --trusted",
             field=field,
         )
-    # -P: a module in the working folder must not stand in for one of the standard library.
+    # -P: a module in the working folder must not shadow one of the standard library.
     command = [sys.executable, "-P", "-m", __name__]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     try:
-        done = subprocess.run(
+        completed = subprocess.run(
             command,
             input=text.encode("utf-8", "replace"),
             capture_output=True,
             timeout=SECONDS,
             env=environment,
         )
-        answer = json.loads(done.stdout) if done.returncode == 0 else {}
-        reason = answer.get("error", f"the process that read it ended with {done.returncode}")
+        answer = json.loads(completed.stdout) if completed.returncode == 0 else {}
+        reason = answer.get("error", f"the process that read it ended with {completed.returncode}")
     except subprocess.TimeoutExpired:
         answer, reason = {}, f"reading it took more than {SECONDS:g} s"
     if "function" not in answer:
@@ -67,8 +74,8 @@ def read_trusted(text: str, field: str) -> casadi.Function:
 
 
 def _main() -> None:
-    """Read a text from standard input; write its graph, null where there is none, or the error."""
-    # What native code prints must not garble the answer.
+    """Read a text from standard input; write its graph, null if it has none, or the error."""
+    # Output of native code must not corrupt the answer.
     with os.fdopen(os.dup(1), "w", encoding="utf-8") as stream:
         os.dup2(2, 1)
         if sys.platform != "win32":
@@ -87,7 +94,7 @@ def _answer(text: str) -> dict[str, Any]:
         function = casadi.Function.deserialize(text)
         data, _ = readable(function)
         if isinstance(data, str):
-            # It will be used in the process that asked: what crashes there should crash here.
+            # The calling process will evaluate the function: a crash must happen here instead.
             function.call(
                 [casadi.DM.zeros(function.sparsity_in(k)) for k in range(function.n_in())]
             )

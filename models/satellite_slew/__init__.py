@@ -1,4 +1,4 @@
-"""The rapid slew of a satellite with control moment gyros."""
+"""Rapid slew of a satellite with control moment gyros."""
 
 from __future__ import annotations
 

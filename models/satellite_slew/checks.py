@@ -1,4 +1,4 @@
-"""The independent check of a slew: integrated anew, measured between the nodes."""
+"""Independent verification of a slew: re-integration, and limits between the nodes."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ Floats = NDArray[np.float64]
 
 #: Relative and absolute error of an integration step.
 RELATIVE, ABSOLUTE = 1e-10, 1e-12
-#: Points an interval, beside its nodes, and in all at least.
+#: Smallest number of points per interval in addition to its nodes, and of all points.
 POINTS, ALL_POINTS = 8, 2000
-#: Name, first and last entry, and unit of the parts of the state.
+#: Name, first entry, end entry and unit of the parts of the state.
 _PARTS = (("attitude", 0, 4, ""), ("body rates", 4, 7, "rad/s"), ("gimbal angles", 7, 11, "rad"))
 
 
 def slew_phase(plan: ControlPlan) -> PhasePlan:
-    """Return the one phase of a slew's plan, or raise ``InvalidData`` where it is none."""
+    """Return the single phase of a slew's plan, or raise ``InvalidData``."""
     if not isinstance(plan, ControlPlan):
         raise InvalidData(f"plan must be a ControlPlan, got {type(plan).__name__}", field="plan")
     if len(plan.phases) != 1:
         raise InvalidData(f"the plan of a slew has 1 phase, got {len(plan.phases)}", field="plan")
     phase = plan.phases[0]
-    for what, have, want in (
+    for what, actual, expected in (
         ("states", phase.state_names, STATES),
         ("controls", phase.control_names, CONTROLS),
     ):
-        if have != want:
+        if actual != expected:
             raise InvalidData(
-                f"the plan of a slew has the {what} {', '.join(want)}, got {show(list(have))}",
+                f"the plan of a slew has the {what} {', '.join(expected)}, got {show(list(actual))}",
                 field="plan",
             )
     return phase
@@ -49,7 +49,7 @@ def slew_phase(plan: ControlPlan) -> PhasePlan:
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """States, controls and the states integrated anew, at the same times."""
+    """States, controls and re-integrated states at the same times."""
 
     times: Floats
     states: Floats
@@ -77,13 +77,13 @@ def _check(
     name: str, equation: str, worst: float, unit: str, tolerance: float, where: str,
     scale: float, limit: float | None = None,
 ) -> Check:  # fmt: skip
-    # A number that is none is no small violation.
+    # Treat NaN as the largest violation.
     worst = float(worst) if np.isfinite(worst) else float("inf")
     return Check.scaled(name, equation, worst, unit, where, tolerance, scale, limit=limit)
 
 
 def _sizes(model: SlewData) -> tuple[float, float, float]:
-    """Return the size of each part of the state: a unit quaternion, the limit of rates, a radian."""
+    """Return the scales of the parts of the state: a unit quaternion, the rate limit, and a radian."""
     return 1.0, model.rate_limit, 1.0
 
 
@@ -93,29 +93,31 @@ def _sizes(model: SlewData) -> tuple[float, float, float]:
 def _ends(model: SlewData, phase: PhasePlan, tolerance: float) -> list[Check]:
     """Return the checks of the times and of all eleven states at both ends."""
     low, high = (float(t) for t in model.time_range)
-    off = max(abs(phase.start), low - phase.end, phase.end - high, 0.0)
+    excess = max(abs(phase.start), low - phase.end, phase.end - high, 0.0)
     where = f"t0 = {phase.start:.9g} s, tf = {phase.end:.9g} s"
     checks = [
-        _check("start at 0, final time within its range", "13", off, "s", tolerance, where, high)
+        _check("start at 0, final time within its range", "13", excess, "s", tolerance, where, high)
     ]
     last = phase.states.intervals - 1
     begin = phase.states.on(0, [-1.0])[0]
     end = phase.states.on(last, [1.0])[0]
     rest = np.zeros(3)
-    for word, have, q, gimbals in (
+    for side, actual, q, gimbals in (
         ("initial", begin, model.initial_attitude, model.initial_gimbals),
         ("final", end, model.final_attitude, model.final_gimbals),
     ):
-        # q and -q are the same attitude.
-        q = -q if q @ have[:4] < 0.0 else q
-        wanted = zip(_PARTS, (q, rest, gimbals), _sizes(model), strict=True)
-        for (name, first, beyond, unit), want, size in wanted:
-            if want is None:
+        # q and -q represent the same attitude.
+        q = -q if q @ actual[:4] < 0.0 else q
+        expected = zip(_PARTS, (q, rest, gimbals), _sizes(model), strict=True)
+        for (name, first, beyond, unit), target, size in expected:
+            if target is None:
                 continue
-            apart = np.abs(have[first:beyond] - want)
-            k = int(apart.argmax())
-            place = f"{STATES[first + k]} = {have[first + k]:.9g}, not {want[k]:.9g}"
-            checks.append(_check(f"{word} {name}", "13", apart[k], unit, tolerance, place, size))
+            difference = np.abs(actual[first:beyond] - target)
+            k = int(difference.argmax())
+            place = f"{STATES[first + k]} = {actual[first + k]:.9g}, not {target[k]:.9g}"
+            checks.append(
+                _check(f"{side} {name}", "13", difference[k], unit, tolerance, place, size)
+            )
     return checks
 
 
@@ -123,7 +125,7 @@ def _ends(model: SlewData, phase: PhasePlan, tolerance: float) -> list[Check]:
 
 
 def _sample(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
-    """Return samples on every interval, between the nodes and on them, integrated from the start.
+    """Return samples on every interval, including the nodes, integrated from the start.
 
     The cost is integrated with the motion, as a twelfth state.
     """
@@ -147,13 +149,13 @@ def _sample(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
         if x is not None:
             half = 0.5 * (end - begin)
             with np.errstate(all="ignore"):
-                found = solve_ivp(
+                solution = solve_ivp(
                     rates, (-1.0, 1.0), x, "DOP853", points, args=(k, half),
                     rtol=RELATIVE, atol=ABSOLUTE, first_step=min(2.0, 0.5 / half),
                 )  # fmt: skip
-            sound = found.success and np.isfinite(found.y).all()
-            x = found.y[:, -1] if sound else None
-            anew.append(found.y.T)
+            complete = solution.success and np.isfinite(solution.y).all()
+            x = solution.y[:, -1] if complete else None
+            anew.append(solution.y.T)
     return _Samples(
         np.concatenate(times),
         np.concatenate(states),
@@ -164,7 +166,7 @@ def _sample(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
 
 
 def _motion(model: SlewData, samples: _Samples, tolerance: float) -> list[Check]:
-    """Return how far the plan's states are from those integrated anew."""
+    """Return the checks of the plan's states against the re-integrated ones."""
     checks = []
     parts = zip(_PARTS, ("10", "3", ""), _sizes(model), strict=True)
     for (name, first, beyond, unit), equation, size in parts:
@@ -176,29 +178,31 @@ def _motion(model: SlewData, samples: _Samples, tolerance: float) -> list[Check]
                 )
             )
             continue
-        apart = np.abs(samples.states[:, first:beyond] - samples.anew[:, first:beyond])
+        difference = np.abs(samples.states[:, first:beyond] - samples.anew[:, first:beyond])
         checks.append(
-            _worst(label, equation, apart, samples.times, STATES[first:], unit, tolerance, size)
+            _worst(
+                label, equation, difference, samples.times, STATES[first:], unit, tolerance, size
+            )
         )
     return checks
 
 
 def _worst(
-    name: str, equation: str, over: Floats, times: Floats, entries: tuple[str, ...], unit: str,
+    name: str, equation: str, excess: Floats, times: Floats, entries: tuple[str, ...], unit: str,
     tolerance: float, scale: float, limit: float | None = None,
 ) -> Check:  # fmt: skip
-    """Return the check of an excess, shape (samples, entries), at its largest."""
-    over = np.where(np.isnan(over), np.inf, over)
-    row, column = (int(k) for k in np.unravel_index(int(over.argmax()), over.shape))
+    """Return the check of an excess, shape (samples, entries), at its maximum."""
+    excess = np.where(np.isnan(excess), np.inf, excess)
+    row, column = (int(k) for k in np.unravel_index(int(excess.argmax()), excess.shape))
     where = f"t = {times[row]:.6g} s, {entries[column]}"
-    worst = max(0.0, over[row, column])
+    worst = max(0.0, excess[row, column])
     return _check(name, equation, worst, unit, tolerance, where, scale, limit)
 
 
 def _limits(
     model: SlewData, motion: SlewMotion, samples: _Samples, tolerance: float
 ) -> list[Check]:
-    """Return the checks of the limits, the margin taken off."""
+    """Return the checks of the limits, reduced by the margin."""
     times, rates, gimbals = samples.times, samples.states[:, 4:7], samples.states[:, 7:]
     torque = motion.torque(gimbals, samples.controls)
     measure = singularity_measure(gimbals, model.beta)[:, None]
@@ -218,14 +222,14 @@ def _limits(
         ),
     )  # fmt: skip
     checks = [
-        _worst(name, "23", values - most, times, entries, unit, tolerance, most, most)
-        for name, values, most, entries, unit in cases
+        _worst(name, "23", values - upper, times, entries, unit, tolerance, upper, upper)
+        for name, values, upper, entries, unit in cases
     ]
-    least = model.singularity_limit
+    lower = model.singularity_limit
     checks.append(
         _worst(
-            "singularity measure", "23", least - measure, times, ("det(A_t A_t')",), "",
-            tolerance, 1.0, least,
+            "singularity measure", "23", lower - measure, times, ("det(A_t A_t')",), "",
+            tolerance, 1.0, lower,
         )
     )  # fmt: skip
     return checks
@@ -234,7 +238,7 @@ def _limits(
 def _invariants(
     model: SlewData, motion: SlewMotion, samples: _Samples, tolerance: float
 ) -> list[Check]:
-    """Return the checks of what the motion conserves: the length of q, and the momentum."""
+    """Return the checks of the conserved quantities: the length of q, and the momentum."""
     length = np.abs((samples.states[:, :4] ** 2).sum(axis=1) - 1.0)[:, None]
     drift = np.abs(motion.total_momentum(samples.states) - model.total_momentum)
     return [

@@ -1,8 +1,8 @@
-"""Controller that tracks a planned slew: measured states in, gimbal rates out.
+"""Controller that tracks a planned slew: from measured states to gimbal rates.
 
 Source: eq. 24-33 of "Path Planning for Rapid Large-Angle Maneuver of Satellites Based on the Gauss
 Pseudospectral Method", Mathematical Problems in Engineering, 2016. The paper ends at the torque
-T_c; the gimbal rates that give it are ours.
+T_c; the gimbal rates that produce it are ours.
 """
 
 from __future__ import annotations
@@ -25,19 +25,20 @@ __all__ = ["Controller", "TrackingLaw", "lyapunov_function", "tracking_torque"]
 
 Floats = NDArray[np.float64]
 
-#: Damping of the correction's inverse near a singularity, in units of A_t A_tᵀ.
+#: Damping of the inverse near a singularity, in units of A_t A_tᵀ.
 DAMPING = 1e-6
-#: Torque that must be missing for a sample to count as saturated, N m.
+#: Missing torque above which a sample counts as saturated, N m.
 LOST = 1e-2
-#: How often the Jacobian is taken anew, in the middle of the motion that it leads to.
+#: Number of evaluations of the Jacobian per sample, each in the middle of the previous motion.
 PASSES = 2
 
 
 class TrackingLaw(StrEnum):
     """Gain K_p of the attitude error in eq. 32.
 
-    PAPER is the scalar K_p = k1 q_e0 of the paper's proof, with k1 = 2 ω_n² tr(I) / 3. INERTIA is
-    the matrix K_p = 2 ω_n² I, ours, which gives the error the natural frequency ω_n about each axis.
+    PAPER: the scalar K_p = k1 q_e0 of the paper's proof, with k1 = 2 ω_n² tr(I) / 3. INERTIA: the
+    matrix K_p = 2 ω_n² I, which is ours and gives the error the natural frequency ω_n about each
+    axis.
     """
 
     PAPER = "paper"
@@ -84,8 +85,8 @@ def tracking_torque(
     feedback = np.asarray(stiffness) @ np.asarray(error) + np.asarray(damping) @ np.asarray(
         rate_error
     )
-    found: Floats = np.asarray(gyration) + np.asarray(push) - feedback - np.asarray(outer)
-    return found
+    torque: Floats = np.asarray(gyration) + np.asarray(push) - feedback - np.asarray(outer)
+    return torque
 
 
 def lyapunov_function(gain: float, inertia: Floats, error: Floats, rate_error: Floats) -> float:
@@ -103,9 +104,9 @@ class Controller:
     Parameters
     ----------
     model : SatelliteSlew
-        The satellite as the controller models it.
+        Satellite as modelled by the controller.
     phase : PhasePlan
-        The plan to follow.
+        Plan to follow.
     frequency, damping : float
         ω_n (rad/s) and ζ.
     outer : callable
@@ -113,7 +114,7 @@ class Controller:
     known : float
         Share of T_ext that the controller compensates.
     homing : float
-        Rate of the null motion back to the plan's gimbals, 1/s.
+        Rate of the null motion back to the plan's gimbal angles, 1/s.
     law : TrackingLaw
         Gain of the attitude error.
     """
@@ -128,7 +129,7 @@ class Controller:
     law: TrackingLaw = TrackingLaw.INERTIA
 
     def wanted(self, t: float) -> Floats:
-        """Return the plan's states at `t`, those of its end after it, shape (11,)."""
+        """Return the plan's states at `t`, or at its end for later times, shape (11,)."""
         return self.phase.states(np.clip(t, self.phase.start, self.phase.end))
 
     def errors(self, t: float, x: Floats) -> tuple[Floats, Floats]:
@@ -137,7 +138,7 @@ class Controller:
         return attitude_error(x[:4], desired[:4]), x[4:7] - desired[4:7]
 
     def command(self, t: float, long: float, x: Floats) -> tuple[Floats, Floats, bool]:
-        """Return the torque of eq. 32, the gimbal rates that give it, and whether a limit cuts it.
+        """Return the torque of eq. 32, the gimbal rates for it, and whether a limit reduces it.
 
         Parameters
         ----------
@@ -148,14 +149,19 @@ class Controller:
 
         Returns
         -------
-        tuple of (ndarray, shape (3,)), (ndarray, shape (4,)), bool
+        torque : ndarray, shape (3,)
+            T_c, N m.
+        rates : ndarray, shape (4,)
+            Gimbal rates, rad/s.
+        saturated : bool
+            Whether the gyros produce less than `torque`.
         """
         model, motion = self.model, SlewMotion.of(self.model)
-        now, then = self.wanted(t), self.wanted(t + long)
+        current, following = self.wanted(t), self.wanted(t + long)
         error, rate_error = self.errors(t, x)
         w, delta = x[4:7], x[7:]
-        # Over a sample the plan's mean acceleration and gimbal rate count, which lead where it goes.
-        push = (then[4:7] - now[4:7]) / long
+        # The plan's mean acceleration and gimbal rate over the sample lead to its next state.
+        push = (following[4:7] - current[4:7]) / long
         torque = tracking_torque(
             self.law.stiffness(self.frequency, model.inertia, float(error[0])),
             2.0 * self.damping * self.frequency * model.inertia,
@@ -166,21 +172,21 @@ class Controller:
             model.inertia @ push,
         )
         excess = np.maximum(model.magnitudes(torque) / model.torque_limit, 1.0)
-        wanted = -(torque / excess) / model.momentum
-        held = (then[7:] - now[7:]) / long
-        # Homing that takes longer strides than the way back would swing.
-        wished = held + min(self.homing, 1.0 / long) * (now[7:] - delta)
+        direction = -(torque / excess) / model.momentum
+        rates = (following[7:] - current[7:]) / long
+        # Faster homing would overshoot within a sample.
+        preferred = rates + min(self.homing, 1.0 / long) * (current[7:] - delta)
         for _ in range(PASSES):
-            jacobian = gimbal_jacobian(delta + 0.5 * long * held, model.beta)
-            held = self.steer(jacobian, wanted, wished)
-        given = -model.momentum * (jacobian @ held)
-        return torque, held, float(np.abs(given - torque).max()) > LOST
+            jacobian = gimbal_jacobian(delta + 0.5 * long * rates, model.beta)
+            rates = self.steer(jacobian, direction, preferred)
+        produced = -model.momentum * (jacobian @ rates)
+        return torque, rates, float(np.abs(produced - torque).max()) > LOST
 
     def steer(self, jacobian: Floats, wanted: Floats, wished: Floats) -> Floats:
-        """Return gimbal rates that give A_t δ̇ = `wanted`, as near to `wished` as the limits allow.
+        """Return gimbal rates with A_t δ̇ = `wanted`, as near to `wished` as the limits allow.
 
-        Where a gimbal would be too fast the least squares of what is missing are sought within the
-        limits, the torque first: four gimbals for three torques leave one to spare.
+        If a gimbal would be too fast, the residual is minimised in the least-squares sense within the
+        limits, with priority for the torque: four gimbals for three torques leave one degree of freedom.
         """
         square = jacobian @ jacobian.T + DAMPING * np.eye(3)
         rates = wished + jacobian.T @ np.linalg.solve(square, wanted - jacobian @ wished)

@@ -1,4 +1,4 @@
-"""What a slew is given: the satellite, its gyros, the two attitudes and the limits."""
+"""Data of a slew: the satellite, its gyros, two attitudes and the limits."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ __all__ = ["Attitude", "Inertia", "SlewData", "VectorLimits", "check_inertia"]
 
 Floats = NDArray[np.float64]
 
-#: How far a quaternion's length may be off 1 on the way in; it is made 1.
+#: Largest difference of a quaternion's length from 1 that is accepted and normalised.
 LENGTH = 1e-6
-#: Largest mismatch of momenta that rounded gimbal angles explain, in units of one wheel's.
+#: Largest mismatch of momenta that is attributed to rounded gimbal angles, in units of one wheel's.
 MOMENTUM = 1e-8
 
 
 class VectorLimits(StrEnum):
-    """Reading of the limits |w| ≤ 1/8 rad/s and |T| ≤ 25 N m (eq. 23), which bound vectors.
+    """Reading of the limits |w| ≤ 1/8 rad/s and |T| ≤ 25 N m of vectors (eq. 23).
 
-    COMPONENTS bounds the magnitude of each component. NORM bounds the Euclidean norm: its plans keep
-    the limits under both readings.
+    COMPONENTS: the limit bounds the magnitude of each component. NORM: it bounds the Euclidean
+    norm, so that plans satisfy both readings.
     """
 
     COMPONENTS = "components"
@@ -39,31 +39,31 @@ class VectorLimits(StrEnum):
 
 
 class Inertia(Array):
-    """A symmetric matrix, or its diagonal alone."""
+    """Symmetric matrix, given in full or by its diagonal."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Floats:
-        given = self._numbers(name, value)
-        if given.shape not in ((3,), (3, 3)):
+        array = self._numbers(name, value)
+        if array.shape not in ((3,), (3, 3)):
             raise InvalidData(
                 f"{name} must be a symmetric matrix of shape (3, 3) or its diagonal, shape (3,), "
-                f"got shape {given.shape}",
+                f"got shape {array.shape}",
                 field=name,
             )
-        return super().coerce(name, np.diag(given) if given.ndim == 1 else given, sizes)
+        return super().coerce(name, np.diag(array) if array.ndim == 1 else array, sizes)
 
 
 class _PerGyro(Array):
-    """Four numbers, or one for all."""
+    """Four numbers, or one for all gyros."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Floats:
-        given = self._numbers(name, value)
+        array = self._numbers(name, value)
         return super().coerce(
-            name, np.broadcast_to(given, (4,)) if given.ndim == 0 else given, sizes
+            name, np.broadcast_to(array, (4,)) if array.ndim == 0 else array, sizes
         )
 
 
 class Attitude(Array):
-    """A unit quaternion, scalar first; a length that rounding explains is made 1."""
+    """Unit quaternion, scalar first; a length that differs from 1 by rounding is normalised."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Floats:
         q = super().coerce(name, value, sizes)
@@ -74,12 +74,12 @@ class Attitude(Array):
                 f"{length:.9g}",
                 field=name,
             )
-        # Left alone where it is 1 but for rounding, lest reading what was written change a digit.
+        # Unchanged if the length is 1 up to rounding, so that stored digits stay the same.
         return q if abs(length - 1.0) <= 1e-15 else frozen(q / length)
 
 
 def check_inertia(matrix: Floats) -> None:
-    """Raise ``InvalidData`` where no body has this inertia, shape (3, 3), kg m²."""
+    """Raise ``InvalidData`` if no body has this inertia, shape (3, 3), kg m²."""
     if np.abs(matrix - matrix.T).max() > 1e-12 * np.abs(matrix).max():
         raise InvalidData(
             f"inertia must be symmetric, got {show(matrix.tolist())}", field="inertia"
@@ -105,7 +105,7 @@ def _matrix(rows: Any, **options: Any) -> Any:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SlewData(Declared):
-    """The data of a slew, which :class:`~crosstrack.models.SatelliteSlew` describes."""
+    """Data of a slew; see :class:`~crosstrack.models.SatelliteSlew`."""
 
     inertia: Floats = _matrix((228.0, 188.0, 176.0))
     pyramid_angle: float = declared(Real(0.0, 90.0, strict=True, unit="degrees"), default=54.73)
@@ -128,7 +128,7 @@ class SlewData(Declared):
     )
 
     def check(self) -> None:
-        """Refuse what no satellite is, and ends at which it cannot rest."""
+        """Raise if no satellite has these properties, or if it cannot rest at an end."""
         check_inertia(self.inertia)
         if not self.margin < 1.0:
             raise InvalidData(f"margin must be < 1, got {self.margin:g}", field="margin")
@@ -150,35 +150,35 @@ class SlewData(Declared):
                     field=name,
                 )
         if self.final_gimbals is not None:
-            there = momentum_direction(self.final_gimbals, self.beta)
-            apart = float(np.abs(there - self.final_momentum / self.momentum).max())
-            if apart > MOMENTUM:
+            direction = momentum_direction(self.final_gimbals, self.beta)
+            mismatch = float(np.abs(direction - self.final_momentum / self.momentum).max())
+            if mismatch > MOMENTUM:
                 needed = ", ".join(f"{x:.6g}" for x in self.final_momentum)
-                have = ", ".join(f"{x:.6g}" for x in self.momentum * there)
+                actual = ", ".join(f"{x:.6g}" for x in self.momentum * direction)
                 raise InvalidData(
                     "final_gimbals must hold the momentum that the gyros have at the start, seen in "
-                    f"the final body axes: h = ({needed}) N m s, got ({have}); with these the "
+                    f"the final body axes: h = ({needed}) N m s, got ({actual}); with these the "
                     "satellite would not be at rest",
                     field="final_gimbals",
                 )
 
     @property
     def beta(self) -> float:
-        """The skew angle of the pyramid in rad."""
+        """Skew angle of the pyramid, rad."""
         return float(np.deg2rad(self.pyramid_angle))
 
     @property
     def planned_torque(self) -> float:
-        """The limit of torque that a plan must keep, the margin taken off, N m."""
+        """Torque limit for plans, reduced by the margin, N m."""
         return self.torque_limit * (1.0 - self.margin)
 
     @property
     def planned_gimbal_rate(self) -> float:
-        """The limit of gimbal rates that a plan must keep, the margin taken off, rad/s."""
+        """Gimbal rate limit for plans, reduced by the margin, rad/s."""
         return self.gimbal_rate_limit * (1.0 - self.margin)
 
     def magnitudes(self, vectors: ArrayLike) -> Floats:
-        """Return the values that a limit of body rates or torque bounds.
+        """Return the values bounded by a limit of body rates or torque.
 
         Parameters
         ----------
@@ -190,10 +190,10 @@ class SlewData(Declared):
         ndarray, shape (…, 3) or (…, 1)
             The magnitudes of the components, or the norm (`vector_limits`).
         """
-        given = np.asarray(vectors, float)
+        array = np.asarray(vectors, float)
         norm = self.vector_limits == VectorLimits.NORM
-        found: Floats = np.linalg.norm(given, axis=-1, keepdims=True) if norm else np.abs(given)
-        return found
+        result: Floats = np.linalg.norm(array, axis=-1, keepdims=True) if norm else np.abs(array)
+        return result
 
     def bounded_names(self, vector: str) -> tuple[str, ...]:
         """Return the names of the entries of :meth:`magnitudes` for a vector called `vector`."""
@@ -203,7 +203,7 @@ class SlewData(Declared):
 
     @cached_property
     def target(self) -> Floats:
-        """The final attitude with the sign that is nearer to the initial one, shape (4,)."""
+        """Final attitude with the sign that is nearer to the initial one, shape (4,)."""
         q = self.final_attitude
         return frozen(-q if q @ self.initial_attitude < 0.0 else q)
 
@@ -215,11 +215,11 @@ class SlewData(Declared):
 
     @cached_property
     def total_momentum(self) -> Floats:
-        """The momentum of satellite and gyros in inertial axes, N m s, shape (3,): constant."""
-        held = self.momentum * momentum_direction(self.initial_gimbals, self.beta)
-        return frozen(rotation_matrix(self.initial_attitude) @ held)
+        """Constant momentum of satellite and gyros in inertial axes, N m s, shape (3,)."""
+        gyros = self.momentum * momentum_direction(self.initial_gimbals, self.beta)
+        return frozen(rotation_matrix(self.initial_attitude) @ gyros)
 
     @cached_property
     def final_momentum(self) -> Floats:
-        """What the gyros must hold at the end for the satellite to rest, body axes, N m s, (3,)."""
+        """Momentum of the gyros with which the satellite rests at the end, body axes, N m s, shape (3,)."""
         return frozen(rotation_matrix(self.final_attitude).T @ self.total_momentum)

@@ -1,8 +1,8 @@
-"""The motion of a satellite with control moment gyros in plain numbers: eq. 3, 9 and 10 without CasADi.
+"""Motion of a satellite with control moment gyros in plain numbers: eq. 3, 9 and 10 without CasADi.
 
-What verifies plans, steers gyros by heuristics and simulates a controller goes by this; what
-solvers see is written apart from it in :mod:`crosstrack.models.satellite_slew.lowered`, and a test compares
-the two.
+Verification, steering heuristics and the simulation of a controller use this module. The equations for
+solvers are written independently in :mod:`crosstrack.models.satellite_slew.lowered`, and a test
+compares the two.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["CONTROLS", "STATES", "SlewMotion"]
 
 Floats = NDArray[np.float64]
 
-#: Names of states and controls, in their order.
+#: Names of states and controls, in order.
 STATES = (
     *(f"q[{k}]" for k in range(4)),
     *(f"w[{k}]" for k in range(3)),
@@ -32,7 +32,7 @@ CONTROLS = tuple(f"rate[{k}]" for k in range(4))
 
 @dataclass(frozen=True, eq=False)
 class SlewMotion:
-    """The equations of motion of a satellite with four gyros.
+    """Equations of motion of a satellite with four gyros.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class SlewMotion:
     momentum : float
         h0, N m s.
     beta : float
-        The skew angle of the pyramid, rad.
+        Skew angle of the pyramid, rad.
     """
 
     inertia: Floats
@@ -49,7 +49,7 @@ class SlewMotion:
     beta: float
 
     def __post_init__(self) -> None:
-        # As plain floats: one instant at a time, Python's own arithmetic is five times as fast.
+        # For single instants, Python's float arithmetic is five times as fast as NumPy's.
         object.__setattr__(self, "_rows", [[float(x) for x in row] for row in self.inertia])
         inverse = np.linalg.inv(self.inertia)
         object.__setattr__(self, "_inverse", [[float(x) for x in row] for row in inverse])
@@ -61,7 +61,7 @@ class SlewMotion:
         return cls(model.inertia, model.momentum, model.beta)
 
     def rate(self, x: Floats, u: Floats, outer: ArrayLike = (0.0, 0.0, 0.0)) -> list[float]:
-        """Return ẋ at one instant: eq. 3, 9 and 10.
+        """Return ẋ at one instant (eq. 3, 9 and 10).
 
         Parameters
         ----------
@@ -100,8 +100,8 @@ class SlewMotion:
     def torque(self, gimbals: ArrayLike, rates: ArrayLike) -> Floats:
         """Return T_c = -h0 A_t δ̇ (eq. 9), N m, shape (…, 3)."""
         jacobian = gimbal_jacobian(gimbals, self.beta)
-        found: Floats = -self.momentum * (jacobian @ np.asarray(rates, float)[..., None])[..., 0]
-        return found
+        result: Floats = -self.momentum * (jacobian @ np.asarray(rates, float)[..., None])[..., 0]
+        return result
 
     def body_momentum(self, rates: ArrayLike, gimbals: ArrayLike) -> Floats:
         """Return I w + h in body axes, N m s, shape (…, 3)."""
@@ -109,8 +109,8 @@ class SlewMotion:
         return np.asarray(rates, float) @ self.inertia.T + gyros
 
     def total_momentum(self, states: ArrayLike) -> Floats:
-        """Return R(q)(I w + h) in inertial axes, N m s, shape (…, 3): constant without outer torque."""
+        """Return R(q)(I w + h) in inertial axes, N m s, shape (…, 3), constant without outer torque."""
         x = np.asarray(states, float)
         body = self.body_momentum(x[..., 4:7], x[..., 7:])
-        found: Floats = (rotation_matrix(x[..., :4]) @ body[..., None])[..., 0]
-        return found
+        result: Floats = (rotation_matrix(x[..., :4]) @ body[..., None])[..., 0]
+        return result

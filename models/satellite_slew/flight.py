@@ -1,4 +1,4 @@
-"""A simulated flight along a plan of a slew, and whether it keeps the limits of the model."""
+"""Simulated flight along a plan of a slew, and its verification against the limits of the model."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ __all__ = ["Breach", "Tracking", "verify_flight"]
 
 Floats = NDArray[np.float64]
 
-#: Name, equation, values, limit, entries, unit, instants, and the share of the limit that is forgiven.
+#: Name, equation, values, limit, entries, unit, times, and accepted share of the limit.
 _Case = tuple[str, str, Floats, float, Sequence[str], str, Floats, float]
 
-#: How far the length of the quaternion may drift before the simulation is not believed.
+#: Largest drift of the quaternion's length in a valid simulation.
 DRIFT = 1e-6
 
 
 class Breach(NamedTuple):
-    """Where a flight leaves a limit for the first time.
+    """First violation of a limit by a flight.
 
     Parameters
     ----------
     name : str
-        The check that is violated.
+        Violated check.
     time : float
-        The first instant, s.
+        Time of the first violation, s.
     value, limit : float
-        What is met there, and what is allowed, in the check's unit.
+        Value at that time and limit, in the check's unit.
     worst : float
-        The worst value of the whole flight.
+        Worst value of the flight.
     """
 
     name: str
@@ -56,16 +56,16 @@ class Breach(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Tracking:
-    """A simulated flight along a plan, sampled at n instants, with a verdict.
+    """Simulated flight along a plan, sampled at n times, with its verification.
 
     Parameters
     ----------
     times : ndarray, shape (n,)
-        Instants of the controller, s; the last is the end.
+        Sampling times of the controller, s; the last is the end.
     attitudes : ndarray, shape (n, 4)
-        Quaternions flown.
+        Simulated quaternions.
     rates : ndarray, shape (n, 3)
-        Body rates flown, rad/s.
+        Simulated body rates, rad/s.
     gimbals : ndarray, shape (n, 4)
         Gimbal angles, rad.
     quaternion_errors : ndarray, shape (n, 4)
@@ -73,21 +73,20 @@ class Tracking:
     rate_errors : ndarray, shape (n, 3)
         w_e = w - w_d, rad/s.
     commanded : ndarray, shape (n - 1, 3)
-        Control torque T_c that the controller asks for in each sample, N m.
+        Control torque T_c commanded by the controller in each sample, N m.
     applied : ndarray, shape (n - 1, 3)
-        Control torque that the gyros give, the mean over the sample, N m.
+        Control torque produced by the gyros, averaged over each sample, N m.
     gimbal_rates : ndarray, shape (n - 1, 4)
-        Held over each sample, rad/s.
+        Gimbal rates, constant over each sample, rad/s.
     saturated : ndarray, shape (n - 1,)
-        Whether the limits of torque and gimbal rates, or a singularity, kept the gyros from giving
-        what was asked.
+        Whether limits of torque and gimbal rates, or a singularity, reduced the commanded torque.
     measures : ndarray, shape (n,)
         det(A_t A_tᵀ).
     verification : Verification
-        The flight against the limits of the model, its margin at the controller's disposal, and
-        against what is asked of its end; between the samples too.
+        Checks of the flight against the limits of the model without margin, and of its end, also
+        between the samples.
     breach : Breach, optional
-        The check that is violated first; None where none is.
+        First violation; None if all limits are satisfied.
     """
 
     times: Floats
@@ -106,33 +105,33 @@ class Tracking:
 
     @property
     def ok(self) -> bool:
-        """Whether the flight keeps every limit."""
+        """Whether the flight satisfies every limit."""
         return self.verification.ok
 
     @property
     def max_quaternion_error(self) -> float:
-        """The largest entry of the vector part of the error quaternion."""
+        """Largest entry of the vector part of the error quaternion."""
         return float(np.abs(self.quaternion_errors[:, 1:]).max())
 
     @property
     def max_rate_error(self) -> float:
-        """The largest error of a body rate, rad/s."""
+        """Largest error of a body rate, rad/s."""
         return float(np.abs(self.rate_errors).max())
 
     @property
     def saturated_share(self) -> float:
-        """The share of samples in which a limit cut the command."""
+        """Share of samples with a saturated command."""
         return float(self.saturated.mean())
 
     def to_data(self) -> dict[str, Any]:
-        """Return the flight as JSON data: every table as lists, the verification, the breach."""
-        found: dict[str, Any] = {}
-        for one in fields(self):
-            value = getattr(self, one.name)
-            found[one.name] = value.tolist() if isinstance(value, np.ndarray) else value
-        found["verification"] = self.verification.to_dict()
-        found["breach"] = None if self.breach is None else self.breach._asdict()
-        return found
+        """Return the flight as JSON data: all arrays as lists, the verification and the breach."""
+        result: dict[str, Any] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            result[field.name] = value.tolist() if isinstance(value, np.ndarray) else value
+        result["verification"] = self.verification.to_dict()
+        result["breach"] = None if self.breach is None else self.breach._asdict()
+        return result
 
     def __str__(self) -> str:
         share, cut = self.saturated_share, ""
@@ -155,32 +154,39 @@ def verify_flight(
     tolerance: float,
     ends: tuple[float, float],
 ) -> tuple[Verification, Breach | None]:
-    """Return whether a flight keeps the limits of `model`, and what it breaks first.
+    """Return the verification of a flight against the limits of `model`, and its first violation.
 
     Parameters
     ----------
     model : SatelliteSlew
-        Whose limits count, nothing held in reserve.
+        Satellite with its limits; the margin is not deducted.
     times : ndarray, shape (n,)
-        Instants, s, close enough to see what lies between.
+        Times, s, dense enough to represent the motion between samples.
     states : ndarray, shape (n, 11)
-        What is flown.
+        Simulated states.
     controls : ndarray, shape (n - 1, 4)
-        Gimbal rates, held from each instant to the next, rad/s.
+        Gimbal rates, constant from each time to the next, rad/s.
     tolerance : float
-        Share of a limit by which it may be passed.
+        Accepted excess over a limit, as a share of the limit.
     ends : (float, float)
-        Largest angle (rad) from the final attitude, and largest body rate (rad/s), at the end.
+        Largest angle from the final attitude (rad) and largest body rate (rad/s) at the end.
+
+    Returns
+    -------
+    verification : Verification
+        All checks.
+    breach : Breach, optional
+        First violation.
     """
     motion = SlewMotion.of(model)
     before, after = (motion.torque(x[:, 7:], controls) for x in (states[:-1], states[1:]))
-    # The torque of held rates changes with the Jacobian: the greater of a step's ends counts.
+    # The torque of constant rates changes with the Jacobian: take the larger one of a step's ends.
     torque = np.maximum(model.magnitudes(before), model.magnitudes(after))
     measure = singularity_measure(states[:, 7:], model.beta)[:, None]
     turn = attitude_error(states[-1:, :4], model.target)
     angle = 2.0 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), turn[:, 0])[:, None]
     length = np.abs((states[:, :4] ** 2).sum(axis=1) - 1.0)[:, None]
-    w, end, one = states[:, 4:7], times[-1:], ("",)
+    w, end, item = states[:, 4:7], times[-1:], ("",)
     cases: list[_Case] = [
         (
             "body rate", "23", model.magnitudes(w), model.rate_limit, model.bounded_names("w"),
@@ -194,33 +200,33 @@ def verify_flight(
             "control torque", "23", torque, model.torque_limit, model.bounded_names("T_c"), "N m",
             times, tolerance,
         ),
-        ("singularity measure", "23", measure, model.singularity_limit, one, "", times, tolerance),
-        ("final angle off the target", "13", angle, ends[0], one, "rad", end, 0.0),
+        ("singularity measure", "23", measure, model.singularity_limit, item, "", times, tolerance),
+        ("final angle off the target", "13", angle, ends[0], item, "rad", end, 0.0),
         ("final body rate", "13", w[-1:], ends[1], STATES[4:7], "rad/s", end, 0.0),
-        ("drift of the quaternion's length", "23", length, DRIFT, one, "", times, 0.0),
+        ("drift of the quaternion's length", "23", length, DRIFT, item, "", times, 0.0),
     ]  # fmt: skip
-    held = [_held(*case) for case in cases]
-    first = min((one for _, one in held if one), key=lambda one: one.time, default=None)
+    results = [_check_limit(*case) for case in cases]
+    first = min((item for _, item in results if item), key=lambda item: item.time, default=None)
     price = 1.0 + controls**2 @ model.rate_weight
     objective = float(np.diff(times) @ price)
-    return Verification(objective, tuple(check for check, _ in held)), first
+    return Verification(objective, tuple(check for check, _ in results)), first
 
 
-def _held(
+def _check_limit(
     name: str, equation: str, values: Floats, limit: float, entries: Sequence[str], unit: str,
     times: Floats, share: float,
 ) -> tuple[Check, Breach | None]:  # fmt: skip
-    """Return the check of `values`, shape (n, entries), against a limit, and where they leave it."""
-    least = name == "singularity measure"
-    values = values if least else np.abs(values)
-    over = limit - values if least else values - limit
-    over = np.where(np.isnan(over), np.inf, over)
-    row, column = (int(k) for k in np.unravel_index(int(over.argmax()), over.shape))
+    """Return the check of `values`, shape (n, entries), against a limit, and its first violation."""
+    is_lower = name == "singularity measure"
+    values = values if is_lower else np.abs(values)
+    excess = limit - values if is_lower else values - limit
+    excess = np.where(np.isnan(excess), np.inf, excess)
+    row, column = (int(k) for k in np.unravel_index(int(excess.argmax()), excess.shape))
     where = f"t = {times[row]:.6g} s" + (f", {entries[column]}" if entries[column] else "")
-    worst = max(0.0, float(over[row, column]))
+    worst = max(0.0, float(excess[row, column]))
     check = Check.scaled(name, equation, worst, unit, where, share, limit, limit=limit)
     if check.ok:
         return check, None
-    begin = int((over > check.tolerance).any(axis=1).argmax())
-    value = float(values[begin, int(over[begin].argmax())])
+    begin = int((excess > check.tolerance).any(axis=1).argmax())
+    value = float(values[begin, int(excess[begin].argmax())])
     return check, Breach(name, float(times[begin]), value, limit, float(values[row, column]))

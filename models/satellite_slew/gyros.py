@@ -1,15 +1,15 @@
 """Four single-gimbal control moment gyros in a pyramid: momentum, its Jacobian, and singularities.
 
-Each gyro's wheel has the momentum h0 in a direction that its gimbal turns. With the pyramid's skew
+Each gyro's wheel has the momentum h0 in a direction that its gimbal rotates. With the pyramid's skew
 angle β and the gimbal angles δ, the momentum of all four is h = h0 A_s(δ)·1 with
 
     A_s·1 = [-cβ sδ1 - cδ2 + cβ sδ3 + cδ4,
              cδ1 - cβ sδ2 - cδ3 + cβ sδ4,
              sβ (sδ1 + sδ2 + sδ3 + sδ4)],
 
-and A_t = ∂(A_s·1)/∂δ turns gimbal rates into torque, T_c = -ḣ = -h0 A_t δ̇ (eq. 9 of "Path Planning
+and A_t = ∂(A_s·1)/∂δ maps gimbal rates to torque, T_c = -ḣ = -h0 A_t δ̇ (eq. 9 of "Path Planning
 for Rapid Large-Angle Maneuver of Satellites Based on the Gauss Pseudospectral Method", Mathematical
-Problems in Engineering, 2016). Where det(A_t A_tᵀ) = 0 the gyros give no torque in some direction.
+Problems in Engineering, 2016). If det(A_t A_tᵀ) = 0, the gyros produce no torque in some direction.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = ["gimbal_jacobian", "momentum_direction", "singularity_measure"]
 
 Floats = NDArray[np.float64]
 
-#: What the sines and the cosines (with cβ) contribute to the first two rows of A_t.
+#: Coefficients of the sines and cosines (with cβ) in the first two rows of A_t.
 _OF_SINES = np.array([[0.0, 1.0, 0.0, -1.0], [-1.0, 0.0, 1.0, 0.0]])
 _OF_COSINES = np.array([[-1.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]])
 
@@ -45,11 +45,11 @@ def momentum_direction(gimbals: ArrayLike, pyramid: float) -> Floats:
     angles = np.asarray(gimbals, float)
     s, c = np.sin(angles), np.cos(angles)
     cb, sb = np.cos(pyramid), np.sin(pyramid)
-    found = np.empty((*angles.shape[:-1], 3))
-    found[..., 0] = -cb * s[..., 0] - c[..., 1] + cb * s[..., 2] + c[..., 3]
-    found[..., 1] = c[..., 0] - cb * s[..., 1] - c[..., 2] + cb * s[..., 3]
-    found[..., 2] = sb * s.sum(axis=-1)
-    return found
+    result = np.empty((*angles.shape[:-1], 3))
+    result[..., 0] = -cb * s[..., 0] - c[..., 1] + cb * s[..., 2] + c[..., 3]
+    result[..., 1] = c[..., 0] - cb * s[..., 1] - c[..., 2] + cb * s[..., 3]
+    result[..., 2] = sb * s.sum(axis=-1)
+    return result
 
 
 def gimbal_jacobian(gimbals: ArrayLike, pyramid: float) -> Floats:
@@ -57,18 +57,18 @@ def gimbal_jacobian(gimbals: ArrayLike, pyramid: float) -> Floats:
     angles = np.asarray(gimbals, float)
     s, c = np.sin(angles), np.cos(angles)
     cb, sb = np.cos(pyramid), np.sin(pyramid)
-    found = np.empty((*angles.shape[:-1], 3, 4))
-    found[..., 0, :] = s * _OF_SINES[0] + cb * c * _OF_COSINES[0]
-    found[..., 1, :] = s * _OF_SINES[1] + cb * c * _OF_COSINES[1]
-    found[..., 2, :] = sb * c
-    return found
+    result = np.empty((*angles.shape[:-1], 3, 4))
+    result[..., 0, :] = s * _OF_SINES[0] + cb * c * _OF_COSINES[0]
+    result[..., 1, :] = s * _OF_SINES[1] + cb * c * _OF_COSINES[1]
+    result[..., 2, :] = sb * c
+    return result
 
 
 def singularity_measure(gimbals: ArrayLike, pyramid: float) -> Floats:
-    """Return det(A_t A_tᵀ), shape (…): 0 where the gyros are singular.
+    """Return det(A_t A_tᵀ), shape (…), which is 0 for singular gyros.
 
-    By the theorem of Cauchy and Binet: the sum of the squares of the four determinants that three
-    columns have, which rounding cannot make negative.
+    It is computed by the Cauchy-Binet formula, as the sum of the squares of the four 3 x 3
+    determinants, which rounding cannot make negative.
     """
     jacobian = gimbal_jacobian(gimbals, pyramid)
     a, b, c = (jacobian[..., k, :] for k in range(3))

@@ -1,4 +1,4 @@
-"""A satellite slew as an optimal control problem: its equations in CasADi, its guess."""
+"""Satellite slew as an optimal control problem: equations in CasADi, and the guess."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ __all__ = ["slew_problem"]
 
 Floats = NDArray[np.float64]
 
-#: Samples of the guess.
+#: Number of samples of the guess.
 SAMPLES = 61
-#: Share of the rate and torque limits that the guess uses: the inside of the feasible set.
+#: Share of the rate and torque limits in the guess, which keeps it inside of the feasible set.
 SHARE = 0.9
-#: Gimbal angles that are tried for the middle of the guess, rad; the least singularity measure
-#: there; and the price of a square radian: the best optimum met moves the gimbals least.
+#: Candidate gimbal angles for the middle of the guess, rad, their smallest singularity measure, and the
+#: weight of squared angles: the best optimum that was found moves the gimbals least.
 LEVELS, LEAST_MEASURE, PRICE = (-1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2), 0.5, 0.2
 
 
 def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
     """Return `model` as an optimal control problem with the independent conditions at the end.
 
-    Of the eleven that the end has, the length of q gives one and the momentum three. Left out are
-    the rates, and of q the entry that is largest at the end: it alone follows smoothly from the
-    other three. Its sign is fixed. With free final gimbals the rates are imposed.
+    Of the eleven conditions at the end, the length of q implies one and the momentum three. The
+    problem omits the rates and the entry of q that is largest at the end, because only this entry is
+    a smooth function of the other three. Its sign is fixed. With free final gimbals the rates are
+    imposed.
     """
     import casadi
 
@@ -41,11 +42,11 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
     end: Any = low if low == high else (low, high)
     phase = problem.phase("slew", time=(0.0, end), equation="3 and 10")
     q = phase.state("q", 4, initial=model.initial_attitude, final=_final_attitude(model), scale=1.0)
-    held = model.final_gimbals is not None
+    has_final_gimbals = model.final_gimbals is not None
     w = phase.state(
         "w", 3,
         initial=np.zeros(3),
-        final=None if held else np.zeros(3),
+        final=None if has_final_gimbals else np.zeros(3),
         lower=-model.rate_limit,
         upper=model.rate_limit,
         unit="rad/s",
@@ -73,12 +74,12 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
         casadi.det(jacobian @ jacobian.T),
         lower=model.singularity_limit, name="singularity measure", equation="23", scale=1.0,
     )  # fmt: skip
-    most = model.planned_torque
+    torque_limit = model.planned_torque
     if model.vector_limits == VectorLimits.NORM:
-        # Squares, as the norm has no derivative at rest.
+        # Squares, because the norm has no derivative at rest.
         for name, vector, limit, unit in (
             ("body rate squared", w, model.rate_limit, "rad^2/s^2"),
-            ("control torque squared", torque, most, "N^2 m^2"),
+            ("control torque squared", torque, torque_limit, "N^2 m^2"),
         ):
             square = limit**2
             phase.path(
@@ -87,7 +88,12 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
             )  # fmt: skip
     else:
         phase.path(
-            torque, lower=-most, upper=most, name="control torque", equation="23", unit="N m"
+            torque,
+            lower=-torque_limit,
+            upper=torque_limit,
+            name="control torque",
+            equation="23",
+            unit="N m",
         )
     phase.invariant("norm of the quaternion", casadi.dot(q, q), equation="23", scale=1.0)
     phase.invariant(
@@ -101,7 +107,7 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
 
 
 def _final_attitude(model: SlewData) -> tuple[Floats, Floats]:
-    """Return the range of q at the end: fixed but for its largest entry, whose sign is kept."""
+    """Return the range of q at the end: fixed except for the largest entry, whose sign is kept."""
     low, high = model.target.copy(), model.target.copy()
     largest = int(np.abs(model.target).argmax())
     positive = model.target[largest] > 0.0
@@ -111,7 +117,7 @@ def _final_attitude(model: SlewData) -> tuple[Floats, Floats]:
 
 
 def _pyramid(casadi: Any, delta: Any, beta: float) -> tuple[Any, Any]:
-    """Return A_s·1 and its Jacobian A_t, by CasADi's own differentiation."""
+    """Return A_s·1 and its Jacobian A_t, differentiated by CasADi."""
     s, c = casadi.sin(delta), casadi.cos(delta)
     cb, sb = float(np.cos(beta)), float(np.sin(beta))
     direction = casadi.vertcat(
@@ -133,7 +139,7 @@ def _inertial(casadi: Any, q: Any, vector: Any) -> Any:
 
 
 def _guess(model: SlewData) -> dict[str, Any]:
-    """Return the samples of an eigenaxis slew; the gimbals bulge out to what its coast needs."""
+    """Return the samples of an eigenaxis slew, with gimbal angles that provide the coasting momentum."""
     axis, angle = model.turn
     peak = SHARE * model.rate_limit / float(model.magnitudes(axis).max())
     push = SHARE * model.planned_torque / float(model.magnitudes(model.inertia @ axis).max())
@@ -146,7 +152,7 @@ def _guess(model: SlewData) -> dict[str, Any]:
     begin = model.initial_gimbals
     end = begin if model.final_gimbals is None else model.final_gimbals
     half = SAMPLES // 2
-    bulge = _coasting(model, attitude[half], rates[half]) - 0.5 * (begin + end)
+    bulge = _coasting_gimbals(model, attitude[half], rates[half]) - 0.5 * (begin + end)
     gimbals = begin + fractions[:, None] * (end - begin)
     gimbals = gimbals + np.sin(np.pi * fractions)[:, None] * bulge
     return {
@@ -158,17 +164,17 @@ def _guess(model: SlewData) -> dict[str, Any]:
     }
 
 
-def _coasting(model: SlewData, attitude: Floats, rates: Floats) -> Floats:
-    """Return gimbal angles that hold about the momentum of the coast, far from singularities.
+def _coasting_gimbals(model: SlewData, attitude: Floats, rates: Floats) -> Floats:
+    """Return gimbal angles with approximately the momentum of the coast, far from singularities.
 
-    Gimbals that stand still, or move alike, are a symmetry that a search has to leave first: from
-    there it took two to four times as many steps, and ended at worse optima.
+    Constant or equal gimbal angles are a symmetry, which a search has to leave first. From there it
+    took two to four times as many steps and ended at worse optima.
     """
     angles = np.array(list(product(LEVELS, repeat=4)))
     needed = rotation_matrix(attitude).T @ model.total_momentum - model.inertia @ rates
-    apart = momentum_direction(angles, model.beta) - needed / model.momentum
+    mismatch = momentum_direction(angles, model.beta) - needed / model.momentum
     measures = singularity_measure(angles, model.beta)
-    least = min(max(LEAST_MEASURE, 1.5 * model.singularity_limit), float(measures.max()))
-    value = (apart**2).sum(axis=1) + PRICE * (angles**2).sum(axis=1)
-    found: Floats = angles[int(np.where(measures >= least, value, np.inf).argmin())]
-    return found
+    smallest = min(max(LEAST_MEASURE, 1.5 * model.singularity_limit), float(measures.max()))
+    value = (mismatch**2).sum(axis=1) + PRICE * (angles**2).sum(axis=1)
+    result: Floats = angles[int(np.where(measures >= smallest, value, np.inf).argmin())]
+    return result

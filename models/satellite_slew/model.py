@@ -1,4 +1,4 @@
-"""The rapid slew of a satellite with control moment gyros.
+"""Rapid slew of a satellite with control moment gyros.
 
 Source: "Path Planning for Rapid Large-Angle Maneuver of Satellites Based on the Gauss
 Pseudospectral Method", Mathematical Problems in Engineering, 2016.
@@ -27,13 +27,13 @@ from .quaternions import product, rotation_about
 
 __all__ = ["SatelliteSlew"]
 
-#: Names that :meth:`SatelliteSlew.about` knows.
+#: Named axes of :meth:`SatelliteSlew.about`.
 AXES = {"roll": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SatelliteSlew(SlewData, Model[ControlPlan]):
-    r"""Turn a satellite from rest to rest as fast as its gyros allow, and never let them get singular.
+    r"""Fastest rest-to-rest slew of a satellite by control moment gyros without singularities.
 
     The state is x = [q0, q1, q2, q3, wx, wy, wz, δ1, …, δ4]: the attitude q, a unit quaternion from
     body to inertial axes; the body rates w; the gimbal angles δ of four control moment gyros in a
@@ -47,21 +47,21 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
     Minimise J = ∫ (1 + uᵀ R u) dt (eq. 22) subject to \|w\| ≤ w_max, \|δ̇_i\| ≤ δ̇_max, \|T_c\| ≤
     T_max and det(A_t A_tᵀ) ≥ a limit at every instant (eq. 23), the final time free.
 
-    Without outer torque R(q)(I w + h), the momentum in inertial axes, is constant. So the rates
-    are a function of attitude and gimbal angles, and with the length of q four of the eleven
-    conditions at the end follow from the other seven; :meth:`lower` imposes those seven (three of
-    q, four of δ), and :meth:`verify` checks all eleven. The short way round is taken.
+    Without outer torque R(q)(I w + h), the momentum in inertial axes, is constant. The rates are
+    therefore a function of attitude and gimbal angles. With the length of q, four of the eleven
+    conditions at the end follow from the other seven. :meth:`lower` imposes those seven (three of
+    q, four of δ), and :meth:`verify` checks all eleven. The shorter rotation is used.
 
     Parameters
     ----------
     inertia : ndarray, shape (3, 3)
         I, kg m², in body axes; a vector of three is the diagonal.
     pyramid_angle : float
-        β, the skew angle of the pyramid, degrees.
+        β, skew angle of the pyramid, degrees.
     momentum : float
-        h0, the momentum of one wheel, N m s.
+        h0, momentum of one wheel, N m s.
     rate_weight : ndarray, shape (4,)
-        R, the diagonal of the weight of gimbal rates, s²; one number counts for all.
+        R, diagonal of the weight of gimbal rates, s²; one number applies to all.
     rate_limit : float
         Limit of the body rates, rad/s (`vector_limits`).
     gimbal_rate_limit : float
@@ -69,27 +69,27 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
     torque_limit : float
         Limit of the control torque, N m (`vector_limits`).
     singularity_limit : float
-        The least det(A_t A_tᵀ) allowed.
+        Smallest allowed det(A_t A_tᵀ).
     initial_attitude, final_attitude : ndarray, shape (4,)
         Unit quaternions, scalar first, from body to inertial axes.
     initial_gimbals : ndarray, shape (4,)
         Gimbal angles at the start, rad.
     final_gimbals : ndarray, shape (4,), optional
-        Gimbal angles at the end, rad; None leaves them free.
+        Gimbal angles at the end, rad; None for free angles.
     time_range : ndarray, shape (2,)
-        The least and the largest final time, s.
+        Smallest and largest final time, s.
     margin : float
-        Share of the actuators' limits, of torque and of gimbal rate, that is held in reserve for
-        the controller that tracks the plan; at least 0, less than 1.
+        Share of the limits of torque and gimbal rate that is reserved for the controller that
+        tracks the plan, in 0 <= margin < 1.
     vector_limits : {"components", "norm"}
-        Whether `rate_limit` and `torque_limit` bound each component, the default, or the Euclidean
+        Whether `rate_limit` and `torque_limit` bound each component (default) or the Euclidean
         norm, ``VectorLimits``.
 
     Raises
     ------
     InvalidData
-        An inertia that no body has; quaternions whose length is not 1; gimbals that are singular at
-        an end; final gimbals with which the satellite could not be at rest.
+        The inertia is not that of a body, a quaternion has another length than 1, the gimbals are
+        singular at an end, or the satellite cannot be at rest with the final gimbals.
 
     Notes
     -----
@@ -113,16 +113,26 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
 
     @classmethod
     def about(cls, axis: ArrayLike | str, angle: float, **fields: Any) -> Self:
-        """Return the slew by `angle` about `axis` from where the satellite is.
+        """Return the slew by `angle` about `axis` from the initial attitude.
 
         Parameters
         ----------
         axis : array_like, shape (3,), or {"roll", "pitch", "yaw"}
-            In body axes, of any length but 0.
+            Axis in body axes, of any length but 0.
         angle : float
-            Degrees. Beyond 180° it is the shorter way round, the other way.
+            Angle in degrees. Beyond 180° the slew takes the shorter rotation in the other direction.
         **fields
-            The other fields.
+            Other fields of the model.
+
+        Returns
+        -------
+        SatelliteSlew
+            The slew.
+
+        Raises
+        ------
+        InvalidData
+            The axis is unknown or zero, or a field is invalid.
         """
         if isinstance(axis, str):
             if axis not in AXES:
@@ -146,7 +156,7 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
     # -- the model -------------------------------------------------------------------------------
 
     def lower(self) -> OptimalControlProblem | None:
-        """Return the slew as an optimal control problem; None where CasADi is not installed."""
+        """Return the slew as an optimal control problem, or None if CasADi is not installed."""
         if importlib.util.find_spec("casadi") is None:
             return None
         return self._problem
@@ -155,13 +165,13 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
     def _problem(self) -> OptimalControlProblem:
         return slew_problem(self, self.name)
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
     def verify(self, plan: ControlPlan, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return J by quadrature and every condition, the motion integrated anew.
+        """Return J by quadrature and every condition, with the motion re-integrated.
 
-        The gimbal rates are integrated by DOP853 from the plan's first state, in NumPy and apart
-        from the CasADi expressions that solvers see, and the result is held against the plan's
-        states; limits are measured on a dense grid between the nodes.
+        DOP853 integrates the gimbal rates from the plan's initial state in NumPy, independently of the
+        CasADi expressions for solvers. The result is compared with the plan's states. Limits are
+        evaluated on a dense grid between the nodes.
         """
         return verify_slew(self, plan, tolerance)
 

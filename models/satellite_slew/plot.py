@@ -1,7 +1,7 @@
-"""The picture of a slew, in the paper's manner: attitude, rates, gimbals, singularity and torque.
+"""Picture of a slew with the paper's panels: attitude, rates, gimbals, singularity and torque.
 
-Beside them, on demand, how far a controller strays that tracks the plan, and the ways that the body
-axes go. Source of the choice of panels: the figures of "Path Planning for Rapid Large-Angle Maneuver
+Optional panels show the errors of a controller that tracks the plan, and another view the paths of the
+body axes. Source of the choice of panels: the figures of "Path Planning for Rapid Large-Angle Maneuver
 of Satellites Based on the Gauss Pseudospectral Method", Mathematical Problems in Engineering, 2016.
 """
 
@@ -37,7 +37,7 @@ __all__ = ["PAPER_QUATERNION_ERROR", "PAPER_RATE_ERROR", "animate_slew", "draw"]
 
 Floats = NDArray[np.float64]
 
-#: What the paper says its controller keeps to: errors of the quaternion and of the rates (rad/s).
+#: Error bounds of the paper's controller: quaternion and rates (rad/s).
 PAPER_QUATERNION_ERROR, PAPER_RATE_ERROR = 4e-4, 1e-3
 
 _ATTITUDE = ("q0", "q1", "q2", "q3")
@@ -57,47 +57,47 @@ def draw(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> Figure:
-    """Draw the slew of `plan`: over time, or the ways of the body axes.
+    """Draw the slew of `plan` over time, or the paths of the body axes.
 
     Parameters
     ----------
     model : SatelliteSlew
-        The slew.
+        Slew.
     plan : ControlPlan, optional
-        A plan of it, valid or not; where it breaks a limit, the worst place is ringed in red. None
-        draws the guess that the search starts from, or where the axes begin and end.
+        Plan of the slew, valid or not. The worst violation of a limit is ringed in red. None draws
+        the guess from which the search starts, or the body axes at both ends.
     view : {"time", "axis"}
         Over time: quaternion, body rates, gimbal angles, gimbal rates, singularity measure
-        det(A_t A_tᵀ) and control torque, with their limits. Or the ways of the body axes x, y and z
-        on the unit sphere, seen from inertial axes; dotted is the eigenaxis turn.
+        det(A_t A_tᵀ) and control torque, with their limits. Otherwise the paths of the body axes x, y
+        and z on the unit sphere in inertial axes, with the eigenaxis rotation as dotted lines.
     tracking : Tracking, optional
-        A simulated flight along the plan, whose singularity measure and errors are drawn as well,
-        with what the paper's controller kept to as dashed lines. Over time only.
+        Simulated flight along the plan, whose singularity measure and errors are drawn as well. The
+        error bounds of the paper's controller are dashed lines. Over time only.
     mesh : bool
         Whether to draw nodes and knots.
     tolerance : float
-        Largest violation accepted, relative, for what the title says and what is ringed: that of
-        the solution.
+        Largest accepted relative violation, for the title and the rings; by default that of the
+        solution.
     title : str, optional
-        Instead of the name, the turn, the objective and the final time.
+        Title; by default the name, the rotation, the objective and the final time.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.figure.Figure
-        Six panels, eight with `tracking`, or one of the sphere.
+        Six panels, eight with `tracking`, or one panel with the sphere.
 
     Raises
     ------
     InvalidData
-        The plan is none of a slew.
+        The plan is not that of a slew.
     UnsupportedOption
-        An option has a value that is not allowed, or asks for what the plan or the view has not.
+        The value of an option is not allowed, or the plan or view does not support it.
 
     See Also
     --------
-    animate_slew : The same axes, moving.
+    animate_slew : Animation of the body axes.
     """
     check_option("view", view, view in ("time", "axis"), "be 'time' or 'axis'")
     check_flags(mesh=mesh)
@@ -106,22 +106,24 @@ def draw(
     check_option("tracking", tracking, tracked, "be a Tracking")
     if tracking is not None and (view == "axis" or plan is None):
         raise UnsupportedOption("tracking is drawn over time, beside a plan")
-    found = None
+    verification = None
     if plan is not None:
         slew_phase(plan)
-        found = model.verify(plan, tolerance=tolerance)
-    text = _title(model, plan, found) if title is None else title
-    wrong = found is not None and not found.ok
+        verification = model.verify(plan, tolerance=tolerance)
+    text = _title(model, plan, verification) if title is None else title
+    wrong = verification is not None and not verification.ok
     if view == "axis":
         return draw_axes(model, plan, title=text, wrong=wrong, size=size)
     drawn = _guessed(model) if plan is None else plan
     panels = _panels(model, drawn, tolerance)
     if tracking is not None:
-        attitude, kept = tracking.quaternion_errors[:, 1:], PAPER_QUATERNION_ERROR
+        attitude, bound = tracking.quaternion_errors[:, 1:], PAPER_QUATERNION_ERROR
         rates = tracking.rate_errors
         flown = Curve("flown", 1, tracking.times, tracking.measures)
         panels[4] = replace(panels[4], curves=[*panels[4].curves, flown])
-        panels.insert(3, _errors("quaternion\nerrors", "", _ATTITUDE[1:], attitude, kept, tracking))
+        panels.insert(
+            3, _errors("quaternion\nerrors", "", _ATTITUDE[1:], attitude, bound, tracking)
+        )
         panels.append(_errors("rate errors", "rad/s", _RATES, rates, PAPER_RATE_ERROR, tracking))
     part = slew_phase(drawn)
     end = part.end if tracking is None else max(part.end, float(tracking.times[-1]))
@@ -138,24 +140,26 @@ def _guessed(model: SatelliteSlew) -> ControlPlan:
     return guessed(problem.definition)
 
 
-def _title(model: SatelliteSlew, plan: ControlPlan | None, found: Verification | None) -> str:
+def _title(
+    model: SatelliteSlew, plan: ControlPlan | None, verification: Verification | None
+) -> str:
     axis, angle = model.turn
     around = ", ".join(number(float(x), 3) for x in axis)
     parts = [f"{number(float(np.rad2deg(angle)), 5)}° about ({around})"]
     if model.margin:
         parts.append(f"{number(100 * model.margin, 4)} % in reserve")
-    if found is not None and found.objective is not None:
-        parts.append(f"J = {number(found.objective)} s")
+    if verification is not None and verification.objective is not None:
+        parts.append(f"J = {number(verification.objective)} s")
     if plan is not None:
         parts.append(f"tf = {number(plan.end, 5)} s")
-    return title_of(model.name, parts, found)
+    return title_of(model.name, parts, verification)
 
 
 # -- the panels ----------------------------------------------------------------------------------
 
 
 def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[Panel]:
-    """Return the paper's six: attitude, rates and angles; gimbal rates, singularity and torque."""
+    """Return the paper's six panels: attitude, rates, angles, gimbal rates, singularity and torque."""
     part = slew_phase(plan)
     times, states, controls = sampled(part)
     nodes, at_nodes = nodes_of(part.states)
@@ -177,18 +181,18 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
             return tuple(names), values
         return (*names, norm), np.hstack([values, model.magnitudes(values)])
 
-    def within(most: float, whole: float | None = None) -> list[Limit]:
-        found = [Limit(ends, -most, most, (), tolerance * most)]
-        if whole is not None and whole > most:
+    def within(upper: float, full: float | None = None) -> list[Limit]:
+        limits_drawn = [Limit(ends, -upper, upper, (), tolerance * upper)]
+        if full is not None and full > upper:
             label = "limit, nothing in reserve"
-            found.append(Limit(ends, -whole, whole, label=label, dashes=":", shaded=False))
-        return found
+            limits_drawn.append(Limit(ends, -full, full, label=label, dashes=":", shaded=False))
+        return limits_drawn
 
     rate_names, rates = with_norm(_RATES, states[:, 4:7], "|ω|")
     _, rate_nodes = with_norm(_RATES, at_nodes[:, 4:7], "|ω|")
     torque_names, torque = with_norm(_TORQUES, torque, "|T|")
-    least = model.singularity_limit
-    safe = Limit(ends, least, np.inf, (), tolerance)
+    smallest = model.singularity_limit
+    safe = Limit(ends, smallest, np.inf, (), tolerance)
     return [
         panel("quaternion", "", _ATTITUDE, states[:, :4], (nodes, at_nodes[:, :4])),
         panel(
@@ -208,8 +212,8 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
     ]  # fmt: skip
 
 
-def _saturated(tracking: Tracking) -> list[tuple[float, float]]:
-    """Return the stretches of time in which a limit cut the command."""
+def _saturated_intervals(tracking: Tracking) -> list[tuple[float, float]]:
+    """Return the intervals of time with a saturated command."""
     cut = np.concatenate([[False], tracking.saturated, [False]]).astype(np.int8)
     starts, ends = np.flatnonzero(np.diff(cut) == 1), np.flatnonzero(np.diff(cut) == -1)
     times = tracking.times
@@ -217,12 +221,12 @@ def _saturated(tracking: Tracking) -> list[tuple[float, float]]:
 
 
 def _errors(
-    title: str, unit: str, names: Sequence[str], values: Floats, kept: float, tracking: Tracking
+    title: str, unit: str, names: Sequence[str], values: Floats, bound: float, tracking: Tracking
 ) -> Panel:
-    """Return how far the flight strays, beside what the paper's controller kept to."""
+    """Return the panel of the flight's errors, with the bounds of the paper's controller."""
     times, label = tracking.times, "kept by the paper's controller"
-    # The paper's figures forbid nothing.
-    paper = Limit(times[[0, -1]], -kept, kept, label=label, dashes="-.", shaded=False)
+    # The paper's bounds are results and not limits, so nothing is shaded.
+    paper = Limit(times[[0, -1]], -bound, bound, label=label, dashes="-.", shaded=False)
     curves, _ = curves_of(names, times, values)
-    shades = {"saturated": _saturated(tracking)}
+    shades = {"saturated": _saturated_intervals(tracking)}
     return Panel(title, unit, curves, [paper], whole=True, shades=shades)

@@ -1,4 +1,4 @@
-"""The ways that the body axes of a satellite go during a slew: a picture, and the same in motion."""
+"""Paths of the body axes of a satellite during a slew, as a picture and as an animation."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ __all__ = ["animate_slew", "draw_axes"]
 
 Floats = NDArray[np.float64]
 
-#: Where the sphere is seen from, degrees.
+#: Point of view of the sphere, degrees.
 _ELEVATION, _AZIMUTH = 22.0, 36.0
-#: Points of a way, and half the sides of the body that is drawn in motion.
+#: Number of points of a path, and half the sides of the animated body.
 _POINTS, _BODY = 241, np.array([0.42, 0.28, 0.2])
-#: The corners of a box, and its faces by their numbers.
+#: Corners of a box, and its faces as indices of corners.
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 _FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 
@@ -35,25 +35,25 @@ _FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), 
 def draw_axes(
     model: SatelliteSlew, plan: ControlPlan | None, *, title: str, wrong: bool, size: Any
 ) -> Figure:
-    """Return the ways of the body axes on the unit sphere, from their begin to their end."""
+    """Return a figure with the paths of the body axes on the unit sphere."""
     figure, axes = _sphere(title, wrong, size)
-    _dotted(model, axes)
+    _draw_eigenaxis(model, axes)
     if plan is not None:
         part = slew_phase(plan)
-        ways = _ways(part.states(part.grid(_POINTS))[:, :4])
+        paths = _axis_paths(part.states(part.grid(_POINTS))[:, :4])
         for k in range(3):
-            axes.plot(*ways[:, k].T, lw=2.4, zorder=5, gid=f"way {'xyz'[k]}", **axis_style(k))
+            axes.plot(*paths[:, k].T, lw=2.4, zorder=5, gid=f"way {'xyz'[k]}", **axis_style(k))
     begin = rotation_matrix(model.initial_attitude)
     end = rotation_matrix(model.target)
     for k in range(3):
         colour = axis_style(k)["color"]
         moved = float(np.linalg.norm(end[:, k] - begin[:, k])) > 0.05
-        for place, face, word in ((begin[:, k], "white", ""), (end[:, k], colour, "'")):
+        for place, face, prime in ((begin[:, k], "white", ""), (end[:, k], colour, "'")):
             axes.plot(*np.stack([np.zeros(3), place]).T, lw=0.9, color=colour, zorder=3)
             dots(axes, place[None], "o", face, size=34, edge=colour, width=1.4, zorder=7)
-            if not word or moved:
+            if not prime or moved:
                 axes.text(
-                    *(1.16 * place), f"{'xyz'[k]}{word}", color=colour, fontsize=10, ha="center",
+                    *(1.16 * place), f"{'xyz'[k]}{prime}", color=colour, fontsize=10, ha="center",
                     va="center", zorder=8,
                 )  # fmt: skip
     _legend(figure, plan is not None)
@@ -70,36 +70,37 @@ def animate_slew(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> FuncAnimation:
-    """Return the slew in motion: the body, its axes and the ways they go, seen from a turning place.
+    """Return an animation of the slew: the body, its axes and their paths, with a moving view.
 
     Parameters
     ----------
     model : SatelliteSlew
-        The slew.
+        Slew.
     plan : ControlPlan or Solution
-        A plan of it.
+        Plan of the slew.
     frames : int
-        Number of pictures, at least 2.
+        Number of frames, at least 2.
     interval : float
-        Time from one to the next, ms.
+        Duration of a frame, ms.
     turn : float
-        By how much the point of view turns around the satellite in all, degrees.
+        Total rotation of the point of view around the satellite, degrees.
     title : str, optional
-        Instead of the name.
+        Title; by default the name.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.animation.FuncAnimation
-        Tied to no window: ``animate_slew(model, plan).save("slew.gif", writer="pillow", dpi=80)``.
+        Animation without a window:
+        ``animate_slew(model, plan).save("slew.gif", writer="pillow", dpi=80)``.
 
     Raises
     ------
     InvalidData
-        The plan is none of a slew.
+        The plan is not that of a slew.
     UnsupportedOption
-        An option has a value that is not allowed.
+        The value of an option is not allowed.
     """
     from matplotlib.animation import FuncAnimation
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -109,10 +110,10 @@ def animate_slew(
     part = slew_phase(model.as_plan(plan))
     text = (model.name or model.describe()) if title is None else title
     figure, axes = _sphere(text, False, size)
-    _dotted(model, axes)
+    _draw_eigenaxis(model, axes)
     times = part.grid(frames)
     attitudes = part.states(times)[:, :4]
-    ways = _ways(attitudes)
+    paths = _axis_paths(attitudes)
     lines = [axes.plot([], [], [], lw=2.2, zorder=5, **axis_style(k))[0] for k in range(3)]
     arms = [axes.plot([], [], [], lw=1.2, zorder=6, **axis_style(k))[0] for k in range(3)]
     names = [
@@ -126,18 +127,18 @@ def animate_slew(
     clock = figure.text(0.5, 0.03, "", ha="center", fontsize=9, color=DARK)
 
     def update(frame: int) -> list[Any]:
-        turned = rotation_matrix(attitudes[frame])
-        corners = (_CORNERS * _BODY) @ turned.T
+        rotation = rotation_matrix(attitudes[frame])
+        corners = (_CORNERS * _BODY) @ rotation.T
         body.set_verts([corners[list(face)] for face in _FACES])
         for k in range(3):
-            lines[k].set_data_3d(*ways[: frame + 1, k].T)
-            arms[k].set_data_3d(*np.stack([np.zeros(3), turned[:, k]]).T)
-            names[k].set_position_3d(1.16 * turned[:, k])
+            lines[k].set_data_3d(*paths[: frame + 1, k].T)
+            arms[k].set_data_3d(*np.stack([np.zeros(3), rotation[:, k]]).T)
+            names[k].set_position_3d(1.16 * rotation[:, k])
         clock.set_text(f"t = {times[frame] - times[0]:.2f} s of {part.duration:.2f} s")
         axes.view_init(elev=_ELEVATION, azim=_AZIMUTH + turn * (frame / (frames - 1) - 0.5))
         return [*lines, *arms, *names, body, clock]
 
-    # Drawn once by hand, so that the figure is whole even where nobody plays it.
+    # Draw the first frame at once, so that the figure is complete even if it is never played.
     update(0)
     return FuncAnimation(figure, update, frames=frames, interval=interval, blit=False)
 
@@ -170,20 +171,20 @@ def _sphere(title: str, wrong: bool, size: Any) -> tuple[Figure, Any]:
     return figure, axes
 
 
-def _ways(attitudes: Floats) -> Floats:
-    """Return the body axes in inertial ones, shape (instants, axis, 3)."""
+def _axis_paths(attitudes: Floats) -> Floats:
+    """Return the body axes in inertial axes, shape (times, axis, 3)."""
     lengths = np.linalg.norm(attitudes, axis=1, keepdims=True)
-    found: Floats = np.swapaxes(rotation_matrix(attitudes / lengths), 1, 2)
-    return found
+    result: Floats = np.swapaxes(rotation_matrix(attitudes / lengths), 1, 2)
+    return result
 
 
-def _dotted(model: SatelliteSlew, axes: Any) -> None:
-    """Draw the ways of the turn about one axis."""
+def _draw_eigenaxis(model: SatelliteSlew, axes: Any) -> None:
+    """Draw the paths of the rotation about one axis."""
     axis, angle = model.turn
-    turned = rotation_about(axis, np.linspace(0.0, angle, _POINTS))
-    ways = _ways(product(model.initial_attitude, turned))
+    rotations = rotation_about(axis, np.linspace(0.0, angle, _POINTS))
+    paths = _axis_paths(product(model.initial_attitude, rotations))
     for k in range(3):
-        axes.plot(*ways[:, k].T, lw=1.1, ls=":", color=GREY, zorder=4, gid="eigenaxis")
+        axes.plot(*paths[:, k].T, lw=1.1, ls=":", color=GREY, zorder=4, gid="eigenaxis")
 
 
 def _legend(figure: Figure, planned: bool) -> None:

@@ -1,4 +1,4 @@
-"""The eigenaxis slew: one rotation about one axis, its rate going up, along and down (bang-coast-bang)."""
+"""Eigenaxis slew: rotation about one axis with a trapezoidal rate (bang-coast-bang)."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class EigenaxisProfile:
-    """A turn from rest to rest about one axis, the rate a trapezoid of time, or a triangle.
+    """Rest-to-rest rotation about one axis with a trapezoidal or triangular rate.
 
     Parameters
     ----------
     initial : ndarray, shape (4,)
-        The attitude at the start.
+        Initial attitude.
     axis : ndarray, shape (3,)
-        Unit vector, in body axes; they stay the same along the way.
+        Unit vector in body axes, constant during the rotation.
     angle : float
-        How far to turn, rad.
+        Angle of the rotation, rad.
     peak : float
-        Highest rate, rad/s; a short turn does not reach it.
+        Highest rate, rad/s; a short rotation does not reach it.
     acceleration : float
-        Of both ramps, rad/s².
+        Acceleration of both ramps, rad/s².
     """
 
     initial: Floats
@@ -42,40 +42,40 @@ class EigenaxisProfile:
     def between(
         cls, initial: ArrayLike, final: ArrayLike, peak: float, acceleration: float
     ) -> EigenaxisProfile:
-        """Return the turn from one attitude to another, the short way."""
+        """Return the shorter rotation from one attitude to another."""
         begin = np.asarray(initial, float)
         axis, angle = axis_and_angle(product(conjugate(begin), final))
         return cls(begin, axis, angle, peak, acceleration)
 
     @property
     def ramp(self) -> float:
-        """How long each ramp lasts, s."""
+        """Duration of each ramp, s."""
         return min(self.peak / self.acceleration, float(np.sqrt(self.angle / self.acceleration)))
 
     @property
     def reached(self) -> float:
-        """The highest rate that is reached, rad/s."""
+        """Highest rate of the rotation, rad/s."""
         return self.acceleration * self.ramp
 
     @property
     def duration(self) -> float:
-        """How long the turn lasts, s."""
+        """Duration of the rotation, s."""
         if self.angle == 0.0:
             return 0.0
         return self.ramp + self.angle / self.reached
 
     @property
     def breaks(self) -> Floats:
-        """The times at which the acceleration jumps, from 0 to the duration, increasing."""
+        """Times at which the acceleration jumps, from 0 to the duration, increasing."""
         inner = [self.ramp, self.duration - self.ramp]
         times = np.array([0.0, *inner, self.duration])
-        found: Floats = times[np.concatenate([[True], np.diff(times) > 1e-9])]
-        return found
+        result: Floats = times[np.concatenate([[True], np.diff(times) > 1e-9])]
+        return result
 
     def turned(self, t: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return the angle (rad), its rate and its acceleration at times `t`, each of its shape.
 
-        After the end the turn stands still; at a jump, the acceleration is that after it.
+        After the end the angle is constant. At a jump, the acceleration is that after it.
         """
         times = np.clip(np.asarray(t, float), 0.0, self.duration)
         ramp, rate, long = self.ramp, self.acceleration, self.duration

@@ -1,10 +1,10 @@
-"""Attitudes as unit quaternions, scalar first: Hamilton's product, body axes seen from inertial ones.
+"""Attitudes as unit quaternions, scalar first, with Hamilton's product.
 
-A quaternion q = (q0, q1, q2, q3) turns a vector's body components into its inertial ones, v_I =
+A quaternion q = (q0, q1, q2, q3) maps a vector's body components to its inertial ones, v_I =
 R(q) v_B. With the body rates w its motion is q̇ = ½ q ∘ (0, w), in parts q̇0 = -½ w·q and
 q̇ = -½ w×q + ½ q0 w: eq. 10 of "Path Planning for Rapid Large-Angle Maneuver of Satellites Based on
-the Gauss Pseudospectral Method" (Mathematical Problems in Engineering, 2016). q and -q are the same
-attitude. All functions take stacks of quaternions, shape (…, 4).
+the Gauss Pseudospectral Method" (Mathematical Problems in Engineering, 2016). q and -q represent
+the same attitude. All functions accept stacks of quaternions, shape (…, 4).
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ def product(left: ArrayLike, right: ArrayLike) -> Floats:
     p, q = np.asarray(left, float), np.asarray(right, float)
     a, b, c, d = (p[..., k] for k in range(4))
     e, f, g, h = (q[..., k] for k in range(4))
-    found = np.empty(np.broadcast_shapes(p.shape, q.shape))
-    found[..., 0] = a * e - b * f - c * g - d * h
-    found[..., 1] = a * f + b * e + c * h - d * g
-    found[..., 2] = a * g - b * h + c * e + d * f
-    found[..., 3] = a * h + b * g - c * f + d * e
-    return found
+    result = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    result[..., 0] = a * e - b * f - c * g - d * h
+    result[..., 1] = a * f + b * e + c * h - d * g
+    result[..., 2] = a * g - b * h + c * e + d * f
+    result[..., 3] = a * h + b * g - c * f + d * e
+    return result
 
 
 def conjugate(q: ArrayLike) -> Floats:
-    """Return the conjugate, which is the inverse of a unit quaternion, shape (…, 4)."""
-    found: Floats = np.asarray(q, float) * _SIGNS
-    return found
+    """Return the conjugate, the inverse of a unit quaternion, shape (…, 4)."""
+    result: Floats = np.asarray(q, float) * _SIGNS
+    return result
 
 
 def rotation_matrix(q: ArrayLike) -> Floats:
-    """Return R(q), which turns body components into inertial ones, shape (…, 3, 3).
+    """Return R(q), which maps body components to inertial ones, shape (…, 3, 3).
 
     R(q) = (q0² - q·q) 1 + 2 q qᵀ + 2 q0 [q×], for a quaternion of length 1.
     """
-    given = np.asarray(q, float)
-    a, b, c, d = (given[..., k] for k in range(4))
+    array = np.asarray(q, float)
+    a, b, c, d = (array[..., k] for k in range(4))
     rows = [
         [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
         [2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)],
@@ -69,7 +69,7 @@ def rotation_about(axis: ArrayLike, angle: ArrayLike) -> Floats:
     Parameters
     ----------
     axis : array_like, shape (3,)
-        Any length but 0.
+        Axis of any length but 0.
     angle : array_like, shape (…)
         Angles, rad.
     """
@@ -80,9 +80,9 @@ def rotation_about(axis: ArrayLike, angle: ArrayLike) -> Floats:
 
 
 def axis_and_angle(q: ArrayLike) -> tuple[Floats, float]:
-    """Return the axis, shape (3,), and the angle (rad, 0 to π) of a rotation, the short way round.
+    """Return axis, shape (3,), and angle (rad, 0 to π) of the shorter rotation.
 
-    A rotation by nothing has the axis x.
+    The axis of the identity is x.
     """
     turn = np.asarray(q, float)
     turn = -turn if turn[0] < 0.0 else turn
@@ -93,17 +93,18 @@ def axis_and_angle(q: ArrayLike) -> tuple[Floats, float]:
 
 
 def quaternion_rate(q: ArrayLike, rates: ArrayLike) -> Floats:
-    """Return q̇ = ½ q ∘ (0, w) for the body rates w (rad/s): eq. 10, shape (…, 4)."""
+    """Return q̇ = ½ q ∘ (0, w) for the body rates w (rad/s), eq. 10, shape (…, 4)."""
     w = np.asarray(rates, float)
     return 0.5 * product(q, np.concatenate([np.zeros_like(w[..., :1]), w], axis=-1))
 
 
 def attitude_error(q: ArrayLike, desired: ArrayLike) -> Floats:
-    """Return the error quaternion q_e = q_d* ∘ q, shape (…, 4): eq. 25.
+    """Return the error quaternion q_e = q_d* ∘ q, shape (…, 4), eq. 25.
 
-    The scalar part is q_e0 = q0 q_d0 + q·q_d, printed with a minus that breaks eq. 26. The vector
-    part, half the angle of a small error, is q_d0 q - q0 q_d + q×q_d. The sign is that of q_e0 >= 0.
+    The scalar part is q_e0 = q0 q_d0 + q·q_d, printed with a minus that violates eq. 26. The vector
+    part, half the angle of a small error, is q_d0 q - q0 q_d + q×q_d. The sign is chosen so that
+    q_e0 >= 0.
     """
     error = product(conjugate(desired), q)
-    found: Floats = np.where(error[..., :1] < 0.0, -error, error)
-    return found
+    result: Floats = np.where(error[..., :1] < 0.0, -error, error)
+    return result

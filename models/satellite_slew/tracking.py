@@ -1,4 +1,4 @@
-"""Simulated tracking of a planned slew: sampled, disturbed, with limited actuators.
+"""Simulated tracking of a planned slew with sampling, disturbances and limited actuators.
 
 Source: eq. 24-33 of "Path Planning for Rapid Large-Angle Maneuver of Satellites Based on the Gauss
 Pseudospectral Method", Mathematical Problems in Engineering, 2016.
@@ -30,7 +30,7 @@ __all__ = ["Tracking", "track"]
 
 Floats = NDArray[np.float64]
 
-#: Steps that a flight may have.
+#: Largest number of steps of a flight.
 MOST_SAMPLES = 1_000_000
 #: Longest step of the simulated motion, s.
 STEP = 0.02
@@ -53,56 +53,56 @@ def track(
     final_rate: float = 1e-3,
     law: TrackingLaw | str = TrackingLaw.INERTIA,
 ) -> Tracking:
-    """Fly a plan with a sampled controller and return errors, limits and the first breach.
+    """Simulate a sampled controller along a plan and return errors, limits and the first violation.
 
     At each sample, from measured q, w and δ, the controller computes the torque of eq. 32,
 
         T_c = -K_p q_e - K_d w_e - T_ext + w×(I w + h) + I ẇ_d.
 
-    The paper does not print the gimbal rates that give T_c. Here they are those of the plan plus the
-    least correction, δ̇ = δ̇_d - A_tᵀ (A_t A_tᵀ)⁻¹ (T_c + h0 A_t δ̇_d) / h0, with A_t in the middle of
-    the sample, plus null motion back to the gimbal angles of the plan. Torque and gimbal rates are
-    cut at the limits of the actuators, margin included, and held until the next sample; if one
-    gimbal is at its limit, the others compensate. The flight is then checked against all limits of
-    the model, between the samples as well.
+    The paper does not print the gimbal rates that produce T_c. Here they are those of the plan plus
+    the smallest correction, δ̇ = δ̇_d - A_tᵀ (A_t A_tᵀ)⁻¹ (T_c + h0 A_t δ̇_d) / h0, with A_t in the
+    middle of the sample, plus null motion back to the gimbal angles of the plan. Torque and gimbal
+    rates are clipped at the limits of the actuators, including the margin, and held until the next
+    sample. If one gimbal is at its limit, the others compensate. The flight is then checked against
+    all limits of the model, also between the samples.
 
     Parameters
     ----------
     model : SatelliteSlew
-        The satellite.
+        Satellite.
     plan : ControlPlan or Solution
-        The plan to follow.
+        Plan to follow.
     natural_frequency, damping : float
         ω_n (rad/s) and ζ of the error's motion, I θ̈ + K_d θ̇ + K_p θ / 2 = 0 for the small angle
         θ = 2 q_e. K_d = 2 ζ ω_n I, and `law` sets K_p.
     sample_time : float
-        s; the last sample may be shorter.
+        Sampling interval, s; the last sample may be shorter.
     disturbance : array_like, shape (3,), or callable
         T_ext in body axes, N m, or a function of time that returns it.
     known_disturbance : float, optional
         Share of T_ext that the controller compensates. By default 1 with the paper's law, whose
         eq. 32 contains T_ext, and 0 otherwise.
     inertia_error : float or array_like, shape (3,) or (3, 3)
-        By how much the true inertia exceeds the model's: as a share of it, or as a symmetric matrix
-        or its diagonal, kg m².
+        Difference between the true inertia and the model's: a share of the latter, or a symmetric
+        matrix or its diagonal, kg m².
     homing : float
-        Rate at which null motion, which gives no torque, takes the gimbals back to the plan's, 1/s;
-        at most once a sample.
+        Rate of the null motion, which produces no torque, back to the plan's gimbal angles, 1/s; at
+        most 1 per sample.
     after : float
-        How long the end of the plan is held after it, s.
+        Duration for which the end of the plan is held, s.
     tolerance : float
-        Share by which a flight may pass a limit of the model; plans go along limits, so that the
-        least error passes them.
+        Accepted excess of a flight over a limit of the model, as a share of the limit. Plans follow
+        limits, so the smallest error exceeds them.
     final_angle, final_rate : float
-        Largest angle from the final attitude (rad), and largest body rate (rad/s), at the end.
+        Largest angle from the final attitude (rad) and largest body rate (rad/s) at the end.
     law : {"inertia", "paper"}
-        "paper" is the printed K_p = k1 q_e0, a scalar, with k1 = 2 ω_n² tr(I) / 3; "inertia" is
+        "paper" is the printed K_p = k1 q_e0, a scalar, with k1 = 2 ω_n² tr(I) / 3. "inertia" is
         ours, K_p = 2 ω_n² I.
 
     Returns
     -------
     Tracking
-        With ``verification``, ``ok`` and ``breach``.
+    The flight, with ``verification``, ``ok`` and ``breach``.
 
     Raises
     ------
@@ -111,11 +111,10 @@ def track(
 
     Notes
     -----
-    The gyros have to store the impulse of an outer torque whether the controller knows of it or not,
-    and what an error of inertia adds. Their gimbals then leave the plan's, and may be led into a
-    singularity: null motion keeps the momentum, so it does not always lead around one. A share of
-    torque or gimbal rate in reserve does not help there; a plan with a greater ``singularity_limit``
-    does.
+    The gyros have to store the impulse of an outer torque, whether the controller compensates it or
+    not, and that of an inertia error. Their gimbals then leave the plan's, possibly towards a
+    singularity. Null motion conserves the momentum, so it does not always avoid one. A reserve of
+    torque or gimbal rate does not help there, but a plan with a larger ``singularity_limit`` does.
 
     A constant torque that is not compensated leaves the error q_e = K_p⁻¹ T_ext.
     """
@@ -149,39 +148,41 @@ def track(
 
 
 def _true_inertia(model: SatelliteSlew, error: Any) -> Floats:
-    """Return the inertia that a share, or a matrix, makes of the model's."""
-    given = np.ndim(error) > 0
-    share = 0.0 if given else Real().coerce("inertia_error", error, {})
+    """Return the true inertia from the model's and its error, a share or a matrix."""
+    is_array = np.ndim(error) > 0
+    share = 0.0 if is_array else Real().coerce("inertia_error", error, {})
     if not share > -1.0:
         raise InvalidData(f"inertia_error must be > -1, got {error}", field="inertia_error")
-    extra = Inertia((3, 3)).coerce("inertia_error", error, {}) if given else share * model.inertia
-    found: Floats = model.inertia + extra
+    extra = (
+        Inertia((3, 3)).coerce("inertia_error", error, {}) if is_array else share * model.inertia
+    )
+    result: Floats = model.inertia + extra
     try:
-        check_inertia(found)
+        check_inertia(result)
     except InvalidData as fault:
         raise InvalidData(
             f"inertia_error makes an inertia that no body has: {fault}", field="inertia_error"
         ) from None
-    return found
+    return result
 
 
 def _outer(disturbance: Any) -> Callable[[float], Floats]:
-    """Return the outer torque as a function of time, checked."""
+    """Return the outer torque as a checked function of time."""
     if not callable(disturbance):
         constant = Array((3,)).coerce("disturbance", disturbance, {})
         return lambda t: constant
 
     def outer(t: float) -> Floats:
         try:
-            found = np.asarray(disturbance(t), float)
+            torque = np.asarray(disturbance(t), float)
         except (TypeError, ValueError):
-            found = np.empty(0)
-        if found.shape != (3,) or not np.isfinite(found).all():
+            torque = np.empty(0)
+        if torque.shape != (3,) or not np.isfinite(torque).all():
             raise InvalidData(
-                f"disturbance must return 3 finite numbers, got {show(found.tolist())} at t = {t:g}",
+                f"disturbance must return 3 finite numbers, got {show(torque.tolist())} at t = {t:g}",
                 field="disturbance",
             )
-        return found
+        return torque
 
     return outer
 
@@ -189,7 +190,7 @@ def _outer(disturbance: Any) -> Callable[[float], Floats]:
 def _move(
     truth: SlewMotion, outer: Callable[[float], Floats], times: Floats, x: Floats, u: Floats
 ) -> Floats:
-    """Return the states at `times`, from `x` at the first, by Runge and Kutta's classical steps."""
+    """Return the states at `times`, from `x` at the first, by classical Runge-Kutta steps."""
     states = [x]
     for t, until in pairwise(times.tolist()):
         h, middle = until - t, outer(0.5 * (t + until))
@@ -211,26 +212,26 @@ def _fly(
     controller: Controller, truth: SlewMotion, sample_time: float, after: float,
     tolerance: float, ends: tuple[float, float],
 ) -> Tracking:  # fmt: skip
-    """Simulate: the controller's rates are held, the motion of the true satellite integrated."""
+    """Simulate the flight: the controller's rates are held, and the true motion is integrated."""
     phase, model = controller.phase, controller.model
     end = phase.end + after
     count = max(1, int(np.ceil((end - phase.start) / sample_time - 1e-9)))
     times = np.append(phase.start + sample_time * np.arange(count), end)
     steps = max(1, int(np.ceil(np.diff(times).max() / STEP - 1e-9)))
     x = np.concatenate([model.initial_attitude, np.zeros(3), model.initial_gimbals])
-    moved, fine = [x[None]], [times[:1]]
-    commanded, held, saturated = [], [], []
+    motions, fine = [x[None]], [times[:1]]
+    commanded, rate_steps, saturated = [], [], []
     for begin, until in pairwise(times.tolist()):
         torque, rates, cut = controller.command(begin, until - begin, x)
         instants = np.linspace(begin, until, steps + 1)
-        way = _move(truth, controller.outer, instants, x, rates)
-        x = way[-1]
-        moved.append(way[1:])
+        path = _move(truth, controller.outer, instants, x, rates)
+        x = path[-1]
+        motions.append(path[1:])
         fine.append(instants[1:])
         commanded.append(torque)
-        held.append(rates)
+        rate_steps.append(rates)
         saturated.append(cut)
-    dense, controls = np.concatenate(moved), np.array(held)
+    dense, controls = np.concatenate(motions), np.array(rate_steps)
     table = dense[::steps]
     direction = momentum_direction(table[:, 7:], model.beta)
     errors = [controller.errors(float(t), y) for t, y in zip(times, table, strict=True)]

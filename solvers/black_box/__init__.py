@@ -1,4 +1,4 @@
-"""Algorithms that minimise a function of which they only get values."""
+"""Algorithms that minimise a function by its values alone."""
 
 BACKENDS = {
     "dual-annealing": ".scipy_searches:DualAnnealing",

@@ -1,4 +1,4 @@
-"""What a black box is like before anything is searched: its variables, its budget, values at a few points."""
+"""Diagnosis of a black box before a search: variables, budget, and values at a few points."""
 
 from __future__ import annotations
 
@@ -16,25 +16,30 @@ __all__ = ["diagnose_black_box"]
 
 Floats = NDArray[np.float64]
 
-#: Free variables up to which all corners are tried; of more, the two ends of the diagonal.
+#: Largest number of free variables for which all corners are evaluated; otherwise two of them.
 _CORNERS = 4
-#: Ratio of the widest to the narrowest range that is worth a word.
+#: Ratio of the widest to the narrowest range above which it is reported.
 _UNEVEN = 1e3
 
 
 def diagnose_black_box(model: BlackBoxMinimisation, time_limit: float | None = None) -> Diagnosis:
-    """Return what the values at the centre and in corners of the bounds say, and what they cannot.
+    """Return the values at the centre and in corners of the bounds, and remarks on bounds and budget.
 
-    A point within the bounds is a plan wherever the function has a value, so there is one as soon as a
-    value is found; that there is none cannot be shown. At most 17 points are tried, beside the budget of
-    runs.
+    Every point within the bounds at which the function has a value is a plan, so one value proves
+    that a plan exists. That no plan exists cannot be proven. At most 17 points are evaluated,
+    without using the budget of runs.
 
     Parameters
     ----------
     model : BlackBoxMinimisation
-        What is asked.
+        Model to diagnose.
     time_limit : float, optional
-        Not used.
+        Unused.
+
+    Returns
+    -------
+    Diagnosis
+        Feasible with a value, otherwise undecided.
     """
     free = np.flatnonzero(model.highs > model.lows)
     places = list(_places(model, free))
@@ -57,8 +62,8 @@ def diagnose_black_box(model: BlackBoxMinimisation, time_limit: float | None = N
 
 
 def _places(model: BlackBoxMinimisation, free: NDArray[np.int64]) -> Iterator[tuple[str, Floats]]:
-    """Yield the centre and corners, each with its name."""
-    # The sum of both bounds may be too large for a number, their halves are not.
+    """Yield the centre and corners with their names."""
+    # The sum of both bounds may overflow, the sum of their halves does not.
     centre = np.clip(model.lows / 2 + model.highs / 2, model.lows, model.highs)
     yield "the centre", centre
     if not free.size:
@@ -73,7 +78,7 @@ def _places(model: BlackBoxMinimisation, free: NDArray[np.int64]) -> Iterator[tu
 
 
 def _ranges(model: BlackBoxMinimisation, free: NDArray[np.int64]) -> Iterator[Finding]:
-    """Yield what bounds and budget say."""
+    """Yield findings about bounds and budget."""
     fixed = model.dimension - free.size
     if fixed:
         first = int(np.flatnonzero(model.highs == model.lows)[0])
@@ -88,11 +93,11 @@ def _ranges(model: BlackBoxMinimisation, free: NDArray[np.int64]) -> Iterator[Fi
         return
     width = (model.highs - model.lows)[free]
     if width.max() > _UNEVEN * width.min():
-        one, other = int(free[width.argmax()]), int(free[width.argmin()])
+        widest, narrowest = int(free[width.argmax()]), int(free[width.argmin()])
         yield Finding(
-            f"the range of x[{one}] is {width.max() / width.min():.3g} times that of x[{other}]: searches "
+            f"the range of x[{widest}] is {width.max() / width.min():.3g} times that of x[{narrowest}]: searches "
             "see all ranges alike, which is right where they were chosen with care",
-            where=f"x[{one}]",
+            where=f"x[{widest}]",
             data={"ratio": float(width.max() / width.min())},
         )
     if model.budget < 10 * free.size:
@@ -105,9 +110,9 @@ def _ranges(model: BlackBoxMinimisation, free: NDArray[np.int64]) -> Iterator[Fi
 
 
 def _values(places: list[tuple[str, Floats]], values: list[float | None]) -> Iterator[Finding]:
-    """Yield the values, and whether they are all the same."""
+    """Yield the values, and a finding if they are all equal."""
     for (name, x), value in zip(places, values, strict=True):
-        told = "there is no value" if value is None else f"the value is {value:.6g}"
-        yield Finding(f"at {name} {told}", where=name, data={"x": x.tolist(), "value": value})
+        text = "there is no value" if value is None else f"the value is {value:.6g}"
+        yield Finding(f"at {name} {text}", where=name, data={"x": x.tolist(), "value": value})
     if len(values) > 1 and None not in values and len(set(values)) == 1:
         yield Finding("all these values are the same: the function may not depend on its variables")

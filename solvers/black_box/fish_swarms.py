@@ -83,14 +83,14 @@ class Swarm:
         """Do one iteration of all fish."""
         visual, step = self.ranges()
         place, value = self.place.copy(), self.value.copy()
-        moved = np.zeros(len(value), bool)
-        for who, target in self.targets(visual):
-            there, result = self.moved(who, target, step)
-            bar = value if self.greedy else np.where(moved, value, np.inf)
-            good = result < bar[who]
-            place[who[good]], value[who[good]] = there[good], result[good]
-            moved[who[good]] = True
-        hungry = np.flatnonzero(~moved)
+        has_moved = np.zeros(len(value), bool)
+        for fish, target in self.targets(visual):
+            positions, result = self.move_towards(fish, target, step)
+            bar = value if self.greedy else np.where(has_moved, value, np.inf)
+            better = result < bar[fish]
+            place[fish[better]], value[fish[better]] = positions[better], result[better]
+            has_moved[fish[better]] = True
+        hungry = np.flatnonzero(~has_moved)
         place[hungry], value[hungry] = self.prey(hungry, visual, step)
         self.place, self.value = place, value
         self.bulletin.append(self.objective.best)
@@ -113,9 +113,9 @@ class Swarm:
             (following, self.place[lead[following]]),
         ]
 
-    def moved(self, who: Ints, target: Floats, step: float) -> Points:
+    def move_towards(self, who: Ints, target: Floats, step: float) -> Points:
         """Return new positions and values of fish that move towards targets (eq. 3, 5 and 6)."""
-        return self.evaluated(
+        return self.evaluate(
             self.place[who]
             + towards(self.place[who], target, step * self.generator.random(len(who)))
         )
@@ -125,13 +125,15 @@ class Swarm:
 
         A fish moves towards the first better point in its visual (eq. 2 and 3). It leaps if all tries fail (eq. 7).
         """
-        seen, worth = self.sought(who, self.place[who], np.full(self.options["tries"], visual))
+        seen, worth = self.search_better(
+            who, self.place[who], np.full(self.options["tries"], visual)
+        )
         lucky = worth < self.value[who]
-        seen[lucky], worth[lucky] = self.moved(who[lucky], seen[lucky], step)
-        seen[~lucky], worth[~lucky] = self.around(seen[~lucky], visual)
+        seen[lucky], worth[lucky] = self.move_towards(who[lucky], seen[lucky], step)
+        seen[~lucky], worth[~lucky] = self.sample_around(seen[~lucky], visual)
         return seen, worth
 
-    def sought(self, who: Ints, middle: Floats, reaches: Floats) -> Points:
+    def search_better(self, who: Ints, middle: Floats, reaches: Floats) -> Points:
         """Return the first better point that each fish finds, or its own position, and the values there.
 
         Parameters
@@ -143,19 +145,19 @@ class Swarm:
             Largest change of a variable in each try.
         """
         seen, worth = self.place[who], self.value[who]
-        left = np.arange(len(who))
+        remaining = np.arange(len(who))
         for reach in reaches:
-            look, result = self.around(middle[left], float(reach))
-            good = result < worth[left]
-            seen[left[good]], worth[left[good]] = look[good], result[good]
-            left = left[~good]
+            look, result = self.sample_around(middle[remaining], float(reach))
+            better = result < worth[remaining]
+            seen[remaining[better]], worth[remaining[better]] = look[better], result[better]
+            remaining = remaining[~better]
         return seen, worth
 
-    def around(self, middle: Floats, reach: float) -> Points:
+    def sample_around(self, middle: Floats, reach: float) -> Points:
         """Return X + reach · rand and the values there, one rand in [-1, 1] per variable (eq. 2, 7 and 15)."""
-        return self.evaluated(middle + reach * self.generator.uniform(-1.0, 1.0, middle.shape))
+        return self.evaluate(middle + reach * self.generator.uniform(-1.0, 1.0, middle.shape))
 
-    def evaluated(self, place: Floats) -> Points:
+    def evaluate(self, place: Floats) -> Points:
         """Return points moved into the unit cube, and the values there."""
         inside = np.clip(place, 0.0, 1.0)
         return inside, self.objective(inside)
@@ -179,7 +181,9 @@ class AdaptiveSwarm(Swarm):
 
     def prey(self, who: Ints, visual: float, step: float) -> Points:
         """Return the better points that fish see, or their own positions, and the values there."""
-        return self.sought(who, self.place[who], visual * 0.5 ** np.arange(self.options["tries"]))
+        return self.search_better(
+            who, self.place[who], visual * 0.5 ** np.arange(self.options["tries"])
+        )
 
 
 class ImprovedSwarm(Swarm):
@@ -195,10 +199,10 @@ class ImprovedSwarm(Swarm):
 
     def cycle(self) -> None:
         """Replace each fish by its opposite a + b - X if that is better (eq. 8 and 9), then do one iteration."""
-        other, result = self.evaluated(1.0 - self.place)
-        good = result < self.value
-        self.place = np.where(good[:, None], other, self.place)
-        self.value = np.where(good, result, self.value)
+        opposite, result = self.evaluate(1.0 - self.place)
+        better = result < self.value
+        self.place = np.where(better[:, None], opposite, self.place)
+        self.value = np.where(better, result, self.value)
         super().cycle()
 
     def ranges(self) -> tuple[float, float]:
@@ -213,21 +217,23 @@ class ImprovedSwarm(Swarm):
         middles = self.place.mean(axis=0), self.place[self.value.argmin()]
         return [(every, np.repeat(middle[None], len(every), axis=0)) for middle in middles]
 
-    def shrunk(self, who: Ints) -> Floats:
+    def shrink(self, who: Ints) -> Floats:
         """Return (1 - β) X in the unit cube: the start of the moves of eq. 15, 17 and 18."""
         origin = self.objective.origin
         start: Floats = origin + (1.0 - inertia(self.progress)) * (self.place[who] - origin)
         return start
 
-    def moved(self, who: Ints, target: Floats, step: float) -> Points:
+    def move_towards(self, who: Ints, target: Floats, step: float) -> Points:
         """Return new positions and values of fish that move towards targets (eq. 17 and 18)."""
         length = inertia(self.progress) * step * self.generator.random(len(who))
-        return self.evaluated(self.shrunk(who) + towards(self.place[who], target, length))
+        return self.evaluate(self.shrink(who) + towards(self.place[who], target, length))
 
     def prey(self, who: Ints, visual: float, step: float) -> Points:
         """Return new positions and values: a better point (eq. 15 and 16), or else a leap (eq. 7)."""
         reach = inertia(self.progress) * step
-        seen, worth = self.sought(who, self.shrunk(who), np.full(self.options["tries"], reach))
+        seen, worth = self.search_better(
+            who, self.shrink(who), np.full(self.options["tries"], reach)
+        )
         lost = ~(worth < self.value[who])
-        seen[lost], worth[lost] = self.around(seen[lost], visual)
+        seen[lost], worth[lost] = self.sample_around(seen[lost], visual)
         return seen, worth

@@ -1,4 +1,4 @@
-"""What all searches of a black box share: values in the unit cube, counted, with the best kept."""
+"""Base of the searches of a black box: counted values in the unit cube, and the best point."""
 
 from __future__ import annotations
 
@@ -20,47 +20,47 @@ __all__ = ["BlackBoxBackend", "Ended", "Objective", "latin_hypercube"]
 
 Floats = NDArray[np.float64]
 
-#: Seconds that one question takes about where the function is slow; the run hears nothing meanwhile.
+#: Target duration of a request in seconds for slow functions; the run is not polled meanwhile.
 _QUESTION = 0.1
-#: Points in one question at the most.
+#: Largest number of points per request.
 _MOST = 2**13
 
 
 class Ended(Exception):
-    """The evaluations are used up, or the run was stopped: raised through the search that asks for more."""
+    """The run ends: its evaluations are used up or it was stopped; raised through the search."""
 
 
 class Objective:
-    """The function as a search sees it: over the unit cube of the variables that are free.
+    """Objective of a search: the function over the unit cube of the free variables.
 
-    So a search gives the same points, but for rounding, whatever the variables are moved by and
-    multiplied with.
+    The search therefore produces the same points, up to rounding, if the variables are shifted or
+    scaled.
 
     Parameters
     ----------
     problem : BlackBoxMinimisation
-        The model without its function.
+        Model without its function.
     request : Request
-        Whose control is asked for values and told of better points.
+        Request, whose control provides values and receives better points.
 
     Attributes
     ----------
     options : mapping
-        The backend's own options.
+        Options of the backend.
     generator : numpy.random.Generator
-        Of the run's seed.
+        Generator with the run's seed.
     start : ndarray, shape (dimension,), optional
-        Where a warm start lies in the unit cube; its value is known already.
+        Warm start in the unit cube, whose value is known already.
     dimension : int
-        The number of free variables.
+        Number of free variables.
     left, granted : int
-        Evaluations that are left, and that were granted.
+        Remaining evaluations, and their initial number.
     best : float
-        The least value so far, infinity before the first.
+        Smallest value so far; infinity before the first.
     x : ndarray, shape (d,), optional
-        Where it is, all variables.
+        Best point, all variables.
     missing : int
-        Points at which the function has no value.
+        Number of points without a value.
     """
 
     def __init__(self, problem: BlackBoxMinimisation, request: Request) -> None:
@@ -71,8 +71,8 @@ class Objective:
         self.dimension = self.free.size
         self._lower = problem.lows[self.free]
         self._width = problem.highs[self.free] - self._lower
-        asked = request.evaluations
-        self.granted = self.left = problem.budget if asked is None else min(problem.budget, asked)
+        limit = request.evaluations
+        self.granted = self.left = problem.budget if limit is None else min(problem.budget, limit)
         self.best, self.missing = math.inf, 0
         self.target, self._several = request.target, 1
         self.x: Floats | None = None
@@ -84,43 +84,44 @@ class Objective:
 
     @property
     def origin(self) -> Floats:
-        """Where the origin of the variables lies in the unit cube, or beyond it."""
-        found: Floats = -self._lower / self._width
-        return found
+        """Origin of the variables in the coordinates of the unit cube, possibly outside of it."""
+        result: Floats = -self._lower / self._width
+        return result
 
     def unit(self, x: Floats) -> Floats:
-        """Return points of all variables, shape (…, d), in the unit cube of the free ones."""
-        found: Floats = (x[..., self.free] - self._lower) / self._width
-        return found
+        """Return points of all variables, shape (…, d), in the unit cube of the free variables."""
+        result: Floats = (x[..., self.free] - self._lower) / self._width
+        return result
 
     def point(self, unit: Floats) -> Floats:
-        """Return points of the unit cube, shape (…, dimension), in all variables."""
+        """Return points of the unit cube, shape (…, dimension), as points of all variables."""
         x = np.broadcast_to(self.problem.lows, (*unit.shape[:-1], self.problem.dimension)).copy()
         x[..., self.free] += unit * self._width
-        found: Floats = np.clip(x, self.problem.lows, self.problem.highs)
-        return found
+        result: Floats = np.clip(x, self.problem.lows, self.problem.highs)
+        return result
 
     def __call__(self, unit: Floats) -> Floats:
-        """Return the values at points of the unit cube, infinite where there is none.
+        """Return the values at points of the unit cube, infinite for no value.
 
         Parameters
         ----------
         unit : ndarray, shape (m, dimension)
-            What lies beyond the cube is moved to its border.
+            Points; those outside of the cube are moved to its border.
 
         Returns
         -------
         ndarray, shape (m,)
+            Values.
 
         Raises
         ------
         Ended
-            The run must end; points for which evaluations were left count.
+            The run must end; the evaluations up to then are counted.
         """
         return self.at(self.point(unit))
 
     def at(self, points: Floats) -> Floats:
-        """Return the values at points of all variables, shape (m, d), as for those of the unit cube."""
+        """Return the values at points of all variables, shape (m, d); see :meth:`__call__`."""
         x = points[: self.left]
         values = np.full(len(x), np.inf)
         done = 0
@@ -128,55 +129,61 @@ class Objective:
             begin = clock()
             answers = self.control.ask(x[done : done + self._several])[:, 0]
             self._pace(clock() - begin)
-            values[done : done + len(answers)] = self._counted(x[done:], answers)
+            values[done : done + len(answers)] = self._count(x[done:], answers)
             done += len(answers)
         if self.control.stopped or done < len(points):
             raise Ended
         return values
 
     def _pace(self, seconds: float) -> None:
-        """Ask for so many points at once that a question takes about :data:`_QUESTION`."""
+        """Adapt the number of points per request to a duration of about :data:`_QUESTION`."""
         if seconds > _QUESTION:
             self._several = max(self._several // 2, 1)
         elif seconds < _QUESTION / 4:
             self._several = min(self._several * 2, _MOST)
 
-    def _counted(self, x: Floats, answers: Floats) -> Floats:
-        """Return the answers, infinite where they are no numbers; count them and keep the best.
+    def _count(self, x: Floats, answers: Floats) -> Floats:
+        """Return the answers, infinite for non-finite ones; count them and store the best.
 
-        What was asked together with a point that reaches the target, but after it, counts for nothing:
-        how points are shared out among questions depends on the speed of the function, and no
-        answer may.
+        Points after one that reaches the target in the same request are ignored: the grouping of points
+        into requests depends on the speed of the function, and the result must not.
         """
-        bad = ~np.isfinite(answers)
-        values = np.where(bad, np.inf, answers)
+        missing = ~np.isfinite(answers)
+        values = np.where(missing, np.inf, answers)
         count = len(values)
         if self.target is not None and values.min() <= self.target:
             count = int((values <= self.target).argmax()) + 1
         self.left -= count
-        self.missing += int(bad[:count].sum())
+        self.missing += int(missing[:count].sum())
         k = int(values[:count].argmin())
         if values[k] < self.best:
             self.best, self.x = float(values[k]), x[k]
             place = self.granted - self.left - count + k + 1
             self.control.incumbent(self.best, BlackBoxPoint(tuple(x[k].tolist())), place)
         self.control.evaluated(count)
-        found: Floats = values
-        return found
+        result: Floats = values
+        return result
 
 
 def latin_hypercube(generator: np.random.Generator, count: int, dimension: int) -> Floats:
     """Return points of the unit cube, shape (count, dimension), one in each slice of each variable.
 
-    SciPy's sampler would load its statistics, which takes longer than most searches.
+    SciPy's sampler would import its statistics, which takes longer than most searches.
+
+    Parameters
+    ----------
+    generator : numpy.random.Generator
+        Random numbers.
+    count, dimension : int
+        Number of points and of variables.
     """
     slices = np.tile(np.arange(count), (dimension, 1))
-    drawn: Floats = generator.permuted(slices, axis=1).T + generator.random((count, dimension))
-    return drawn / count
+    points: Floats = generator.permuted(slices, axis=1).T + generator.random((count, dimension))
+    return points / count
 
 
 class BlackBoxBackend(Backend):
-    """Base of the searches; a subclass only says which points it wants to know the values of."""
+    """Base of the searches; a subclass defines the points to evaluate."""
 
     accepts = BlackBoxMinimisation
     guarantee = Guarantee.HEURISTIC
@@ -187,12 +194,12 @@ class BlackBoxBackend(Backend):
         }
     )
     single_threaded = True
-    #: Free variables at the most, and why; 0 where any number will do.
+    #: Largest number of free variables, and its reason; 0 for no limit.
     most: ClassVar[int] = 0
     grows: ClassVar[str] = ""
 
     def refuses(self, problem: BlackBoxMinimisation) -> str:
-        """Return why there are too many variables."""
+        """Return the reason if there are too many variables, else an empty string."""
         free = int((problem.highs > problem.lows).sum())
         if not self.most or free <= self.most:
             return ""
@@ -200,57 +207,57 @@ class BlackBoxBackend(Backend):
 
     @abstractmethod
     def search(self, objective: Objective) -> Mapping[str, Any]:
-        """Ask for values until the search ends itself or ``Ended`` is raised through it.
+        """Request values until the search ends itself or ``Ended`` is raised through it.
 
         Parameters
         ----------
         objective : Objective
-            At least one variable is free.
+            Objective with at least one free variable.
 
         Returns
         -------
         mapping
-            Statistics of its own.
+            Additional statistics.
         """
 
     def run(self, problem: BlackBoxMinimisation, request: Request) -> Answer:
-        """Search, and answer with the best point met."""
+        """Search, and return the best point."""
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r}: {refusal}")
         begin = clock()
         objective = Objective(problem, request)
-        own: Mapping[str, Any] = {}
+        additional: Mapping[str, Any] = {}
         limit: Limit | None = None
         message = ""
         try:
             if request.warm_start is not None or not objective.dimension:
-                given = problem.lows if request.warm_start is None else request.warm_start.x
-                # The point itself, which the way through the unit cube would round.
-                x = np.clip(np.asarray(given, float), problem.lows, problem.highs)
+                start = problem.lows if request.warm_start is None else request.warm_start.x
+                # The warm start itself, because the unit cube would round it.
+                x = np.clip(np.asarray(start, float), problem.lows, problem.highs)
                 objective.start = np.clip(objective.unit(x), 0.0, 1.0)
                 objective.at(x[None])
             if objective.dimension:
-                own = self.search(objective)
+                additional = self.search(objective)
         except Ended:
             limit = request.control.reason or Limit.EVALUATIONS
         except InvalidData as error:
             if objective.x is None:
                 raise
-            message = str(error)  # what the function raised; the points before it are not lost
+            message = str(error)  # exception of the function; earlier points are kept
         used = objective.granted - objective.left
         counts: dict[str, Any] = {"evaluations": used, "variables": objective.dimension}
         if objective.missing:
             counts["points without a value"] = objective.missing
             lacking = f"the function has no value at {objective.missing} of {used} points"
             message = f"{message}; {lacking}" if message else lacking
-        found = objective.x is not None
+        has_point = objective.x is not None
         return Answer(
-            Termination.FEASIBLE if found else Termination.NO_SOLUTION,
+            Termination.FEASIBLE if has_point else Termination.NO_SOLUTION,
             limit,
             BlackBoxPoint(tuple(objective.x.tolist())) if objective.x is not None else None,
-            objective.best if found else None,
+            objective.best if has_point else None,
             seconds={"solve": clock() - begin},
-            statistics={**counts, **own},
+            statistics={**counts, **additional},
             message=message,
         )

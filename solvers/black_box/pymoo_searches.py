@@ -1,7 +1,7 @@
-"""Searches of others: ``cma-es`` by ``cma``, ``particle-swarm`` by ``pymoo``, which brings ``cma``.
+"""Third-party searches: ``cma-es`` by ``cma``, ``particle-swarm`` by ``pymoo``, which installs ``cma``.
 
-The covariance matrix adaptation is asked for from ``cma`` itself: pymoo's wrapper of it swallows every
-exception, so that a run that must end would seem to have converged.
+The covariance matrix adaptation is called from ``cma`` directly. Pymoo's wrapper suppresses every
+exception, so that a run that must end would appear to have converged.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ __all__ = ["CmaEs", "ParticleSwarm"]
 
 Floats = NDArray[np.float64]
 
-#: Restarts that double the number of points; those that follow have as many as the last.
+#: Number of restarts that double the population; later ones keep its size.
 _DOUBLED = 9
-#: Share of the cube within which all particles' best places lie when a swarm has converged.
+#: Extent of all particles' best positions, as a share of the cube, at which a swarm has converged.
 _CONVERGED = 1e-8
 
 
 class CmaEs(BlackBoxBackend):
-    """Evolution by a normal distribution whose covariance adapts, restarted with twice as many points.
+    """Covariance matrix adaptation evolution strategy, restarted with twice as many points.
 
     N. Hansen and A. Ostermeier, Evolutionary Computation 9 (2001); A. Auger and N. Hansen, "A restart CMA
     evolution strategy with increasing population size", IEEE CEC 2005.
@@ -56,44 +56,44 @@ class CmaEs(BlackBoxBackend):
     grows = "its matrix has their square"
 
     def prepare(self) -> None:
-        """Load what the search needs: no part of a time limit."""
+        """Import the search's libraries, outside of the time limit."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of libraries that it could use for pictures
+            warnings.simplefilter("ignore")  # of optional libraries for pictures
             import cma  # noqa: F401
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
-        """Evolve, from a drawn point after the first time, until the run is ended."""
+        """Evolve from the warm start, then from random points, until the run ends."""
         from cma import CMAEvolutionStrategy
 
         d = objective.dimension
-        size = max(d, 2)  # cma knows no single variable: a second one, which counts for nothing
-        asked: dict[str, Any] = {
+        size = max(d, 2)  # cma needs two variables: the second one is ignored
+        options: dict[str, Any] = {
             "bounds": [0.0, 1.0],
             "verbose": -9,
             "verb_log": 0,
-            "seed": np.nan,  # no seed of NumPy's own generator, which others may use
+            "seed": np.nan,  # leaves NumPy's global generator untouched
             "randn": lambda *shape: objective.generator.standard_normal(shape),
         }
         if objective.options["population"] is not None:
-            asked["popsize"] = objective.options["population"]
+            options["popsize"] = objective.options["population"]
         restarts = 0
         while True:
             middle = objective.generator.random(size)
             if objective.start is not None:
                 middle[:d], objective.start = objective.start, None
             with warnings.catch_warnings(), np.errstate(all="ignore"):
-                warnings.simplefilter("ignore")  # of flat functions, which end in a restart
-                search = CMAEvolutionStrategy(middle, objective.options["sigma"], asked)
+                warnings.simplefilter("ignore")  # of flat functions, which lead to a restart
+                search = CMAEvolutionStrategy(middle, objective.options["sigma"], options)
                 while not search.stop():
                     points = search.ask()
                     search.tell(points, objective(np.array(points)[:, :d]).tolist())
             if restarts < _DOUBLED:
-                asked["popsize"] = 2 * search.popsize
+                options["popsize"] = 2 * search.popsize
             restarts += 1
 
 
 class ParticleSwarm(BlackBoxBackend):
-    """A particle swarm whose weights adapt, started again when it has converged.
+    """Particle swarm with adaptive weights, restarted after convergence.
 
     J. Kennedy and R. Eberhart, "Particle swarm optimization", ICNN 1995; the weights after Z.-H. Zhan, J.
     Zhang, Y. Li and H. S.-H. Chung, IEEE Transactions on Systems, Man, and Cybernetics B 39 (2009).
@@ -109,14 +109,14 @@ class ParticleSwarm(BlackBoxBackend):
     }
 
     def prepare(self) -> None:
-        """Load what the search needs: no part of a time limit."""
+        """Import the search's libraries, outside of the time limit."""
         from pymoo.config import Config
 
-        Config.warnings["not_compiled"] = False  # which it would print
+        Config.warnings["not_compiled"] = False  # suppresses a printed warning
         import pymoo.algorithms.soo.nonconvex.pso  # noqa: F401
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
-        """Move one swarm after another until the run is ended."""
+        """Run one swarm after another until the run ends."""
         from pymoo.algorithms.soo.nonconvex.pso import PSO
         from pymoo.core.problem import Problem
         from pymoo.core.termination import NoTermination
@@ -132,7 +132,7 @@ class ParticleSwarm(BlackBoxBackend):
             swarm.setup(problem, termination=NoTermination(), seed=seed)
             spread = 1.0
             while spread > _CONVERGED:
-                asked = swarm.ask()
-                asked.set("F", objective(asked.get("X"))[:, None])
-                swarm.tell(infills=asked)
+                infills = swarm.ask()
+                infills.set("F", objective(infills.get("X"))[:, None])
+                swarm.tell(infills=infills)
                 spread = float(np.ptp(swarm.pop.get("X"), axis=0).max())

@@ -1,4 +1,4 @@
-"""``random-search``: points drawn alike from everywhere, what any search has to be better than."""
+"""``random-search``: uniform random points, the baseline of other searches."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from .native import BlackBoxBackend, Objective
 
 __all__ = ["RandomSearch"]
 
-#: Points asked for at once.
+#: Number of points per request.
 _BATCH = 256
 
 
 class RandomSearch(BlackBoxBackend):
-    """Uniformly drawn points."""
+    """Uniform random points."""
 
     name = "random-search"
-    summary = "uniformly drawn points: what other searches are measured against"
+    summary = "uniform random points, the baseline of other searches"
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
-        """Draw until the run is ended."""
+        """Draw points until the run ends."""
         while True:
             objective(objective.generator.random((_BATCH, objective.dimension)))

@@ -1,8 +1,8 @@
 """SciPy's global searches: ``differential-evolution``, ``dual-annealing``, ``direct``, ``shgo``.
 
-Each works in the unit cube, and each evaluation counts, those of its local searches too. The two that
-draw go on until the evaluations are used: differential evolution starts again where its population has
-converged, dual annealing heats up again. The two that draw nothing end where SciPy ends them.
+Each search works in the unit cube, and all evaluations count, including those of local searches. The
+two randomised searches continue until the evaluations are used: differential evolution restarts after
+convergence, and dual annealing reheats. The two deterministic searches end where SciPy ends them.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ __all__ = ["DifferentialEvolution", "Direct", "DualAnnealing", "Shgo"]
 
 Floats = NDArray[np.float64]
 
-#: Stands for "no value": SciPy refuses or mistakes infinity; its square is a number still.
+#: Finite substitute for "no value", because SciPy mishandles infinity; its square is finite.
 _WALL = 1e150
-#: More iterations than any budget has evaluations.
+#: Number of iterations that exceeds any budget.
 _ENDLESS = 10**10
-#: Numbers in a population at the most.
+#: Largest number of entries of a population.
 _POPULATION = 10**7
-#: Bytes that DIRECT may have for its rectangles.
+#: Memory limit of DIRECT's rectangles in bytes.
 _MEMORY = 2**29
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep warnings of differences between walls from the log; the process runs nothing else."""
+    """Suppress warnings about differences of substituted values; the process runs nothing else."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         yield
 
 
 def _one(objective: Objective) -> Callable[[Floats], float]:
-    """Return the objective at one point, finite everywhere."""
+    """Return the objective at one point, with finite values."""
 
     def value(x: Floats) -> float:
         return float(np.clip(objective(np.asarray(x)[None])[0], -_WALL, _WALL))
@@ -55,17 +55,17 @@ def _cube(objective: Objective) -> list[tuple[float, float]]:
 
 
 class _SciPy(BlackBoxBackend):
-    """Base of the searches of SciPy."""
+    """Base of SciPy's searches."""
 
     requires = ("scipy",)
 
     def prepare(self) -> None:
-        """Load SciPy, which may take a second: no part of a time limit."""
+        """Import SciPy, which may take a second, outside of the time limit."""
         import scipy.optimize  # noqa: F401
 
 
 class DifferentialEvolution(_SciPy):
-    """Storn and Price's differential evolution, a generation a question.
+    """Storn and Price's differential evolution, with one request per generation.
 
     R. Storn and K. Price, "Differential evolution: a simple and efficient heuristic for global
     optimization over continuous spaces", Journal of Global Optimization 11 (1997).
@@ -91,12 +91,12 @@ class DifferentialEvolution(_SciPy):
     }
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
-        """Evolve one population after another until the run is ended."""
+        """Evolve one population after another until the run ends."""
         from scipy.optimize import differential_evolution
 
         d = objective.dimension
-        most = min(objective.granted // 20, _POPULATION // d)
-        count = max(min(objective.options["population"] * d, most), 5)
+        limit = min(objective.granted // 20, _POPULATION // d)
+        count = max(min(objective.options["population"] * d, limit), 5)
 
         def values(x: Floats) -> Floats:
             return np.clip(objective(x.T), -_WALL, _WALL)
@@ -117,7 +117,7 @@ class DifferentialEvolution(_SciPy):
                         vectorized=True,
                     )
                 except RuntimeError as error:
-                    # SciPy takes any ValueError for its own; a function that raises ends the run as it is.
+                    # SciPy handles any ValueError as its own; errors of the function are re-raised.
                     if isinstance(error.__cause__, InvalidData):
                         raise error.__cause__ from None
                     raise
@@ -139,7 +139,7 @@ class DualAnnealing(_SciPy):
     }
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
-        """Anneal until the run is ended."""
+        """Anneal until the run ends."""
         from scipy.optimize import dual_annealing
 
         value = _one(objective)
@@ -159,14 +159,14 @@ class DualAnnealing(_SciPy):
 
 
 class _Deterministic(_SciPy):
-    """A search that draws nothing: a warm start is its first point, and the best until it finds a better."""
+    """Base of deterministic searches, whose first point is the warm start."""
 
     features = BlackBoxBackend.features - {Feature.SEED}
     deterministic = True
 
 
 class Direct(_Deterministic):
-    """Division of the cube into rectangles, the most promising ones again and again.
+    """Division of the cube into rectangles, repeatedly of the most promising ones.
 
     D. R. Jones, C. D. Perttunen and B. E. Stuckman, "Lipschitzian optimization without the Lipschitz
     constant", Journal of Optimization Theory and Applications 79 (1993); the locally biased form is J. M.
@@ -183,29 +183,29 @@ class Direct(_Deterministic):
             lower=0.0,
         ),
     }
-    #: Variables at the most: the first step alone divides every one of them.
+    #: Largest number of variables; the first step divides each of them.
     most = 1000
     grows = "its rectangles would not fit into memory"
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
-        """Divide until the run is ended, or memory or the depth of rectangles is used up."""
+        """Divide until the run ends, or memory or the depth of rectangles is exhausted."""
         from scipy.optimize import direct
 
         d = objective.dimension
-        # It takes memory for all its rectangles before the first, half as many again as are asked for.
-        most = max(min(objective.left, int(_MEMORY / (1.5 * (12 * d + 40)))), 2 * d + 1)
+        # DIRECT allocates all its rectangles at once, half as many again as requested.
+        limit = max(min(objective.left, int(_MEMORY / (1.5 * (12 * d + 40)))), 2 * d + 1)
         with _quiet():
-            found = direct(
+            result = direct(
                 _one(objective),
                 _cube(objective),
                 eps=objective.options["epsilon"],
-                maxfun=most + 1,  # so that the run is ended by its own count
-                maxiter=most + 1,
+                maxfun=limit + 1,  # so that the objective's own count ends the run
+                maxiter=limit + 1,
                 locally_biased=objective.options["biased"],
                 vol_tol=0.0,
                 len_tol=0.0,
             )
-        return {"ended": found.message}
+        return {"ended": result.message}
 
 
 class Shgo(_Deterministic):
@@ -229,17 +229,17 @@ class Shgo(_Deterministic):
             None, "Points added between two rounds of local searches.", int, lower=2, upper=10**6
         ),
     }
-    #: Variables at the most: every corner of the cube is joined to 3^d others in all.
+    #: Largest number of variables; the corners of the cube have 3^d connections in total.
     most = 10
     grows = "its triangulation of the cube would not end"
 
     def prepare(self) -> None:
-        """Load what SciPy itself loads only when it begins."""
+        """Import the modules that SciPy imports when it begins, outside of the time limit."""
         super().prepare()
         import scipy.stats  # noqa: F401
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
-        """Refine the triangulation, and search locally, until the run is ended."""
+        """Refine the triangulation and search locally until the run ends."""
         from scipy.optimize import shgo
 
         d, sampling = objective.dimension, objective.options["sampling"]
@@ -247,16 +247,16 @@ class Shgo(_Deterministic):
             raise UnsupportedOption(
                 f"backend 'shgo': sampling={sampling!r} takes at most 5 variables that are free, got {d}"
             )
-        # SciPy's own default is every corner and the centre; each round looks at all points again,
-        # and without a round nothing is searched locally.
-        own = max(2**d + 1, objective.granted // 50)
-        points = objective.options["points"] or max(min(own, objective.granted // 4), 2)
+        # SciPy's default is every corner and the centre. Each round examines all points again, and
+        # local searches start only after a round.
+        default = max(2**d + 1, objective.granted // 50)
+        points = objective.options["points"] or max(min(default, objective.granted // 4), 2)
         with _quiet():
-            found = shgo(
+            result = shgo(
                 _one(objective),
                 _cube(objective),
                 n=points,
                 iters=_ENDLESS,
                 sampling_method=sampling,
             )
-        return {"ended": found.message}
+        return {"ended": result.message}

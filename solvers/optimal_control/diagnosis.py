@@ -1,4 +1,4 @@
-"""Why an optimal control problem has no plan: the least widening of its limits that gives one."""
+"""Diagnosis of infeasible optimal control problems: the smallest relaxation of limits that gives a plan."""
 
 from __future__ import annotations
 
@@ -21,23 +21,35 @@ __all__ = ["diagnose_control"]
 
 Vector = NDArray[np.float64]
 
-#: Iterations of the first search at most, and of each that tries one limit alone.
+#: Largest number of iterations of the first search, and of each search with one relaxed limit.
 MOST, ALONE = 1000, 450
-#: Slack, in terms of a limit's typical size, below which it counts as kept.
+#: Slack, relative to a limit's typical size, below which the limit counts as satisfied.
 KEPT = 1e-5
-#: Relative violation above which an implied condition counts as missed, on so coarse a mesh.
+#: Relative violation above which an implied condition counts as violated on the coarse mesh.
 MISSED = 1e-3
-#: Intervals and nodes of the mesh that is tried: coarse, for a first answer.
+#: Number of intervals and nodes of the coarse mesh.
 INTERVALS, DEGREE = 12, 5
 
 
 def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Diagnosis:
-    """Return the limits that must give for the motion to exist, and by how much.
+    """Return the limits that must be relaxed for a motion to exist, and by how much.
 
-    Dynamics and initial values are kept; limits of states, controls, paths, final values, boundary
-    conditions and times may give. First all of them may: what they give, each in terms of its typical
-    size, is least in sum. Where that is something, each is tried alone. The searches are local, on a
-    mesh of one size.
+    Dynamics and initial values are kept. Limits of states, controls, paths, final values, boundary
+    conditions and times may be relaxed. The first search relaxes all of them and minimises the sum of
+    the relaxations relative to their typical sizes. If the sum is positive, each limit is relaxed
+    alone. The searches are local, on one fixed mesh.
+
+    Parameters
+    ----------
+    model : Model
+        An optimal control problem, or a model that lowers to one.
+    time_limit : float, optional
+        Seconds for all searches.
+
+    Returns
+    -------
+    Diagnosis
+        Feasible with a motion, infeasible with findings, or undecided.
     """
     general: Model[ControlPlan] | None = model
     while general is not None and not isinstance(general, OptimalControlProblem):
@@ -48,95 +60,93 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
     )
     program = written.program
     assert isinstance(program, NonlinearProgram)
-    rows, columns = _giving(general, program)
+    rows, columns = _relaxable_blocks(general, program)
     method = f"least widening of limits, {INTERVALS} Radau intervals of {DEGREE} nodes, with ipopt"
-    whole = Request(time_limit=time_limit)
-    answer, needed = _widen(whole, program, rows, columns, MOST)
-    ended = answer.termination
-    if ended is not Termination.LOCALLY_OPTIMAL:
-        return Diagnosis(model.name, None, method, f"not settled: ipopt ended with {ended}")
+    request = Request(time_limit=time_limit)
+    answer, needed = _relax(request, program, rows, columns, MOST)
+    termination = answer.termination
+    if termination is not Termination.LOCALLY_OPTIMAL:
+        return Diagnosis(model.name, None, method, f"not settled: ipopt ended with {termination}")
     if not needed:
         assert answer.point is not None
-        implied = _implied(general, np.asarray(answer.point)[: program.size])
+        implied = _violated_implications(general, np.asarray(answer.point)[: program.size])
         if implied:
-            summary = (
-                "no plan: what follows from the other conditions contradicts what is asked for"
-            )
+            summary = "no plan: a required value contradicts the value that other conditions imply"
             return Diagnosis(model.name, False, method, summary, implied)
-        return Diagnosis(
-            model.name, True, method, "a motion that keeps all limits exists: nothing to explain"
-        )
-    # What all of them together gave is near what one of them alone gives.
+        return Diagnosis(model.name, True, method, "a motion that satisfies all limits exists")
+    # The relaxation of all limits together is a good start for the relaxation of one.
     assert answer.point is not None
     program = replace(program, guess=np.asarray(answer.point)[: program.size])
-    alone: list[_Widening] = []
+    alone: list[_Relaxation] = []
     for number, block in enumerate([*rows, *columns]):
-        if whole.left() == 0.0:
+        if request.left() == 0.0:
             break
-        own = ([block], []) if number < len(rows) else ([], [block])
-        answer, found = _widen(whole, program, *own, ALONE)
+        blocks = ([block], []) if number < len(rows) else ([], [block])
+        answer, widenings = _relax(request, program, *blocks, ALONE)
         if answer.termination is Termination.LOCALLY_OPTIMAL:
-            alone += found
+            alone += widenings
     if alone:
-        summary = "no motion near the search keeps all limits; giving way in one of these would do:"
-        findings = tuple(one.finding for one in sorted(alone, key=lambda one: one.share))
-    else:
-        summary = (
-            "no motion near the search keeps all limits, and no one of them alone is at fault:"
+        summary = "no motion near the search satisfies all limits; relaxing one of these is enough:"
+        findings = tuple(
+            widening.finding for widening in sorted(alone, key=lambda widening: widening.share)
         )
-        findings = tuple(one.finding for one in sorted(needed, key=lambda one: -one.share))
+    else:
+        summary = "no motion near the search satisfies all limits, and relaxing one is not enough:"
+        findings = tuple(
+            widening.finding for widening in sorted(needed, key=lambda widening: -widening.share)
+        )
     return Diagnosis(model.name, False, method, summary, findings)
 
 
 @dataclass(frozen=True)
-class _Widening:
-    """By how much a limit gives: as a share of its typical size, and in words."""
+class _Relaxation:
+    """Relaxation of a limit: as a share of its typical size, and as a finding."""
 
     share: float
     finding: Finding
 
 
-def _widen(
+def _relax(
     whole: Request, program: NonlinearProgram, rows: list[Block], columns: list[Block], most: int
-) -> tuple[Answer, list[_Widening]]:
-    """Return how the search for the least widening ended, and the limits that give in it."""
-    made = elastic(program, rows, columns)
-    answer = whole.within(find_backend("ipopt"), made.program, options={"max_iter": most})
+) -> tuple[Answer, list[_Relaxation]]:
+    """Return the answer of the search for the smallest relaxation, and the relaxed limits."""
+    relaxed = elastic(program, rows, columns)
+    answer = whole.within(find_backend("ipopt"), relaxed.program, options={"max_iter": most})
     if answer.point is None:
         return answer, []
     slack = np.asarray(answer.point)[program.size :]
-    return answer, _gives(made, program, len(rows), slack)
+    return answer, _relaxations(relaxed, program, len(rows), slack)
 
 
-def _implied(model: OptimalControlProblem, point: Vector) -> tuple[Finding, ...]:
-    """Return the conditions that the program left out as implied, and that the motion does not meet."""
-    whole = model.formulate(
+def _violated_implications(model: OptimalControlProblem, point: Vector) -> tuple[Finding, ...]:
+    """Return the conditions that the program omitted as implied, and that the motion violates."""
+    program = model.formulate(
         "radau", intervals=INTERVALS, degree=DEGREE, refine=False, dependent="keep"
     ).program
-    found = []
-    for check in whole.verify(point, tolerance=MISSED).violated:
+    result = []
+    for check in program.verify(point, tolerance=MISSED).violated:
         unit = f" {check.unit}" if check.unit else ""
-        found.append(
+        result.append(
             Finding(
-                f"{check.name} at {check.where or 'its place'} is off by {check.worst:.4g}{unit}, and "
-                "nothing that is free moves it",
+                f"{check.name} at {check.where or 'its place'} is violated by {check.worst:.4g}{unit}, "
+                "and no free quantity changes it",
                 check.equation,
                 check.name,
                 {"block": check.name, "by": check.worst, "unit": check.unit},
             )
         )
-    return tuple(found)
+    return tuple(result)
 
 
-def _giving(
+def _relaxable_blocks(
     model: OptimalControlProblem, program: NonlinearProgram
 ) -> tuple[list[Block], list[Block]]:
-    """Return the blocks of rows and of columns whose limits may give.
+    """Return the blocks of rows and of columns whose limits may be relaxed.
 
-    Final values are columns in the middle of a state's block: each becomes a block of its own.
+    Final values are columns inside of a state's block; each becomes a block of its own.
     """
-    kept = ("dynamics of ", "definition of integral ", "time goes forward", "calm controls")
-    rows = [block for block in program.rows if not block.name.startswith(kept)]
+    fixed = ("dynamics of ", "definition of integral ", "time goes forward", "calm controls")
+    rows = [block for block in program.rows if not block.name.startswith(fixed)]
     columns: list[Block] = []
     states = {name for phase in model.definition.phases for name in phase.state_names}
     several = len(model.definition.phases) > 1
@@ -159,37 +169,39 @@ def _giving(
                 columns.append(last)
         elif bounded.any() and not block.name.startswith(("integral ", "start time")):
             columns.append(block)
-    # Times and ends first: they are what people ask about, and the time for the search may end.
+    # Times and final values first: they matter most, and the search may run out of time.
     first = ("end time", "final value")
     return rows, sorted(columns, key=lambda block: not block.name.startswith(first))
 
 
-def _gives(made: Elastic, program: NonlinearProgram, rows: int, slack: Vector) -> list[_Widening]:
-    """Return the limits whose slack is more than nothing."""
-    found = []
+def _relaxations(
+    relaxed: Elastic, program: NonlinearProgram, rows: int, slack: Vector
+) -> list[_Relaxation]:
+    """Return the limits with a positive slack."""
+    result = []
     for number in np.flatnonzero(slack > KEPT):
-        block, by = made.groups[number], float(slack[number] * made.scales[number])
+        block, amount = relaxed.groups[number], float(slack[number] * relaxed.scales[number])
         unit = f" {block.unit}" if block.unit else ""
         on_rows = number < rows
         low = (program.row_lower if on_rows else program.column_lower)[block.slice]
         high = (program.row_upper if on_rows else program.column_upper)[block.slice]
         finding = Finding(
-            f"{block.title}: {_limits(low, high)}{unit} would have to give by {by:.4g}{unit}",
+            f"{block.title}: {_limits(low, high)}{unit} would have to give by {amount:.4g}{unit}",
             block.equation,
             block.name,
-            {"block": block.name, "by": by, "unit": block.unit},
+            {"block": block.name, "by": amount, "unit": block.unit},
         )
-        found.append(_Widening(float(slack[number]), finding))
-    return found
+        result.append(_Relaxation(float(slack[number]), finding))
+    return result
 
 
 def _limits(low: Vector, high: Vector) -> str:
-    """Return the bounds of a block in words."""
-    least, most = float(low.min()), float(high.max())
-    if least == most:
-        return f"the value {least:g}"
-    if not np.isfinite(least):
-        return f"the limit {most:g}"
-    if not np.isfinite(most):
-        return f"the limit {least:g}"
-    return f"the limits {least:g} to {most:g}"
+    """Return the bounds of a block for messages."""
+    smallest, largest = float(low.min()), float(high.max())
+    if smallest == largest:
+        return f"the value {smallest:g}"
+    if not np.isfinite(smallest):
+        return f"the limit {largest:g}"
+    if not np.isfinite(largest):
+        return f"the limit {smallest:g}"
+    return f"the limits {smallest:g} to {largest:g}"

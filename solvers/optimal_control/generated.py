@@ -1,4 +1,4 @@
-"""The step of a prepared solver as C code that needs no library."""
+"""Step of a prepared solver as self-contained C code."""
 
 from __future__ import annotations
 
@@ -15,37 +15,46 @@ __all__ = ["step_function", "write_step"]
 
 
 def step_function(own: Parametric, solver: Any, name: str = "step") -> Any:
-    """Return a step as a function that CasADi evaluates, maps and writes as C.
+    """Return a step as a function that CasADi can evaluate, map and write as C.
 
-    Its arguments are the data by their names, then ``z``, ``lam_x`` and ``lam_g``: where the search
-    starts, in the solver's units, and multipliers (0 where none are known). Its results are ``u``, the
-    controls at the start of the first phase, ``objective``, ``violation`` (the largest of a scaled row)
-    and ``z``, ``lam_x``, ``lam_g`` for the next step; their names end in ``_out``.
+    The arguments are the data by their names, then the start ``z`` in the solver's units and the
+    multipliers ``lam_x`` and ``lam_g`` (0 if unknown). The results are ``u``, the controls at the start
+    of the first phase, ``objective``, ``violation`` (the largest of a scaled row), and ``z``, ``lam_x``,
+    ``lam_g`` for the next step, whose names end in ``_out``.
+
+    Parameters
+    ----------
+    own : Parametric
+        Program.
+    solver : casadi.Function
+        Solver of the program.
+    name : str
+        Name of the function.
     """
     import casadi
 
-    data = {key: casadi.MX.sym(key, one.size) for key, one in own.data.items()}
+    data = {key: casadi.MX.sym(key, quantity.size) for key, quantity in own.data.items()}
     state = {
         key: casadi.MX.sym(key, size)
         for key, size in (("z", own.free.size), ("lam_x", own.free.size), ("lam_g", own.rows.size))
     }
     bounds = {key: casadi.DM(value) for key, value in own.bounds.items()}
     p = casadi.vertcat(*data.values())
-    found = solver(x0=state["z"], lam_x0=state["lam_x"], lam_g0=state["lam_g"], p=p, **bounds)
-    at, weights, lower, upper = own.at_begin
-    beyond = casadi.fmax(bounds["lbg"] - found["g"], found["g"] - bounds["ubg"])
-    columns = own.stacked(found["x"], p) * casadi.DM(own.program.column_scale)
+    solution = solver(x0=state["z"], lam_x0=state["lam_x"], lam_g0=state["lam_g"], p=p, **bounds)
+    columns_at, weights, lower, upper = own.at_begin
+    violations = casadi.fmax(bounds["lbg"] - solution["g"], solution["g"] - bounds["ubg"])
+    columns = own.stacked(solution["x"], p) * casadi.DM(own.program.column_scale)
     first = [
         casadi.fmin(casadi.fmax(casadi.dot(columns[row], weights), low), high)
-        for row, low, high in zip(at.tolist(), lower, upper, strict=True)
+        for row, low, high in zip(columns_at.tolist(), lower, upper, strict=True)
     ]
     results = {
         "u": casadi.vertcat(*first, casadi.MX(0, 1)),
-        "objective": found["f"] * own.program.objective_scale,
-        "violation": casadi.mmax(casadi.fmax(beyond, 0.0)),
-        "z_out": found["x"],
-        "lam_x_out": found["lam_x"],
-        "lam_g_out": found["lam_g"],
+        "objective": solution["f"] * own.program.objective_scale,
+        "violation": casadi.mmax(casadi.fmax(violations, 0.0)),
+        "z_out": solution["x"],
+        "lam_x_out": solution["lam_x"],
+        "lam_g_out": solution["lam_g"],
     }
     return casadi.Function(
         name, [*data.values(), *state.values()], [*results.values()], [*data, *state], [*results]
@@ -53,14 +62,23 @@ def step_function(own: Parametric, solver: Any, name: str = "step") -> Any:
 
 
 def write_step(own: Parametric, solver: Any, path: str | os.PathLike[str]) -> Path:
-    """Write C code of :func:`step_function`, named as the file is, with CasADi's C interface.
+    """Write the C code of :func:`step_function`, named after the file, with CasADi's C interface.
+
+    Parameters
+    ----------
+    own : Parametric
+        Program.
+    solver : casadi.Function
+        Solver of the program.
+    path : path-like
+        File to write, which ends in ``.c``.
 
     Raises
     ------
     UnsupportedFormulation
-        The problem holds a function that has no C code, such as a callback.
+        The problem contains a function without C code, such as a callback.
     InvalidData
-        The file cannot be written, or its name is none that a function in C can have.
+        The file cannot be written, or its name is not a valid name of a C function.
     """
     import casadi
 

@@ -1,8 +1,8 @@
-"""An optimal control problem built once on a fixed mesh, and solved again and again for other data.
+"""Optimal control problems built once on a fixed mesh and solved repeatedly for other data.
 
-What :func:`crosstrack.solve` does around a solver (drawing starts, refining, verifying, naming) costs
-many times the solve of a small problem. Here it is done once or on demand: a step is a call of CasADi's
-``nlpsol``.
+:func:`crosstrack.solve` draws starts, refines, verifies and names its results. For a small problem this
+takes many times the time of the solver. Here it is done once or on request, and a step is one call of
+CasADi's ``nlpsol``.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ __all__ = ["PreparedSolver", "Step", "prepare"]
 
 Floats = NDArray[np.float64]
 
-#: Ipopt's barrier parameter at a warm start, and how far a warm start is moved off its bounds.
+#: Ipopt's barrier parameter at a warm start, and the distance of a warm start from its bounds.
 NEAR = 1e-8
 _WARM_IPOPT = {
     "warm_start_init_point": "yes",
@@ -64,24 +64,25 @@ _WARM_IPOPT = {
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Step(Point):
-    """How one solve of a :class:`PreparedSolver` ended; what costs time is computed when asked for.
+    """Result of one solve of a :class:`PreparedSolver`; expensive attributes are computed at first use.
 
     Attributes
     ----------
     ok : bool
-        Whether the solver calls its point a local optimum, and the rows hold there.
+        Whether the solver reports a local optimum, and the rows hold there.
     status : str
-        The solver's own word.
+        Status reported by the solver.
     objective : float
         Objective of the program at the point.
     seconds : float
-        Wall time of the step.
+        Wall-clock time of the step.
     iterations : int
-        Of the solver, a second attempt included.
+        Iterations of the solver, including those of a second attempt.
     violation : float
         Largest violation of a scaled row of the program.
     warm : bool
-        Whether the point was reached from an earlier step; a start that fails is tried again cold.
+        Whether the point was reached from an earlier step. A failed warm start is repeated from the
+        guess.
     """
 
     ok: bool
@@ -101,39 +102,57 @@ class Step(Point):
     def sensitivity(self, name: str) -> Sensitivity:
         """Return the derivatives of the solution with respect to the data `name`.
 
+        Parameters
+        ----------
+        name : str
+            Name of the data.
+
+        Returns
+        -------
+        Sensitivity
+            The derivatives.
+
         Raises
         ------
         InvalidData
             The problem has no such data.
         NoDerivative
-            The step failed, or its solution is not a differentiable function of the data: constraints
-            that hold without a multiplier, that depend on one another, or no curvature.
+            The step failed, or its solution is not a differentiable function of the data: an active
+            constraint has no multiplier, active constraints are dependent, or the curvature vanishes.
         """
         if not self.ok:
             raise NoDerivative(f"the step failed: {self.status}")
         return differentiate(self, name)
 
     def verification(self, tolerance: float = TOLERANCE) -> Verification:
-        """Return the independent verification of the plan, as :func:`crosstrack.verify` makes it."""
+        """Return the independent verification of the plan, see :func:`crosstrack.verify`.
+
+        Parameters
+        ----------
+        tolerance : float
+            Largest accepted violation, relative to the scale of each check.
+        """
         return self.problem.verify(self.plan, tolerance=tolerance)
 
 
 class PreparedSolver:
-    """A problem on a fixed mesh that is solved at other data by a call; made by :func:`prepare`.
+    """Problem on a fixed mesh that is solved for other data by a call; created by :func:`prepare`.
 
     Parameters
     ----------
     formulation : Transcription
-        The problem on its mesh.
+        Problem on its mesh.
     backend : CasadiNlp
-        Whose plugin solves it.
+        Backend whose plugin solves it.
     request : Request
-        The tolerance and the backend's options.
+        Tolerance and options of the backend.
 
     Attributes
     ----------
     posed : Parametric
-        The program in its free columns.
+        Program in its free columns.
+    solver : casadi.Function
+        CasADi's ``nlpsol`` in the scaled free columns, with the data as p.
     """
 
     def __init__(self, formulation: Transcription, backend: CasadiNlp, request: Request) -> None:
@@ -141,58 +160,67 @@ class PreparedSolver:
         self.posed = Parametric(formulation)
         backend.load(request)
         self._last: Step | None = None
-        #: CasADi's ``nlpsol`` in the free columns, scaled, with the data as p; and for warm starts.
-        self.solver = self._made({})
-        self._warm = self._made(_WARM_IPOPT) if backend.plugin == "ipopt" else self.solver
+        #: CasADi's ``nlpsol`` in the scaled free columns, with the data as p.
+        self.solver = self._make_solver({})
+        self._warm = self._make_solver(_WARM_IPOPT) if backend.plugin == "ipopt" else self.solver
 
     def __repr__(self) -> str:
-        own = self.posed
-        data = ", ".join(f"{name} ({one.size})" for name, one in own.data.items()) or "none"
+        posed = self.posed
+        data = (
+            ", ".join(f"{name} ({quantity.size})" for name, quantity in posed.data.items())
+            or "none"
+        )
         return (
-            f"<PreparedSolver {own.model.name!r}: {self.backend.name} on {own.formulation.name}, "
-            f"{own.free.size} columns, {own.rows.size} rows, data: {data}>"
+            f"<PreparedSolver {posed.model.name!r}: {self.backend.name} on {posed.formulation.name}, "
+            f"{posed.free.size} columns, {posed.rows.size} rows, data: {data}>"
         )
 
     @property
     def data(self) -> dict[str, Floats]:
-        """The data that count where a call gives none."""
+        """Values of the data that a call uses by default."""
         return self.posed.named(self.posed.declared)
 
     def __call__(self, *, warm: bool | Step | ControlPlan = False, **data: Any) -> Step:
-        """Solve at `data`.
+        """Solve the problem for the given data.
 
         Parameters
         ----------
         warm : bool, Step or ControlPlan
-            Start from the last step that succeeded (from the guess where there is none), from
-            another step of this solver, or from the states and controls of a plan. A solver that
-            fails from there starts again from the guess. By default the search starts from the guess.
+            True starts from the last successful step, or from the guess if there was none. A step of
+            this solver, or the states and controls of a plan, can be given instead. A search that fails
+            is repeated from the guess. By default the search starts from the guess.
         **data : array_like
-            Values of data by name; what is not named has its declared value.
+            Values of data by name; others have their declared values.
+
+        Returns
+        -------
+        Step
+            The result, which may have failed.
 
         Raises
         ------
         InvalidData
-            A name is no data of the problem, or a value has another size or is not finite.
+            A name is not data of the problem, a value has another size or is not finite, or `warm` is
+            not a step of this solver.
         """
         begin = time.perf_counter()
         p = self.posed.values(data)
         start, multipliers = self._start(warm)
-        found = self._solved(p, start, multipliers)
-        spent = found["iterations"]
-        again = not found["ok"] and start is not self.posed.guess
-        if again:
-            found = self._solved(p, self.posed.guess, None)
+        result = self._solve_once(p, start, multipliers)
+        previous_iterations = result["iterations"]
+        repeated = not result["ok"] and start is not self.posed.guess
+        if repeated:
+            result = self._solve_once(p, self.posed.guess, None)
         step = Step(
-            self.posed, p, **{**found, "iterations": found["iterations"] + again * spent},
-            seconds=time.perf_counter() - begin, warm=start is not self.posed.guess and not again,
+            self.posed, p, **{**result, "iterations": result["iterations"] + repeated * previous_iterations},
+            seconds=time.perf_counter() - begin, warm=start is not self.posed.guess and not repeated,
         )  # fmt: skip
         if step.ok:
             self._last = step
         return step
 
     def _start(self, warm: Any) -> tuple[Floats, tuple[Floats, Floats] | None]:
-        """Return z to start from, and multipliers where they are known."""
+        """Return the start z, and its multipliers if known."""
         if warm is True:
             warm = self._last
         if warm is None or warm is False:
@@ -205,31 +233,31 @@ class PreparedSolver:
             raise InvalidData(
                 f"warm must be true or false, a step or a plan, got {show(warm)}", field="warm"
             )
-        known = {**warm.parameters, **self.data}
-        whole = ControlPlan(warm.phases, known)
-        return self.posed.start(self.posed.formulation.encode(whole)), None
+        parameters = {**warm.parameters, **self.data}
+        plan = ControlPlan(warm.phases, parameters)
+        return self.posed.start(self.posed.formulation.encode(plan)), None
 
-    def _solved(
+    def _solve_once(
         self, p: Floats, start: Floats, multipliers: tuple[Floats, Floats] | None
     ) -> dict[str, Any]:
-        """Let the solver search once."""
+        """Run the solver once and return the fields of a step."""
         solver = self.solver if multipliers is None else self._warm
-        first = {} if multipliers is None else dict(
+        start_multipliers = {} if multipliers is None else dict(
             zip(("lam_x0", "lam_g0"), multipliers, strict=True)
         )  # fmt: skip
         status, success, count = "", False, 0
         try:
-            found = solver(x0=start, p=p, **self.posed.bounds, **first)
+            solution = solver(x0=start, p=p, **self.posed.bounds, **start_multipliers)
         except RuntimeError as error:
             status, nan = last_line(error), np.full(start.size, np.nan)
             rows = np.full(self.posed.rows.size, np.nan)
-            found = {"x": nan, "lam_x": nan, "lam_g": rows}
+            solution = {"x": nan, "lam_x": nan, "lam_g": rows}
         else:
             stats = solver.stats()
             status = status_of(stats)
             success = self.backend.ended(stats)[0] is Ended.PROVEN
             count = max(int(stats.get("iter_count", 0)), 0)
-        z = vector(found["x"])
+        z = vector(solution["x"])
         f, g = self.posed.value(z, p)
         violation = self.posed.breach(vector(g), p)
         ok = success and violation <= self.request.tolerance
@@ -242,34 +270,43 @@ class PreparedSolver:
             "iterations": count,
             "violation": violation,
             "z": z,
-            "multipliers": (vector(found["lam_x"]), vector(found["lam_g"])),
+            "multipliers": (vector(solution["lam_x"]), vector(solution["lam_g"])),
         }
 
     def generate(self, path: str | os.PathLike[str]) -> Path:
-        """Write the step as C code that needs no library, a function named as the file is.
+        """Write the step as self-contained C code, with a function named after the file.
 
-        It takes the data by name, then ``z``, ``lam_x`` and ``lam_g`` to start from, and returns ``u``,
-        the first controls, ``objective``, ``violation`` and what the next step starts from; the file's
-        second function, whose name ends in ``_start``, returns the guess. Only for the backend
-        ``"sqpmethod"`` on ``"qrqp"``.
+        The function takes the data by name and the start ``z``, ``lam_x`` and ``lam_g``. It returns
+        ``u``, the first controls, ``objective``, ``violation`` and the start of the next step. A second
+        function, whose name ends in ``_start``, returns the guess. Only backend ``"sqpmethod"`` with
+        ``"qrqp"`` is supported.
+
+        Parameters
+        ----------
+        path : path-like
+            File to write, which ends in ``.c``.
 
         Raises
         ------
-        UnsupportedOption, UnsupportedFormulation, InvalidData
-            Another backend; a function without C code; a file that cannot be written.
+        UnsupportedOption
+            The backend is another one.
+        UnsupportedFormulation
+            A function has no C code.
+        InvalidData
+            The file cannot be written.
         """
         options = self.request.options
         if self.backend.plugin != "sqpmethod" or options["qp"] != "qrqp":
             raise UnsupportedOption(
-                "C code that needs no library is to be had of backend 'sqpmethod' with its option "
-                f"qp='qrqp', got {self.backend.name!r}"
+                "self-contained C code needs backend 'sqpmethod' with its option qp='qrqp', "
+                f"got {self.backend.name!r}"
             )
         return write_step(self.posed, self.solver, path)
 
     # -- solvers ---------------------------------------------------------------------------------
 
-    def _made(self, more: Mapping[str, Any]) -> Any:
-        """Return ``nlpsol`` with the options of the backend and `more` of the plugin's own."""
+    def _make_solver(self, more: Mapping[str, Any]) -> Any:
+        """Return ``nlpsol`` with the options of the backend and `more` options of the plugin."""
         import casadi
 
         backend, posed = self.backend, self.posed
@@ -277,13 +314,13 @@ class PreparedSolver:
             "error_on_fail": False,
             "print_time": False,
             "show_eval_warnings": False,
-            **{name: getattr(posed, one) for name, one in backend.given.items()},
+            **{name: getattr(posed, attribute) for name, attribute in backend.given.items()},
             **backend.settings(posed.program, self.request),
         }
         limit = self.request.time_limit
         if limit is not None:
             more = {**more, backend.limit_option: limit}
-        # Some plugins take options of their own beside CasADi's.
+        # Some plugins have options in addition to CasADi's.
         options.get(backend.plugin, options).update(more)
         call: Any = casadi
         try:
@@ -306,43 +343,43 @@ def prepare(
     backend_options: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> PreparedSolver:
-    """Build an optimal control problem on a fixed mesh once, to solve it at other data by a call.
+    """Build an optimal control problem on a fixed mesh once, to solve it for other data by a call.
 
-    For model-predictive control and for studies: the mesh is not refined, and plans are verified on
-    demand only (``step.verification()``).
+    It serves model-predictive control and parameter studies. The mesh is not refined, and plans are
+    verified only on request (``step.verification()``).
 
     Parameters
     ----------
     problem : OptimalControlProblem
-        The problem, with data declared by ``ocp.data(…)``.
+        Problem with data declared by ``ocp.data(…)``.
     backend : str
-        A backend over CasADi: ``"ipopt"``, ``"sqpmethod"`` …; see :func:`crosstrack.backends`.
+        Backend that uses CasADi: ``"ipopt"``, ``"sqpmethod"`` …; see :func:`crosstrack.backends`.
     formulation : str, optional
-        Name of the transcription; the problem's default one.
+        Name of the transcription; by default that of the problem.
     mesh : Solution, ControlPlan, Mesh or sequence of float, optional
-        Where the phases are cut, as fractions from 0 to 1. A solution or plan gives its own mesh,
+        Ends of the intervals, as fractions from 0 to 1. A solution or plan provides its own mesh,
         such as a refined one, and the guess.
     tolerance : float
-        Largest violation of a scaled row, and what the backend is asked for.
+        Largest violation of a scaled row, and tolerance of the backend.
     time_limit : float, optional
-        Seconds that a search may take at most, for backends that know a limit; a step that is tried
-        again may take twice as long.
+        Time limit of a search in seconds, for backends that support it. A step that is repeated may
+        take twice as long.
     backend_options : mapping, optional
-        The backend's own options.
+        Options of the backend.
     **options
         Options of the transcription: `intervals`, `degree` …
 
     Returns
     -------
     PreparedSolver
-        ``solver(x0=…, warm=True)`` returns a :class:`Step`.
+        Solver; ``solver(x0=…, warm=True)`` returns a :class:`Step`.
 
     Raises
     ------
     UnsupportedFormulation
-        The problem is no optimal control problem.
+        The problem is not an optimal control problem.
     UnknownName, UnsupportedOption, BackendMissing, BackendBroken, InvalidData
-        Something asked for is not to be had.
+        A name, option, package or value is not available or not allowed.
 
     Examples
     --------
@@ -359,21 +396,21 @@ def prepare(
     >>> first.ok, second.ok, second.objective < first.objective
     (True, True, True)
     """
-    asked = model = as_model(problem)
+    original = model = as_model(problem)
     while not isinstance(model, OptimalControlProblem):
         lowered = model.lower()
         if lowered is None:
             raise UnsupportedFormulation(
-                f"prepare takes optimal control problems, got model {asked.kind!r}"
+                f"prepare takes optimal control problems, got model {original.kind!r}"
             )
         model = lowered
-    found = find_backend(backend)
-    if not isinstance(found, CasadiNlp):
+    chosen_backend = find_backend(backend)
+    if not isinstance(chosen_backend, CasadiNlp):
         raise UnsupportedOption(
             f"prepare takes backends over CasADi's nlpsol, such as 'ipopt' and 'sqpmethod', "
             f"got {show(backend)}"
         )
-    found.require()
+    chosen_backend.require()
     tolerance = Real(0.0, 1.0, strict=True).coerce("tolerance", tolerance, {})
     plan = getattr(mesh, "plan", mesh)
     if isinstance(plan, ControlPlan):
@@ -385,9 +422,11 @@ def prepare(
     written = model.formulate(formulation, refine=False, **options)
     if isinstance(plan, ControlPlan):
         written = written.fitted(plan).guessed(plan)
-    own = found.checked_options(dict(backend_options or {}))
+    checked_options = chosen_backend.checked_options(dict(backend_options or {}))
     limit = Optional(Real(0.0, strict=True)).coerce("time_limit", time_limit, {})
-    if limit is not None and not found.limit_option:
-        raise UnsupportedOption(f"backend {found.name!r} knows no time_limit")
-    request = Request(tolerance=tolerance * written.precision, time_limit=limit, options=own)
-    return PreparedSolver(written, found, request)
+    if limit is not None and not chosen_backend.limit_option:
+        raise UnsupportedOption(f"backend {chosen_backend.name!r} knows no time_limit")
+    request = Request(
+        tolerance=tolerance * written.precision, time_limit=limit, options=checked_options
+    )
+    return PreparedSolver(written, chosen_backend, request)

@@ -1,4 +1,4 @@
-"""Native algorithms for the slew of a satellite: the steering laws of the field, as heuristics."""
+"""Native heuristics for the slew of a satellite: the field's steering laws."""
 
 BACKENDS = {
     "slew-pseudo-inverse": ".eigenaxis:PseudoInverseSteering",

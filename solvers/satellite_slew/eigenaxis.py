@@ -1,8 +1,8 @@
 """``slew-pseudo-inverse``, ``slew-singularity-robust`` and ``slew-generalised``: an eigenaxis slew.
 
-One rotation about one axis, its rate going up, along and down, flown by a steering law: what is
-done without optimal control. A plan comes back whether or not the gyros stayed away from
-singularities; verification says so.
+A rotation about one axis with a trapezoidal rate, simulated with a steering law: the practice without
+optimal control. A plan is returned even if the gyros come near a singularity; the verification reports
+the violation.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from .steering import GeneralisedInverse, PseudoInverse, RobustInverse, Steering
 
 __all__ = ["Generalised", "PseudoInverseSteering", "SingularityRobust"]
 
-#: Peak rates that are tried, by the rate limit, from the fastest on; how much slower than the best
-#: a turn is when the scan ends, and how many peak rates around the best are tried after it.
+#: Trial peak rates as shares of the rate limit, fastest first; ratio to the best duration at which the
+#: scan ends; and number of further peak rates around the best one.
 SHARES = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.25, 0.12, 0.05)
 WORSE, REFINEMENTS = 1.1, 5
-#: Attempts to find the acceleration at which the actuators' limits are just kept.
+#: Number of attempts to find the acceleration at which the actuators reach their limits.
 ATTEMPTS = 8
-#: What is gained by a further attempt at the least, relative.
+#: Smallest relative gain of a further attempt.
 NEAR = 1.01
-#: The part of the actuators' limits that the search aims at, lest rounding exceed them.
+#: Share of the actuators' limits at which the search aims, so that rounding does not exceed them.
 AIM = 0.999
-#: How far the rates may exceed their limits in the coarse flights of the search, relative: gimbal
-#: rates are cut off at theirs.
+#: Accepted relative excess over the limits in the coarse flights of the search: for rates, and for
+#: gimbal rates, which saturate.
 SLACK, CUT = 1e-6, 2e-3
-#: A load that is none: the satellite need not move.
+#: Load below which the satellite does not have to move.
 STILL = 1e-9
 #: Steps of the search and of the plan, s.
 COARSE, FINE = 0.2, 0.05
-#: Part of the tolerance that the end of the plan may use up.
+#: Share of the tolerance for the error at the end of the plan.
 END = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
-    """A turn that was flown, and whether it kept all limits."""
+class _Trial:
+    """Simulated rotation, and whether it satisfied all limits."""
 
     loop: ClosedLoop
     flight: Flight
@@ -53,16 +53,17 @@ class _Found:
 
     @property
     def duration(self) -> float:
-        """How long the turn lasts, s."""
+        """Duration of the rotation, s."""
         return self.loop.profile.duration
 
 
 class EigenaxisSteering(Backend):
-    """Base of the steering laws on an eigenaxis bang-coast-bang turn.
+    """Base of the steering laws on an eigenaxis bang-coast-bang rotation.
 
-    The peak rate is the highest at which the gyros keep away from singularities, unless it is
-    given; the acceleration the highest that their rates and the torque limit allow. After the turn
-    feedback and null motion settle what is left, so the plan ends where it should.
+    The peak rate is the highest one at which the gyros avoid singularities, unless it is given. The
+    acceleration is the highest one that the limits of gimbal rates and torque allow. After the
+    rotation, feedback and null motion remove the remaining error, so that the plan ends at the
+    target.
     """
 
     accepts = SatelliteSlew
@@ -74,53 +75,53 @@ class EigenaxisSteering(Backend):
         "peak_rate": Option(
             None,
             "Highest rate of the turn by the rate limit; by default the highest that keeps the "
-            "gyros from singularities. One that is given is flown as it is.",
+            "gyros from singularities. A given value is used unchanged.",
             float, lower=1e-3, upper=1.0,
         ),
         "acceleration": Option(
             1.0,
             "Highest acceleration of the turn, by what the torque limit allows; with a peak_rate it "
-            "is flown as it is.",
+            "is used unchanged.",
             float, lower=1e-6, upper=1.0,
         ),
     }  # fmt: skip
 
-    #: The steering law, made of the backend's further options in their order.
+    #: Steering law, created from the backend's further options in their order.
     law: ClassVar[type[SteeringLaw]]
 
     def run(self, problem: SatelliteSlew, request: Request) -> Answer:
-        """Search for the fastest turn, fly it, and return its plan."""
+        """Return the plan of the fastest rotation that satisfies the limits."""
         begin = clock()
-        own = [name for name in self.options if name not in EigenaxisSteering.options]
-        law = self.law(*(request.options[name] for name in own))
+        own_options = [name for name in self.options if name not in EigenaxisSteering.options]
+        law = self.law(*(request.options[name] for name in own_options))
         search = _Search(problem, law, request)
-        given = request.options["peak_rate"]
-        found = search.fastest() if given is None else search.flown(given, search.most, 0.0)
+        peak_rate = request.options["peak_rate"]
+        trial = search.fastest() if peak_rate is None else search.flown(peak_rate, search.most, 0.0)
         statistics: dict[str, float | int | str] = {"flights": search.flights}
-        if found is None:
+        if trial is None:
             limit = request.control.reason or Limit.INTERRUPTED
             return Answer(
                 Termination.NO_SOLUTION, limit,
                 seconds={"solve": clock() - begin}, statistics=statistics,
                 message="the search was stopped",
             )  # fmt: skip
-        flight = found.loop.fly(search.latest, FINE)
+        flight = trial.loop.fly(search.latest, FINE)
         plan = flight.plan(problem.planned_gimbal_rate)
         statistics |= {
-            "peak rate, rad/s": found.loop.profile.reached,
-            "acceleration, rad/s²": found.loop.profile.acceleration,
-            "end of the turn, s": found.loop.profile.duration,
+            "peak rate, rad/s": trial.loop.profile.reached,
+            "acceleration, rad/s²": trial.loop.profile.acceleration,
+            "end of the turn, s": trial.loop.profile.duration,
             "final time, s": flight.knots[-1],
             "least singularity measure": flight.measure,
         }
         return Answer(
             Termination.FEASIBLE, None, plan,
             seconds={"solve": clock() - begin}, statistics=statistics,
-            message=_message(problem, found.kept, flight),
+            message=_message(problem, trial.kept, flight),
         )  # fmt: skip
 
 
-def _message(problem: SatelliteSlew, kept: bool, flight: Flight) -> str:
+def _message(problem: SatelliteSlew, is_feasible: bool, flight: Flight) -> str:
     if not flight.settled:
         return "the satellite has not settled within the time range"
     if flight.measure < problem.singularity_limit:
@@ -128,7 +129,7 @@ def _message(problem: SatelliteSlew, kept: bool, flight: Flight) -> str:
             f"the gyros come as near to a singularity as det(A A') = {flight.measure:.3g}, below "
             f"{problem.singularity_limit:g}"
         )
-    return "" if kept else "the limits of rate or torque were not kept in the search"
+    return "" if is_feasible else "the limits of rate or torque were not kept in the search"
 
 
 def _farthest(places: list[float], centre: float) -> float:
@@ -136,14 +137,14 @@ def _farthest(places: list[float], centre: float) -> float:
 
 
 class _Search:
-    """The search for the fastest turn that keeps the limits."""
+    """Search for the fastest rotation that satisfies the limits."""
 
     def __init__(self, model: SatelliteSlew, law: SteeringLaw, request: Request) -> None:
         self.model, self.law, self.request = model, law, request
         self.latest = float(model.time_range[1])
         self.axis, self.angle = model.turn
         self.flights = 0
-        #: The highest acceleration of the turn, rad/s².
+        #: Highest acceleration of the rotation, rad/s².
         self.most = (
             AIM
             * request.options["acceleration"]
@@ -151,67 +152,67 @@ class _Search:
             / float(model.magnitudes(model.inertia @ self.axis).max())
         )
 
-    def fastest(self) -> _Found | None:
-        """Return the fastest turn that keeps all limits, or the slowest tried where none does.
+    def fastest(self) -> _Trial | None:
+        """Return the fastest rotation within all limits, or the slowest trial if there is none.
 
-        A higher peak rate leaves less acceleration, so the best is somewhere in between.
+        A higher peak rate leaves less acceleration, so the optimum is an intermediate rate.
         """
-        tried: dict[float, _Found] = {}
+        trials: dict[float, _Trial] = {}
         for share in SHARES:
-            found = self.at(share)
-            if found is None:
+            trial = self.at(share)
+            if trial is None:
                 return None
-            tried[share] = found
-            best = self._best(tried)
-            if best is not None and found.kept and found.duration > WORSE * tried[best].duration:
+            trials[share] = trial
+            best = self._best(trials)
+            if best is not None and trial.kept and trial.duration > WORSE * trials[best].duration:
                 break
-        best = self._best(tried)
+        best = self._best(trials)
         if best is None:
-            return tried[min(tried)]
+            return trials[min(trials)]
         for _ in range(REFINEMENTS):
-            shares = sorted(tried)
+            shares = sorted(trials)
             place = shares.index(best)
             beside = [shares[k] for k in (place - 1, place + 1) if 0 <= k < len(shares)]
             share = 0.5 * (best + _farthest(beside, best))
-            found = self.at(share)
-            if found is None:
+            trial = self.at(share)
+            if trial is None:
                 return None
-            tried[share] = found
-            best = self._best(tried) or best
-        return tried[best]
+            trials[share] = trial
+            best = self._best(trials) or best
+        return trials[best]
 
     @staticmethod
-    def _best(tried: Mapping[float, _Found]) -> float | None:
-        kept = [share for share, found in tried.items() if found.kept]
-        return min(kept, key=lambda share: tried[share].duration, default=None)
+    def _best(tried: Mapping[float, _Trial]) -> float | None:
+        feasible = [share for share, trial in tried.items() if trial.kept]
+        return min(feasible, key=lambda share: tried[share].duration, default=None)
 
-    def at(self, share: float) -> _Found | None:
-        """Return the turn with a peak rate of `share` of the limit, as fast as the actuators allow."""
-        top, push, too_hard = self.most, self.most, np.inf
-        best: _Found | None = None
+    def at(self, share: float) -> _Trial | None:
+        """Return the rotation with the peak rate `share` of the limit and the highest acceleration."""
+        limit, push, too_hard = self.most, self.most, np.inf
+        best: _Trial | None = None
         for _ in range(ATTEMPTS):
             if self.request.control.stopped:
                 return None
-            found = self.flown(share, push, self.model.singularity_limit)
-            load = found.flight.load
-            if found.kept:
-                best = found
+            trial = self.flown(share, push, self.model.singularity_limit)
+            load = trial.flight.load
+            if trial.kept:
+                best = trial
             elif load > 1.0:
                 too_hard = push
             else:
-                return best or found  # not the acceleration is what is wrong
-            # The load grows with the acceleration, and in proportion as long as nothing saturates.
-            wanted = push * AIM / max(load, STILL)
-            if best is not None and (wanted < push * NEAR or push >= top):
+                return best or trial  # the acceleration is not the cause of the violation
+            # The load grows with the acceleration, proportionally as long as nothing saturates.
+            proposed = push * AIM / max(load, STILL)
+            if best is not None and (proposed < push * NEAR or push >= limit):
                 return best
             low = best.loop.profile.acceleration if best is not None else 0.0
-            push = min(wanted if low < wanted < too_hard else 0.5 * (low + too_hard), top)
-        return best or found
+            push = min(proposed if low < proposed < too_hard else 0.5 * (low + too_hard), limit)
+        return best or trial
 
-    def flown(self, share: float, push: float, least: float) -> _Found:
-        """Fly a turn coarsely, and say whether all limits were kept.
+    def flown(self, share: float, push: float, least: float) -> _Trial:
+        """Simulate a rotation coarsely, and check all limits.
 
-        It is broken off where the measure of singularity falls below `least`.
+        The flight is aborted if the singularity measure falls below `least`.
         """
         self.flights += 1
         model = self.model
@@ -226,11 +227,11 @@ class _Search:
             and flight.gimbal_rate <= 1.0 + CUT
             and flight.rate <= 1.0 + SLACK
         )
-        return _Found(loop, flight, kept)
+        return _Trial(loop, flight, kept)
 
 
 class PseudoInverseSteering(EigenaxisSteering):
-    """The pseudo-inverse of Moore and Penrose on an eigenaxis turn."""
+    """Moore-Penrose pseudo-inverse on an eigenaxis rotation."""
 
     name = "slew-pseudo-inverse"
     summary = "eigenaxis turn, gyros steered by the pseudo-inverse; ours"
@@ -245,7 +246,7 @@ _DAMPED: Mapping[str, Option] = {
 
 
 class SingularityRobust(EigenaxisSteering):
-    """The singularity-robust inverse on an eigenaxis turn."""
+    """Singularity-robust inverse on an eigenaxis rotation."""
 
     name = "slew-singularity-robust"
     options: ClassVar[Mapping[str, Option]] = _DAMPED
@@ -254,7 +255,7 @@ class SingularityRobust(EigenaxisSteering):
 
 
 class Generalised(EigenaxisSteering):
-    """The generalised singularity-robust inverse on an eigenaxis turn."""
+    """Generalised singularity-robust inverse on an eigenaxis rotation."""
 
     name = "slew-generalised"
     options: ClassVar[Mapping[str, Option]] = {

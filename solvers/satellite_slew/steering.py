@@ -1,18 +1,18 @@
-"""Steering laws: gimbal rates for a torque that is asked for.
+"""Steering laws: gimbal rates for a commanded torque.
 
-All solve A δ̇ = y, with the Jacobian A of the pyramid and y = -T_c / h0, in one form,
+All laws solve A δ̇ = y, with the Jacobian A of the pyramid and y = -T_c / h0, in one form,
 
     δ̇ = Aᵀ (A Aᵀ + λ E)⁻¹ y,
 
-and differ in λ and E. λ = 0 is the pseudo-inverse of Moore and Penrose: exact, and without bound
-near a singularity. The singularity-robust inverse has E = 1 and λ = λ0 exp(-μ det(A Aᵀ)), and gives
-bounded rates for a torque that is a little wrong (Nakamura and Hanafusa, "Inverse kinematic
+and differ in λ and E. λ = 0 is the Moore-Penrose pseudo-inverse: exact, and unbounded near a
+singularity. The singularity-robust inverse has E = 1 and λ = λ0 exp(-μ det(A Aᵀ)), and gives
+bounded rates for a slightly different torque (Nakamura and Hanafusa, "Inverse kinematic
 solutions with singularity robustness for robot manipulator control", Journal of Dynamic Systems,
 Measurement, and Control 108, 1986; Bedrossian, Paradiso, Bergmann and Rowell, Journal of Guidance,
-Control, and Dynamics 13(6), 1990). The generalised one has entries off the diagonal of E that
-oscillate, so that no torque is locked out (Wie, Bailey and Heiberg, "Singularity robust steering
-logic for redundant single-gimbal control moment gyros", Journal of Guidance, Control, and Dynamics
-24(5), 2001).
+Control, and Dynamics 13(6), 1990). The generalised inverse has oscillating off-diagonal entries of
+E, so that no torque is locked out (Wie, Bailey and Heiberg, "Singularity robust steering logic for
+redundant single-gimbal control moment gyros", Journal of Guidance, Control, and Dynamics 24(5),
+2001).
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ __all__ = ["GeneralisedInverse", "PseudoInverse", "RobustInverse", "SteeringLaw"
 
 Floats = NDArray[np.float64]
 
-#: What is added to A Aᵀ where it cannot be inverted, relative to its size.
+#: Addition to A Aᵀ that makes it invertible, relative to its size.
 LEAST = 1e-12
 
 
 class SteeringLaw(ABC):
-    """Gimbal rates for a torque."""
+    """Mapping from a torque to gimbal rates."""
 
     @abstractmethod
     def damping(self, t: float, square: Floats) -> Floats:
@@ -41,15 +41,15 @@ class SteeringLaw(ABC):
     def rates(self, t: float, jacobian: Floats, wanted: Floats) -> Floats:
         """Return δ̇, shape (4,), for A of shape (3, 4) and y of shape (3,)."""
         square = jacobian @ jacobian.T
-        found: Floats = jacobian.T @ np.linalg.solve(
+        result: Floats = jacobian.T @ np.linalg.solve(
             square + self.damping(t, square) + LEAST * np.eye(3), wanted
         )
-        return found
+        return result
 
 
 @dataclass(frozen=True)
 class PseudoInverse(SteeringLaw):
-    """The pseudo-inverse of Moore and Penrose: λ = 0."""
+    """Moore-Penrose pseudo-inverse: λ = 0."""
 
     def damping(self, t: float, square: Floats) -> Floats:
         return np.zeros((3, 3))
@@ -57,14 +57,14 @@ class PseudoInverse(SteeringLaw):
 
 @dataclass(frozen=True)
 class RobustInverse(SteeringLaw):
-    """The singularity-robust inverse.
+    """Singularity-robust inverse.
 
     Parameters
     ----------
     most : float
-        λ0, the damping at a singularity.
+        λ0, damping at a singularity.
     decay : float
-        μ, how fast it falls with det(A Aᵀ).
+        μ, decay of the damping with det(A Aᵀ).
     """
 
     most: float
@@ -80,10 +80,12 @@ class RobustInverse(SteeringLaw):
 
 @dataclass(frozen=True)
 class GeneralisedInverse(RobustInverse):
-    """The generalised singularity-robust inverse: E has ε sin(ω t + φ_i) off its diagonal.
+    """Generalised singularity-robust inverse: E has ε sin(ω t + φ_i) off its diagonal.
 
     Parameters
     ----------
+    most, decay : float
+        See :class:`RobustInverse`.
     amplitude : float
         ε.
     frequency : float
@@ -99,7 +101,7 @@ class GeneralisedInverse(RobustInverse):
 
 
 def null_projection(jacobian: Floats, wanted: Floats) -> Floats:
-    """Return the part of the gimbal rates `wanted` that gives no torque, shape (4,)."""
+    """Return the part of the gimbal rates `wanted` that produces no torque, shape (4,)."""
     square = jacobian @ jacobian.T + LEAST * np.eye(3)
-    found: Floats = wanted - jacobian.T @ np.linalg.solve(square, jacobian @ wanted)
-    return found
+    result: Floats = wanted - jacobian.T @ np.linalg.solve(square, jacobian @ wanted)
+    return result

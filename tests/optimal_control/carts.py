@@ -1,4 +1,4 @@
-"""Small problems of control to draw, with plans that are known in closed form."""
+"""Small control problems for pictures, with plans in closed form."""
 
 import itertools
 
@@ -19,7 +19,7 @@ def piecewise(function, knots, low=None, high=None):
 
 
 def braking(name="braking", bound=np.inf, push=6.0, **more):
-    """A cart that goes to and fro: x'' = u."""
+    """Return a cart that moves back and forth: x'' = u."""
     problem = OptimalControlProblem(name)
     phase = problem.phase(time=(0, 1))
     x = phase.state("x", initial=0, final=0, upper=bound, unit="m")
@@ -33,7 +33,7 @@ def braking(name="braking", bound=np.inf, push=6.0, **more):
 
 
 def cruising(knots=(0, 0.5, 1), costates=False, force=-2.0):
-    """The exact motion of `braking` under a constant force."""
+    """Return the exact motion of `braking` under a constant force."""
     states = piecewise(lambda t: (t + force * t**2 / 2, 1 + force * t), knots)
     controls = piecewise(lambda t: (np.full(t.size, force),), knots)
     multipliers = piecewise(lambda t: (0 * t, 4 + 0 * t), knots) if costates else None
@@ -41,7 +41,7 @@ def cruising(knots=(0, 0.5, 1), costates=False, force=-2.0):
 
 
 def relay():
-    """Two phases that follow one another, with a vector and a state that only one has."""
+    """Return two consecutive phases, with a vector and a state of only one of them."""
     problem = OptimalControlProblem("relay")
     first, second = problem.phase("go", time=(0, 1)), problem.phase("stay", time=(1, 3), unit="s")
     r = first.state("r", 2, upper=[1.5, np.inf])

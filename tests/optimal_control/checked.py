@@ -1,4 +1,4 @@
-"""Plans by hand that several test modules check."""
+"""Plans in closed form for several test modules."""
 
 import itertools
 
@@ -10,12 +10,12 @@ from crosstrack.models.optimal_control.plan import Piecewise
 
 
 def lobatto(count):
-    """Nodes that hold both ends."""
+    """Return nodes that include both ends."""
     return -np.cos(np.linspace(0.0, np.pi, count)) if count > 1 else np.zeros(1)
 
 
 def piecewise(knots, function, count, size, **limits):
-    """Functions sampled interval by interval; `function` may depend on the interval's middle."""
+    """Return functions sampled by interval; `function` may depend on the interval's midpoint."""
     nodes, values = lobatto(count), []
     for low, high in itertools.pairwise(knots):
         t = low + 0.5 * (nodes + 1.0) * (high - low)
@@ -27,7 +27,7 @@ def piecewise(knots, function, count, size, **limits):
 
 
 def phase_plan(knots, states, controls=(), costates=None, *, nodes=4, name="phase 1", **limits):
-    """A phase by functions of time, ``{name: f(t)}``; f(t, middle) where it jumps at knots."""
+    """Return a phase from functions of time, ``{name: f(t)}``; f(t, middle) if it jumps at knots."""
 
     def sampled(parts, **cut):
         def course(t, middle):

@@ -1,4 +1,4 @@
-"""Answers that several test modules share."""
+"""Solutions for several test modules."""
 
 from __future__ import annotations
 

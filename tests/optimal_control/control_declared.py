@@ -1,4 +1,4 @@
-"""Small declared problems that several test modules solve."""
+"""Small declared problems for several test modules."""
 
 import math
 from types import SimpleNamespace
@@ -12,19 +12,19 @@ from crosstrack.models import OptimalControlProblem
 INF, NAN = math.inf, math.nan
 
 
-#: A coarse first mesh: these problems are smooth, and refinement does the rest.
+#: A coarse first mesh, sufficient for smooth problems with refinement.
 COARSE = {"intervals": 3}
 
 
 def solve(problem, **options):
-    """Solve on a coarse mesh, and insist on a plan."""
+    """Return the solution on a coarse mesh, which must have a plan."""
     answer = ct.solve(problem, **{"formulation_options": COARSE, **options})
     assert answer.plan is not None, str(answer)
     return answer
 
 
 def rest_to_rest(name="rest to rest"):
-    """The least effort from rest to rest: x = 3t² - 2t³, u = 6 - 12t, ∫ u² = 12."""
+    """Return the smallest effort from rest to rest: x = 3t² - 2t³, u = 6 - 12t, ∫ u² = 12."""
     ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, 1))
     x = phase.state("x", initial=0, final=1)
@@ -36,7 +36,7 @@ def rest_to_rest(name="rest to rest"):
 
 
 def open_problem(time=(0, 1)):
-    """The same without dynamics and objective, to declare what a test is about."""
+    """Return the same problem without dynamics and objective, for further declarations."""
     ocp = OptimalControlProblem("open")
     phase = ocp.phase(time=time)
     x = phase.state("x", initial=0, final=1)
@@ -76,7 +76,7 @@ def interpolated():
 
 
 def everything(twenty):
-    """A problem with all kinds of declarations, and a number written one way or another."""
+    """Return a problem with all kinds of declarations, with `twenty` as a number of any type."""
     ocp = OptimalControlProblem("everything")
     first = ocp.phase("first", time=(0, (1, twenty)), equation="2")
     x = first.state("x", 2, initial=[0, 0], upper=twenty, unit="m")

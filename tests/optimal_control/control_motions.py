@@ -1,4 +1,4 @@
-"""Problems of optimal control that several test modules declare."""
+"""Optimal control problems for several test modules."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from crosstrack.__main__ import main
 from crosstrack.models import OptimalControlProblem
 
-#: A coarse first mesh: these motions are smooth, and refinement does the rest.
+#: A coarse first mesh, sufficient for smooth motions with refinement.
 COARSE = {"intervals": 3, "degree": 4}
 
 
@@ -31,7 +31,7 @@ BELOW, ABOVE = ((2 * _TANGENT + 0.5 * (_ARC + sign * 2 * math.atan(0.1))) ** 2 f
 
 
 def run(*arguments: Any, code: int = 0) -> SimpleNamespace:
-    """Run the command line in this process, and insist on its exit code."""
+    """Run the command line in this process, and check its exit code."""
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
         main([str(one) for one in arguments])
@@ -43,7 +43,7 @@ def run(*arguments: Any, code: int = 0) -> SimpleNamespace:
 def turn(
     end: tuple[float, float] = (math.cos(1), math.sin(1)), *, both: bool = True, path: bool = False
 ) -> OptimalControlProblem:
-    """A point on the unit circle, moved by 1 rad in a second: ∫ u² = 1, and x² + y² stays."""
+    """Return a point that moves on the unit circle by 1 rad in a second: ∫ u² = 1, x² + y² = 1."""
     ocp = OptimalControlProblem("turn")
     phase = ocp.phase()
     x = phase.state("x", initial=1, final=end[0] if both else None)
@@ -59,7 +59,7 @@ def turn(
 def push(
     strength: float, end: Any = 1.0, speed: float | None = None, name: str = "push"
 ) -> OptimalControlProblem:
-    """A mass moved by 1 m from rest to rest; the least strength that does it in a second is 4."""
+    """Return a mass that moves by 1 m from rest to rest, which takes a strength of 4 in a second."""
     ocp = OptimalControlProblem(name)
     phase = ocp.phase(time=(0, end))
     x = phase.state("x", initial=0, final=1, unit="m")
@@ -71,7 +71,7 @@ def push(
 
 
 def round_a_disc() -> OptimalControlProblem:
-    """Past a disc off the straight line: the way below is the shorter, the guess goes above."""
+    """Return a path around a disc: the shorter one passes below, the guess passes above."""
     ocp = OptimalControlProblem("round a disc")
     phase = ocp.phase()
     x, y = phase.state("x", initial=0, final=2), phase.state("y", initial=0, final=0)

@@ -1,4 +1,4 @@
-"""Entries of the catalogue whose values are derived anew."""
+"""Catalogue entries whose values are derived independently."""
 
 import math
 

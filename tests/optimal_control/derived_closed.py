@@ -1,4 +1,4 @@
-"""Values of catalogue entries: closed forms, and one root."""
+"""Values of catalogue entries from closed forms, or one root of them."""
 
 import math
 

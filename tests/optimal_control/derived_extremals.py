@@ -1,4 +1,4 @@
-"""Values of catalogue entries: Pontryagin's conditions, by shooting and from switch to switch."""
+"""Values of catalogue entries from Pontryagin's conditions, by shooting between switches."""
 
 import math
 from itertools import pairwise
@@ -17,7 +17,7 @@ from crosstrack.instances.optimal_control.rockets import (
 
 
 def extremal(motion, control, states):
-    """Rates of states and costates; the derivatives of the motion are complex steps."""
+    """Return rates of states and costates, with derivatives of the motion by complex steps."""
 
     def rates(_t, z):
         x, costates = z[:states], z[states : 2 * states]
@@ -28,7 +28,7 @@ def extremal(motion, control, states):
             moved[k] += 1e-30j
             slopes[k] = -(costates @ motion(moved, u)[:states].imag) / 1e-30
         rate = motion(x, u)
-        # What the motion says beyond the states is the cost: its slope counts with the factor 1.
+        # The last entry of the motion is the cost, whose costate is 1.
         if rate.size > states:
             for k in range(states):
                 moved = x.astype(complex)
@@ -54,7 +54,7 @@ def van_der_pol():
 
 
 def van_der_pol_limited():
-    """Onto the bound x1 = -0.4 and off it, where control and costates are continuous."""
+    """Return the value with an arc on x1 = -0.4; control and costates are continuous at its ends."""
 
     def on_bound(_t, z):
         u = z[0] + 0.4 * (1 - z[0] ** 2)  # which keeps x1

@@ -1,16 +1,16 @@
-"""Problems with data, as model-predictive control solves them step by step."""
+"""Problems with data, as in model-predictive control."""
 
 import casadi
 
 from crosstrack.models import OptimalControlProblem
 
-#: Force of the cart at most, and what its states weigh.
+#: Largest force of the cart, and weights of its states.
 FORCE = 20.0
 WEIGHTS = (1.0, 0.1, 10.0, 0.1)
 
 
 def cart_rates(x, force):
-    """Return the rates of a cart's place and speed, and of its pole's angle and its rate."""
+    """Return the rates of a cart's position and speed, and of its pole's angle and angular speed."""
     cart, pole, length, gravity = 1.0, 0.3, 0.5, 9.81
     sine, cosine = casadi.sin(x[2]), casadi.cos(x[2])
     inertia = cart + pole * sine**2
@@ -22,12 +22,12 @@ def cart_rates(x, force):
 
 
 def cart_cost(x):
-    """Return what a cart's states cost."""
+    """Return the cost of a cart's states."""
     return sum(weight * x[k] ** 2 for k, weight in enumerate(WEIGHTS))
 
 
 def cart_pole(value=(0.0, 0.0, 0.2, 0.0)):
-    """A cart that balances its pole for the next second, from the state `x0`."""
+    """Return a cart that balances its pole for a second from the state `x0`."""
     problem = OptimalControlProblem("cart-pole")
     x0 = problem.data("x0", 4, value=value)
     phase = problem.phase(time=(0, 1))
@@ -40,7 +40,7 @@ def cart_pole(value=(0.0, 0.0, 0.2, 0.0)):
 
 
 def brake(value=(1.0, 0.0), limit=3.0):
-    """A mass that is to come to rest at 0 by a bounded force, from the state `x0`; a convex program."""
+    """Return the stop of a mass at 0 by a bounded force, from the state `x0`; a convex program."""
     problem = OptimalControlProblem("brake")
     x0 = problem.data("x0", 2, value=value)
     weight = problem.data("weight", value=0.1)

@@ -1,4 +1,4 @@
-"""An optimum is settled only if a second scheme reaches the same objective."""
+"""Confirmation of an optimum by a second scheme with the same objective."""
 
 import pytest
 from checked import check, phase_plan
@@ -11,7 +11,7 @@ from crosstrack.solvers import looking
 
 
 def path_tracking_robot():
-    """Two-phase path tracking robot of the PSOPT manual: convex, with an unpenalised, bounded control."""
+    """Return the two-phase path tracking robot of the PSOPT manual: convex, with an unpenalised control."""
     ocp = OptimalControlProblem("two-phase path tracking robot")
     phases, error = [], 0
     for name, times, ends, reference in (
@@ -33,7 +33,7 @@ def path_tracking_robot():
 
 # 1.04168615 on a uniform mesh of 400 intervals, by either scheme; another package has 1.041686.
 @pytest.mark.parametrize(("scheme", "other"), [("gauss", "radau"), ("radau", "gauss")])
-def test_a_control_that_is_held_calm_does_not_hide_a_better_optimum(scheme, other):
+def test_finds_the_optimum_that_calm_controls_would_hide(scheme, other):
     found = ct.solve(path_tracking_robot(), formulation=scheme, time_limit=120)
     assert found.termination == "locally_optimal" and found.verified, found.message
     assert found.primal_bound == pytest.approx(1.041686, abs=1e-6)
@@ -49,7 +49,7 @@ def test_every_scheme_is_confirmed_by_another():
         assert found.statistics["confirmed_by"] not in (scheme, "none")
 
 
-def test_an_optimum_that_the_other_scheme_contradicts_is_only_feasible(monkeypatch):
+def test_reports_feasible_if_the_other_scheme_has_another_optimum(monkeypatch):
     monkeypatch.setattr(base, "AGREED", -1.0)
     options = {"intervals": 2, "degree": 4, "rounds": 4}
     found = ct.solve(two_phases()[0], formulation="gauss", formulation_options=options)
@@ -59,12 +59,12 @@ def test_an_optimum_that_the_other_scheme_contradicts_is_only_feasible(monkeypat
     assert any("radau ends at" in row["then"] for row in found.history)
 
 
-def test_a_mesh_that_is_not_refined_is_not_confirmed():
+def test_skips_the_confirmation_without_refinement():
     found = ct.solve(rest_to_rest().ocp, formulation_options={"refine": False})
     assert "confirmed_by" not in found.statistics
 
 
-def test_a_second_look_that_is_skipped_is_named(monkeypatch):
+def test_names_a_skipped_confirmation(monkeypatch):
     monkeypatch.setattr(looking, "ROOM", 1e9)
     found = ct.solve(rest_to_rest().ocp, time_limit=30)
     assert found.statistics["second look"] == "skipped"
@@ -72,7 +72,7 @@ def test_a_second_look_that_is_skipped_is_named(monkeypatch):
 
 
 @pytest.mark.parametrize(("shift", "accepted"), [(1e-3, False), (1e-9, True)])
-def test_a_fixed_time_is_kept_however_long_the_horizon_is(shift, accepted):
+def test_accepts_a_fixed_time_up_to_rounding_for_any_horizon(shift, accepted):
     ocp = OptimalControlProblem("long")
     phase = ocp.phase(time=(0, 1e4))
     x, u = phase.state("x", initial=0), phase.control("u", lower=-1, upper=1)

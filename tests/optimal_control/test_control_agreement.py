@@ -1,4 +1,4 @@
-"""One motion by several transcriptions and backends, plans from elsewhere, tables and pictures."""
+"""One motion by several transcriptions and backends, external plans, tables and pictures."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_transcriptions_agree(name, value, formulations):
     assert verdict.outcome == "INCONCLUSIVE"
     assert "no exact bound" in verdict.evidence
     assert not any("worse" in note for note in verdict.notes)
-    # Whatever depends on a tolerance is said, by the name of the row.
+    # A dependence on the tolerance is reported with the name of the row.
     for note in verdict.notes:
         assert "within_tolerance only" in note and note.partition(":")[0] == "ipopt"
 
@@ -46,8 +46,8 @@ def test_transcriptions_agree(name, value, formulations):
         ),
     ],
 )  # fmt: skip
-def test_backends_give_a_verified_motion_or_say_why_not(names, able):
-    """The least effort from rest to rest costs 12, whoever finds it."""
+def test_backends_return_a_verified_motion_or_a_reason(names, able):
+    """Check that all backends find the smallest effort from rest to rest, 12."""
     usable = [one.name for one in ct.backends() if one.name in names and one.state == "installed"]
     assert able <= set(usable)
     found = ct.compare(
@@ -68,7 +68,7 @@ def test_backends_give_a_verified_motion_or_say_why_not(names, able):
 
 
 @pytest.mark.parametrize("name", [ENERGY, BRYSON])
-def test_the_papers_kind_of_solver_finds_the_least_effort(name):
+def test_sqp_solvers_find_the_smallest_effort(name):
     mesh = {"intervals": 2, "degree": 4, "refine": False}
     answer = ct.solve(
         ct.load(name), "sqpmethod", tolerance=0.99, formulation_options=mesh, time_limit=20
@@ -76,7 +76,7 @@ def test_the_papers_kind_of_solver_finds_the_least_effort(name):
     assert answer.termination == "locally_optimal", answer.message
 
 
-def test_backends_name_themselves_when_they_fail():
+def test_a_failing_backend_names_itself():
     answer = ct.solve(push(1.0), "slsqp", formulation_options={"intervals": 1, "degree": 4})
     assert answer.plan is None
     assert answer.termination in ("locally_infeasible", "failed", "no_solution")
@@ -97,30 +97,30 @@ def test_the_plan_of_one_transcription_starts_another(fastest, formulation):
     assert answer.options["warm_start"] is not None
 
 
-def test_a_plan_that_is_good_enough_starts_the_next(disc, ways):
+def test_starts_from_a_plan_within_the_tolerance(disc, ways):
     answer = ct.solve(
         disc, formulation="radau", warm_start=ways, tolerance=1e-3, formulation_options=COARSE
     )
     assert answer.primal_bound == pytest.approx(BELOW, rel=2e-3)
 
 
-def test_a_plan_of_another_problem_starts_nothing(fastest):
+def test_rejects_a_warm_start_of_another_problem(fastest):
     with pytest.raises(InvalidData, match=r"phase 'phase 1'|states|warm_start"):
         ct.solve(ct.load(ENERGY), warm_start=fastest.plan)
 
 
 @pytest.mark.parametrize("formulation", ["gauss", "radau"])
-def test_rows_of_a_transcription_are_checked_beside_the_motion(fastest, formulation):
+def test_verify_checks_the_rows_of_a_formulation(fastest, formulation):
     model = ct.load(CURVE)
     found = ct.verify(model, fastest, tolerance=1e-4, formulation=formulation)
     assert found.ok, str(found)
     names = [check.name for check in found.checks]
     assert {"motion", "final values", "dynamics of x", "dynamics of v", "end time"} <= set(names)
-    # The JSON data of the plan is the plan.
+    # The JSON data of the plan is accepted as well.
     assert ct.verify(model, fastest.plan.to_data()).objective == found.objective
 
 
-def test_rows_of_a_transcription_find_what_was_changed(fastest):
+def test_rows_of_a_formulation_reveal_a_changed_plan(fastest):
     data = fastest.plan.to_data()
     data["phases"][0]["controls"]["values"][2][1][0] += 0.1
     found = ct.verify(ct.load(CURVE), data, tolerance=1e-4, formulation="gauss")
@@ -129,7 +129,7 @@ def test_rows_of_a_transcription_find_what_was_changed(fastest):
 
 
 @pytest.mark.slow
-def test_rows_of_the_slew_are_those_of_what_it_comes_down_to():
+def test_rows_of_the_slew_are_those_of_its_lowered_problem():
     model = ct.load("satellite-slew/paper")
     answer = ct.solve(model, tolerance=1e-3, formulation_options={"intervals": 6, "degree": 4})
     found = ct.verify(model, answer, tolerance=1e-3, formulation="gauss")
@@ -147,8 +147,8 @@ def test_a_table_has_the_unit_of_the_problem():
     assert "property object" not in str(found)
 
 
-def test_a_picture_holds_a_solution_to_its_own_tolerance(tmp_path):
-    """What is valid as it was asked for is not drawn as invalid."""
+def test_a_picture_uses_the_tolerance_of_the_solution(tmp_path):
+    """Check that a plan valid at its own tolerance is not drawn as invalid."""
     model = ct.load(CURVE)
     coarse = {"intervals": 2, "degree": 3, "refine": False}
     loose = ct.solve(model, formulation="radau", tolerance=1e-1, formulation_options=coarse)

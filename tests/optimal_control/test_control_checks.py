@@ -1,4 +1,4 @@
-"""The check of plans of optimal control, against plans that are known exactly."""
+"""Verification of optimal control plans, against exact plans."""
 
 import math
 from dataclasses import replace
@@ -98,7 +98,7 @@ def test_a_jump_at_a_knot_is_found_from_both_sides():
 
 
 def test_a_bound_broken_between_the_nodes_is_found():
-    # x = 4.5 t² (1 - t) reaches 2/3 at t = 2/3, where no node is; nodes see at most 0.61.
+    # x = 4.5 t² (1 - t) reaches 2/3 at t = 2/3, between the nodes, at which it is at most 0.61.
     ocp = OptimalControlProblem("hump")
     phase = ocp.phase(time=(0, 1))
     x = phase.state("x", upper=0.66)
@@ -168,7 +168,7 @@ def test_the_lander_switches_once():
     assert report.autonomous and report.vanishing
     assert report.spread < 1e-13 and report.relative < 1e-13
     assert abs(report.end) < 1e-13 and abs(report.mean) < 1e-13
-    # Other costates that obey their equation: constant still, but not 0 at a free end.
+    # Other costates that satisfy their equation: H is still constant, but not 0 at a free end.
     (report,) = hamiltonian_spread(lander(), ControlPlan((landing(slope=0.4),)))
     assert report.spread < 1e-13 and report.end == pytest.approx(1.5 - 0.4 * SPEED)
     part = landing()
@@ -177,8 +177,8 @@ def test_the_lander_switches_once():
     assert report.spread > 0.1 and report.relative > 0.01
 
 
-def test_a_switch_inside_an_interval_is_left_to_error_control():
-    # The same control as a steep line that saturates: almost the jump, at no knot.
+def test_integrates_a_switch_inside_an_interval_by_error_control():
+    # The same control as a steep line that saturates: almost a jump, between knots.
     steep = 1e4
     limits = {"lower": np.zeros(1), "upper": np.full(1, 3.0)}
     knots = (0.0, 1.0, 2.0, LANDING)
@@ -202,7 +202,7 @@ def test_a_switch_inside_an_interval_is_left_to_error_control():
     verified = lander().verify(plan)
     assert verified.objective == pytest.approx(2 * SPEED, rel=1e-12)
     assert check(verified, "bounds of controls").worst == 0.0
-    # The states cannot follow a kink inside an interval, and that is found.
+    # The states cannot follow a kink inside an interval, which the check reveals.
     assert not check(verified, "motion").ok
 
 
@@ -228,7 +228,7 @@ def test_two_phases_with_a_link():
     assert found.ok and found.objective == pytest.approx(2 * SPEED, rel=1e-13)
     assert check(found, "fuel").equation == "9"
     assert check(found, "h goes on from fall to brake").worst < 1e-13
-    # The end of the first phase is no end of the problem: with the link H need not vanish there.
+    # The end of the first phase is linked, so H may be nonzero there.
     fell, braked = hamiltonian_spread(ocp, ControlPlan((first, last)))
     assert (fell.phase, fell.vanishing) == ("fall", False)
     assert (braked.phase, braked.vanishing) == ("brake", True)
@@ -242,7 +242,7 @@ def test_two_phases_with_a_link():
     late = ocp.verify(ControlPlan((first, late)))
     assert [one.name for one in late.violated] == ["time goes on from fall to brake"]
     assert late.violated[0].worst == pytest.approx(0.1)
-    # A place names its phase.
+    # The place of a violation names its phase.
     pushed = replace(last, controls=piecewise((SWITCH, LANDING), lambda t, _: [3.1 + 0 * t], 1, 1))
     wrong = ocp.verify(ControlPlan((first, pushed)))
     assert check(wrong, "bounds of controls").where.endswith("s of phase 'brake'")
@@ -269,7 +269,7 @@ def test_a_motion_without_control_and_its_invariant():
     energy = check(oscillator().verify(ControlPlan((swing(1e-4),))), "energy")
     assert energy.worst == pytest.approx((1 + 6e-4) ** 2 - 1, rel=1e-6)
     assert energy.where == "t = 6 s" and (energy.equation, energy.unit) == ("4", "J")
-    # The plan's states keep the energy, its motion does not: x' = v is not what they do.
+    # The plan's states conserve the energy, but they violate x' = v, so the motion does not.
     still = phase_plan((0, 6), {"x": lambda t: 0 * t, "v": lambda t: 1 + 0 * t})
     found = oscillator().verify(ControlPlan((still,)))
     assert not check(found, "motion").ok and check(found, "energy").ok
@@ -282,10 +282,10 @@ def line_plan(end=1.0, rate=(1.0, 0.5), **extra):
     return ControlPlan((part,), {"rate": np.array(rate), **extra})
 
 
-def test_integrals_by_quadrature_and_parameters():
+def test_quadrature_of_integrals_and_parameters():
     found = parametric().verify(line_plan(), tolerance=1e-11)
     assert found.ok and found.objective == pytest.approx(math.e - 1 + 1 + 1, rel=1e-14)
-    # ∫ |t - 0.7| has a kink that no knot meets: 0.49/2 + 0.09/2.
+    # ∫ |t - 0.7| has a kink between knots: 0.49/2 + 0.09/2.
     wide = parametric().verify(line_plan(end=2.5))
     one = check(wide, "distance")
     assert one.worst == pytest.approx(0.49 / 2 + 1.8**2 / 2 - 1, rel=1e-12)
@@ -297,7 +297,7 @@ def test_integrals_by_quadrature_and_parameters():
     assert early.where == "end" and early.unit == "s"
 
 
-def test_what_does_not_fit_is_refused():
+def test_rejects_plans_that_do_not_fit_the_problem():
     problem, plan = parametric(), line_plan()
     (part,) = plan.phases
     for parameters, words in (

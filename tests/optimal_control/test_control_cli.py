@@ -1,4 +1,4 @@
-"""The command line on motions."""
+"""Command line on optimal control problems."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from control_motions import BRYSON, ENERGY, push, run, turn
 
-#: Ctrl-C from within, at a moment that is known: no waiting, whatever the machine's load.
+#: Ctrl-C from inside the process at a defined moment, independent of the machine's load.
 _INTERRUPT = """
 import json, os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -38,7 +38,7 @@ main(sys.argv[1:])
 
 
 def interrupted(when: str, tmp_path: Path, *arguments: Any) -> tuple[int, dict[str, Any]]:
-    """Run the command line with Ctrl-C when `when` holds; return the exit code and the JSON."""
+    """Run the command line with Ctrl-C at `when`; return the exit code and the JSON."""
     script = tmp_path / "interrupt.py"
     script.write_text(textwrap.dedent(_INTERRUPT.replace("{when}", when)))
     done = subprocess.run(
@@ -49,16 +49,16 @@ def interrupted(when: str, tmp_path: Path, *arguments: Any) -> tuple[int, dict[s
     return done.returncode, json.loads(done.stdout)
 
 
-def test_ctrl_c_between_two_meshes_keeps_what_there_is(tmp_path):
+def test_ctrl_c_between_two_meshes_returns_the_last_plan(tmp_path):
     code, data = interrupted("finer is not None", tmp_path, "solve", BRYSON, "--tolerance", "1e-4")
     assert code == 130
     assert data["limit"] == "interrupted"
-    # Whether or not the first mesh is good enough, what comes back is verified.
+    # The returned plan is verified even if the first mesh is not good enough.
     assert (data["plan"] is None) is (data["termination"] == "rejected")
     assert data["plan"] is None or data["verification"]["ok"]
 
 
-def test_ctrl_c_between_two_starts_ends_them_and_keeps_the_best(tmp_path):
+def test_ctrl_c_between_two_starts_returns_the_best(tmp_path):
     code, data = interrupted(
         "count == 2", tmp_path, "solve", ENERGY, "--starts", 6, "--formulation-option", "intervals=2"
     )  # fmt: skip
@@ -82,7 +82,7 @@ def test_solve_writes_its_answer_and_a_picture(solved):
     assert solved.with_suffix(".png").stat().st_size > 10_000
 
 
-def test_check_takes_what_solve_wrote_and_refuses_what_was_changed(solved, tmp_path):
+def test_check_accepts_the_solution_and_rejects_a_changed_one(solved, tmp_path):
     done = run("check", ENERGY, solved, "--formulation", "gauss", "--json")
     data = json.loads(done.stdout)["verification"]
     assert data["ok"] is True
@@ -110,7 +110,7 @@ def test_export_writes_samples_and_no_pieces(solved, tmp_path):
     assert not (tmp_path / "x.csv").exists()
 
 
-def test_a_problem_of_ones_own_goes_through_its_file(tmp_path):
+def test_solves_a_declared_problem_from_its_file(tmp_path):
     from crosstrack.files import write_text
 
     path = tmp_path / "push.json"

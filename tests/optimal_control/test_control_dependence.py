@@ -1,4 +1,4 @@
-"""Conditions that follow from one another: found, named, left out."""
+"""Detection, naming and removal of conditions that follow from one another."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RAISE = {"dependent": "raise"}
 
 
 def overdone(final: float = 1.0) -> OptimalControlProblem:
-    """More equations than variables: nothing can be chosen, and yet the end is fixed."""
+    """Return a problem with more equations than variables: no freedom, and a fixed end."""
     ocp = OptimalControlProblem("overdone")
     phase = ocp.phase()
     x, y = phase.state("x", initial=0, final=final), phase.state("y", initial=0, final=0)
@@ -32,7 +32,7 @@ def overdone(final: float = 1.0) -> OptimalControlProblem:
 
 
 def chain(count: int, duration: float) -> OptimalControlProblem:
-    """Integrators in a row, from rest to rest: whatever the time, all ends can be reached."""
+    """Return a chain of integrators from rest to rest: all ends are reachable in any time."""
     ocp = OptimalControlProblem("chain")
     phase = ocp.phase(time=(0, duration))
     states = [phase.state(f"x{k}", initial=0, final=float(k == 0)) for k in range(count)]
@@ -43,7 +43,7 @@ def chain(count: int, duration: float) -> OptimalControlProblem:
 
 
 def slew(*, all_eleven: bool, path: bool = False) -> OptimalControlProblem:
-    """The paper's slew written by hand: all 11 conditions at the end, or |q| = 1 on the way."""
+    """Return the paper's slew with all 11 conditions at the end, or with the path |q| = 1."""
     model = SatelliteSlew()
     ocp = OptimalControlProblem("slew by hand")
     phase = ocp.phase(time=(0, (1, 60)))
@@ -84,7 +84,7 @@ def slew(*, all_eleven: bool, path: bool = False) -> OptimalControlProblem:
 
 
 def lowered(model: Model[Any] | None) -> OptimalControlProblem:
-    """Return the optimal control problem that a model comes down to."""
+    """Return the optimal control problem to which a model lowers."""
     while not isinstance(model, OptimalControlProblem):
         assert model is not None
         model = model.lower()
@@ -102,39 +102,39 @@ def test_more_equations_than_variables_are_named(formulation):
     assert answer.plan["x"](1.0) == pytest.approx(1.0)
 
 
-def test_more_equations_than_variables_may_be_kept():
-    # In a worker: Ipopt was seen to die of it, at the refined program.
+def test_dependent_keep_keeps_more_equations_than_variables():
+    # In a worker, because Ipopt has crashed on the refined program.
     answer = ct.solve(overdone(), formulation_options={"dependent": "keep"}, isolate=True)
     assert answer.termination == "locally_optimal", answer.message
     assert answer.plan["x"](1.0) == pytest.approx(1.0)
 
 
-def test_all_eleven_conditions_of_the_slew_are_too_many():
+def test_names_the_dependent_conditions_of_the_slew():
     with pytest.raises(InvalidData, match="'dependent': 'drop'") as error:
         ct.solve(slew(all_eleven=True), formulation_options=RAISE)
     text = str(error.value)
     assert "'q[0]'" in text and "'w[" in text and text.count("final value") == 4
 
 
-def test_the_length_of_the_quaternion_is_kept_by_the_dynamics():
+def test_path_equation_of_the_quaternion_is_implied_by_the_dynamics():
     with pytest.raises(InvalidData, match="equations: path constraint 'unit length' follow"):
         ct.solve(slew(all_eleven=False, path=True), formulation_options=RAISE)
 
 
-def test_the_slew_with_its_dependent_equations_left_out():
+def test_solves_the_slew_without_its_dependent_equations():
     model = slew(all_eleven=True, path=True)
     answer = ct.solve(model, tolerance=2e-2, formulation_options={"intervals": 5, "degree": 4})
     assert answer.termination == "locally_optimal", answer.message
     assert answer.primal_bound == pytest.approx(8.652909, rel=2e-2)
     checks = {check.name: check for check in ct.verify(model, answer, tolerance=2e-2).checks}
-    # What the program leaves out is verified all the same.
+    # The verification includes the removed equations.
     assert checks["final values"].ok and checks["unit length"].ok
     end = answer.plan.phases[0].states(answer.plan.phases[0].end)
     assert end == pytest.approx([*SatelliteSlew().target, *np.zeros(7)], abs=2e-2)
 
 
 @pytest.mark.parametrize("path", [False, True])
-def test_drop_leaves_out_of_the_program_and_keep_keeps(path):
+def test_drop_removes_rows_and_keep_keeps_them(path):
     model = turn(path=path)
     programs = {
         how: model.formulate("radau", dependent=how, **COARSE).program for how in ("drop", "keep")
@@ -151,28 +151,28 @@ def test_drop_leaves_out_of_the_program_and_keep_keeps(path):
     assert "final values" in names and ("unit length" in names) is path
 
 
-def test_what_contradicts_has_no_plan():
+def test_contradicting_conditions_have_no_plan():
     model = turn(end=(2.0, 0.0))
     with pytest.raises(InvalidData, match="or contradict them"):
         ct.solve(model, formulation_options=RAISE)
     answer = ct.solve(model, formulation_options={"refine": False})
-    # Which condition is dropped decides whether the search or the verification finds out.
+    # The choice of the dropped condition decides whether the search or the verification detects it.
     assert answer.termination in ("rejected", "locally_infeasible")
     assert answer.plan is None
     answer = ct.solve(overdone(2.0))
     assert answer.termination == "rejected"
-    # What was left out comes back when the plan keeps breaking it: then there is no plan.
+    # The removed equation is restored because the plan violates it; then no plan exists.
     assert "locally_infeasible" in answer.message and "final values" in answer.message
 
 
-def test_diagnose_sees_what_contradicts():
+def test_diagnose_names_a_contradicting_condition():
     found = ct.diagnose(turn(end=(2.0, 0.0)))
     assert found.feasible is False
-    # From anywhere on the unit circle, (2, 0) is 1 away at least.
+    # The distance from the unit circle to (2, 0) is at least 1.
     assert [one.data["by"] for one in found.findings] == pytest.approx([1.0], rel=1e-3)
 
 
-def test_diagnose_sees_what_nothing_can_move():
+def test_diagnose_names_a_condition_that_no_control_changes():
     assert ct.diagnose(overdone(2.0)).feasible is not True
 
 
@@ -209,7 +209,7 @@ def test_a_free_time_start_or_parameter_moves_the_end():
 
 @st.composite
 def mixed(draw: st.DrawFn, conserved: int) -> tuple[OptimalControlProblem, np.ndarray]:
-    """A controllable linear system, mixed with a value that stays; and how that shows in each state.
+    """Draw a controllable linear system mixed with conserved values, and their weights in each state.
 
     In controllable form every end can be reached; a rotation of the states changes nothing of that.
     """
@@ -239,20 +239,20 @@ def test_no_false_alarm_where_all_ends_can_be_reached(drawn):
     assert dependences(drawn[0].definition) == ()
 
 
-# A rank is a decision by a threshold: now and then a draw lies on the other side, so the same are drawn.
+# The rank depends on a threshold, which some draws miss, so the draws are fixed.
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(mixed(conserved=1))
-def test_what_is_conserved_is_found_and_a_state_of_it_named(drawn):
+def test_finds_a_conserved_quantity_and_names_one_of_its_states(drawn):
     model, shares = drawn
     (found,) = dependences(model.definition)
     assert len(found.finals) == 1
-    # The state named takes part in what is conserved: without its condition the others are free.
+    # The named state takes part in the conserved quantity: without its condition the others are free.
     assert abs(shares[found.finals[0], 0]) > 1e-9
     with pytest.raises(InvalidData, match=f"final value of 'x\\[{found.finals[0]}\\]'"):
         _ = model.formulate("gauss", **RAISE).program
 
 
-def test_boundary_constraints_that_follow_are_named():
+def test_names_implied_boundary_constraints():
     ocp = turn(both=False)
     phase = ocp.phase("second", time=(1, 2))
     x, u = phase.state("z", initial=0), phase.control("w")
@@ -267,8 +267,8 @@ def test_boundary_constraints_that_follow_are_named():
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
 @pytest.mark.parametrize("latest", [100.0, 200.0, 1e4, 1e6])
-def test_a_truck_with_a_trailer_can_be_parked_however_late(latest, size):
-    """Growth of the trailer's angle over a long time made all effects look alike."""
+def test_no_false_alarm_for_a_truck_with_trailer_over_long_times(latest, size):
+    """Check that the growth of the trailer's angle over a long time is no dependence."""
     ocp = OptimalControlProblem("truck with a trailer")
     phase = ocp.phase(time=(0, (1, latest)))
     x = phase.state("x", initial=0, final=10 * size)
@@ -307,7 +307,7 @@ def _rotation(x: Any, u: Any) -> Any:
 
 
 def reach(rate: Any, start: list[float], end: list[float], controls: int, latest: float) -> Any:
-    """From a guess at rest, where no control moves anything along some directions, in the least time."""
+    """Return a minimum-time problem with a guess at rest, where some directions are uncontrollable."""
     ocp = OptimalControlProblem("reach")
     phase = ocp.phase(time=(0, (1, latest)))
     x = phase.state("x", len(start), initial=start, final=end)
@@ -337,20 +337,20 @@ def test_six_of_the_nine_entries_of_a_rotation_follow_from_three():
     assert sum(len(one.finals) for one in dependences(model.definition)) == 6
 
 
-def test_an_equation_that_is_not_implied_comes_back(monkeypatch):
-    """A wrong rank costs a mesh and no plan."""
+def test_restores_a_wrongly_removed_equation(monkeypatch):
+    """Check that a wrong rank costs a mesh but not the plan."""
     wrong = Dependence(0, (0,), (), ())
     monkeypatch.setattr(base, "dependences", lambda _: (wrong,))
     answer = ct.solve(chain(2, 1.0))
     assert answer.primal_bound == pytest.approx(12.0, rel=1e-6)
     assert "dropped" not in answer.statistics
-    # Every mesh is told of, also the one on which the equations came back.
+    # The history contains every mesh, including the one with the restored equations.
     assert [row["mesh"] for row in answer.history] == [1, 2, 3, *range(4, len(answer.history) + 1)]
     assert answer.statistics["meshes"] == len(answer.history)
     assert any(row["then"].startswith("again with all equations") for row in answer.history)
 
 
-def test_a_kept_path_equation_is_imposed_once_where_the_start_is_free():
+def test_imposes_a_conserved_path_equation_once_at_a_free_start():
     ocp = OptimalControlProblem("turn from anywhere")
     phase = ocp.phase()
     x, y = phase.state("x", initial=(0.5, 1.5)), phase.state("y", initial=(-0.5, 0.5), final=0.8)

@@ -1,4 +1,4 @@
-"""Guesses that obey the dynamics, and guesses that go on from phase to phase."""
+"""Guesses that satisfy the dynamics, and guesses that continue from phase to phase."""
 
 import itertools
 
@@ -45,7 +45,7 @@ def test_a_feedback_is_an_expression_of_states():
     phase.simulate(u=-3 * v + phase.time)
     guess = guess_of(ocp)
     speed, t = guess.states[:, 1], guess.fractions
-    # A control stays within its bounds, and the flight is flown with what stays of it.
+    # The control is clipped to its bounds before it is integrated.
     assert guess.controls[:, 0] == pytest.approx(np.maximum(-3 * speed + t, -2), abs=1e-9)
     assert guess.controls[0, 0] == -2
     assert np.trapezoid(guess.controls[:, 0], t) == pytest.approx(speed[-1] - 1, abs=1e-4)
@@ -72,7 +72,7 @@ def test_a_flight_starts_where_the_state_is_guessed():
     guess = guess_of(ocp)
     wanted = np.outer(np.exp(-guess.fractions), [8, 4])
     assert guess.states == pytest.approx(wanted, abs=1e-4)
-    # What is guessed later counts.
+    # A later guess takes precedence.
     phase.guess(q=[7, 7])
     assert (guess_of(ocp).states == 7).all()
 
@@ -110,7 +110,7 @@ def test_a_flight_may_end_before_it_breaks_down():
         ({"u": casadi.MX.sym("y")}, "the feedback uses 'y'"),
     ],
 )
-def test_what_no_flight_can_use_is_refused(values, message):
+def test_simulate_rejects_invalid_arguments(values, message):
     ocp, phase, *_ = cart()
 
     def build():
@@ -138,7 +138,7 @@ def relay(last=6.0):
     return ocp, made
 
 
-def test_lines_go_on_through_linked_phases():
+def test_guessed_lines_continue_through_linked_phases():
     ocp, _ = relay()
     guesses = [guess_of(ocp, k) for k in range(3)]
     assert [(g.start, g.end) for g in guesses] == [(0, 1), (1, 3), (3, 6)]
@@ -155,7 +155,7 @@ def test_a_guess_is_carried_across_a_link():
     assert [guess_of(ocp, k).start for k in range(3)] == [0, 1, 4]
 
 
-def test_flights_flow_on():
+def test_simulated_guesses_continue_through_linked_phases():
     ocp, phases = relay()
     for phase, u in zip(phases, (0.5, -1, 1), strict=True):
         phase.simulate(u=u)

@@ -1,4 +1,4 @@
-"""Motions that cannot be: what is said before a search, by it, and by diagnose."""
+"""Infeasible problems: rejection before a search, termination of a search, and diagnosis."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def wrong_ends() -> OptimalControlProblem:
         (wrong_ends, ["initial value of 'q'", "(2,)"]),
     ],
 )
-def test_what_cannot_be_solved_is_said_before_anything_runs(declare, words):
+def test_rejects_unsolvable_problems_before_a_search(declare, words):
     with pytest.raises(InvalidData) as error:
         ct.solve(declare())
     for word in words:
@@ -70,25 +70,25 @@ def test_the_infeasible_slew_is_locally_infeasible_in_the_papers_words():
 
 
 @pytest.mark.slow
-def test_diagnose_says_why_the_infeasible_slew_is():
+def test_diagnose_explains_the_infeasible_slew():
     found = ct.diagnose(ct.load("satellite-slew/infeasible"), time_limit=60)
     assert found.feasible is False
-    # By the torque alone it takes 8.39 s at least, where 8 s are allowed.
+    # With the limited torque it takes at least 8.39 s, but 8 s are allowed.
     assert any("end time" in finding.text for finding in found.findings)
 
 
 def given_way(model: Model[Any]) -> dict[str, float]:
-    """Return what diagnose says must give, and by how much."""
+    """Return the limits that diagnose relaxes, and by how much."""
     found = ct.diagnose(model)
     assert found.feasible is False
     return {str(one.data["block"]): float(one.data["by"]) for one in found.findings if one.data}
 
 
-def test_diagnose_names_the_limit_the_time_and_the_end_with_what_each_lacks():
+def test_diagnose_names_limit_time_and_end_with_their_shortfall():
     # With |u| <= 1 a second is good for 1/4 m; 1 m takes 2 s, or |u| <= 4.
     gives = given_way(push(1.0))
     assert gives == pytest.approx({"final value of x": 0.75, "end time": 1.0, "u": 3.0}, rel=1e-3)
-    # Up to 0.9 m/s at 8 m/s²: 0.9 (1 - 0.9/8) m. Where u gives, no strength is enough: not named.
+    # Up to 0.9 m/s at 8 m/s²: 0.9 (1 - 0.9/8) m. Relaxing u alone is not enough, so u is not named.
     gives = given_way(push(8.0, speed=0.9))
     want = {
         "final value of x": 1 - 0.9 * (1 - 0.9 / 8),
@@ -98,7 +98,7 @@ def test_diagnose_names_the_limit_the_time_and_the_end_with_what_each_lacks():
     assert gives == pytest.approx(want, rel=0.02)
 
 
-def test_diagnose_speaks_of_units_and_bounds():
+def test_diagnose_states_units_and_bounds():
     found = ct.diagnose(push(1.0, (0.5, 1.0)))
     text = str(found)
     assert "u: the limits -1 to 1 m/s² would have to give by 3 m/s²" in text
@@ -107,19 +107,19 @@ def test_diagnose_speaks_of_units_and_bounds():
 
 
 @pytest.mark.parametrize("strength", [4.05, 10.0])
-def test_diagnose_finds_a_motion_where_there_is_one(strength):
+def test_diagnose_finds_an_existing_motion(strength):
     found = ct.diagnose(push(strength))
     assert found.feasible is True
     assert found.findings == ()
 
 
-def test_diagnose_without_time_settles_nothing():
+def test_diagnose_without_time_is_undecided():
     found = ct.diagnose(push(1.0), time_limit=1e-3)
     assert found.feasible is None
     assert "not settled" in found.summary
 
 
 @pytest.mark.parametrize("backend", ["highs", "ipopt"])
-def test_there_are_no_linear_rows_to_filter(backend):
+def test_diagnose_rejects_backends_that_filter_linear_rows(backend):
     with pytest.raises(UnsupportedFormulation):
         ct.diagnose(push(1.0), backend)

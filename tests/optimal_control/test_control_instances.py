@@ -1,4 +1,4 @@
-"""The catalogue of optimal control, and its entries solved."""
+"""Catalogue of optimal control, and solutions of its entries."""
 
 import math
 
@@ -28,7 +28,7 @@ def test_entries(name):
     assert set(published) <= {"objective", "source", "analytic", "printed"}
     assert published["source"]
     assert math.isfinite(published["objective"])
-    # Exactly through JSON, and the same again.
+    # JSON is exact, and building twice gives the same digest.
     again = Model.from_json(model.to_json())
     assert again.digest == model.digest == entry.build().digest
     assert type(again) is type(model)
@@ -61,12 +61,12 @@ def test_digests_differ():
         ("zermelo", 5.46, 2),
     ],
 )
-def test_the_literature_prints_the_same(name, printed, digits):
+def test_values_agree_with_the_literature(name, printed, digits):
     assert ENTRIES[name].published["objective"] == pytest.approx(printed, abs=0.6 * 10.0**-digits)
 
 
 @pytest.mark.slow
-def test_the_cart_has_two_good_ways():
+def test_the_cart_has_two_local_optima():
     at_once = cart_pole((3.62, -52.0, 4.85, 4.29))
     assert at_once == pytest.approx(58.80766746, rel=1e-9)
     assert at_once > cart_pole() + 0.5
@@ -81,7 +81,7 @@ def test_cross_range_in_degrees():
 def test_options():
     assert oc.bryson_denham(limit=0.2).digest == ENTRIES["bryson-denham-touch"].build().digest
     assert oc.rayleigh("mine", horizon=3, limited=False).name == "mine"
-    # Nothing is closed: one may go on declaring.
+    # Further declarations are allowed.
     mine = oc.double_integrator("mine")
     mine.subject_to(mine.parameter("p", lower=0, upper=2), upper=1, name="p is at most 1")
     assert mine.digest != oc.double_integrator().digest
@@ -95,7 +95,7 @@ def test_every_export_exists():
         _ = oc.nothing
 
 
-#: Controls that jump or are singular are met to 1e-5, everything else to 1e-6.
+#: Discontinuous and singular controls are solved to 1e-5, all others to 1e-6.
 JUMPING = {
     "aly-chan", "catalyst-mixing", "double-integrator", "double-integrator-fuel", "dubins",
     "free-flying-robot", "goddard", "harmonic-oscillator", "moon-lander", "quadrotor", "robot-arm",
@@ -143,8 +143,8 @@ def test_quadrotor_by_gauss():
 
 
 @pytest.mark.slow
-def test_eight_switches_are_met_or_refused():
-    """Four jets that switch at eight times: what is not met to the tolerance is never accepted."""
+def test_eight_switches_are_resolved_or_rejected():
+    """Check that eight switches of four jets are accepted only within the tolerance."""
     answer, wanted = solved("free-flying-robot", seed=0)
     if answer.termination == "locally_optimal":
         assert answer.verification.ok
@@ -157,13 +157,13 @@ def test_eight_switches_are_met_or_refused():
 @pytest.mark.slow
 @pytest.mark.parametrize("formulation", ["gauss", "hermite-simpson"])
 @pytest.mark.parametrize("name", sorted(set(ENTRIES) - JUMPING))
-def test_solved_otherwise(name, formulation):
+def test_solved_by_other_formulations(name, formulation):
     answer, wanted = solved(name, formulation=formulation)
     assert answer.verification.ok, str(answer.verification)
     assert answer.primal_bound == wanted
 
 
-def test_the_parameter_that_fits():
+def test_estimates_the_parameter():
     plan = ct.solve(ENTRIES["decay-fit"].build(), tolerance=1e-6).plan
     assert plan.parameters["rate"] == pytest.approx([0.546581496745], rel=1e-7)
 

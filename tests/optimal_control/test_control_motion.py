@@ -1,4 +1,4 @@
-"""Motions integrated anew: hard ones, the Hamiltonian, polynomial courses."""
+"""Re-integrated motions: difficult ones, the Hamiltonian, and polynomials."""
 
 import math
 from dataclasses import replace
@@ -40,10 +40,10 @@ def test_an_unstable_motion_is_integrated_in_windows(intervals, nodes, windows):
     assert found.growth == pytest.approx(math.exp(50), rel=1e-2)
     verified = unstable().verify(plan(), tolerance=1e-9)
     assert verified.ok and check(verified, "motion").where.endswith(f"in {windows} windows")
-    # Nobody integrates this from end to end, so no objective can be held against the plan's.
+    # The motion cannot be integrated from end to end, so the objective is not compared.
     assert not [one for one in verified.checks if one.name == "objective"]
     assert verified.objective == pytest.approx(51**2 * (1 - math.exp(-2)) / 2, rel=1e-12)
-    # What is wrong is found all the same, in every window.
+    # Violations are detected in every window.
     assert not check(unstable().verify(plan(1e-4)), "motion").ok
 
 
@@ -63,7 +63,7 @@ def test_a_stiff_motion_is_integrated(rate):
     assert one.worst == pytest.approx(1e-3, rel=0.1) and not one.ok
 
 
-def test_a_motion_that_breaks_down_is_no_solution():
+def test_rejects_a_motion_that_breaks_down():
     ocp = OptimalControlProblem("escape")
     phase = ocp.phase(time=(0, 2))
     x = phase.state("x", initial=1)
@@ -75,7 +75,7 @@ def test_a_motion_that_breaks_down_is_no_solution():
     one = check(ocp.verify(plan), "motion")
     assert one.worst == np.inf and "breaks down at t = 1: x is " in one.where, one.where
     assert ocp.verify(plan).to_dict()["checks"][0]["worst"] is None
-    # A rate may be no number from the start, or from where the motion leads.
+    # A rate may be NaN from the start, or later in the motion.
     for last, when in ((-1.0, "t = 0:"), (1.0, "t = 1:")):
         root = OptimalControlProblem("root")
         phase = root.phase(time=(0, 2))
@@ -85,7 +85,7 @@ def test_a_motion_that_breaks_down_is_no_solution():
         still = {"x": lambda t: -t, "y": lambda t: 0 * t}
         failure = motion(root, ControlPlan((phase_plan((0, 2), still),))).failure
         assert when in failure and failure.endswith("the rate of y is not finite"), failure
-    # An integrand that is not finite leaves no objective.
+    # A non-finite integrand gives no objective.
     log = OptimalControlProblem("log")
     phase = log.phase(time=(0, 1))
     x = phase.state("x", initial=-1)
@@ -135,7 +135,7 @@ def test_the_weight_of_an_integral_is_in_the_hamiltonian():
     st.integers(1, 3),
     st.integers(1, 4),
 )
-def test_any_polynomial_course_of_integrators_verifies(coefficients, lengths, order, splits):
+def test_verifies_any_polynomial_motion_of_integrators(coefficients, lengths, order, splits):
     ocp = OptimalControlProblem("chain")
     phase = ocp.phase(time=(0, float(sum(lengths))))
     states = [phase.state(f"x{k}") for k in range(order)]

@@ -1,4 +1,4 @@
-"""Plans of states and controls: functions of time, JSON, bad data."""
+"""Plans of states and controls: functions of time, JSON and invalid data."""
 
 import copy
 import json
@@ -23,7 +23,7 @@ def test_plans_are_functions_of_time(answer):
     assert plan["x"](t, 2) == pytest.approx(6 - 12 * t, abs=1e-4)
     assert plan["u"](t) == pytest.approx(6 - 12 * t, abs=1e-6)
     assert plan.grid(3).tolist() == [0, 0.5, 1] and plan["x"]([]).shape == (0,)
-    # Rounding beyond the ends is forgiven, more is not.
+    # Times beyond the ends are accepted within rounding only.
     assert plan["x"](1 + 1e-12) == plan["x"](1.0)
 
 
@@ -46,13 +46,13 @@ def test_plans_are_functions_of_time(answer):
         (lambda p: ControlPlan(p.phases, {"p": "a"}), InvalidData, ["parameters['p']", "a number", "'a'"]),
     ],
 )  # fmt: skip
-def test_plans_say_what_they_cannot_answer(answer, ask, error, words):
+def test_plans_reject_unknown_names_and_times(answer, ask, error, words):
     with pytest.raises(error) as caught:
         ask(answer.plan)
     assert all(word in str(caught.value) for word in words), caught.value
 
 
-def test_controls_saturate_where_they_are_bounded():
+def test_bounded_controls_saturate():
     part = Piecewise(
         [0.0, 1], (np.array([-1.0, 0, 1]),), (np.array([[0.0], [2], [0]]),), [0.0], [1.5]
     )
@@ -91,7 +91,7 @@ def test_plans_with_parameters_and_phases_in_json():
 
 
 def bad_plans():
-    """Changes of a plan's data, and the words of what is said about each."""
+    """Return changes of a plan's data, and the words of their error messages."""
 
     def put(*path):
         *inner, last, value = path
@@ -135,7 +135,7 @@ def bad_plans():
 
 
 @pytest.mark.parametrize(("change", "words"), bad_plans())
-def test_a_wrong_plan_is_no_plan(answer, change, words):
+def test_rejects_invalid_plan_data(answer, change, words):
     ocp = rest_to_rest().ocp
     data = copy.deepcopy(ocp.plan_to_data(answer.plan))
     change(data)
@@ -145,6 +145,6 @@ def test_a_wrong_plan_is_no_plan(answer, change, words):
 
 
 @pytest.mark.parametrize("plan", [3, "plan", None, np.zeros(3), {"phases": None}, []])
-def test_what_is_no_plan_is_not_verified(plan):
+def test_verify_rejects_values_that_are_not_plans(plan):
     with pytest.raises(InvalidData):
         ct.verify(rest_to_rest().ocp, plan)

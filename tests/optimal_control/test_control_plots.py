@@ -1,4 +1,4 @@
-"""The pictures of optimal controls: what is drawn, for plans valid or not."""
+"""Pictures of optimal controls, for valid and invalid plans."""
 
 from types import SimpleNamespace
 
@@ -15,7 +15,7 @@ from crosstrack.models.optimal_control.plan import Piecewise
 RED = "#C8102E"
 
 
-def test_a_panel_a_state_and_a_control(tmp_path):
+def test_draws_one_panel_per_state_and_control(tmp_path):
     model, plan = braking(bound=0.3), cruising()
     figure = ct.plot(model, plan)
     figure.savefig(tmp_path / "control.png", dpi=50)
@@ -36,12 +36,12 @@ def test_a_panel_a_state_and_a_control(tmp_path):
     assert legend(figure) == ["limit", "forbidden", "node", "knot of the mesh"]
 
 
-def test_limits_stand_at_their_height():
+def test_draws_limits_at_their_values():
     drawn = panels(ct.plot(braking(bound=0.3, push=4.0), cruising()))
     assert heights(drawn["x"]) == [0.3]
     assert heights(drawn["v"]) == []
     assert len(artists(drawn["x"], "forbidden")) == 1
-    # What is far away is told, so that the curve can still be seen.
+    # Distant limits are written as text, so that the curve remains visible.
     assert heights(drawn["u"]) == [-4]
     assert drawn["u"].get_title(loc="left") == "≤ 4"
     assert drawn["x"].get_title(loc="left") == ""
@@ -52,7 +52,7 @@ def test_path_constraints_have_panels():
     drawn = panels(ct.plot(model, cruising()))
     assert list(drawn) == ["x", "v", "u", "upper sum", "level"]
     assert heights(drawn["upper sum"]) == [0.2, 1.2]
-    # An equation forbids all but itself, which no shade can show.
+    # An equation has no shaded region.
     assert heights(drawn["level"]) == [0.5]
     assert artists(drawn["level"], "forbidden") == []
     assert list(panels(ct.plot(model, cruising(), paths=False))) == ["x", "v", "u"]
@@ -68,7 +68,7 @@ def test_vectors_have_one_panel_and_phases_share_it():
     assert len(lines) == 4
     assert len({line.get_color() for line in lines}) == 2
     assert [text.get_text() for text in drawn["r"].get_legend().get_texts()] == ["r[0]", "r[1]"]
-    # A bound of one entry alone has its colour, and shades nothing.
+    # A bound of a single entry has its colour and no shaded region.
     (limit,) = artists(drawn["r"], "limit")
     assert limit.get_color() == artists(drawn["r"], "curve r[0]")[0].get_color()
     assert [list(part) for part in limit.get_data()] == [[0, 1], [1.5, 1.5]]
@@ -102,7 +102,7 @@ def test_the_worst_violation_is_ringed():
     assert ring.get_xdata()[0] == pytest.approx(0.5)
     assert ring.get_ydata()[0] == pytest.approx(0.25)
     assert "worst violation" in legend(figure)
-    # A tolerance that accepts it rings nothing.
+    # With a tolerance that accepts the violation, no ring is drawn.
     lenient = ct.plot(braking(bound=0.2), plan, tolerance=0.5)
     assert "NOT VALID" not in lenient.get_suptitle()
     assert artists(panels(lenient)["x"], "worst violation") == []
@@ -152,7 +152,7 @@ def test_many_intervals_have_neither_dots_nor_ticks():
     assert legend(plain) == ["limit", "forbidden"]
 
 
-def test_wild_and_still_plans_draw():
+def test_draws_unstable_and_constant_plans():
     model = braking(bound=0.3)
     still = ControlPlan(
         (
@@ -184,7 +184,7 @@ def test_wild_and_still_plans_draw():
         ({"size": "big"}, "size", "got 'big'"),
     ],
 )
-def test_values_that_are_not_allowed(options, field, message):
+def test_rejects_invalid_options(options, field, message):
     with pytest.raises(UnsupportedOption, match=f"^{field} must .*{message}"):
         ct.plot(braking(), cruising(), **options)
 

@@ -1,4 +1,4 @@
-"""Programs of transcriptions: derivatives, names, guesses, round trips."""
+"""Programs of transcriptions: derivatives, names, guesses and round trips."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from crosstrack.models.optimal_control.transcription.mesh import Mesh
 
 
 def everything():
-    """Two phases of different states, parameters, integrals, paths, free times, everything at once."""
+    """Return two phases with different states, parameters, integrals, paths and free times."""
     ocp = OptimalControlProblem("everything")
     a = ocp.phase("climb", time=(0, (1, 3)), unit="h", equation="12")
     q = a.state("q", 2, initial=[0.1, 0.2], unit="m")
@@ -43,11 +43,11 @@ def everything():
 
 
 def no_scalar_form(ocp):
-    """The same problem with functions that stay as they are, graphs of matrices."""
+    """Return the same problem with functions that remain matrix graphs."""
     phases = []
     for phase in ocp.definition.phases:
         inputs = [casadi.MX.sym(n, phase.function.size1_in(n)) for n in phase.function.name_in()]
-        # A matrix product has no place among scalar operations: the graph stays one of matrices.
+        # The function has no scalar form, so the graph keeps its matrices.
         outputs = list(phase.function.call(inputs))
         made = casadi.Function(
             "phase", inputs, outputs, phase.function.name_in(), phase.function.name_out()
@@ -71,14 +71,14 @@ MIXED = Mesh(np.array([0, 0.2, 0.65, 1.0]), np.array([2, 7, 4]), np.array([False
 
 
 def written(name, problem=None, **options):
-    """The formulation of everything on an uneven mesh."""
+    """Return the formulation of `everything` on an uneven mesh."""
     if not options:
         options = {"mesh": MIXED if name in ("gauss", "radau", "paper") else [0, 0.3, 0.5, 1]}
     return (problem or everything()).formulate(name, dependent="keep", **options)
 
 
 def drawn(program, seed=1):
-    """A point inside the bounds, its times in order."""
+    """Return a point inside the bounds, with increasing times."""
     draw = np.random.default_rng(seed)
     low = np.where(np.isfinite(program.column_lower), program.column_lower, program.guess - 1)
     high = np.where(np.isfinite(program.column_upper), program.column_upper, program.guess + 1)
@@ -103,7 +103,7 @@ def test_derivatives_are_those_of_automatic_differentiation(name, kind):
     )
     assert abs(mine - theirs).max() < 1e-9 * max(1.0, abs(theirs).max())
     assert not sp.tril(mine, -1).count_nonzero()
-    # Finite differences know nothing of CasADi.
+    # Finite differences are independent of CasADi.
     step = 1e-6 * draw.normal(size=program.size)
     (f1, g1), (f0, g0) = program.values(point + step), program.values(point - step)
     assert g1 - g0 == pytest.approx(2 * (program.jacobian(point) @ step), abs=1e-8)
@@ -124,7 +124,7 @@ def test_functions_of_both_kinds_give_the_same_program(name):
 
 
 @pytest.mark.parametrize("name", FORMULATIONS)
-def test_every_row_and_column_has_words(name):
+def test_every_row_and_column_has_a_description(name):
     one = written(name)
     program, layout = one.program, one.layout
     for blocks, size in ((program.rows, program.row_count), (program.columns, program.size)):
@@ -135,7 +135,7 @@ def test_every_row_and_column_has_words(name):
     if name != "hermite-simpson":
         assert len(columns) == program.size
     assert len(rows) == program.row_count
-    # The index map leads from a name to the column: a marked value comes out in the plan.
+    # Columns are found by name: a marked value appears in the plan.
     for place, state, interval, node in ((climb, "q[1]", 2, 0), (glide, "m", 3, 1)):
         column = columns[f"{state} of {place.phase.name} in interval {interval}, node {node}"]
         entry = place.phase.state_names.index(state)
@@ -160,7 +160,7 @@ def test_every_row_and_column_has_words(name):
     assert units["dynamics of q[1] of climb"] == "m" and units["end time of climb"] == "h"
 
 
-def test_a_wrong_point_is_told_by_name():
+def test_a_violated_row_is_named():
     one = written("radau")
     point = one.program.guess.copy()
     climb = one.layout.phases[0]
@@ -188,7 +188,7 @@ def test_decoding_and_encoding_return_every_column(name):
     integrals = np.concatenate([part.integral_columns for part in one.layout.phases])
     kept = np.setdiff1d(np.arange(point.size), integrals)
     assert again[kept] == pytest.approx(point[kept], abs=1e-11)
-    # The integrals that come back are those of the plan: their rows hold.
+    # The encoded integrals are those of the plan, so their rows are satisfied.
     rows = one.program.values(again)[1]
     for block in one.program.rows:
         if block.name.startswith("definition of integral"):
@@ -209,7 +209,7 @@ def test_a_plan_of_another_formulation_satisfies_the_rows(name):
 
 
 @pytest.mark.parametrize("name", FORMULATIONS)
-def test_the_guess_is_where_the_program_starts(name):
+def test_the_program_starts_at_the_guess(name):
     ocp = OptimalControlProblem()
     phase = ocp.phase(time=(1, (2, 9)))
     x, y, u = phase.state("x", initial=2), phase.state("y", upper=5), phase.control("u")
@@ -227,7 +227,7 @@ def test_the_guess_is_where_the_program_starts(name):
     assert start[part.integral_columns] == pytest.approx([3 * 4 * 4, 12], rel=1e-12)
 
 
-def test_a_plan_of_another_shape_is_not_encoded():
+def test_encode_rejects_a_plan_of_another_shape():
     one = written("radau")
     plan = one.decode(drawn(one.program)[0])
     climb, _ = plan.phases

@@ -1,4 +1,4 @@
-"""What refinement finds on a mesh, what it tells of it, and which plan it returns."""
+"""Refinement: reports of meshes, the history, and the returned plan."""
 
 import re
 
@@ -28,12 +28,12 @@ def bang_singular(position=0.0, speed=1.0):
 
 
 @pytest.mark.parametrize("formulation", ["gauss", "radau"])
-def test_a_report_is_what_each_interval_shows_by_itself(formulation):
+def test_a_report_equals_the_reports_of_single_intervals(formulation):
     model = catalogue("goddard")
     mesh = Mesh([0, 0.2, 0.3, 0.45, 0.8, 1], [4, 6, 4, 9, 6])
     options = {"mesh": mesh, "refine": False}
     program = model.formulation_type(formulation).of(model, options)
-    # A motion that is none, and that leaves its bounds.
+    # Random states that violate the dynamics and the bounds.
     shaken = 1 + 0.1 * np.random.default_rng(1).standard_normal(program.layout.size)
     part = program.decode(program.program.guess * shaken).phases[0]
     phase = model.definition.phases[0]
@@ -69,7 +69,7 @@ def test_a_plan_is_verified_once(monkeypatch):
     model = catalogue("linear-regulator")
     found = ct.solve(model, isolate=False)
     assert found.termination == "locally_optimal" and len(seen) == len(set(seen)) > 0
-    # The same again is known; another tolerance, another bit or another model is not.
+    # The result is cached for equal arguments; another tolerance, bit or model is verified again.
     before = len(seen)
     assert model.verify(found.plan, tolerance=1e-6) is found.verification
     assert model.verify(model.plan_from_data(found.plan_data)) is found.verification
@@ -82,20 +82,20 @@ def test_a_plan_is_verified_once(monkeypatch):
     assert len(seen) == before + 3
 
 
-def test_an_objective_that_stays_is_not_settled_where_the_hamiltonian_jumps():
-    # A control held calm over the switch verifies and no longer changes, 8e-5 above the optimum.
+def test_refines_further_if_the_hamiltonian_jumps():
+    # A calm control over the switch verifies and converges, 8e-5 above the optimum.
     model = bang_singular()
     found = ct.solve(model, formulation="radau", isolate=False)
     assert found.termination == "locally_optimal"
     assert found.primal_bound == pytest.approx(0.3769919309, abs=1e-8)
     assert any("Hamiltonian" in row["then"] or "released" in row["then"] for row in found.history)
     assert sum(map(np.sum, hamiltonian_gains(model, found.plan))) < 3e-6
-    # An easy problem is looked at no more often than before.
+    # An easy problem needs no additional mesh.
     assert ct.solve(catalogue("linear-regulator")).statistics["meshes"] == 2
 
 
-def test_noise_of_a_singular_control_is_held_calm_not_cut_on_and_on():
-    # Cut where the noise was largest, this took 2658 nodes and did not end.
+def test_keeps_a_noisy_singular_control_calm_instead_of_cutting():
+    # With cuts at the largest noise, this took 2658 nodes and did not converge.
     options = {"rounds": 8}
     found = ct.solve(
         catalogue("aly-chan"), formulation="radau", tolerance=1e-8, formulation_options=options
@@ -105,7 +105,7 @@ def test_noise_of_a_singular_control_is_held_calm_not_cut_on_and_on():
     assert any("held calm" in row["then"] for row in found.history[1:])
 
 
-def test_the_history_tells_of_each_mesh():
+def test_the_history_has_one_row_per_mesh():
     found = ct.solve(catalogue("bryson-denham"))
     assert len(found.history) == found.statistics["meshes"]
     assert [row["mesh"] for row in found.history] == [1, 2, 3, 4]
@@ -124,7 +124,7 @@ def test_the_history_tells_of_each_mesh():
     assert ct.Solution.from_dict(older).history == ()
 
 
-def test_the_best_plan_comes_back_where_refinement_does_not_settle():
+def test_returns_the_best_plan_if_refinement_does_not_converge():
     model = bang_singular()
     found = ct.solve(model, tolerance=1e-5, formulation_options={"rounds": 5})
     assert found.termination == "feasible" and found.verification.ok
@@ -134,7 +134,7 @@ def test_the_best_plan_comes_back_where_refinement_does_not_settle():
     assert found.history[2]["verified"] is True and found.history[4]["error"] > 2e-6
 
 
-def test_the_error_left_is_named_with_the_tolerance_that_accepts_it():
+def test_names_the_remaining_error_and_the_tolerance_that_accepts_it():
     model = layers()
     options = {"rounds": 3, "intervals": 2, "degree": 4}
     found = ct.solve(model, formulation_options=options, tolerance=1e-6)

@@ -1,4 +1,4 @@
-"""Outputs and path constraints by name, and flights of a plan under disturbances."""
+"""Outputs and path constraints by name, and simulations of a plan under disturbances."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_outputs_and_paths_by_name(solved):
         plan["power"](t, 1)
 
 
-def test_stored_plan_is_attached_again(solved):
+def test_attach_restores_the_outputs_of_a_stored_plan(solved):
     model, plan = solved
     bare = ControlPlan.from_data(plan.to_data())
     with pytest.raises(UnknownName, match=r"model\.attach\(plan\)"):
@@ -51,7 +51,7 @@ def test_stored_plan_is_attached_again(solved):
     assert again["power"](0.3) == plan["power"](0.3)
 
 
-def test_outputs_are_stored_and_leave_other_problems_alone(solved):
+def test_outputs_are_stored_and_change_no_other_digest(solved):
     model, plan = solved
     read = OptimalControlProblem.from_data(model.data())
     assert read.digest == model.digest != mover(shown=False).digest
@@ -59,7 +59,7 @@ def test_outputs_are_stored_and_leave_other_problems_alone(solved):
     assert "outputs" not in mover(shown=False).definition.phases[0].data()
 
 
-def test_output_needs_a_free_name():
+def test_output_rejects_a_taken_name():
     phase = OptimalControlProblem("named").phase(time=(0, 1))
     x = phase.state("x")
     with pytest.raises(InvalidData, match="'x'"):
@@ -85,7 +85,7 @@ def test_undisturbed_flight_is_the_plan(solved):
 
 
 def test_disturbed_flight_in_closed_form(solved):
-    # A constant acceleration d and an offset e of the start: x is off by e + d t² / 2.
+    # A constant acceleration d and an offset e of the start: x deviates by e + d t² / 2.
     flight = solved[1].simulate(disturbance=[0.0, 0.3], initial={"x": 0.01})
     t = flight.times
     expected = np.stack([0.01 + 0.15 * t**2, 0.3 * t], axis=1)
@@ -113,6 +113,6 @@ def test_feedback_returns_to_the_plan(solved):
 @pytest.mark.parametrize(
     "options", [{"initial": [1.0]}, {"disturbance": [1.0, np.nan]}, {"initial": {"y": 1.0}}]
 )
-def test_simulation_refuses(solved, options):
+def test_simulate_rejects_bad_arguments(solved, options):
     with pytest.raises(InvalidData):
         solved[1].simulate(**options)

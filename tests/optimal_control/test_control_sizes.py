@@ -1,4 +1,4 @@
-"""Units change nothing: sizes scale with them, and the search and the verdict with the sizes."""
+"""Independence of units: sizes scale with them, and search and verification scale with the sizes."""
 
 import math
 
@@ -14,7 +14,7 @@ from crosstrack.models import ControlPlan, OptimalControlProblem
 
 
 def wall(weight=1.0, length=1.0, time=1.0, scale=None):
-    """Bryson and Denham's cart, in other units of length, time and effort."""
+    """Return Bryson and Denham's cart in other units of length, time and effort."""
     ocp = OptimalControlProblem()
     phase = ocp.phase(time=(0, time))
     x = phase.state("x", initial=0, final=0, upper=length / 9)
@@ -27,7 +27,7 @@ def wall(weight=1.0, length=1.0, time=1.0, scale=None):
 
 
 def disc(length=1.0, time=1.0):
-    """Around a disc whose edge is a relation to a parameter; nothing else has a size."""
+    """Return a path around a disc whose radius is a parameter; nothing else has a size."""
     ocp = OptimalControlProblem()
     phase = ocp.phase(time=(0, 2 * time))
     r = phase.state("r", 2, initial=[0, 0], final=[length, length])
@@ -42,7 +42,7 @@ def disc(length=1.0, time=1.0):
     return ocp
 
 
-def test_the_weight_of_the_objective_changes_nothing():
+def test_the_result_is_independent_of_the_weight_of_the_objective():
     plain = ct.solve(wall())
     assert plain.primal_bound == pytest.approx(4.0, rel=1e-7)
     for weight in (1e-9, 1e-6, 1e-3, 1e4, 1e5, 1e6, 1e9):
@@ -54,13 +54,13 @@ def test_the_weight_of_the_objective_changes_nothing():
 
 @pytest.mark.parametrize("length", [1e-6, 1e3])
 @pytest.mark.parametrize("time", [1e-3, 3600])
-def test_units_of_length_and_time_change_nothing(length, time):
+def test_the_result_is_independent_of_units(length, time):
     found = ct.solve(wall(1.0, length, time))
     assert found.termination == "locally_optimal", found.message
     assert found.primal_bound == pytest.approx(4.0, rel=1e-6)
 
 
-def test_what_has_no_bounds_is_sized_by_the_dynamics():
+def test_sizes_without_bounds_follow_from_the_dynamics():
     values = []
     for length, time in ((1.0, 1.0), (1e3, 3600.0), (1e-3, 1e-3)):
         found = ct.solve(disc(length, time), tolerance=1e-5)
@@ -86,7 +86,7 @@ def test_sizes_scale_with_the_units(length, time):
     assert other.variation == pytest.approx(plain.variation * push**2 * time, rel=1e-6)
 
 
-def test_the_size_of_the_objective_may_be_said():
+def test_scale_sets_the_size_of_the_objective():
     assert wall(scale=7).definition.objective_scale == 7
     assert wall(scale=7).formulate("gauss").program.objective_scale == 7
     assert wall().definition.objective_scale == 0
@@ -103,8 +103,8 @@ def _straight(rate):
     return phase_plan((0, 1), {"x": lambda t: rate * t}, {"u": lambda t: rate + 0 * t})
 
 
-def test_small_limits_are_held_as_closely_as_large_ones():
-    """A rate limit of 0.1 was forgiven 0.1 % of itself at a tolerance of 1e-4."""
+def test_small_limits_are_as_tight_as_large_ones():
+    """Check that a rate limit of 0.1 is not exceeded by 0.1 % at a tolerance of 1e-4."""
     for limit in (0.1, 1e-4, 1e4):
         ocp = OptimalControlProblem()
         phase = ocp.phase(time=(0, 1))
@@ -119,8 +119,8 @@ def test_small_limits_are_held_as_closely_as_large_ones():
             assert one.ok is ok and one.scale == pytest.approx(limit)
 
 
-def test_a_bound_next_to_0_is_held_by_the_course():
-    """A bound such as 1e-9, that keeps a division from 0, is no measure of what it bounds."""
+def test_a_bound_near_0_is_scaled_by_the_range_of_the_state():
+    """Check that a bound such as 1e-9, which avoids a division by 0, is not used as a scale."""
     ocp = OptimalControlProblem()
     phase = ocp.phase(time=(0, 1))
     x = phase.state("x", initial=1, lower=1e-9)

@@ -1,4 +1,4 @@
-"""Several starts and limits of a search for a motion."""
+"""Several starts and limits of a search."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def test_all_starts_are_kept_and_the_best_is_returned(ways):
     assert ways.primal_bound == min(values)
     assert ways.seed == ways.starts[values.index(min(values))].seed
     assert ways.options["starts"] == 3
-    # Each of them is a local optimum, one of the two there are.
+    # Each of them is one of the two local optima.
     for value in values:
         assert min(abs(value - BELOW), abs(value - ABOVE)) <= 2e-3 * ABOVE
     assert all(one.verification.ok and one.termination == "locally_optimal" for one in ways.starts)
@@ -25,7 +25,7 @@ def test_all_starts_are_kept_and_the_best_is_returned(ways):
     assert [one["seed"] for one in data["starts"]] == [0, 5, 6]
 
 
-def test_a_start_that_ends_at_the_worse_is_beaten_by_others(disc, ways):
+def test_other_starts_improve_on_a_worse_local_optimum(disc, ways):
     alone = ct.solve(disc, tolerance=1e-3, formulation_options=COARSE)
     assert alone.primal_bound == pytest.approx(ABOVE, rel=2e-3)  # where the guess leads
     assert ways.primal_bound == pytest.approx(BELOW, rel=2e-3)
@@ -38,7 +38,7 @@ def test_the_same_seed_gives_the_same_plan(disc, ways):
     assert other.plan.to_data() != ways.plan.to_data()
 
 
-def test_compare_notes_who_stopped_at_a_worse_point(disc, ways):
+def test_compare_notes_a_worse_local_optimum(disc, ways):
     options = {"tolerance": 1e-3, "formulation_options": COARSE, "time_limit": 60}
     worse = ct.compare(disc, ["ipopt:gauss"], **options)
     better = ct.compare(disc, ["ipopt:radau"], **options, seed=7)
@@ -55,7 +55,7 @@ def test_compare_notes_who_stopped_at_a_worse_point(disc, ways):
     ("name", "backend"),
     [(BRYSON, "ipopt"), (BRYSON, "slsqp"), ("satellite-slew/paper", "ipopt")],
 )
-def test_no_time_is_a_limit_and_no_error(name, backend):
+def test_zero_time_is_a_limit_and_not_an_error(name, backend):
     answer = ct.solve(ct.load(name), backend, time_limit=1e-3)
     assert answer.limit == "time"
     assert answer.termination == "no_solution"
@@ -63,19 +63,19 @@ def test_no_time_is_a_limit_and_no_error(name, backend):
 
 
 @pytest.mark.parametrize("seconds", [1e-3, 1e-12])
-def test_no_time_for_several_starts(seconds):
+def test_zero_time_for_several_starts(seconds):
     answer = ct.solve(ct.load(BRYSON), time_limit=seconds, starts=3)
     assert (answer.termination, answer.limit) == ("no_solution", "time")
     assert len(answer.starts) >= 1
 
 
-def test_time_that_ends_between_starts_is_named(disc):
+def test_names_the_time_limit_between_starts(disc):
     answer = ct.solve(disc, tolerance=1e-3, formulation_options=COARSE, starts=1000, time_limit=1.5)
     assert len(answer.starts) < 1000
     assert answer.plan is not None
     assert answer.limit == "time"
 
 
-def test_iterations_are_a_limit_too():
+def test_names_the_iteration_limit():
     answer = ct.solve(ct.load(CURVE), backend_options={"max_iter": 2})
     assert (answer.limit, answer.plan) == ("iterations", None)

@@ -1,4 +1,4 @@
-"""Declaring more, digests and round trips of optimal control problems."""
+"""Further declarations, digests and round trips of optimal control problems."""
 
 import copy
 import inspect
@@ -15,7 +15,7 @@ from crosstrack.errors import InvalidData
 from crosstrack.models import Model, OptimalControlProblem
 
 
-def test_declaring_more_makes_another_problem():
+def test_further_declarations_make_another_problem():
     grown = rest_to_rest()
     first = grown.ocp.digest
     assert solve(grown.ocp).primal_bound == pytest.approx(12, rel=1e-9)
@@ -29,7 +29,7 @@ def test_declaring_more_makes_another_problem():
     assert grown.ocp.digest not in (first, second)
 
 
-def test_what_was_refused_leaves_no_trace():
+def test_a_rejected_declaration_changes_nothing():
     part = rest_to_rest()
     before = part.ocp.digest
     for attempt in (
@@ -67,7 +67,7 @@ def test_a_finished_definition_is_closed():
     assert copied.digest != first.ocp.digest
 
 
-def test_words_for_people():
+def test_descriptions():
     part = open_problem()
     assert part.ocp.describe() == "being declared" and "being declared" in repr(part.ocp)
     assert "2 states" in repr(rest_to_rest().ocp.renamed("r"))
@@ -94,7 +94,7 @@ def test_round_trips_keep_the_digest(trip, answer):
     assert again.verify(answer.plan).objective == ocp.verify(answer.plan).objective
 
 
-def test_twenty_is_twenty():
+def test_equal_numbers_of_other_types_give_equal_digests():
     digests = {everything(one).digest for one in (20, 20.0, np.float64(20), np.int64(20))}
     assert len(digests) == 1
     assert everything(21).digest not in digests
@@ -119,7 +119,7 @@ def test_every_declaration_is_part_of_the_digest(change):
     assert part.ocp.digest != before
 
 
-def test_a_fresh_process_draws_up_the_same_problem(run_python, tmp_path):
+def test_a_new_process_declares_the_same_problem(run_python, tmp_path):
     ocp = everything(20)
     (tmp_path / "model.pickle").write_bytes(pickle.dumps(ocp))
     (tmp_path / "model.json").write_text(ocp.to_json(), "utf-8")
@@ -137,7 +137,7 @@ print(everything(20).digest)
     assert run_python("script.py", cwd=tmp_path).split() == [ocp.digest] * 3
 
 
-def test_workers_solve_what_was_declared_here():
+def test_workers_solve_a_problem_of_this_process():
     ocp = interpolated()
     verdict = ct.compare([ocp], ["ipopt", "sqpmethod"], time_limit=60)
     assert len(verdict.solutions) == 2

@@ -1,4 +1,4 @@
-"""Tables of data: smooth inside, and outside as asked."""
+"""Tables of data: smoothness inside, and extrapolation."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_two_arguments_outside(outside):
         assert table(x, y) == pytest.approx(product, rel=1e-12, abs=1e-12)
 
 
-def test_derivatives_go_on_at_points_and_edges():
+def test_derivatives_are_continuous_at_points_and_edges():
     grid = np.array([0.0, 1.0, 1.5, 3.0, 4.0])
     values = DRAW.normal(size=5)
     x = casadi.MX.sym("x")
@@ -86,7 +86,7 @@ def test_derivatives_go_on_at_points_and_edges():
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(-6, 6), st.floats(-6, 6), st.floats(-6, 6))
-def test_sizes_do_not_matter(size, other, shift):
+def test_tables_are_independent_of_scales(size, other, shift):
     grid, values = np.linspace(0, 1, 7) + 10**shift, np.array([0.0, 1, -1, 2, 0, 3, 1])
     at = 10**shift + np.array([0.0, 0.31, 0.77, 1.0])
     table = ct.table(10**size * grid, 10**other * values)
@@ -95,7 +95,7 @@ def test_sizes_do_not_matter(size, other, shift):
 
 
 def climb(outside: str, upper: float | None) -> OptimalControlProblem:
-    """The highest point in a second, against a drag that a table gives up to 2 m/s."""
+    """Return the largest height in a second, against a tabulated drag up to 2 m/s."""
     speeds = np.linspace(0.0, 2.0, 9)
     drag = ct.table(speeds, speeds**2, outside, name="drag")
     ocp = OptimalControlProblem("climb")
@@ -131,13 +131,13 @@ def test_verification_names_the_table_and_the_instant_outside():
     assert "t = 1" in one.where or "end" in one.where, one.where
     inside = ct.solve(model, formulation="radau")
     assert inside.verification.ok and inside.plan["v"](1.0) == pytest.approx(2.0, abs=1e-6)
-    # A state at its bound strays a hair beyond, which is no matter.
+    # A state may exceed its bound within the tolerance.
     assert ct.solve(climb("raise", 2.0)).primal_bound == pytest.approx(
         inside.primal_bound, rel=1e-6
     )
 
 
-def test_each_use_is_one_constraint():
+def test_each_use_of_a_table_is_one_constraint():
     table = ct.table(([0, 1], [0, 1, 2]), [[0, 1, 2], [1, 2, 4]], "raise", name="map")
     ocp = OptimalControlProblem()
     phase = ocp.phase()

@@ -1,15 +1,15 @@
-"""The values of the catalogue's entries, derived anew."""
+"""Independent derivations of the values of catalogue entries."""
 
 import pytest
 from control_values import DERIVED, ENTRIES
 
-#: Shootings of more than a second.
+#: Derivations that take more than a second.
 LONG = {"cart-pole", "catalyst-mixing", "rayleigh", "shuttle-reentry"}
 
 
 @pytest.mark.parametrize(
     "name", [pytest.param(one, marks=[pytest.mark.slow] * (one in LONG)) for one in sorted(DERIVED)]
 )
-def test_value_derived_anew(name):
+def test_value_agrees_with_its_derivation(name):
     wanted = ENTRIES[name].published["objective"]
     assert DERIVED[name]() == pytest.approx(wanted, rel=2e-9, abs=1e-12)

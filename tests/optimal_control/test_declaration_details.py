@@ -15,7 +15,7 @@ from crosstrack.errors import InvalidData
 from crosstrack.models import Model, OptimalControlProblem
 
 
-def test_an_interpolant_works_though_it_has_no_scalar_form():
+def test_an_interpolant_without_a_scalar_form_works():
     ocp = interpolated()
     found = solve(ocp, formulation_options={"intervals": 1, "degree": 8})
     assert found.primal_bound == pytest.approx(0.408401, abs=2e-5)
@@ -28,8 +28,8 @@ def test_an_interpolant_works_though_it_has_no_scalar_form():
         assert again.verify(found.plan).objective == pytest.approx(found.primal_bound, rel=1e-12)
 
 
-def test_a_digest_does_not_hang_on_what_was_solved_before():
-    """A table that was differentiated once writes its derivatives with itself."""
+def test_a_digest_is_independent_of_earlier_solves():
+    """Check that a table without and with cached derivatives has the same digest."""
     ocp = interpolated()
     digest = interpolated().digest
     _ = ocp.formulate("radau", intervals=1).program
@@ -53,7 +53,7 @@ def test_an_invariant_is_verified():
     assert check.ok and check.worst < 1e-6 and check.equation == "4" and check.unit == "m"
 
 
-def test_what_is_no_invariant_is_found_out():
+def test_verify_reveals_a_wrong_invariant():
     found = ct.solve(turning(lambda q, t: q[0] + 0 * t), formulation_options={"refine": False})
     assert found.termination == "rejected" and found.plan is None
     assert "norm" in found.message
@@ -76,7 +76,7 @@ def test_scales_come_from_bounds_and_ends():
     assert part.paths[0].scale.tolist() == [9]
 
 
-def test_scales_change_the_search_alone():
+def test_scales_change_only_the_search():
     small = OptimalControlProblem()
     phase = small.phase()
     x = phase.state("x", initial=0, final=1e6, scale=1e6)
@@ -111,7 +111,7 @@ def test_written_out_defaults_are_the_same_problem():
 
 
 def guessed(problem):
-    """The guess as functions of the fraction of the phase."""
+    """Return the guess as functions of the fraction of the phase."""
     guess = problem.definition.phases[0].guess
 
     def at(fraction):
@@ -124,7 +124,7 @@ def guessed(problem):
     return at
 
 
-def test_without_a_guess_lines_join_what_is_fixed():
+def test_default_guesses_are_lines_between_fixed_values():
     ocp = OptimalControlProblem()
     phase = ocp.phase(time=(1, (3, 5)))
     phase.state("a", initial=0, final=4)
@@ -166,14 +166,14 @@ def test_guesses_of_free_times_and_vectors():
 
 
 @pytest.mark.parametrize("what", ["solution", "plan", "phase"])
-def test_another_answer_is_a_guess(answer, what):
+def test_a_plan_or_solution_is_a_guess(answer, what):
     source = {"solution": answer, "plan": answer.plan, "phase": answer.plan.phases[0]}[what]
     again = rest_to_rest()
     again.phase.guess(source)
     assert guessed(again.ocp)(0.5) == pytest.approx([0.5, 1.5, 0], abs=1e-3)
 
 
-def test_the_plan_of_another_problem_gives_what_it_has(answer):
+def test_the_plan_of_another_problem_guesses_equal_names(answer):
     other = OptimalControlProblem()
     phase = other.phase("its own name", time=(0, (2, 5)))
     y, x = phase.state("y", initial=7), phase.state("x")
@@ -182,10 +182,10 @@ def test_the_plan_of_another_problem_gives_what_it_has(answer):
     other.minimise(phase.end)
     phase.guess(answer.plan, w=4)
     assert guessed(other)(0.5) == pytest.approx([7, 0.5, 4], abs=1e-3)
-    assert other.definition.phases[0].guess.end == 2  # 1, moved to where it may be
+    assert other.definition.phases[0].guess.end == 2  # 1, moved into its bounds
 
 
-def test_a_guess_of_several_phases_is_taken_by_name():
+def test_a_plan_guesses_phases_by_name():
     ocp, go, stop = two_phases((0.2, 1.5))
     found = solve(ocp)
     again, go, stop = two_phases((0.2, 1.5))
@@ -202,7 +202,7 @@ def test_a_guess_of_several_phases_is_taken_by_name():
     phase.guess(found.plan.phases[0])
 
 
-def test_a_warm_start_is_a_plan_of_the_problem(answer):
+def test_a_warm_start_must_fit_the_problem(answer):
     ocp = rest_to_rest().ocp
     warm = ct.solve(ocp, warm_start=answer, formulation_options=COARSE)
     assert warm.primal_bound == pytest.approx(12, rel=1e-9)
@@ -216,7 +216,7 @@ def test_a_warm_start_is_a_plan_of_the_problem(answer):
 
 
 def test_a_plan_from_another_state_is_a_guess():
-    """Planning again on the way: the guess decides which way round the disc, and not the drawn one."""
+    """Check that replanning passes the disc on the side of the guess, not of a random start."""
 
     def way(start: float) -> OptimalControlProblem:
         ocp = OptimalControlProblem("round a disc")
@@ -236,7 +236,7 @@ def test_a_plan_from_another_state_is_a_guess():
         assert again.verification.ok
         assert again.message == "warm start: a guess, for it is violated: initial values"
         assert again.plan["y"](0.5) > 0.0 > ct.solve(model).plan["y"](0.5)
-        # The start of a run that leaves none is no plan of this problem.
+        # A warm start that fails must not become a plan of this problem.
         none = ct.solve(model, warm_start=above, backend_options={"max_iter": 1}, time_limit=1e-6)
         assert none.plan is None and none.termination == "no_solution"
         above = again

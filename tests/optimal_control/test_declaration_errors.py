@@ -1,4 +1,4 @@
-"""Declarations and files that are refused, and with which words."""
+"""Error messages of invalid declarations and files."""
 
 import copy
 import math
@@ -22,14 +22,14 @@ def state_with(*arguments, **options):
 
 
 def second_phase(d, time=(1, 2), size=1):
-    """Another phase with a state x."""
+    """Declare another phase with a state x."""
     phase = d.ocp.phase("second", time=time)
     x = phase.state("x", size)
     return SimpleNamespace(phase=phase, x=x)
 
 
 def after_dynamics(do):
-    """Declare the dynamics, then the rest."""
+    """Return a declaration of the dynamics followed by `do`."""
 
     def declared(d):
         d.phase.dynamics({d.x: d.v, d.v: d.u})
@@ -174,7 +174,7 @@ REFUSED = {
     "link to a number": (lambda d: d.ocp.link(d.phase, 3), ["link: 3 is no phase"]),
     "link to itself": (lambda d: d.ocp.link(d.phase, d.phase), ["a phase cannot follow itself"]),
     "link to another problem": (lambda d: d.ocp.link(d.phase, rest_to_rest().phase), ["phase 'phase 1' is no phase of this problem"]),
-    "link without states": (lambda d: d.ocp.link(d.phase, d.ocp.phase("b", time=(1, 2))), ["no state bears the same name", "subject_to"]),
+    "link without states": (lambda d: d.ocp.link(d.phase, d.ocp.phase("b", time=(1, 2))), ["no state has the same name", "subject_to"]),
     "link of a stranger": (lambda d: d.ocp.link(d.phase, second_phase(d).phase, "v"), ["state 'v' must be in both phases"]),
     "link of other sizes": (lambda d: d.ocp.link(d.phase, second_phase(d, size=2).phase), ["state 'x' has 1 entry in the first and 2"]),
     "link twice": (lambda d: [d.ocp.link(d.phase, b.phase) for b in [second_phase(d)] * 2], ["'x goes on from phase 1 to second' is declared already"]),
@@ -225,14 +225,14 @@ def test_bad_input_is_named(name):
     assert "casadi.py" not in message and "prototypes" not in message
 
 
-def test_a_plan_with_other_names_is_no_guess(answer):
+def test_rejects_a_guess_with_other_names(answer):
     part = OptimalControlProblem().phase()
     part.state("height")
     with pytest.raises(InvalidData, match="the plan has 'x', 'v', 'u', none of which"):
         part.guess(answer)
 
 
-def test_a_solution_without_a_plan_is_no_guess(answer):
+def test_rejects_a_guess_from_a_solution_without_a_plan(answer):
     from dataclasses import replace
 
     with pytest.raises(InvalidData, match="must be a plan or a solution that has one"):
@@ -295,7 +295,7 @@ def bad_definitions():
 
 
 @pytest.mark.parametrize(("change", "words"), bad_definitions())
-def test_a_wrong_file_is_no_problem(change, words):
+def test_rejects_invalid_files(change, words):
     data = copy.deepcopy(everything(20).to_dict())
     change(data["data"])
     with pytest.raises(InvalidData) as caught:
@@ -311,7 +311,7 @@ def test_a_wrong_file_is_no_problem(change, words):
         ({"backend": "highs"}, ["highs"]),
     ],
 )
-def test_what_cannot_be_had_is_said(options, words):
+def test_names_unavailable_options(options, words):
     with pytest.raises(
         (UnknownName, UnsupportedOption, ct.errors.UnsupportedFormulation)
     ) as caught:
@@ -331,8 +331,8 @@ def test_what_cannot_be_had_is_said(options, words):
         (lambda x, u: u if x in (1, 2) else x, "if_else"),
     ],
 )
-def test_a_symbol_that_is_used_as_a_number_says_what_to_use(expression, words):
-    """CasADi raised a RuntimeError about mx_node.cpp."""
+def test_using_a_symbol_as_a_number_names_the_alternative(expression, words):
+    """Check that the error explains the symbol instead of CasADi's internals."""
     ocp = OptimalControlProblem("symbols")
     phase = ocp.phase(time=(0, 1))
     x, u = phase.state("x", initial=0), phase.control("u")

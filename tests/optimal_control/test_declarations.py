@@ -1,4 +1,4 @@
-"""Declaring optimal control problems: what each declaration means, alone and in phases."""
+"""Meaning of the declarations of optimal control problems, in one phase and in several."""
 
 import json
 import math
@@ -13,12 +13,12 @@ from crosstrack.models import OptimalControlProblem
 
 
 def at_instant(ocp, *, t=0.0, x=(), u=(), p=(), phase=0):
-    """The declared functions at one instant: rate, path, integrand, invariant."""
+    """Return the declared functions at one instant: rate, path, integrand, invariant."""
     found = ocp.definition.phases[phase].function(t, list(x), list(u), list(p))
     return [np.array(one).ravel() for one in found]
 
 
-def test_a_newcomer_declares_bryson_and_denham_in_twelve_lines():
+def test_declares_bryson_and_denham_in_twelve_lines():
     ocp = OptimalControlProblem("bryson-denham")
     phase = ocp.phase(time=(0, 1))
     x = phase.state("x", initial=0, final=0, upper=1 / 9)
@@ -34,7 +34,7 @@ def test_a_newcomer_declares_bryson_and_denham_in_twelve_lines():
     assert ocp.describe() == "1 phase, 2 states, 1 controls"
 
 
-def test_a_vector_is_its_entries():
+def test_a_vector_equals_its_entries():
     ocp = OptimalControlProblem()
     phase = ocp.phase()
     q = phase.state("q", 2, initial=[0, 0], final=[1, 0])
@@ -84,7 +84,7 @@ def test_a_number_is_the_rate_of_every_entry():
     assert at_instant(ocp, x=np.zeros(5))[0].tolist() == [2, 2, 2, 1, 4]
 
 
-#: CasADi announces once that NumPy's functions on its symbols may come to mean more.
+#: CasADi warns once that the meaning of NumPy's functions on its symbols may change.
 @pytest.mark.filterwarnings("ignore::FutureWarning")
 def test_functions_written_for_numpy_take_symbols():
     def pendulum(angle, rate, torque):
@@ -135,7 +135,7 @@ def test_relations_are_bounds(relation, values, lower, upper):
     assert np.array(ocp.definition.endpoint(ends, 5)[1]).ravel().tolist() == values
 
 
-def test_a_constraint_without_a_limit_limits_nothing():
+def test_infinite_bounds_constrain_nothing():
     free = rest_to_rest()
     free.phase.path(free.x, upper=INF, name="no limit")
     free.phase.path(free.x <= INF)
@@ -143,8 +143,8 @@ def test_a_constraint_without_a_limit_limits_nothing():
     assert solve(free.ocp).primal_bound == pytest.approx(12, rel=1e-9)
 
 
-def test_equations_on_the_way_hold_at_every_instant():
-    """Two accelerations must agree, so the effort is counted twice."""
+def test_path_equations_hold_at_every_instant():
+    """Check equal accelerations, with the effort counted twice."""
     ocp = OptimalControlProblem()
     phase = ocp.phase()
     x = phase.state("x", initial=0, final=1)
@@ -161,7 +161,7 @@ def test_equations_on_the_way_hold_at_every_instant():
 
 
 def test_integrals_enter_constraints():
-    """Among curves over [0, 1] that enclose the area 1, x = 6t (1 - t) has the least ∫ x'²."""
+    """Check that x = 6t (1 - t) has the smallest ∫ x'² among curves over [0, 1] with area 1."""
     ocp = OptimalControlProblem()
     phase = ocp.phase()
     x, u = phase.state("x", initial=0, final=0), phase.control("u")
@@ -181,7 +181,7 @@ def test_integrals_enter_the_objective_through_functions():
 
 
 def test_parameters_are_chosen_with_the_motion():
-    """x' = a + b t from 0: (x(1) - 3)² + a² + b², least for a = 4/3, b = 2/3, at 4."""
+    """Check x' = a + b t from 0: (x(1) - 3)² + a² + b² is smallest for a = 4/3, b = 2/3, at 4."""
     ocp = OptimalControlProblem()
     phase = ocp.phase()
     x = phase.state("x", initial=0)
@@ -209,7 +209,7 @@ def test_a_bounded_parameter_starts_in_the_middle_and_stays_inside():
 
 
 def test_free_times_at_both_ends():
-    """x' = u t with |u| <= 1: late is fast, so the start waits as long as it may."""
+    """Check x' = u t with |u| <= 1, which is fastest with the latest start."""
     ocp = OptimalControlProblem()
     phase = ocp.phase(time=((0, 1), (0.5, 3)), unit="h")
     x = phase.state("x", initial=0, final=1)
@@ -222,7 +222,7 @@ def test_free_times_at_both_ends():
 
 
 def test_motion_without_controls_and_cost_without_integrals():
-    """x' = -2 t x, so x(0) = e x(1)."""
+    """Check x' = -2 t x, so that x(0) = e x(1)."""
     ocp = OptimalControlProblem()
     phase = ocp.phase()
     x = phase.state("x")
@@ -238,13 +238,13 @@ def test_motion_without_controls_and_cost_without_integrals():
     assert ocp.verify(again).ok
 
 
-def test_a_constant_objective_asks_for_any_plan():
+def test_a_constant_objective_accepts_any_plan():
     some = rest_to_rest()
     some.ocp.minimise(3)
     assert solve(some.ocp).primal_bound == 3
 
 
-def test_time_at_the_ends_is_that_of_the_ends():
+def test_time_at_the_ends_is_start_and_end():
     timed = open_problem(time=(2, (3, 4)))
     timed.phase.dynamics({timed.x: timed.v, timed.v: timed.u})
     phase = timed.phase
@@ -277,8 +277,8 @@ def test_links_may_be_declared_state_by_state():
     assert solve(ocp).primal_bound == pytest.approx(1.5, rel=1e-8)
 
 
-def test_phases_may_be_joined_by_hand():
-    """A jump of the speed by one between two phases costs what it costs: x goes from 0 to 2."""
+def test_phases_joined_by_boundary_constraints():
+    """Check two phases with a jump of the speed by one between them, from x = 0 to 2."""
     ocp = OptimalControlProblem()
     a, b = ocp.phase("a", time=(0, 1)), ocp.phase("b", time=(1, 2))
     x, y = a.state("x", initial=0), b.state("y", final=2)

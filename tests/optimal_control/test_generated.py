@@ -1,4 +1,4 @@
-"""The C code of a step, compiled, answers as the step does."""
+"""Agreement of a step's compiled C code with the step."""
 
 import shutil
 import subprocess
@@ -44,7 +44,7 @@ def test_compiled_steps_agree(make, states, tmp_path):
         last = {key: found[f"{key}_out"] for key in last}
 
 
-def test_a_step_without_a_solution_says_so(tmp_path):
+def test_a_step_without_a_solution_reports_it(tmp_path):
     from crosstrack.solvers.optimal_control.generated import step_function
 
     problem = brake(limit=0.01)
@@ -58,7 +58,7 @@ def test_a_step_without_a_solution_says_so(tmp_path):
     assert float(found["violation"]) > 1e-3
 
 
-def test_what_has_no_code_is_refused(tmp_path):
+def test_rejects_functions_without_c_code(tmp_path):
     with pytest.raises(UnsupportedOption, match="backend 'sqpmethod' with its option"):
         ct.prepare(brake(), intervals=2, degree=2).generate(tmp_path / "step.c")
     solver = ct.prepare(brake(), intervals=2, degree=2, backend="sqpmethod")

@@ -1,4 +1,4 @@
-"""A prepared solver answers as `solve` does, in any order of calls, warm and cold."""
+"""Agreement of a prepared solver with `solve`, in any order of calls, warm and cold."""
 
 import json
 
@@ -14,7 +14,7 @@ STATES = np.random.default_rng(17).uniform(-0.3, 0.3, (4, 4))
 
 
 def everywhere():
-    """Data in the dynamics, a path, both ends, a boundary, an integral and the objective; free time."""
+    """Return a free-time problem with data in dynamics, path, ends, boundary, integral and objective."""
     problem = OptimalControlProblem("everywhere")
     start = problem.data("start", 2, value=[1.0, 0.2])
     drag, limit, goal, price = (
@@ -49,7 +49,7 @@ def test_data_are_stored_and_replaced():
     x = phase.state("x", initial=1)
     phase.dynamics({x: -x})
     plain.minimise(phase.final(x))
-    # Stored problems and digests of before know nothing of data.
+    # Problems stored by earlier versions, and their digests, have no data.
     assert "given" not in json.dumps(plain.build().to_dict())
 
 
@@ -128,7 +128,7 @@ def test_a_step_equals_a_solve(make, data, formulation):
 
 
 @pytest.mark.parametrize("backend", ["ipopt", "sqpmethod"])
-def test_calls_in_any_order_agree(backend):
+def test_results_are_independent_of_the_order_of_calls(backend):
     solver = ct.prepare(cart_pole(), intervals=5, degree=4, backend=backend)
     cold = [solver(x0=state) for state in STATES]
     again = {k: solver(x0=STATES[k]) for k in (2, 0, 3, 1)}
@@ -138,16 +138,16 @@ def test_calls_in_any_order_agree(backend):
     for k, step in enumerate(cold):
         assert step.ok
         assert not step.warm
-        # A cold step knows nothing of those before.
+        # A cold step is independent of earlier ones.
         np.testing.assert_array_equal(again[k].z, step.z)
         for other in (warm[k], near[k], sampled[k]):
             assert other.ok
-            # Without multipliers an SQP method may give up at an optimum, and is tried cold.
+            # Without multipliers an SQP method may fail at an optimum, and is repeated cold.
             assert other.warm or (backend == "sqpmethod" and other is sampled[k])
             np.testing.assert_allclose(other.objective, step.objective, rtol=1e-6)
             np.testing.assert_allclose(other.u0, step.u0, atol=1e-3)
         assert near[k].iterations <= 1
-    # Data that a call does not name are as declared, whatever was before.
+    # Data that a call does not name have their declared values, not those of earlier calls.
     np.testing.assert_array_equal(solver().data["x0"], [0.0, 0.0, 0.2, 0.0])
 
 
@@ -161,13 +161,13 @@ def test_a_step_is_verified_on_demand():
     assert costate is not None
 
 
-def test_what_data_alone_break_is_seen():
+def test_reports_rows_violated_by_data_alone():
     solver = ct.prepare(everywhere(), intervals=5, degree=4)
     assert solver(limit=0.9).ok
     broken = solver(limit=0.05)
     assert not broken.ok
     assert broken.violation >= 0.04
-    # A failure is no start: the next warm step begins where the last good one ended.
+    # After a failure, the next warm step starts from the last successful one.
     assert solver(limit=0.9, warm=True).iterations <= 2
 
 
@@ -192,7 +192,7 @@ def test_a_step_keeps_its_time_limit():
     assert ct.prepare(cart_pole(), intervals=5, degree=4, time_limit=100)().ok
 
 
-def test_the_mesh_of_a_solution_is_kept():
+def test_uses_the_mesh_of_a_solution():
     problem = everywhere()
     refined = ct.solve(problem, tolerance=1e-6, formulation_options={"intervals": 2, "degree": 3})
     solver = ct.prepare(problem, mesh=refined)
@@ -219,7 +219,7 @@ def test_a_problem_without_data_and_one_that_lowers():
         solver(x=1)
 
 
-def test_what_prepare_refuses():
+def test_prepare_rejects_invalid_arguments():
     problem = brake()
     with pytest.raises(UnsupportedFormulation, match="optimal control problems, got model"):
         ct.prepare(ct.load("error-correction/7"))

@@ -1,4 +1,4 @@
-"""Refinement of meshes, and options."""
+"""Refinement of meshes, and options of formulations."""
 
 import math
 
@@ -36,7 +36,7 @@ def test_refinement_ends_with_a_verified_plan(name, formulation, value):
     assert found.primal_bound == pytest.approx(value, abs=2e-6 if name != "goddard" else 1e-5)
     assert found.statistics["meshes"] >= 2
     assert model.verify(found.plan, tolerance=1e-6).ok
-    # Less is asked, and found.
+    # A larger tolerance needs fewer nodes.
     rough = ct.solve(model, formulation=formulation, tolerance=1e-3)
     assert rough.termination == "locally_optimal"
 
@@ -59,7 +59,7 @@ def test_the_paper_refines_one_interval_in_degree():
         {"refine": False, "mesh": [0, 0.1, 1], "degree": 4},
     ],
 )
-def test_what_a_mesh_cannot_resolve_is_rejected_not_returned(options):
+def test_rejects_a_plan_that_the_mesh_cannot_resolve(options):
     model = layers()
     found = ct.solve(model, formulation_options=options)
     assert found.termination == "rejected" and found.plan is None and found.primal_bound is None
@@ -71,7 +71,7 @@ def test_what_a_mesh_cannot_resolve_is_rejected_not_returned(options):
     assert again.ok == found.verification.ok
 
 
-def test_a_fixed_mesh_stays():
+def test_a_fixed_mesh_is_not_refined():
     ocp = regulator(*LINEAR)[0]
     found = ct.solve(ocp, formulation_options={"refine": False, "mesh": [0, 0.3, 1], "degree": 9})
     assert found.plan.phases[0].states.knots == pytest.approx([0, 0.6, 2])

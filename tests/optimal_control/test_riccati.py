@@ -1,4 +1,4 @@
-"""Linear-quadratic problems against Riccati's equation: orders, costates, units."""
+"""Linear-quadratic problems compared with Riccati's equation: orders, costates, units."""
 
 import math
 
@@ -28,7 +28,7 @@ def linear(draw):
     return a, b, root @ root.T, r, other @ other.T, begin, make.uniform(1, 2)
 
 
-#: Formulation, options, orders at which objective and final state converge at least.
+#: Formulation, options, and smallest orders of convergence of objective and final state.
 ORDERS = [
     ("gauss", {"degree": 2}, 4),
     ("radau", {"degree": 2}, 3),
@@ -53,7 +53,7 @@ def test_discrete_optima_converge_to_riccati_at_their_order(name, options, order
         values.append(abs(value - exact) / max(1.0, exact))
         ends.append(np.abs(plan["x"](horizon) - end).max() / max(1.0, np.abs(end).max()))
     for errors in (values, ends):
-        # Order by the last halving, unless rounding is reached or luck made the coarse one good.
+        # Order by the last halving, unless the errors reach rounding or the coarse one is small by chance.
         reached = math.log2(max(errors[1], 1e-15) / max(errors[2], 1e-15))
         overall = math.log2(max(errors[0], 1e-15) / max(errors[2], 1e-15)) / 2
         assert max(reached, overall) > order - 0.6 or errors[2] < 1e-10, errors
@@ -63,8 +63,8 @@ def test_discrete_optima_converge_to_riccati_at_their_order(name, options, order
 @pytest.mark.parametrize("name", ["gauss", "radau"])
 @QUICK
 @given(problem=linear())
-def test_costates_are_the_gradient_of_the_least_cost(name, problem):
-    """λ = ∂J*/∂x = P(t) x(t), its sign included, at every node and at both ends."""
+def test_costates_are_the_gradient_of_the_optimal_cost(name, problem):
+    """Check λ = ∂J*/∂x = P(t) x(t) with its sign, at every node and at both ends."""
     ocp, (matrix, _) = regulator(*problem)
     value, plan = solved(ocp, name, intervals=4, degree=8)
     begin = problem[5]
@@ -81,8 +81,8 @@ def test_costates_are_the_gradient_of_the_least_cost(name, problem):
     assert report.autonomous and report.relative < 1e-6
 
 
-def test_costates_foretell_what_a_change_of_the_start_costs():
-    """By finite differences, for a problem that is not linear."""
+def test_costates_predict_the_cost_of_a_changed_start():
+    """Check the prediction by finite differences for a nonlinear problem."""
 
     def problem(begin):
         ocp = OptimalControlProblem()
@@ -100,7 +100,7 @@ def test_costates_foretell_what_a_change_of_the_start_costs():
 
 
 @pytest.mark.parametrize("name", FORMULATIONS)
-def test_low_orders_have_no_costates_and_say_so(name):
+def test_low_order_schemes_report_missing_costates(name):
     _, plan = solved(regulator(*LINEAR)[0], name, intervals=2)
     assert (plan.phases[0].costates is None) == (name in ("hermite-simpson", "trapezoid"))
 
@@ -108,7 +108,7 @@ def test_low_orders_have_no_costates_and_say_so(name):
 @pytest.mark.parametrize("name", ["gauss", "radau", "hermite-simpson", "trapezoid"])
 @QUICK
 @given(problem=linear(), shift=st.floats(-50, 50), size=st.sampled_from([1e-3, 7.0, 1e4]))
-def test_optima_do_not_hang_on_clock_or_units(name, problem, shift, size):
+def test_optima_are_independent_of_clock_and_units(name, problem, shift, size):
     value, plan = solved(regulator(*problem)[0], name, intervals=3)
     for change in ({"start": shift}, {"size": size}):
         moved, other = solved(regulator(*problem, **change)[0], name, intervals=3)

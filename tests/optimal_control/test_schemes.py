@@ -30,7 +30,7 @@ NAMES = [f"{one[0].name}-{one[0].collocated.size}" for one in SCHEMES]
 
 
 def defects(scheme, degree):
-    """What the rows leave of X = T_degree, whose rate is its derivative; the interval is [-1, 1]."""
+    """Return the residuals of the rows for X = T_degree and its derivative on [-1, 1]."""
     basis = np.polynomial.chebyshev.Chebyshev.basis(degree)
     return scheme.left @ basis(scheme.points) - scheme.right @ basis.deriv()(scheme.control_points)
 
@@ -71,7 +71,7 @@ def test_the_plan_follows_polynomials_of_its_degree(scheme, rows, last, quadratu
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 7, 20, 64, 150])
-def test_nodes_and_weights_against_thirty_digits(count):
+def test_nodes_and_weights_agree_with_thirty_digits(count):
     with mpmath.workdps(30):
 
         def legendre(n, x):

@@ -1,4 +1,4 @@
-"""Derivatives of a solution by its data agree with differences, and are refused where there are none."""
+"""Derivatives of a solution by its data: agreement with differences, and rejected cases."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ STEP = 1e-5
 
 
 def bounded():
-    """Bryson and Denham's problem, whose bound is data and holds at one node or more."""
+    """Return Bryson and Denham's problem with its bound as data, active at one node or more."""
     problem = OptimalControlProblem("bounded")
     bound = problem.data("bound", value=0.1)
     phase = problem.phase(time=(0, 1))
@@ -27,7 +27,7 @@ def bounded():
 
 
 def relay():
-    """Two phases that meet at a free time."""
+    """Return two phases that meet at a free time."""
     problem = OptimalControlProblem("relay")
     mass = problem.data("mass", value=1.5)
     start = problem.data("start", 2, value=[0.1, 0.2])
@@ -59,7 +59,7 @@ def relay():
 )
 def test_derivatives_agree_with_differences(make, formulation):
     options = {"degree": 4} if formulation in ("gauss", "radau") else {}
-    # At other limits a node of Hermite and Simpson's has a multiplier of 1e-5, a corner nearby.
+    # At other limits a Hermite-Simpson node has a multiplier of 1e-5, close to a corner.
     problem = make().given(limit=1.4) if make is everywhere else make()
     solver = ct.prepare(problem, formulation=formulation, tolerance=1e-9, intervals=6, **options)
     step = solver()
@@ -100,7 +100,7 @@ def test_shapes_follow_names_and_times():
         step.sensitivity("x1")
 
 
-def test_a_control_at_its_bound_does_not_move():
+def test_the_derivative_of_a_saturated_control_is_zero():
     step = ct.prepare(brake(value=(4.0, 0.0)), intervals=6, degree=4)()
     assert float(step.plan["u"](0.05)) == pytest.approx(-3.0, abs=1e-6)
     np.testing.assert_array_equal(step.sensitivity("x0")("u", 0.05), [0.0, 0.0])
@@ -117,23 +117,23 @@ def _single(bound=np.inf, final=None, cost=None, lower=-np.inf):
     return problem, phase, x, a
 
 
-def test_a_bound_without_a_multiplier_is_refused():
+def test_rejects_a_bound_without_a_multiplier():
     problem, *_ = _single(bound=1.0, cost=lambda u, a: (u - a) ** 2)
     solver = ct.prepare(problem, intervals=2, degree=3)
     with pytest.raises(NoDerivative, match=r"u in interval 1.*strict complementarity"):
         solver().sensitivity("a")
-    # Beside the corner there is a derivative, another one on each side.
+    # On each side of the corner the derivative exists, with different values.
     assert solver(a=0.9).sensitivity("a")("u", 0.5) == pytest.approx(1.0, abs=1e-6)
     assert solver(a=1.1).sensitivity("a")("u", 0.5) == 0.0
 
 
-def test_a_singular_arc_is_refused():
+def test_rejects_a_singular_arc():
     problem, *_ = _single(bound=1.0, lower=0.0, final=0.5)
     with pytest.raises(NoDerivative, match="second-order condition fails"):
         ct.prepare(problem, intervals=3, degree=4)().sensitivity("a")
 
 
-def test_dependent_constraints_are_refused():
+def test_rejects_dependent_constraints():
     problem, phase, x, a = _single(cost=lambda u, a: u**2)
     problem.subject_to(phase.final(x) >= a)
     problem.subject_to(2 * phase.final(x) >= 2 * a)

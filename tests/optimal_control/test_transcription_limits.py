@@ -1,4 +1,4 @@
-"""Limits, other starts and infeasible problems of transcriptions."""
+"""Limits, random starts and infeasible problems of transcriptions."""
 
 import threading
 import time
@@ -16,8 +16,8 @@ from crosstrack.solvers.execution import execute
 from crosstrack.solvers.job import Job
 
 
-def test_a_time_limit_between_meshes_returns_what_there_is():
-    """Trapezoids take many meshes for a boundary layer; whatever was found in time is judged."""
+def test_a_time_limit_between_meshes_returns_the_last_plan():
+    """Check the plan found in time, as trapezoids take many meshes for a boundary layer."""
     model = layers()
     begin = time.perf_counter()
     found = ct.solve(
@@ -34,7 +34,7 @@ def test_a_time_limit_between_meshes_returns_what_there_is():
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.4])
-def test_a_stop_during_refinement_loses_nothing(delay):
+def test_a_stop_during_refinement_returns_a_plan(delay):
     control = Control()
     job = Job(
         model=layers().build(), backend="ipopt", formulation="trapezoid", tolerance=1e-9
@@ -53,7 +53,7 @@ def test_a_stop_during_refinement_loses_nothing(delay):
 
 
 def two_ways():
-    """Around a disc on either side: the way below is a little longer."""
+    """Return a path around a disc on either side: the one below is slightly longer."""
     ocp = OptimalControlProblem("two ways")
     phase = ocp.phase()
     q = phase.state("q", 2, initial=[-1, 0], final=[1, 0], lower=-1.5, upper=1.5)
@@ -65,7 +65,7 @@ def two_ways():
     return ocp
 
 
-def test_a_seed_is_a_start():
+def test_a_seed_selects_a_start():
     one = two_ways().formulate("radau")
     drawn_at = {seed: one.started(seed).program.guess for seed in (1, 2, 3)}
     again = two_ways().formulate("radau").started(2).program.guess
@@ -78,7 +78,7 @@ def test_a_seed_is_a_start():
     rough = {"formulation_options": {"intervals": 4}, "tolerance": 1e-4}
     first, second = (ct.solve(two_ways(), seed=2, **rough) for _ in range(2))
     assert first.to_dict()["plan"] == second.to_dict()["plan"]
-    # Seed 0 is the guess, which lies on the longer side; who asks for none has a second look.
+    # Seed 0 is the guess, which is on the longer side; without a seed another start is tried.
     alone, looked = ct.solve(two_ways(), seed=0, **rough), ct.solve(two_ways(), **rough)
     assert looked.primal_bound < 0.95 * alone.primal_bound
     assert looked.statistics["second look"] == "better"
@@ -94,7 +94,7 @@ def test_all_starts_are_kept_and_the_best_is_returned():
     assert found.starts[1].primal_bound == pytest.approx(single.primal_bound, rel=1e-9)
 
 
-def test_an_infeasible_problem_names_what_is_violated_most():
+def test_an_infeasible_problem_names_the_largest_violation():
     ocp = OptimalControlProblem()
     phase = ocp.phase()
     x, u = phase.state("x", initial=0, final=0.5, unit="m"), phase.control("u", lower=-9, upper=9)
@@ -117,8 +117,8 @@ def test_too_little_time_is_locally_infeasible():
     assert found.termination == "locally_infeasible" and "dynamics of" in found.message
 
 
-def test_a_motion_without_any_freedom_is_refined_too(run_python, tmp_path):
-    """The control is fixed, so the state is given: more equations than columns are left."""
+def test_refines_a_motion_without_free_variables(run_python, tmp_path):
+    """Check a fixed control, which leaves more equations than columns."""
     script = """
 import crosstrack as ct
 from crosstrack.models import OptimalControlProblem
@@ -153,8 +153,8 @@ def test_units_make_no_conditions_dependent(size):
     assert ocp.formulate("gauss").program.row_count
 
 
-def test_a_guess_without_derivatives_is_left():
-    """The length of a thrust has no derivative at 0, which is where a newcomer's guess is."""
+def test_moves_away_from_a_guess_without_derivatives():
+    """Check a thrust whose length has no derivative at 0, the default guess."""
     ocp = OptimalControlProblem()
     phase = ocp.phase(time=(0, (1, 5)))
     r = phase.state("r", 2, initial=[0, 0], final=[1, 1])
@@ -172,7 +172,7 @@ def test_a_guess_without_derivatives_is_left():
 
 
 @pytest.mark.parametrize("name", ["hermite-simpson", "trapezoid"])
-def test_what_has_a_fixed_order_takes_no_degree(name):
+def test_schemes_of_fixed_order_have_no_degree(name):
     with pytest.raises(
         UnsupportedOption, match=r"has no option 'degree'; its options: .*intervals"
     ):

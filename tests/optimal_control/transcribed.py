@@ -1,4 +1,4 @@
-"""Problems and programs that several test modules transcribe."""
+"""Problems and programs for several test modules."""
 
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ FORMULATIONS = ("gauss", "radau", "hermite-simpson", "trapezoid")
 
 
 def riccati(a, b, q, r, s, horizon):
-    """P(t) with -P' = A'P + PA - P B R⁻¹ B' P + Q, P(T) = S, as a function of time."""
+    """Return P(t) with -P' = A'P + PA - P B R⁻¹ B' P + Q, P(T) = S, as a function of time."""
     n = len(a)
     flow = np.block([[a, -b @ np.linalg.solve(r, b.T)], [-q, -a.T]])
 
@@ -56,7 +56,7 @@ LINEAR = (
 
 
 def newton(program, rounds=3):
-    """Solve a program with equations alone by Newton's method: columns and row multipliers."""
+    """Return columns and multipliers of a program with equations only, by Newton's method."""
     free = np.flatnonzero(program.column_lower < program.column_upper)
     assert (program.row_lower == program.row_upper).all()
     assert np.isinf(program.column_lower[free]).all() and np.isinf(program.column_upper[free]).all()
@@ -80,7 +80,7 @@ def newton(program, rounds=3):
 
 
 def solved(ocp, name, **options):
-    """The formulation, its optimum, and the plan with costates."""
+    """Return the formulation, its optimum, and the plan with costates."""
     one = ocp.formulate(name, **options)
     point, duals = newton(one.program)
     plan = one.explained(one.decode(point), point, duals)
@@ -92,5 +92,5 @@ def catalogue(name):
 
 
 def layers():
-    """Two boundary layers with nothing between: what a coarse mesh does not see."""
+    """Return two boundary layers with nothing between them, which a coarse mesh misses."""
     return optimal_control.hypersensitive(horizon=30.0)

@@ -1,1 +1,1 @@
-"""Declaring an optimal control problem: phases, variables, equations, guesses."""
+"""Declaration of optimal control problems: phases, variables, equations and guesses."""

@@ -1,4 +1,4 @@
-"""A guess that obeys the dynamics: the declared motion, flown with controls that people name."""
+"""Guesses that satisfy the dynamics: the declared motion with guessed controls."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ __all__ = ["fly"]
 
 Floats = NDArray[np.float64]
 
-#: Relative error of a step; a guess needs no more.
+#: Relative error of a step, sufficient for a guess.
 ERROR = 1e-6
-#: Times the size of a state beyond which a flight has broken down.
+#: Ratio to the size of a state beyond which the integration has diverged.
 BEYOND = 1e9
-#: Steps of a flight, at least, and samples that are kept of it, at most.
+#: Smallest number of steps of the integration, and largest number of its samples that are returned.
 STEPS, SAMPLES = 200, 401
-#: Evaluations of the rates after which a flight has broken down: it stiffens without end.
+#: Largest number of evaluations of the rates; a motion that needs more stiffens without end.
 MOST = 5_000
 
 
@@ -34,38 +34,43 @@ def fly(
     guess: Guess,
     parameters: Floats,
 ) -> Guess:
-    """Return the guess whose states are integrated from its first ones with its controls.
+    """Return the guess with states integrated from its initial ones with its controls.
 
-    Where no end is given and it is free, it is where the final values are nearest. States that were
-    guessed after the flight are those of the guess.
+    If the end is free and not given, it is the time at which the final values are nearest. States
+    that were guessed after the call of ``simulate`` keep their guesses.
 
     Parameters
     ----------
     phase : Guessed
-        The phase.
+        Phase.
     function : casadi.Function
         ``(t, x, u, p) -> (rate, …)``.
     steer : casadi.Function
-        ``(t, x, u, p) -> u``: what the guess's controls u become by feedback.
+        ``(t, x, u, p) -> u``: the controls with feedback, given the guessed controls u.
     guess : Guess
-        Where the flight starts, and its other controls.
+        Initial state, and the guessed controls.
     parameters : ndarray, shape (parameters,)
-        Their guesses.
+        Guessed parameters.
+
+    Returns
+    -------
+    Guess
+        The integrated guess.
 
     Raises
     ------
     InvalidData
-        A state or its rate is not finite, or grows beyond all bounds, or changes too fast to follow.
+        A state or its rate is not finite, diverges, or changes too fast to be integrated.
     """
     states, controls = phase.states, phase.controls
     earliest, latest = (guess.end,) * 2 if "time" in phase.guessed else phase.bounds[2:]
     names = entry_names(states.values())
     lower, upper, first, last, size = (
-        np.concatenate([getattr(one, what) for one in states.values()])
+        np.concatenate([getattr(item, what) for item in states.values()])
         for what in ("lower", "upper", "final_lower", "final_upper", "scale")
     )
     low, high = (
-        np.concatenate([*(getattr(one, side) for one in controls.values()), np.empty(0)])
+        np.concatenate([*(getattr(item, side) for item in controls.values()), np.empty(0)])
         for side in ("lower", "upper")
     )
     begin, span = guess.start, guess.end - guess.start
@@ -74,24 +79,24 @@ def fly(
 
     def control(t: float, x: Floats) -> Floats:
         place = (t - begin) / span
-        u = [np.interp(place, guess.fractions, one) for one in guess.controls.T]
+        u = [np.interp(place, guess.fractions, item) for item in guess.controls.T]
         steered: Floats = np.array(steer(t, x, u, parameters), float).reshape(-1)
         return np.clip(steered, low, high)
 
     def rate(t: float, x: Floats) -> Floats:
         u = control(t, x)
-        found = np.array(function(t, x, u, parameters)[0], float).reshape(-1)
-        # Where the rates are finite but change too fast, the fastest state is named.
-        bad = ~(np.isfinite(found) & (np.abs(x) < BEYOND * size))
-        if bad.any() or next(count) > MOST:
-            k = int(np.argmax(np.where(bad, np.inf, np.abs(found) / size)))
+        rates = np.array(function(t, x, u, parameters)[0], float).reshape(-1)
+        # If the rates are finite but change too fast, the message names the fastest state.
+        invalid = ~(np.isfinite(rates) & (np.abs(x) < BEYOND * size))
+        if invalid.any() or next(count) > MOST:
+            k = int(np.argmax(np.where(invalid, np.inf, np.abs(rates) / size)))
             values = ", ".join(f"{n} = {v:.4g}" for n, v in zip(names, x, strict=True))
             raise InvalidData(
                 f"the flight of phase {phase.name!r} breaks down at t = {t:.6g}: state {names[k]!r} has the rate "
-                f"{found[k]:g} at {values}; give other controls, or a shorter time",
+                f"{rates[k]:g} at {values}; give other controls, or a shorter time",
                 field="simulate",
             )
-        return found
+        return rates
 
     end = max(guess.end, latest)
     times, rows = [begin], [guess.states[0]]
@@ -105,7 +110,7 @@ def fly(
         except InvalidData:
             if times[-1] <= max(begin, earliest):
                 raise
-            break  # an end before this instant is allowed
+            break  # the phase may end before this instant
         times.append(solver.t)
         rows.append(solver.y.copy())
         if free and solver.t >= earliest and ((rows[-1] < lower) | (rows[-1] > upper)).any():
@@ -114,23 +119,23 @@ def fly(
     if solver.status == "finished":
         t[-1] = end
     if free:
-        # Where the end is free, the flight ends where its final values are nearest, within bounds.
+        # A free end is the time at which the final values are nearest, within the bounds.
         outside = ((table < lower) | (table > upper)).any(axis=1)
         allowed = (t >= earliest) & (t > begin) & (np.cumsum(outside) == 0)
         if not allowed.any():
             allowed = (t >= earliest) & (t > begin)
-        miss = (((table - np.clip(table, first, last)) / size) ** 2).sum(axis=1)
-        best = np.lexsort((np.abs(t - guess.end), np.where(allowed, miss, np.inf)))[0]
+        distance = (((table - np.clip(table, first, last)) / size) ** 2).sum(axis=1)
+        best = np.lexsort((np.abs(t - guess.end), np.where(allowed, distance, np.inf)))[0]
         t, table = t[: best + 1], table[: best + 1]
-    keep = np.unique(np.linspace(0, t.size - 1, min(t.size, SAMPLES)).round().astype(int))
-    t, table = t[keep], np.clip(table[keep], lower, upper)
-    u = np.array([control(*one) for one in zip(t, table, strict=True)])
-    at = 0
-    for name, one in states.items():
+    samples = np.unique(np.linspace(0, t.size - 1, min(t.size, SAMPLES)).round().astype(int))
+    t, table = t[samples], np.clip(table[samples], lower, upper)
+    u = np.array([control(*item) for item in zip(t, table, strict=True)])
+    start = 0
+    for name, item in states.items():
         if name not in phase.flown:
-            kept = sample_guess(
-                one, phase.guessed[name], (t - begin) / (t[-1] - begin), (begin, t[-1])
+            guessed = sample_guess(
+                item, phase.guessed[name], (t - begin) / (t[-1] - begin), (begin, t[-1])
             )
-            table[:, at : at + one.size] = kept
-        at += one.size
+            table[:, start : start + item.size] = guessed
+        start += item.size
     return Guess(begin, float(t[-1]), (t - begin) / (t[-1] - begin), table, u)

@@ -1,4 +1,4 @@
-"""Where the search for an optimal control starts: samples, functions or another answer."""
+"""Guesses for the search of an optimal control: samples, functions or another plan."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ __all__ = ["After", "Guessed", "define_linked", "draw_lines", "sample_guess"]
 Floats = NDArray[np.float64]
 Symbol = Any  # casadi.MX
 
-#: By state: when and with which value it goes on, an entry each; NaN where nothing is known.
+#: Time and value of the next known point of each state, per entry; NaN if unknown.
 After = Mapping[str, tuple[Floats, Floats]]
 
-#: Samples that are taken of a function or of another answer.
+#: Number of samples of a function or of another plan.
 SAMPLES = 201
 
 
 class Guessed:
-    """What is guessed of a phase: by quantity samples, (fractions, table), or a function of time.
+    """Guessed data of a phase: samples (fractions, table) or functions of time, by quantity.
 
-    ``"time"`` are the guessed times of both ends. States in `flown` are those of the flight that
-    the guessed controls make, with those in `feedback`.
+    The key ``"time"`` holds the guessed times of both ends. States in `flown` are integrated with
+    the guessed controls and with the feedback laws in `feedback`.
     """
 
     name: str
@@ -45,25 +45,30 @@ class Guessed:
     feedback: dict[str, Symbol]
 
     def guess(self, plan: Any = None, *, time: Any = None, **values: Any) -> None:
-        """Guess the course, as a start for the search.
+        """Guess the states and controls of the phase, as a start of the search.
 
         Parameters
         ----------
         plan : ControlPlan, Solution or PhasePlan, optional
-            Another answer: what bears the same names is taken over, its times included.
+            Another plan. Its times, and its states and controls with equal names, are used as guess.
         time : array_like, optional
-            Times of the samples given in `values`; its ends are guesses of free times. Without it,
-            samples are spread evenly.
+            Times of the samples in `values`, whose ends are guesses of free times. By default the
+            samples are equidistant.
         **values : array_like or callable
-            For a state or control by name: samples (a row each for a vector), which are joined
-            linearly, one value throughout, or a function of time.
+            Guess of a state or control by name: samples (one row per sample for a vector), which are
+            interpolated linearly, a constant, or a function of time.
+
+        Raises
+        ------
+        InvalidData
+            A name is unknown, or a value has another size or is not finite.
         """
         self.opened()
-        found = {} if plan is None else _take_over(self, plan)
+        result = {} if plan is None else _take_over(self, plan)
         fractions: Floats | None = None
         if time is not None:
             grid = _read_times(self, time)
-            found["time"] = float(grid[0]), float(grid[-1])
+            result["time"] = float(grid[0]), float(grid[-1])
             fractions = (grid - grid[0]) / (grid[-1] - grid[0])
         for name, value in values.items():
             quantity = self.states.get(name) or self.controls.get(name)
@@ -73,35 +78,35 @@ class Guessed:
                     f"guess of {name!r}: phase {self.name!r} has the states and controls {known}",
                     field=name,
                 )
-            # A function stays one until the phase's times are known.
-            whole = callable(value)
-            found[name] = value if whole else _table(name, value, quantity.size, fractions)
-        self.guessed = self.guessed | found
-        # What is guessed after a flight replaces that part of it.
-        self.flown -= set(found)
-        self.feedback = {name: law for name, law in self.feedback.items() if name not in found}
+            # Functions are sampled once the phase's times are known.
+            is_function = callable(value)
+            result[name] = value if is_function else _table(name, value, quantity.size, fractions)
+        self.guessed = self.guessed | result
+        # A later guess replaces the simulated values of the same names.
+        self.flown -= set(result)
+        self.feedback = {name: law for name, law in self.feedback.items() if name not in result}
 
     def simulate(self, *, time: Any = None, **controls: Any) -> None:
-        """Guess the motion that the dynamics make with controls of one's own.
+        """Guess the motion that the dynamics produce with given controls.
 
-        The flight starts from the initial state, where it is free from the guessed one: at the end
-        of the phase before, if the two are linked. Parameters have their guesses. Where the end is
-        free and no `time` is given, the flight ends where its final values are nearest. It is flown
+        The simulation starts from the initial state, or from the guessed one if that is free: for a
+        linked phase, the end of the previous one. Parameters have their guessed values. If the end is
+        free and no `time` is given, the simulation ends when the final values are nearest. It runs
         when the problem is built.
 
         Parameters
         ----------
         time : array_like, optional
-            Times of the samples given in `controls`, from the start to the end of the flight.
+            Times of the samples in `controls`, from the start to the end of the simulation.
         **controls : array_like, callable or casadi expression
-            By name: one value throughout, samples, a function of time, or a feedback, which is an
+            Controls by name: a constant, samples, a function of time, or a feedback law, which is an
             expression in the phase's states, its time and parameters. Others keep their guess.
 
         Raises
         ------
         InvalidData
-            What is given is no control, or has another size. When the problem is built: the flight
-            breaks down, as no state or rate is finite any more.
+            A name is not a control, or a value has another size. When the problem is built: the
+            simulation diverges, so that a state or rate is not finite.
         """
         for name in controls:
             if name not in self.controls:
@@ -131,12 +136,12 @@ PhaseT = TypeVar("PhaseT", bound=Guessed)
 
 
 def _read_times(phase: Guessed, time: Any) -> Floats:
-    """Return the times of samples, which begin and end when the phase may."""
-    wanted = "finite, increasing times"
-    grid = numbers("time of a guess", time, wanted)
+    """Return the times of samples, which must start and end within the bounds of the phase."""
+    rule = "finite, increasing times"
+    grid = numbers("time of a guess", time, rule)
     increasing = grid.ndim == 1 and grid.size >= 2 and np.isfinite(grid).all()
     if not increasing or not (np.diff(grid) > 0).all():
-        raise InvalidData(f"time of a guess must be {wanted}, got {show(time)}", field="time")
+        raise InvalidData(f"time of a guess must be {rule}, got {show(time)}", field="time")
     for what, t, (low, high) in (
         ("begin", grid[0], phase.bounds[:2]),
         ("end", grid[-1], phase.bounds[2:]),
@@ -176,7 +181,7 @@ def _table(name: str, value: Any, size: int, fractions: Floats | None) -> tuple[
 def _take_over(phase: Guessed, value: Any) -> dict[str, Any]:
     plan = getattr(value, "plan", value)
     if isinstance(plan, ControlPlan):
-        names = [one.name for one in plan.phases]
+        names = [item.name for item in plan.phases]
         if phase.name not in names and len(names) > 1:
             raise InvalidData(
                 f"guess of phase {phase.name!r}: the plan has the phases "
@@ -190,27 +195,27 @@ def _take_over(phase: Guessed, value: Any) -> dict[str, Any]:
         )
     places = np.linspace(0.0, 1.0, SAMPLES)
     grid = plan.start + places * plan.duration
-    found: dict[str, Any] = {"time": (plan.start, plan.end)}
+    result: dict[str, Any] = {"time": (plan.start, plan.end)}
     for part, names_of in ((plan.states, plan.state_names), (plan.controls, plan.control_names)):
         table = part(np.clip(grid, plan.start, plan.end))
         for name, quantity in {**phase.states, **phase.controls}.items():
             entries = [
-                k for k, one in enumerate(names_of) if one == name or one.startswith(f"{name}[")
+                k for k, item in enumerate(names_of) if item == name or item.startswith(f"{name}[")
             ]
             if len(entries) == quantity.size:
-                found[name] = (places, table[:, entries])
-    if len(found) == 1:
+                result[name] = (places, table[:, entries])
+    if len(result) == 1:
         known = ", ".join(map(repr, [*plan.state_names, *plan.control_names]))
         raise InvalidData(
             f"guess of phase {phase.name!r}: the plan has {known}, none of which the phase knows in "
             "that size",
             field="guess",
         )
-    return found
+    return result
 
 
 def _times(phase: Guessed, begin: float = 0.0) -> tuple[float, float]:
-    """Return the guessed times of a phase: given ones, else from `begin` to the middle of the end's."""
+    """Return the guessed times of a phase; by default from `begin` to the middle of the end's bounds."""
     start_lower, start_upper, end_lower, end_upper = phase.bounds
     start, end = phase.guessed.get("time", (begin, 0.5 * (end_lower + end_upper)))
     start = float(np.clip(start, start_lower, start_upper))
@@ -223,66 +228,66 @@ def define_linked(
     links: Sequence[tuple[PhaseT, PhaseT, Sequence[str]]],
     define: Callable[[PhaseT, tuple[float, float], Mapping[str, Floats], After], Phase],
 ) -> tuple[Phase, ...]:
-    """Return the phases, whose guesses go on from one to the next where states are linked.
+    """Return the phases, with guesses that continue across linked states.
 
-    `define` makes a phase, given what :func:`draw_lines` is.
+    `define` creates a phase from the arguments of :func:`draw_lines`.
     """
-    order = {one.name: k for k, one in enumerate(phases)}
+    order = {phase.name: k for k, phase in enumerate(phases)}
     onward = [link for link in links if order[link[0].name] < order[link[1].name]]
     spans: dict[str, tuple[float, float]] = {}
-    for one in phases:
-        begin = max([0.0, *(spans[a.name][1] for a, b, _ in onward if b is one)])
-        spans[one.name] = _times(one, begin)
+    for phase in phases:
+        begin = max([0.0, *(spans[a.name][1] for a, b, _ in onward if b is phase)])
+        spans[phase.name] = _times(phase, begin)
     after: dict[str, dict[str, tuple[Floats, Floats]]] = {name: {} for name in order}
-    for one in reversed(phases):
-        for _, second, names in (link for link in onward if link[0] is one):
+    for phase in reversed(phases):
+        for _, second, names in (link for link in onward if link[0] is phase):
             later, span = after[second.name], spans[second.name]
-            after[one.name] |= {k: _known_next(second, k, span, later.get(k)) for k in names}
-    made: dict[str, Phase] = {}
-    for one in phases:
+            after[phase.name] |= {k: _known_next(second, k, span, later.get(k)) for k in names}
+    defined: dict[str, Phase] = {}
+    for phase in phases:
         before: dict[str, Floats] = {}
-        for first, _, names in (link for link in onward if link[1] is one):
-            guess, states = made[first.name].guess, made[first.name].states
+        for first, _, names in (link for link in onward if link[1] is phase):
+            guess, states = defined[first.name].guess, defined[first.name].states
             cuts = np.cumsum([state.size for state in states])[:-1]
             ends = zip(states, np.split(guess.states[-1], cuts), strict=True)
             before |= {state.name: end for state, end in ends if state.name in names}
-            spans[one.name] = _times(one, guess.end)
-        made[one.name] = define(one, spans[one.name], before, after[one.name])
-    return tuple(made.values())
+            spans[phase.name] = _times(phase, guess.end)
+        defined[phase.name] = define(phase, spans[phase.name], before, after[phase.name])
+    return tuple(defined.values())
 
 
 def draw_lines(
     phase: Guessed, span: tuple[float, float], before: Mapping[str, Floats], after: After
 ) -> Guess:
-    """Return the guess of a phase: what was given, and straight lines for the rest.
+    """Return the guess of a phase: given values, and straight lines for the others.
 
-    A state goes from its initial to its final value where they are fixed. Where they are free, it
-    goes on from the phase before, towards what is known of it in the phases after; a value of which
-    nothing is known is the other end's, or the middle of its bounds, or 0 moved into them.
+    A state moves from its initial to its final value if these are fixed. A free state continues
+    from the previous phase towards its next known value in later phases. An unknown value equals
+    that of the other end, or the middle of its bounds, or 0 moved into the bounds.
 
     Parameters
     ----------
     phase : Guessed
-        The phase.
+        Phase.
     span : tuple of float
         Guessed times of its two ends.
-    before : mapping
-        By state, the guess at the end of the phase before, which is linked to this one.
-    after : mapping
-        By state, the value that it has next in the phases after, NaN where nothing is known, and when.
+    before : mapping of str to ndarray
+        Guess at the end of the previous linked phase, by state.
+    after : mapping of str to (ndarray, ndarray)
+        Time and value of the next known point in later phases, by state; NaN if unknown.
     """
-    given = {name: value for name, value in phase.guessed.items() if name != "time"}
+    values_of = {name: value for name, value in phase.guessed.items() if name != "time"}
     start, end = span
     places = {0.0, 1.0}
-    for value in given.values():
-        many = np.linspace(0.0, 1.0, SAMPLES) if callable(value) else value[0]
-        places.update(many.tolist())
+    for value in values_of.values():
+        positions = np.linspace(0.0, 1.0, SAMPLES) if callable(value) else value[0]
+        places.update(positions.tolist())
     fractions = np.array(sorted(places))
     tables: dict[str, list[Floats]] = {"states": [], "controls": []}
     for what in ("states", "controls"):
         for quantity in getattr(phase, what).values():
-            if quantity.name in given:
-                table = sample_guess(quantity, given[quantity.name], fractions, span)
+            if quantity.name in values_of:
+                table = sample_guess(quantity, values_of[quantity.name], fractions, span)
             else:
                 times, values = after.get(quantity.name, (np.nan, np.nan))
                 known = before.get(quantity.name, np.full(quantity.size, np.nan))
@@ -306,17 +311,18 @@ def _known_next(
     span: tuple[float, float],
     later: tuple[Floats, Floats] | None,
 ) -> tuple[Floats, Floats]:
-    """Return when and where a state is known next, from the start of `phase` on, an entry each.
+    """Return time and value of the next known point of a state from the start of `phase`, per entry.
 
-    At its ends it is known where it is fixed or guessed, and from `later` on by the phases after.
+    The state is known at its fixed or guessed ends, and otherwise from `later`, the result for the
+    next phase.
     """
-    one = phase.states[name]
+    state = phase.states[name]
     if name in phase.guessed:
-        value = sample_guess(one, phase.guessed[name], np.zeros(1), span)[0]
-        return np.full(one.size, span[0]), value
-    times, values = later or (np.full(one.size, np.nan), np.full(one.size, np.nan))
+        value = sample_guess(state, phase.guessed[name], np.zeros(1), span)[0]
+        return np.full(state.size, span[0]), value
+    times, values = later or (np.full(state.size, np.nan), np.full(state.size, np.nan))
     for t, side in ((span[1], "final"), (span[0], "initial")):
-        low, high = getattr(one, f"{side}_lower"), getattr(one, f"{side}_upper")
+        low, high = getattr(state, f"{side}_lower"), getattr(state, f"{side}_upper")
         times = np.where(low == high, t, times)
         values = np.where(low == high, low, values)
     return times, values
@@ -325,14 +331,14 @@ def _known_next(
 def sample_guess(
     quantity: Quantity, value: Any, fractions: Floats, span: tuple[float, float]
 ) -> Floats:
-    """Return samples of what was given for one quantity, (fractions, size)."""
+    """Return samples of the guess of one quantity, shape (fractions, size)."""
     if callable(value):
         return _sample(
             quantity.name, value, span[0] + fractions * (span[1] - span[0]), quantity.size
         )
-    own, samples = value
+    positions, samples = value
     return np.stack(
-        [np.interp(fractions, own, samples[:, k]) for k in range(quantity.size)], axis=1
+        [np.interp(fractions, positions, samples[:, k]) for k in range(quantity.size)], axis=1
     )
 
 
@@ -345,31 +351,31 @@ def _sample(name: str, function: Any, times: Floats, size: int) -> Floats:
             raise InvalidData(
                 f"guess of {name!r} fails at t = {t:g}: {type(error).__name__}: {error}", field=name
             ) from error
-        wanted = f"return {size} finite number{'s' * (size > 1)} at every time"
-        row = numbers(f"guess of {name!r}", value, wanted, "must").reshape(-1)
+        rule = f"return {size} finite number{'s' * (size > 1)} at every time"
+        row = numbers(f"guess of {name!r}", value, rule, "must").reshape(-1)
         if row.size != size or not np.isfinite(row).all():
             raise InvalidData(
-                f"guess of {name!r} must {wanted}, got {show(value)} at t = {t:g}", field=name
+                f"guess of {name!r} must {rule}, got {show(value)} at t = {t:g}", field=name
             )
         rows.append(row)
     return np.array(rows)
 
 
-def _ends(one: Quantity, before: Floats, after: Any, share: Any) -> tuple[Floats, Floats]:
-    """Return the values at both ends: fixed ones, else from the neighbours, else the other end's.
+def _ends(quantity: Quantity, before: Floats, after: Any, share: Any) -> tuple[Floats, Floats]:
+    """Return the values at both ends: fixed ones, those of the neighbours, or that of the other end.
 
-    What is known after the phase, `after`, is reached by the `share` that the phase has of the way.
+    The value `after` the phase is approached by the `share` of the time that the phase takes.
     """
-    first = one.initial_lower == one.initial_upper
-    last = one.final_lower == one.final_upper
-    begin = np.where(first, one.initial_lower, before)
-    end = np.where(last, one.final_lower, np.nan)
+    first = quantity.initial_lower == quantity.initial_upper
+    last = quantity.final_lower == quantity.final_upper
+    begin = np.where(first, quantity.initial_lower, before)
+    end = np.where(last, quantity.final_lower, np.nan)
     known = np.where(np.isnan(end), after, end)
     begin = np.where(np.isnan(begin), known, begin)
-    begin = np.where(np.isnan(begin), middle(one.lower, one.upper), begin)
+    begin = np.where(np.isnan(begin), middle(quantity.lower, quantity.upper), begin)
     end = np.where(np.isnan(end), begin + share * (after - begin), end)
     end = np.where(np.isnan(end), begin, end)
     return (
-        np.clip(begin, one.initial_lower, one.initial_upper),
-        np.clip(end, one.final_lower, one.final_upper),
+        np.clip(begin, quantity.initial_lower, quantity.initial_upper),
+        np.clip(end, quantity.final_lower, quantity.final_upper),
     )

@@ -1,4 +1,4 @@
-"""Declaring one phase of an optimal control problem: symbols in, a checked phase out."""
+"""Builder that turns the declarations of one phase into its definition."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ Symbol = Any  # casadi.MX
 
 @dataclass(eq=False)
 class PhaseBuilder(Guessed):
-    """One phase of a problem being declared; made by :meth:`ControlProblemBuilder.phase`.
+    """Phase under declaration, created by :meth:`ControlProblemBuilder.phase`.
 
     Attributes
     ----------
     name : str
-        The phase's name.
+        Name of the phase.
     time : casadi.MX
-        The time within the phase, t.
+        Time within the phase, t.
     start, end : casadi.MX
-        Its two times, t0 and tf.
+        Start and end time, t0 and tf.
     """
 
     name: str
@@ -75,17 +75,17 @@ class PhaseBuilder(Guessed):
 
     @property
     def duration(self) -> Symbol:
-        """Its length in time, tf - t0."""
+        """Duration of the phase, tf - t0."""
         return self.end - self.start
 
     # -- variables -------------------------------------------------------------------------------
 
-    def _named(self, kind: str, name: str, size: Any) -> int:
+    def _check_name(self, kind: str, name: str, size: Any) -> int:
         self.opened()
         free_name(kind, name, [*self.states, *self.controls])
         return checked_size(name, size)
 
-    def _known(self, name: str, size: int) -> Symbol:
+    def _add_symbol(self, name: str, size: int) -> Symbol:
         self.symbols[name] = casadi.MX.sym(name, size)
         return self.symbols[name]
 
@@ -101,29 +101,34 @@ class PhaseBuilder(Guessed):
         scale: Any = None,
         unit: str = "",
     ) -> Symbol:
-        """Declare a state, and return its symbol.
+        """Declare a state.
 
         Parameters
         ----------
         name : str
-            Its name.
+            Name of the state.
         size : int
             Number of entries; more than 1 makes a vector.
         initial, final : float, array_like, tuple or expression, optional
-            Its value at the two ends, or a range ``(lower, upper)``; free without. An expression, of
-            data for instance, becomes a boundary constraint.
+            Value at the start and the end, or a range ``(lower, upper)``; free by default. An
+            expression, such as declared data, becomes a boundary constraint.
         lower, upper : float or array_like, optional
             Bounds at every instant.
         scale : float or array_like, optional
             Typical size; by default the largest of the bounds and ends, or 1.
         unit : str
-            Unit, for people.
+            Unit, for display.
+
+        Returns
+        -------
+        casadi.MX
+            Symbol of the state.
         """
-        size = self._named("a state", name, size)
+        size = self._check_name("a state", name, size)
         low, high = bounds(name, lower, upper, size)
         ends: list[Floats] = []
-        said = {"initial": initial, "final": final}
-        for what, value in said.items():
+        given = {"initial": initial, "final": final}
+        for what, value in given.items():
             label = f"{what} value of {name!r}"
             if isinstance(value, casadi.MX):
                 value = None
@@ -145,33 +150,33 @@ class PhaseBuilder(Guessed):
             casadi.MX.sym(f"{name}(t0)", size),
             casadi.MX.sym(f"{name}(tf)", size),
         )
-        symbol = self._known(name, size)
-        if any(isinstance(value, casadi.MX) for value in said.values()):
-            self._end_by_expressions(name, said)
+        symbol = self._add_symbol(name, size)
+        if any(isinstance(value, casadi.MX) for value in given.values()):
+            self._end_by_expressions(name, given)
         return symbol
 
-    def _end_by_expressions(self, name: str, said: Mapping[str, Any]) -> None:
-        """Declare ends that are expressions as constraints, and guess them at the data's values."""
-        one, problem, known = self.states[name], self.opened(), []
-        for side, (what, value) in enumerate(said.items()):
-            low, high = getattr(one, f"{what}_lower"), getattr(one, f"{what}_upper")
+    def _end_by_expressions(self, name: str, ends: Mapping[str, Any]) -> None:
+        """Add constraints for ends that are expressions, and guess them at the values of the data."""
+        quantity, problem, known = self.states[name], self.opened(), []
+        for side, (what, value) in enumerate(ends.items()):
+            low, high = getattr(quantity, f"{what}_lower"), getattr(quantity, f"{what}_upper")
             if isinstance(value, casadi.MX):
                 problem.subject_to(
                     self.ends[name][side] == value,
-                    name=f"{what} {name} of {self.name}", unit=one.unit, scale=one.scale,
+                    name=f"{what} {name} of {self.name}", unit=quantity.unit, scale=quantity.scale,
                 )  # fmt: skip
                 symbols = [symbol for _, symbol in problem.parameters.values()]
-                at = casadi.Function("at", symbols, [value], {"allow_free": True})
-                if not at.has_free():
-                    values = at.call(
-                        [given.initial_lower for given, _ in problem.parameters.values()]
+                function = casadi.Function("at", symbols, [value], {"allow_free": True})
+                if not function.has_free():
+                    values = function.call(
+                        [parameter.initial_lower for parameter, _ in problem.parameters.values()]
                     )
                     known.append(np.clip(np.array(values[0], float).reshape(-1), low, high))
             elif (low == high).all():
                 known.append(low)
         if known:
             table = np.stack(
-                [np.broadcast_to(end, one.lower.shape) for end in (known[0], known[-1])]
+                [np.broadcast_to(end, quantity.lower.shape) for end in (known[0], known[-1])]
             )
             self.guessed[name] = np.array([0.0, 1.0]), table
 
@@ -186,28 +191,51 @@ class PhaseBuilder(Guessed):
         unit: str = "",
         integer: bool = False,
     ) -> Symbol:
-        """Declare a control, and return its symbol; the parameters are those of a state.
+        """Declare a control.
 
-        What is `integer` has whole bounds and is to take whole numbers only: solvers find the
-        relaxed plan, and :func:`~crosstrack.models.optimal_control.round_controls` rounds it.
+        Parameters
+        ----------
+        name : str
+            Name of the control.
+        size : int
+            Number of entries; more than 1 makes a vector.
+        lower, upper : float or array_like, optional
+            Bounds at every instant.
+        scale : float or array_like, optional
+            Typical size; by default the largest of the bounds, or 1.
+        unit : str
+            Unit, for display.
+        integer : bool
+            Whether the control is integer-valued, with integer bounds. Solvers compute the relaxed
+            plan, and :func:`~crosstrack.models.optimal_control.round_controls` rounds it.
+
+        Returns
+        -------
+        casadi.MX
+            Symbol of the control.
         """
-        size = self._named("a control", name, size)
+        size = self._check_name("a control", name, size)
         low, high = bounds(name, lower, upper, size)
         self.controls[name] = Quantity(
             name, low, high, low, high, low, high, typical(repr(name), scale, size, low, high),
             text("unit", unit, repr(name)), integer=integer,
         )  # fmt: skip
-        return self._known(name, size)
+        return self._add_symbol(name, size)
 
     # -- what holds at every instant -------------------------------------------------------------
 
     def dynamics(self, rates: Mapping[Any, Any]) -> None:
-        """Declare the rates of states: ``{x: v, v: u}``.
+        """Declare the rates of states, such as ``{x: v, v: u}``.
 
         Parameters
         ----------
         rates : mapping
-            The time derivative of each state, keyed by its symbol or name. Several calls add up.
+            Time derivatives, keyed by the symbol or name of the state. Several calls add up.
+
+        Raises
+        ------
+        InvalidData
+            A key is not a state of this phase or is declared already, or a rate has another size.
         """
         self.opened()
         if not isinstance(rates, Mapping):
@@ -215,7 +243,7 @@ class PhaseBuilder(Guessed):
                 f"dynamics must map states to their rates, got {show(rates)}", field="dynamics"
             )
         checked: dict[str, Symbol] = {}
-        for key, given in rates.items():
+        for key, value in rates.items():
             name = key if isinstance(key, str) else self._state_of(key)
             if name not in self.states:
                 raise InvalidData(
@@ -225,7 +253,7 @@ class PhaseBuilder(Guessed):
                 )
             if name in self.rates or name in checked:
                 raise InvalidData(f"dynamics of {name!r} are declared already", field="dynamics")
-            rate, size = column(f"dynamics of {name!r}", given), self.states[name].size
+            rate, size = column(f"dynamics of {name!r}", value), self.states[name].size
             if rate.numel() == 1 and size > 1 and not casadi.symvar(rate):
                 rate = casadi.repmat(rate, size)
             if rate.numel() != size:
@@ -237,7 +265,7 @@ class PhaseBuilder(Guessed):
         self.rates.update(checked)
 
     def _state_of(self, key: Any) -> str:
-        """Return the name of the symbol `key`, which must be this phase's own."""
+        """Return the name of the symbol `key`, which must belong to this phase."""
         for name, symbol in self.symbols.items():
             if isinstance(key, casadi.MX) and key.__hash__() == symbol.__hash__():
                 return name
@@ -261,28 +289,34 @@ class PhaseBuilder(Guessed):
         unit: str = "",
         scale: Any = None,
     ) -> None:
-        """Declare a constraint that holds at every instant.
+        """Declare a path constraint, which holds at every instant.
 
         Parameters
         ----------
         expression : casadi expression
-            In states, controls, time and parameters, or a relation such as ``x**2 + y**2 >= 1``.
+            Expression in states, controls, time and parameters, or a relation such as
+            ``x**2 + y**2 >= 1``.
         lower, upper, equals : float or array_like, optional
-            Its bounds, or the value it must have.
+            Bounds, or the required value.
         name, equation, unit : str
-            In the words of the paper.
+            Name and equation number in the paper, and unit.
         scale : float or array_like, optional
             Typical size of the expression.
+
+        Raises
+        ------
+        InvalidData
+            The expression has no bound, or a name is taken.
         """
         self.opened()
-        words = (Text().coerce("name", name, {}) or f"path {len(self.paths) + 1}", equation, unit)
+        labels = (Text().coerce("name", name, {}) or f"path {len(self.paths) + 1}", equation, unit)
         sides = (lower, upper, equals)
-        self.paths.append(constraint("path", words, self._constraints(), expression, sides, scale))
+        self.paths.append(constraint("path", labels, self._constraints(), expression, sides, scale))
 
     def _constraints(self) -> list[str]:
-        """Return the names that are taken: of this phase's constraints, and of those of the ends."""
+        """Return the names of the constraints of this phase and of the boundary constraints."""
         lists = (self.paths, self.invariants, self.opened().boundaries)
-        return [one.name for listed in lists for one, _ in listed]
+        return [item.name for items in lists for item, _ in items]
 
     def integral(self, integrand: Any) -> Symbol:
         """Return the integral of `integrand` over the phase, for costs and constraints.
@@ -290,7 +324,12 @@ class PhaseBuilder(Guessed):
         Parameters
         ----------
         integrand : casadi expression
-            A number in states, controls, time and parameters.
+            Scalar expression in states, controls, time and parameters.
+
+        Returns
+        -------
+        casadi.MX
+            Symbol of the integral.
         """
         self.opened()
         rate = column("integrand", integrand)
@@ -305,53 +344,60 @@ class PhaseBuilder(Guessed):
     def invariant(
         self, name: str, expression: Any, *, equation: str = "", unit: str = "", scale: Any = None
     ) -> None:
-        """Declare what the dynamics conserve, such as the norm of a quaternion; it is verified.
+        """Declare a conserved quantity, such as the norm of a quaternion, which is verified.
 
         Parameters
         ----------
         name : str
-            Its name.
+            Name of the quantity.
         expression : casadi expression
-            In states, time and parameters.
+            Expression in states, time and parameters.
         equation, unit : str
-            In the words of the paper.
+            Equation number in the paper, and unit.
         scale : float or array_like, optional
             Typical size.
         """
         self.opened()
         free_name("an invariant", name, self._constraints())
-        kept = column(f"invariant {name!r}", expression)
+        conserved = column(f"invariant {name!r}", expression)
         for control in self.controls:
-            if casadi.depends_on(kept, self.symbols[control]):
+            if casadi.depends_on(conserved, self.symbols[control]):
                 raise InvalidData(
                     f"invariant {name!r} uses the control {control!r}, which may jump: an invariant "
                     "is made of states, time and parameters",
                     field="invariant",
                 )
-        words = (name, equation, unit)
-        self.invariants.append((restriction(words, kept.numel(), None, None, scale), kept))
+        labels = (name, equation, unit)
+        self.invariants.append(
+            (restriction(labels, conserved.numel(), None, None, scale), conserved)
+        )
 
     def output(self, name: str, expression: Any, *, equation: str = "", unit: str = "") -> Symbol:
-        """Name what is to be seen of a plan beside states and controls, and return it.
+        """Declare an additional quantity of a plan, and return its expression.
 
-        It binds nothing: ``plan[name](t)`` gives it, pictures draw it and exports hold it.
+        It constrains nothing. ``plan[name](t)`` evaluates it, pictures draw it and exports contain it.
 
         Parameters
         ----------
         name : str
-            Its name.
+            Name of the output.
         expression : casadi expression
-            In states, controls, time and parameters.
+            Expression in states, controls, time and parameters.
         equation, unit : str
-            In the words of the paper.
+            Equation number in the paper, and unit.
+
+        Returns
+        -------
+        casadi.MX
+            The expression as a column.
         """
         self.opened()
         taken = [*self.states, *self.controls, *self._constraints()]
-        free_name("an output", name, [*taken, *(one.name for one, _ in self.outputs)])
-        shown = column(f"output {name!r}", expression)
-        words = (name, equation, unit)
-        self.outputs.append((restriction(words, shown.numel(), None, None, None), shown))
-        return shown
+        free_name("an output", name, [*taken, *(item.name for item, _ in self.outputs)])
+        output = column(f"output {name!r}", expression)
+        labels = (name, equation, unit)
+        self.outputs.append((restriction(labels, output.numel(), None, None, None), output))
+        return output
 
     # -- the ends --------------------------------------------------------------------------------
 
@@ -364,9 +410,9 @@ class PhaseBuilder(Guessed):
         return self._at(expression, 1, self.end)
 
     def _at(self, expression: Any, side: int, time: Symbol) -> Symbol:
-        found = read_expression("a value at the ends", expression)
+        result = read_expression("a value at the ends", expression)
         for name in self.controls:
-            if casadi.depends_on(found, self.symbols[name]):
+            if casadi.depends_on(result, self.symbols[name]):
                 raise InvalidData(
                     f"control {name!r} has no value at the ends: it may jump there; make it a state "
                     "with its rate as the control",
@@ -375,7 +421,7 @@ class PhaseBuilder(Guessed):
         names = list(self.states)
         old = [*(self.symbols[name] for name in names), self.time]
         new = [*(self.ends[name][side] for name in names), time]
-        return casadi.substitute([found], old, new)[0]
+        return casadi.substitute([result], old, new)[0]
 
     # -- the definition -------------------------------------------------------------------------
 
@@ -387,10 +433,10 @@ class PhaseBuilder(Guessed):
         before: Mapping[str, Floats],
         after: After,
     ) -> Phase:
-        """Return the phase's definition, or raise for what is missing.
+        """Return the phase's definition, or raise if a declaration is missing.
 
-        The guess has the `values` of parameters, the times `span`, and what `before` and `after`
-        tell of linked phases, as in :func:`~.guess.draw_lines`.
+        The guess uses the `values` of parameters, the times `span`, and the data `before` and `after`
+        of linked phases, see :func:`~.guess.draw_lines`.
         """
         if not self.states:
             raise InvalidData(f"phase {self.name!r} has no state", field="states")
@@ -401,13 +447,13 @@ class PhaseBuilder(Guessed):
                 field="dynamics",
             )
         rates = [self.rates[name] for name in self.states]
-        integrands = [one for _, one in self.integrands]
-        invariants = [one for _, one in self.invariants]
-        stated = [*rates, *(one for _, one in self.paths), *integrands, *invariants]
+        integrands = [item for _, item in self.integrands]
+        invariants = [item for _, item in self.invariants]
+        stated = [*rates, *(item for _, item in self.paths), *integrands, *invariants]
         paths = [*self.paths, *domains(stated, self._constraints())]
         results = {
             "rate": rates,
-            "path": [one for _, one in paths],
+            "path": [item for _, item in paths],
             "integrand": integrands,
             "invariant": invariants,
         }
@@ -423,10 +469,10 @@ class PhaseBuilder(Guessed):
             laws = [{**self.symbols, **self.feedback}[name] for name in self.controls]
             steer = compile_function("feedback", arguments, {"feedback": laws}, self._explain)
             guess = fly(self, function, steer, guess, values)
-        shown = None
+        outputs = None
         if self.outputs:
-            columns = {"output": [one for _, one in self.outputs]}
-            shown = compile_function("outputs", arguments, columns, self._explain)
+            columns = {"output": [item for _, item in self.outputs]}
+            outputs = compile_function("outputs", arguments, columns, self._explain)
         start_lower, start_upper, end_lower, end_upper = self.bounds
         return Phase(
             name=self.name,
@@ -437,18 +483,18 @@ class PhaseBuilder(Guessed):
             end_lower=end_lower,
             end_upper=end_upper,
             time_unit=self.unit,
-            paths=tuple(one for one, _ in paths),
+            paths=tuple(item for item, _ in paths),
             integrals=len(self.integrands),
-            invariants=tuple(one for one, _ in self.invariants),
+            invariants=tuple(item for item, _ in self.invariants),
             function=function,
             guess=guess,
             dynamics_equation=self.equation,
-            outputs=tuple(one for one, _ in self.outputs),
-            outputs_function=shown,
+            outputs=tuple(item for item, _ in self.outputs),
+            outputs_function=outputs,
         )
 
     def _explain(self, what: str, symbol: Symbol) -> str:
-        """Return what is wrong with a symbol that is not the phase's own."""
+        """Return the error message for a symbol that does not belong to the phase."""
         return (
             f"phase {self.name!r}: the {what} uses {symbol.name()!r}, which is no state, control, "
             "time or parameter of this phase"

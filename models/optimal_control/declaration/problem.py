@@ -1,4 +1,4 @@
-"""Declaring an optimal control problem: symbols in, a problem with a definition out."""
+"""Builder that turns the declarations of an optimal control problem into its definition."""
 
 from __future__ import annotations
 
@@ -41,19 +41,19 @@ ModelT = TypeVar("ModelT", bound=Model[Any])
 
 
 class ControlProblemBuilder(Generic[ModelT]):
-    """An optimal control problem that is being declared; ``OptimalControlProblem(name)`` returns one.
+    """Optimal control problem under declaration, as returned by ``OptimalControlProblem(name)``.
 
-    Declare phases, states, controls, dynamics and what is to be minimised; then hand it to
+    Declare phases, states, controls, dynamics and the objective, and pass it to
     :func:`crosstrack.solve` like any model. Expressions are CasADi's (``casadi.sin(x)``, ``x**2``).
-    Whatever the built problem has (``digest``, ``verify``, ``to_json`` …) is asked of :meth:`build`.
-    Declaring more afterwards is allowed, and makes it another problem with another digest.
+    Attributes of the built problem (``digest``, ``verify``, ``to_json`` …) are those of the result
+    of :meth:`build`. Later declarations are allowed and give another problem with another digest.
 
     Parameters
     ----------
     name : str
-        A label for people.
+        Label of the problem.
     make : callable
-        Returns the problem for a name and a definition.
+        Function that creates the problem from a name and a definition.
     """
 
     def __init__(self, name: str, make: Callable[..., ModelT]) -> None:
@@ -67,12 +67,12 @@ class ControlProblemBuilder(Generic[ModelT]):
         self.links: list[tuple[PhaseBuilder, PhaseBuilder, list[str]]] = []
 
     def build(self) -> ModelT:
-        """Return the problem as it is declared now.
+        """Return the problem as declared so far.
 
         Raises
         ------
         InvalidData
-            Something is missing: a state without dynamics, an objective.
+            A declaration is missing, such as the dynamics of a state or the objective.
         """
         if self._built is None:
             self._built = self._make(self.name, definition=self._define())
@@ -84,7 +84,7 @@ class ControlProblemBuilder(Generic[ModelT]):
         return getattr(self.build(), name)
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
-        # Symbols cannot leave the process: a copy is the built problem.
+        # Symbols cannot leave the process, so a copy is the built problem.
         return self.build().__reduce_ex__(protocol)
 
     def __repr__(self) -> str:
@@ -93,11 +93,11 @@ class ControlProblemBuilder(Generic[ModelT]):
         return repr(self._built)
 
     def describe(self) -> str:
-        """Return the size in a few words, ``"being declared"`` before the first use."""
+        """Return the size in a few words, or ``"being declared"`` before the problem is built."""
         return "being declared" if self._built is None else str(self.build().describe())
 
     def _open(self) -> Self:
-        """Return the builder to declare more in; what was built before is void."""
+        """Return the builder for further declarations, and discard the built problem."""
         self._built = None
         return self
 
@@ -111,22 +111,27 @@ class ControlProblemBuilder(Generic[ModelT]):
         unit: str = "s",
         equation: str = "",
     ) -> PhaseBuilder:
-        """Add a phase, and return it to declare states, controls and dynamics in.
+        """Add a phase, and return it for the declaration of states, controls and dynamics.
 
         Parameters
         ----------
         name : str
-            Its name; ``"phase 1"``, ``"phase 2"`` … where none is given.
+            Name of the phase; by default ``"phase 1"``, ``"phase 2"`` …
         time : tuple
-            When it starts and when it ends: each a number, or ``(lower, upper)`` where it is free.
+            Start and end time: each a number, or ``(lower, upper)`` if it is free.
         unit : str
             Unit of time.
         equation : str
-            The paper's number of the equation of motion.
+            Number of the equation of motion in the paper.
+
+        Returns
+        -------
+        PhaseBuilder
+            The phase.
         """
         self._open()
         name = Text().coerce("name", name, {}) or f"phase {len(self.phases) + 1}"
-        free_name("a phase", name, [one.name for one in self.phases])
+        free_name("a phase", name, [item.name for item in self.phases])
         if not isinstance(time, tuple | list) or len(time) != 2:
             raise InvalidData(
                 f"time of phase {name!r} must be (start, end), each a number or (lower, upper), "
@@ -134,7 +139,7 @@ class ControlProblemBuilder(Generic[ModelT]):
                 field="time",
             )
         sides = [
-            _read_time(what, name, one) for what, one in zip(("start", "end"), time, strict=True)
+            _read_time(what, name, item) for what, item in zip(("start", "end"), time, strict=True)
         ]
         (first, _), (_, last) = sides
         if not first < last:
@@ -142,12 +147,12 @@ class ControlProblemBuilder(Generic[ModelT]):
                 f"time of phase {name!r} must go forward, got start {first:g}, end {last:g}",
                 field="time",
             )
-        made = PhaseBuilder(
+        phase = PhaseBuilder(
             name, (*sides[0], *sides[1]), text("unit", unit, f"phase {name!r}"),
             text("equation", equation, f"phase {name!r}"), self._open,
         )  # fmt: skip
-        self.phases.append(made)
-        return made
+        self.phases.append(phase)
+        return phase
 
     def parameter(
         self,
@@ -160,22 +165,27 @@ class ControlProblemBuilder(Generic[ModelT]):
         scale: Any = None,
         unit: str = "",
     ) -> Symbol:
-        """Declare a constant that is chosen with the motion, and return its symbol.
+        """Declare a constant that is optimised with the motion.
 
         Parameters
         ----------
         name : str
-            Its name.
+            Name of the parameter.
         size : int
             Number of entries.
         lower, upper : float or array_like, optional
-            Bounds.
+            Bounds; None for no bound.
         guess : float or array_like, optional
-            Where a search starts.
+            Start of the search; by default the middle of the bounds.
         scale : float or array_like, optional
-            Typical size.
+            Typical size; by default the largest of the finite bounds and the guess, or 1.
         unit : str
-            Unit, for people.
+            Unit, for display.
+
+        Returns
+        -------
+        casadi.MX
+            Symbol of the parameter.
         """
         self._open()
         free_name("a parameter", name, list(self.parameters))
@@ -203,30 +213,35 @@ class ControlProblemBuilder(Generic[ModelT]):
     def data(
         self, name: str, size: int = 1, *, value: Any = None, scale: Any = None, unit: str = ""
     ) -> Symbol:
-        """Declare a constant that is given, anew at each solve if wanted, and return its symbol.
+        """Declare data: a constant whose value is given and can change between solves.
 
-        It may stand wherever a parameter may. :func:`crosstrack.solve` takes it at `value`, or as
-        ``ocp.given(name=…)`` says; :func:`crosstrack.prepare` takes it at each call.
+        Data may appear wherever a parameter may. :func:`crosstrack.solve` uses `value`, or the values of
+        ``ocp.given(name=…)``; :func:`crosstrack.prepare` accepts values at each call.
 
         Parameters
         ----------
         name : str
-            Its name; Python's own rules for names let calls give it by keyword.
+            Name of the data; use a Python identifier so that it can be a keyword argument.
         size : int
             Number of entries.
         value : float or array_like, optional
-            Its value where none is given; 0 without.
+            Default value; 0 if omitted.
         scale : float or array_like, optional
             Typical size; by default that of `value`, or 1.
         unit : str
-            Unit, for people.
+            Unit, for display.
+
+        Returns
+        -------
+        casadi.MX
+            Symbol of the data.
         """
         self._open()
         free_name("data", name, list(self.parameters))
         size = checked_size(name, size)
-        none = np.zeros(size)
+        zeros = np.zeros(size)
         quantity = Quantity(
-            name, none, none, none, none, none, none, np.ones(size),
+            name, zeros, zeros, zeros, zeros, zeros, zeros, np.ones(size),
             text("unit", unit, repr(name)), given=True,
         ).holding(0.0 if value is None else value)  # fmt: skip
         sizes = typical(repr(name), scale, size, quantity.lower)
@@ -235,19 +250,18 @@ class ControlProblemBuilder(Generic[ModelT]):
         return symbol
 
     def minimise(self, objective: Any, *, unit: str = "", scale: Any = None) -> None:
-        """Declare what is minimised.
+        """Declare the objective, which is minimised.
 
         Parameters
         ----------
         objective : casadi expression
-            In integrals (``phase.integral(…)``), values at the ends (``phase.final(x)``), times
-            (``phase.end``) and parameters.
+            Scalar expression in integrals (``phase.integral(…)``), values at the ends
+            (``phase.final(x)``), times (``phase.end``) and parameters.
         unit : str
-            Its unit.
+            Unit of the objective.
         scale : float, optional
-            Typical size; without it, it is measured, at the guess and again on every mesh. A solver
-            works on the objective divided by it, and what the objective may be off by is relative
-            to it.
+            Typical size. By default it is measured at the guess and again on every mesh. Solvers work
+            on the objective divided by it, and the accepted error of the objective is relative to it.
         """
         self._open()
         value = column("objective", objective)
@@ -270,46 +284,56 @@ class ControlProblemBuilder(Generic[ModelT]):
         unit: str = "",
         scale: Any = None,
     ) -> None:
-        """Declare a boundary constraint: on values at the ends, integrals, times and parameters.
+        """Declare a boundary constraint on values at the ends, integrals, times and parameters.
 
         Parameters
         ----------
         expression : casadi expression
-            What is bounded, or a relation such as ``phase.final(x) <= 2 * p``.
+            Bounded expression, or a relation such as ``phase.final(x) <= 2 * p``.
         lower, upper, equals : float or array_like, optional
-            Its bounds, or the value it must have.
+            Bounds, or the required value.
         name, equation, unit : str
-            In the words of the paper.
+            Name and equation number in the paper, and unit.
         scale : float or array_like, optional
             Typical size of the expression.
+
+        Raises
+        ------
+        InvalidData
+            The expression has no bound, or a name is taken.
         """
         self._open()
-        words = (
+        labels = (
             Text().coerce("name", name, {}) or f"boundary {len(self.boundaries) + 1}",
             equation,
             unit,
         )
         lists = [self.boundaries]
-        for one in self.phases:
-            lists += [one.paths, one.invariants]
-        taken = [made.name for listed in lists for made, _ in listed]
+        for phase in self.phases:
+            lists += [phase.paths, phase.invariants]
+        taken = [item.name for items in lists for item, _ in items]
         sides = (lower, upper, equals)
-        self.boundaries.append(constraint("boundary", words, taken, expression, sides, scale))
+        self.boundaries.append(constraint("boundary", labels, taken, expression, sides, scale))
 
     def link(self, first: PhaseBuilder, second: PhaseBuilder, *states: str) -> None:
-        """Let `second` begin when and where `first` ends.
+        """Link two phases: `second` begins at the end of `first`.
 
         Parameters
         ----------
-        first, second : phase
-            The two phases.
+        first, second : PhaseBuilder
+            Phases of this problem.
         *states : str
-            Names of the states that go on; all that both phases have, where none is named.
+            Names of the continuous states; by default all states of equal name.
+
+        Raises
+        ------
+        InvalidData
+            A phase or state does not exist, or the bounds of the two ends do not meet.
         """
         self._open()
-        for one in (first, second):
-            if not any(one is known for known in self.phases):
-                what = f"phase {one.name!r}" if isinstance(one, PhaseBuilder) else show(one)
+        for item in (first, second):
+            if not any(item is known for known in self.phases):
+                what = f"phase {item.name!r}" if isinstance(item, PhaseBuilder) else show(item)
                 raise InvalidData(f"link: {what} is no phase of this problem", field="link")
         label = f"link of {first.name!r} and {second.name!r}"
         if first is second:
@@ -317,29 +341,29 @@ class ControlProblemBuilder(Generic[ModelT]):
         names = list(states) or [name for name in first.states if name in second.states]
         if not names:
             raise InvalidData(
-                f"{label}: no state bears the same name in both; for the time alone, declare "
+                f"{label}: no state has the same name in both; for the time alone, declare "
                 "subject_to(second.start == first.end)",
                 field="link",
             )
-        taken = [one.name for one, _ in self.boundaries]
-        made = [self._continue(label, name, first, second) for name in names]
-        for known, _ in made:
+        taken = [item.name for item, _ in self.boundaries]
+        constraints = [self._continue(label, name, first, second) for name in names]
+        for known, _ in constraints:
             if known.name in taken:
                 raise InvalidData(f"{label}: {known.name!r} is declared already", field="link")
         _check_meeting(label, "time", first.bounds[2:], second.bounds[:2])
-        words = (f"time goes on from {first.name} to {second.name}", "", first.unit)
-        # Said once, however many calls link the states; times that are fixed meet already.
-        if words[0] not in taken and len({*first.bounds[2:], *second.bounds[:2]}) > 1:
+        labels = (f"time goes on from {first.name} to {second.name}", "", first.unit)
+        # Declared once, however many calls link the states; fixed times meet already.
+        if labels[0] not in taken and len({*first.bounds[2:], *second.bounds[:2]}) > 1:
             scale = max(abs(first.bounds[3]), 1.0)
-            made.append((restriction(words, 1, 0.0, 0.0, scale), second.start - first.end))
-        self.boundaries += made
+            constraints.append((restriction(labels, 1, 0.0, 0.0, scale), second.start - first.end))
+        self.boundaries += constraints
         self.links.append((first, second, names))
 
     @staticmethod
     def _continue(
         label: str, name: Any, first: PhaseBuilder, second: PhaseBuilder
     ) -> tuple[Restriction, Symbol]:
-        """Return what lets one state go on from phase to phase."""
+        """Return the constraint that makes one state continuous across two phases."""
         if name not in first.states or name not in second.states:
             raise InvalidData(f"{label}: state {show(name)} must be in both phases", field="link")
         before, after = first.states[name], second.states[name]
@@ -356,13 +380,13 @@ class ControlProblemBuilder(Generic[ModelT]):
                 (before.final_lower[k], before.final_upper[k]),
                 (after.initial_lower[k], after.initial_upper[k]),
             )
-        words = (f"{name} goes on from {first.name} to {second.name}", "", before.unit)
+        labels = (f"{name} goes on from {first.name} to {second.name}", "", before.unit)
         scale = np.maximum(before.scale, after.scale)
-        made = restriction(words, before.size, 0.0, 0.0, scale)
-        return made, second.ends[name][0] - first.ends[name][1]
+        constraint = restriction(labels, before.size, 0.0, 0.0, scale)
+        return constraint, second.ends[name][0] - first.ends[name][1]
 
     def _define(self) -> Definition:
-        """Return the definition, or raise for what is missing."""
+        """Return the definition, or raise if a declaration is missing."""
         if not self.phases:
             raise InvalidData("the problem has no phase: declare one with phase(…)", field="phases")
         if self.objective is None:
@@ -370,41 +394,41 @@ class ControlProblemBuilder(Generic[ModelT]):
                 "the problem has no objective: declare it with minimise(…)", field="objective"
             )
         parameters = [symbol for _, symbol in self.parameters.values()]
-        values = np.concatenate([*(one.initial_lower for one, _ in self.parameters.values()), []])
+        values = np.concatenate([*(item.initial_lower for item, _ in self.parameters.values()), []])
         phases = define_linked(
-            self.phases, self.links, lambda one, *linked: one.define(parameters, values, *linked)
+            self.phases, self.links, lambda item, *linked: item.define(parameters, values, *linked)
         )
         ends: list[Symbol] = []
-        for one in self.phases:
-            ends += [one.start, one.end]
+        for item in self.phases:
+            ends += [item.start, item.end]
             for side in (0, 1):
-                ends += [one.ends[name][side] for name in one.states]
-            ends += [symbol for symbol, _ in one.integrands]
-        stated = [self.objective[0], *(one for _, one in self.boundaries)]
-        taken = [one.name for part in phases for one in (*part.paths, *part.invariants)]
+                ends += [item.ends[name][side] for name in item.states]
+            ends += [symbol for symbol, _ in item.integrands]
+        stated = [self.objective[0], *(item for _, item in self.boundaries)]
+        taken = [item.name for part in phases for item in (*part.paths, *part.invariants)]
         boundaries = self.boundaries + domains(stated, taken)
         endpoint = compile_function(
             "endpoint",
             {"e": ends, "p": parameters},
-            {"objective": [self.objective[0]], "boundary": [one for _, one in boundaries]},
+            {"objective": [self.objective[0]], "boundary": [item for _, item in boundaries]},
             self._explain,
         )
         return Definition(
             phases=phases,
             parameters=tuple(quantity for quantity, _ in self.parameters.values()),
-            boundaries=tuple(one for one, _ in boundaries),
+            boundaries=tuple(item for item, _ in boundaries),
             endpoint=endpoint,
             objective_unit=self.objective[1],
             objective_scale=self.objective[2],
         )
 
     def _explain(self, what: str, symbol: Symbol) -> str:
-        """Return what is wrong with a symbol that has no value at the ends."""
+        """Return the error message for a symbol that has no value at the ends."""
         mark = symbol.__hash__()
-        for one in self.phases:
-            if any(mark == own.__hash__() for own in (*one.symbols.values(), one.time)):
+        for phase in self.phases:
+            if any(mark == owned.__hash__() for owned in (*phase.symbols.values(), phase.time)):
                 return (
-                    f"the {what} uses {symbol.name()!r}, a function of time in phase {one.name!r}: "
+                    f"the {what} uses {symbol.name()!r}, a function of time in phase {phase.name!r}: "
                     "write phase.initial(…), phase.final(…) or phase.integral(…)"
                 )
         return f"the {what} uses {symbol.name()!r}, declared nowhere in this problem"
@@ -431,7 +455,7 @@ def _read_time(what: str, name: str, value: Any) -> tuple[float, float]:
 def _check_meeting(
     label: str, what: str, before: tuple[float, float], after: tuple[float, float]
 ) -> None:
-    """Raise where what ends in one range cannot go on in the other."""
+    """Raise if the ranges of two linked ends do not overlap."""
     if before[1] < after[0] or after[1] < before[0]:
         raise InvalidData(
             f"{label}: {what} ends in [{before[0]:g}, {before[1]:g}] and begins in "

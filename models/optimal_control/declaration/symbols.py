@@ -1,4 +1,4 @@
-"""Errors that explain what a symbol is, instead of CasADi's about its own classes."""
+"""Error messages for symbols that are converted to numbers or truth values."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _TRUTH = (
 
 
 def explain_symbols() -> None:
-    """Have conversions of CasADi's symbols to numbers and truth values raise ``InvalidData``.
+    """Make conversions of CasADi symbols to numbers and truth values raise ``InvalidData``.
 
-    The expression is the caller's own code, which runs before anything of ours sees it: only the
-    class of the symbols can explain it. Values that CasADi can convert are converted as before.
+    The conversion happens in the user's own expression, before this package receives it, so only
+    the class of the symbols can explain the error. Convertible values are converted as before.
     """
     for kind in (casadi.MX, casadi.SX):
         for name, text in (("__float__", _NUMBER), ("__int__", _NUMBER), ("__bool__", _TRUTH)):
@@ -36,7 +36,7 @@ def explain_symbols() -> None:
 
 
 def _explaining(convert: Callable[[Any], Any], text: str) -> Callable[[Any], Any]:
-    def explained(self: Any) -> Any:
+    def wrapper(self: Any) -> Any:
         try:
             return convert(self)
         except (RuntimeError, TypeError) as error:
@@ -44,5 +44,5 @@ def _explaining(convert: Callable[[Any], Any], text: str) -> Callable[[Any], Any
             symbol = symbol if len(symbol) <= 60 else f"{symbol[:57]}..."
             raise InvalidData(text.format(symbol=symbol), field="expression") from error
 
-    explained.explains = True  # type: ignore[attr-defined]
-    return explained
+    wrapper.explains = True  # type: ignore[attr-defined]
+    return wrapper

@@ -1,7 +1,7 @@
-"""Tables of data as smooth functions of one to three arguments, for declarations.
+"""Tabulated data as smooth functions of one to three arguments, for declarations.
 
-Between the points of its grid a table is the tensor product of cubic splines with not-a-knot ends (SciPy's
-``CubicSpline``), so twice continuously differentiable.
+Inside its grid, a table is the tensor product of cubic splines with not-a-knot ends (SciPy's
+``CubicSpline``), which is twice continuously differentiable.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ Floats = NDArray[np.float64]
 Symbol = Any  # casadi.MX
 
 OUTSIDE = ("linear", "hold", "raise")
-#: Numbers in a table at most, and points of a grid at most where there are several: they are operations.
+#: Largest number of values, and of points per axis of several: each is an operation of the spline.
 MOST_NUMBERS, MOST_POINTS = 10_000, 100
-#: Points through which not-a-knot ends leave one polynomial.
+#: Number of points up to which not-a-knot ends give a single polynomial.
 CUBIC = 4
-#: Depth to which expressions are compared: what is alike deeper down is a use of its own.
+#: Depth to which expressions are compared; expressions that differ only deeper are distinct uses.
 SAME = 20
-#: What the results of a table's function are called where its arguments must stay within the grid.
+#: Names of the results of a table's function if its arguments must stay within the grid.
 _BOUNDED = ["value", "lower", "upper"]
 
 
 class Table:
-    """A table as a function; made by :func:`table`.
+    """Tabulated function, created by :func:`table`.
 
     Parameters
     ----------
     function : casadi.Function
-        Scalar arguments to ``value``; with the results ``lower`` and ``upper`` where it is to be checked
-        that the arguments stay between them.
+        Function from scalar arguments to ``value``. Additional results ``lower`` and ``upper`` are
+        the bounds of the arguments, if these are to be enforced.
     """
 
     def __init__(self, function: casadi.Function) -> None:
@@ -52,30 +52,40 @@ class Table:
     def __call__(self, *arguments: Any) -> Any:
         """Return the value at numbers or arrays, or the expression in declared symbols.
 
+        Parameters
+        ----------
+        *arguments : float, array_like or casadi expression
+            One argument per axis of the grid, broadcast against one another.
+
         Raises
         ------
         InvalidData
-            The arguments are not as many as the grid has axes, or do not fit together.
+            The number of arguments differs from the number of axes, or their sizes do not match.
         """
         count = self.function.n_in()
         try:
             if len(arguments) != count:
                 raise ValueError(f"got {len(arguments)}")
-            if not any(isinstance(one, casadi.MX) for one in arguments):
+            if not any(isinstance(argument, casadi.MX) for argument in arguments):
                 return self._values(*np.broadcast_arrays(*arguments))
             columns = [
-                casadi.vec(read_expression("an argument of a table", one)) for one in arguments
+                casadi.vec(read_expression("an argument of a table", argument))
+                for argument in arguments
             ]
-            size = max(one.numel() for one in columns)
-            if any(one.numel() not in (1, size) for one in columns):
-                raise ValueError(f"got {', '.join(str(one.numel()) for one in columns)} entries")
+            size = max(argument.numel() for argument in columns)
+            if any(argument.numel() not in (1, size) for argument in columns):
+                raise ValueError(
+                    f"got {', '.join(str(argument.numel()) for argument in columns)} entries"
+                )
         except (TypeError, ValueError) as error:
-            words = "1 argument" if count == 1 else f"{count} arguments of one size"
+            expected = "1 argument" if count == 1 else f"{count} arguments of one size"
             raise InvalidData(
-                f"table {self._name!r} takes {words}: {error}", field="table"
+                f"table {self._name!r} takes {expected}: {error}", field="table"
             ) from None
-        wide: list[Any] = [casadi.repmat(one, size // one.numel()) for one in columns]
-        parts = [self.function.call([one[k] for one in wide])[0] for k in range(size)]
+        repeated: list[Any] = [
+            casadi.repmat(argument, size // argument.numel()) for argument in columns
+        ]
+        parts = [self.function.call([argument[k] for argument in repeated])[0] for k in range(size)]
         return casadi.vertcat(*parts)
 
     @property
@@ -83,9 +93,9 @@ class Table:
         return str(self.function.name())
 
     def _values(self, *arguments: Any) -> Any:
-        rows = [np.asarray(one, float).reshape(1, -1) for one in arguments]
-        found = np.array(self.function.map(rows[0].size).call(rows)[0], float)
-        return found.reshape(np.shape(arguments[0]))[()]
+        rows = [np.asarray(argument, float).reshape(1, -1) for argument in arguments]
+        values = np.array(self.function.map(rows[0].size).call(rows)[0], float)
+        return values.reshape(np.shape(arguments[0]))[()]
 
     def __repr__(self) -> str:
         return f"<table {self._name} of {self.function.n_in()} argument(s)>"
@@ -97,30 +107,29 @@ def table(grid: Any, values: Any, outside: str = "linear", *, name: str = "table
     Parameters
     ----------
     grid : array_like or tuple of array_like
-        Increasing points, (n,); or a tuple of one to three such grids, one an argument.
+        Increasing points, shape (n,); or a tuple of one to three such grids, one per argument.
     values : array_like, shape (n, …)
-        The values at all points, an axis for each grid.
-    outside : str
-        What holds outside the grid: ``"linear"`` goes on with value and slope at its edge, ``"hold"``
-        with the value, and ``"raise"`` makes it a path constraint of the phase, or a boundary
-        constraint, that the arguments stay inside.
+        Values at all points, with one axis per grid.
+    outside : {"linear", "hold", "raise"}
+        Extrapolation: ``"linear"`` continues with the value and slope at the edge, ``"hold"`` with the
+        value. ``"raise"`` adds a path or boundary constraint that the arguments stay inside.
     name : str
-        Its name in constraints and residuals: letters, digits and single ``_``, a letter first.
+        Name in constraints and residuals: letters, digits and single ``_``, beginning with a letter.
 
     Returns
     -------
     Table
-        To be called with numbers, arrays or expressions: ``thrust(mach, altitude)``.
+        Function of numbers, arrays or expressions: ``thrust(mach, altitude)``.
 
     Raises
     ------
     InvalidData
-        Something of it is wrong; the message names it.
+        An argument is invalid; the message names it.
 
     Notes
     -----
-    Twice continuously differentiable inside, once at the edge (``"hold"``: continuous). Cubic splines with
-    not-a-knot ends; through two points a line, through three a parabola.
+    The function is twice continuously differentiable inside and once at the edge (``"hold"``:
+    continuous). It is a cubic spline with not-a-knot ends; two points give a line, three a parabola.
     """
     if not isinstance(name, str) or not casadi.Function.check_name(name):
         raise InvalidData(
@@ -133,21 +142,21 @@ def table(grid: Any, values: Any, outside: str = "linear", *, name: str = "table
             f"outside of {of} must be one of {', '.join(map(repr, OUTSIDE))}, got {show(outside)}",
             field="outside",
         )
-    axes = grid if isinstance(grid, tuple) and any(np.ndim(one) for one in grid) else (grid,)
+    axes = grid if isinstance(grid, tuple) and any(np.ndim(axis) for axis in grid) else (grid,)
     if not 1 <= len(axes) <= 3:
         raise InvalidData(f"grid of {of} must have 1 to 3 axes, got {len(axes)}", field="grid")
-    grids = [numbers("grid", one, f"increasing numbers, 2 at least, in {of}") for one in axes]
-    for one in grids:
+    grids = [numbers("grid", axis, f"increasing numbers, 2 at least, in {of}") for axis in axes]
+    for axis in grids:
         if (
-            one.ndim != 1
-            or one.size < 2
-            or not (np.isfinite(one).all() and (np.diff(one) > 0).all())
+            axis.ndim != 1
+            or axis.size < 2
+            or not (np.isfinite(axis).all() and (np.diff(axis) > 0).all())
         ):
             raise InvalidData(
-                f"grid of {of} must be increasing finite numbers, 2 at least, got {show(one.tolist())}",
+                f"grid of {of} must be increasing finite numbers, 2 at least, got {show(axis.tolist())}",
                 field="grid",
             )
-    data, shape = numbers("values", values, f"numbers in {of}"), tuple(one.size for one in grids)
+    data, shape = numbers("values", values, f"numbers in {of}"), tuple(axis.size for axis in grids)
     if data.shape != shape or not np.isfinite(data).all():
         raise InvalidData(
             f"values of {of} must be finite, of shape {shape} as the grid is, got shape {data.shape}",
@@ -161,15 +170,15 @@ def table(grid: Any, values: Any, outside: str = "linear", *, name: str = "table
         )
     arguments = [casadi.MX.sym(f"x{k}") for k in range(len(grids))]
     if len(grids) == 1:
-        found = _along(arguments[0], grids[0], data[:, None], outside)
+        result = _along(arguments[0], grids[0], data[:, None], outside)
     else:
-        found = casadi.MX(casadi.DM(data.reshape(-1)))  # the first axis varies slowest
+        result = casadi.MX(casadi.DM(data.reshape(-1)))  # the first axis varies slowest
         for symbol, points in zip(arguments, grids, strict=True):
             basis = _along(symbol, points, np.eye(points.size), outside)
-            found = casadi.reshape(found, found.numel() // points.size, points.size) @ basis
-    results = [found]
+            result = casadi.reshape(result, result.numel() // points.size, points.size) @ basis
+    results = [result]
     if outside == "raise":
-        results += [casadi.DM([one[end] for one in grids]) for end in (0, -1)]
+        results += [casadi.DM([axis[end] for axis in grids]) for end in (0, -1)]
     labels = _BOUNDED[: len(results)]
     return Table(
         casadi.Function(name, arguments, results, [f"x{k}" for k in range(len(grids))], labels)
@@ -177,59 +186,66 @@ def table(grid: Any, values: Any, outside: str = "linear", *, name: str = "table
 
 
 def _along(x: Any, grid: Floats, values: Floats, outside: str) -> Any:
-    """Return cubic splines through `values`, (points, splines), at the scalar `x`, with what is outside."""
+    """Return cubic splines through `values`, (points, splines), at the scalar `x`, with extrapolation."""
     spline = CubicSpline(grid, values)
     low, high = float(grid[0]), float(grid[-1])
     near = casadi.if_else(x > high, high, casadi.if_else(x < low, low, x))
     if grid.size > CUBIC:
-        found = casadi.interpolant("spline", "bspline", [grid], values.reshape(-1))(near)
-    else:  # one polynomial, which CasADi does not take
-        found = casadi.MX.zeros(values.shape[1], 1)
+        result = casadi.interpolant("spline", "bspline", [grid], values.reshape(-1))(near)
+    else:  # a single polynomial, which CasADi's splines do not support
+        result = casadi.MX.zeros(values.shape[1], 1)
         for power in spline.c:
-            found = found * (near - low) + casadi.DM(power[0])
+            result = result * (near - low) + casadi.DM(power[0])
     if outside != "hold":
         below, above = (casadi.DM(spline(edge, 1)) for edge in (low, high))
-        found += (x - near) * casadi.if_else(x > high, above, below)
-    return found
+        result += (x - near) * casadi.if_else(x > high, above, below)
+    return result
 
 
 def domains(
     expressions: Sequence[Symbol], taken: Sequence[str]
 ) -> list[tuple[Restriction, Symbol]]:
-    """Return the constraints that keep the arguments of tables within their grids, where asked for.
+    """Return the constraints that keep the arguments of tables with ``outside="raise"`` in their grids.
 
     Parameters
     ----------
     expressions : sequence of casadi.MX
-        What is declared.
+        Declared expressions.
     taken : sequence of str
-        Names that other constraints bear.
+        Names of other constraints.
+
+    Returns
+    -------
+    list of (Restriction, casadi.MX)
+        Constraints with their columns.
     """
-    whole = casadi.vertcat(*expressions, casadi.MX(0, 1))
-    probe = casadi.Function("probe", casadi.symvar(whole), [whole])
-    if not any(one.name_out() == _BOUNDED for one in probe.find_functions(0)):
+    stacked = casadi.vertcat(*expressions, casadi.MX(0, 1))
+    probe = casadi.Function("probe", casadi.symvar(stacked), [stacked])
+    if not any(item.name_out() == _BOUNDED for item in probe.find_functions(0)):
         return []
-    found: dict[str, tuple[Restriction, Symbol]] = {}
-    seen, left = set(), [whole]
+    result: dict[str, tuple[Restriction, Symbol]] = {}
+    visited, left = set(), [stacked]
     known: list[tuple[int, Symbol]] = []
     while left:
         node = left.pop()
-        if node.__hash__() in seen:
+        if node.__hash__() in visited:
             continue
-        seen.add(node.__hash__())
+        visited.add(node.__hash__())
         arguments = [node.dep(k) for k in range(node.n_dep())]
         left += arguments
         if not node.is_call() or node.which_function().name_out() != _BOUNDED:
             continue
         function = node.which_function()
         use = function.__hash__(), casadi.vertcat(*arguments)
-        if any(one == use[0] and casadi.is_equal(own, use[1], SAME) for one, own in known):
+        if any(item == use[0] and casadi.is_equal(other, use[1], SAME) for item, other in known):
             continue
         known.append(use)
-        _, low, high = (np.array(one).reshape(-1) for one in function.call([0.0] * len(arguments)))
+        _, low, high = (
+            np.array(item).reshape(-1) for item in function.call([0.0] * len(arguments))
+        )
         base = f"table {function.name()} within its grid"
         names = itertools.chain([base], (f"{base} ({k})" for k in itertools.count(2)))
-        name = next(one for one in names if one not in found and one not in taken)
-        made = restriction((name, "", ""), low.size, low, high, None)
-        found[name] = made, use[1]
-    return list(found.values())
+        name = next(item for item in names if item not in result and item not in taken)
+        limits = restriction((name, "", ""), low.size, low, high, None)
+        result[name] = limits, use[1]
+    return list(result.values())

@@ -1,4 +1,4 @@
-"""What declarations are made of: checked names, numbers, bounds and expressions."""
+"""Checks and conversions for declarations: names, numbers, bounds and expressions."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ __all__ = [
 Floats = NDArray[np.float64]
 Symbol = Any  # casadi.MX
 
-#: Entries that one state, control or parameter may have.
+#: Largest number of entries of a state, control or parameter.
 MOST_ENTRIES = 10_000
 
-#: What programs and verifications call rows and columns of their own.
+#: Names that programs and verifications use for their own rows and columns.
 _OWN = re.compile(
     r"motion|continuity of states|times|(initial|final) values|bounds of (states|controls|parameters)"
     r"|objective|dynamics of .*|definition of integral .*|time goes forward|calm controls"
@@ -61,7 +61,7 @@ def entries(count: int) -> str:
 
 
 def free_name(kind: str, name: Any, taken: Sequence[str]) -> None:
-    """Raise where `name` is none, or stands for another one of its `kind` already."""
+    """Raise if `name` is not a valid name, or is taken or reserved; `kind` describes it."""
     named = isinstance(name, str) and name and not unwritable(name)
     if not named or any(c in name for c in "[]"):
         raise InvalidData(
@@ -76,14 +76,14 @@ def free_name(kind: str, name: Any, taken: Sequence[str]) -> None:
 
 
 def text(what: str, value: Any, of: str) -> str:
-    """Return `value`, a word for people such as a unit, or raise."""
+    """Return `value`, a text for display such as a unit, or raise if it is not a string."""
     if not isinstance(value, str) or unwritable(value):
         raise InvalidData(f"{what} of {of} must be a string, got {show(value)}", field=what)
     return value
 
 
 def checked_size(name: str, size: Any) -> int:
-    """Return the number of entries of a quantity."""
+    """Return the number of entries of a quantity, or raise if it is not allowed."""
     whole = isinstance(size, int | np.integer) and not isinstance(size, bool)
     if not whole or not 1 <= size <= MOST_ENTRIES:
         raise InvalidData(
@@ -94,50 +94,50 @@ def checked_size(name: str, size: Any) -> int:
 
 
 def numbers(name: str, value: Any, allowed: str, must: str = "must be") -> Floats:
-    """Return `value` as an array of numbers; strings, truths and NaN are none."""
+    """Return `value` as an array of numbers; strings, Booleans and NaN are rejected."""
     try:
         raw = np.asarray(value)
         if raw.dtype.kind not in "iuf":
-            # Numbers of other libraries, such as CasADi's constants, are objects to NumPy.
+            # Numbers of other libraries, such as CasADi constants, are objects to NumPy.
             flat = raw.reshape(-1).tolist() if raw.dtype.kind == "O" else [None]
-            if any(one is None or isinstance(one, str | bytes | bool) for one in flat):
+            if any(item is None or isinstance(item, str | bytes | bool) for item in flat):
                 raise TypeError
-        # A list such as [True, 1.0] is cast without a word.
-        if isinstance(value, list | tuple) and any(isinstance(one, bool) for one in value):
+        # NumPy would silently convert a list such as [True, 1.0].
+        if isinstance(value, list | tuple) and any(isinstance(item, bool) for item in value):
             raise TypeError
         if np.ma.is_masked(value):
             raise TypeError
-        found = np.asarray(value, float)
-    except Exception:  # whatever a stranger's conversion raises
+        result = np.asarray(value, float)
+    except Exception:  # custom conversions may raise anything
         raise InvalidData(f"{name} {must} {allowed}, got {show(value)}", field=name) from None
-    if np.isnan(found).any():
+    if np.isnan(result).any():
         raise InvalidData(f"{name} {must} {allowed}, got {show(value)}", field=name)
-    return found
+    return result
 
 
 def vector(name: str, value: Any, size: int, default: float) -> Floats:
-    """Return `value` as a vector of `size`: a number counts for every entry, None is `default`."""
+    """Return `value` as a vector of `size`; a number is broadcast, and None gives `default`."""
     if value is None:
         return np.full(size, default)
     allowed = "a number" if size == 1 else f"a number or {size} of them"
-    found = numbers(name, value, allowed)
-    if found.ndim > 1 or (found.ndim == 1 and found.size != size):
-        raise InvalidData(f"{name} must be {allowed}, got shape {found.shape}", field=name)
-    return np.broadcast_to(found, (size,)).copy()
+    result = numbers(name, value, allowed)
+    if result.ndim > 1 or (result.ndim == 1 and result.size != size):
+        raise InvalidData(f"{name} must be {allowed}, got shape {result.shape}", field=name)
+    return np.broadcast_to(result, (size,)).copy()
 
 
 def bound(name: str, value: Any, size: int, sign: int) -> Floats:
-    """Return a lower (sign -1) or upper (1) bound; none is infinite."""
-    found = vector(name, value, size, sign * np.inf)
-    if (found == -sign * np.inf).any():
+    """Return a lower (sign -1) or upper (1) bound; None gives an infinite one."""
+    result = vector(name, value, size, sign * np.inf)
+    if (result == -sign * np.inf).any():
         raise InvalidData(
             f"{name} must be finite or {sign * math.inf:g}, got {show(value)}", field=name
         )
-    return found
+    return result
 
 
 def bounds(name: str, lower: Any, upper: Any, size: int) -> tuple[Floats, Floats]:
-    """Return both bounds of what is called `name`."""
+    """Return lower and upper bounds of the quantity called `name`."""
     low = bound(f"lower bound of {name!r}", lower, size, -1)
     high = bound(f"upper bound of {name!r}", upper, size, 1)
     between(f"bounds of {name!r}", low, high)
@@ -145,7 +145,7 @@ def bounds(name: str, lower: Any, upper: Any, size: int) -> tuple[Floats, Floats
 
 
 def range_of(name: str, value: Any, size: int) -> tuple[Floats, Floats]:
-    """Return the bounds that `value` means: None is free, a tuple of two a range, else fixed."""
+    """Return `value` as bounds: free for None, a range for a tuple of two, otherwise fixed."""
     if isinstance(value, tuple) and len(value) == 2:
         if size == 2 and all(np.ndim(part) == 0 for part in value):
             raise InvalidData(
@@ -170,7 +170,7 @@ def range_of(name: str, value: Any, size: int) -> tuple[Floats, Floats]:
 
 
 def between(name: str, low: Floats, high: Floats) -> None:
-    """Raise where a lower bound exceeds an upper one."""
+    """Raise if a lower bound exceeds the upper one."""
     bad = np.flatnonzero(~(low <= high))
     if bad.size:
         raise InvalidData(
@@ -179,22 +179,22 @@ def between(name: str, low: Floats, high: Floats) -> None:
 
 
 def middle(low: Floats, high: Floats) -> Floats:
-    """Return the middle of bounds, or 0 moved between them where one is infinite."""
+    """Return the middle of the bounds, or 0 moved between them if one is infinite."""
     both = np.isfinite(low) & np.isfinite(high)
     with np.errstate(invalid="ignore"):
-        found = np.where(both, 0.5 * (low + high), 0.0)
-    return np.clip(found, low, high)
+        result = np.where(both, 0.5 * (low + high), 0.0)
+    return np.clip(result, low, high)
 
 
 def typical(name: str, given: Any, size: int, *sizes: Floats) -> Floats:
-    """Return the typical size of each entry: what is given, or the largest finite bound, or 1."""
+    """Return the typical size of each entry: the given one, or the largest finite bound, or 1."""
     if given is not None:
-        found = vector(f"scale of {name}", given, size, 1.0)
-        if not (np.isfinite(found) & (found > 0)).all():
+        result = vector(f"scale of {name}", given, size, 1.0)
+        if not (np.isfinite(result) & (result > 0)).all():
             raise InvalidData(
                 f"scale of {name} must be finite and > 0, got {show(given)}", field="scale"
             )
-        return found
+        return result
     table = np.abs(np.array(sizes))
     largest: Floats = np.where(np.isfinite(table), table, 0.0).max(axis=0)
     return np.where(largest > 0, largest, 1.0)
@@ -204,7 +204,7 @@ def typical(name: str, given: Any, size: int, *sizes: Floats) -> Floats:
 
 
 def read_expression(what: str, expression: Any) -> Symbol:
-    """Return `expression` as CasADi's MX; lists and arrays of expressions become columns."""
+    """Return `expression` as a CasADi MX; lists and arrays of expressions become columns."""
     try:
         if isinstance(expression, str | bytes | bool | np.bool_) or expression is None:
             raise TypeError
@@ -214,80 +214,82 @@ def read_expression(what: str, expression: Any) -> Symbol:
                 raise TypeError
             if expression.dtype.itemsize > 8:  # CasADi crashes on longer numbers
                 raise TypeError
-            found = casadi.MX(casadi.DM(expression)) if numeric else expression.tolist()
+            result = casadi.MX(casadi.DM(expression)) if numeric else expression.tolist()
         else:
-            found = expression
-        if isinstance(found, list | tuple):
-            found = casadi.vertcat(*(read_expression(what, one) for one in found), casadi.MX(0, 1))
-        found = casadi.MX(found)
+            result = expression
+        if isinstance(result, list | tuple):
+            result = casadi.vertcat(
+                *(read_expression(what, item) for item in result), casadi.MX(0, 1)
+            )
+        result = casadi.MX(result)
     except (NotImplementedError, TypeError, RuntimeError):
         raise InvalidData(
             f"{what} must be a CasADi expression of declared symbols (MX) or a number, got "
             f"{show(expression)}",
             field=what,
         ) from None
-    if not casadi.symvar(found) and np.isnan(casadi.evalf(found).full()).any():
+    if not casadi.symvar(result) and np.isnan(casadi.evalf(result).full()).any():
         raise InvalidData(f"{what} must be a number, got nan", field=what)
-    return found
+    return result
 
 
 def column(what: str, expression: Any) -> Symbol:
-    """Return `expression` as a column of CasADi's MX, one entry at least."""
-    found = casadi.vec(casadi.densify(read_expression(what, expression)))
-    if not found.numel():
+    """Return `expression` as an MX column with at least one entry."""
+    result = casadi.vec(casadi.densify(read_expression(what, expression)))
+    if not result.numel():
         raise InvalidData(f"{what} must have 1 entry at least, got 0", field=what)
-    return found
+    return result
 
 
 def read_relation(
     what: str, expression: Any, lower: Any, upper: Any, equals: Any
 ) -> tuple[Any, ...]:
-    """Return (column, lower, upper) of an expression and its bounds, or of a relation."""
-    bare = read_expression(what, expression)
-    given = not (lower is None and upper is None and equals is None)
-    if bare.n_dep() == 2 and bare.op() in _RELATIONS:
-        if given:
+    """Return (column, lower, upper) of an expression with bounds, or of a relation."""
+    plain = read_expression(what, expression)
+    has_bounds = not (lower is None and upper is None and equals is None)
+    if plain.n_dep() == 2 and plain.op() in _RELATIONS:
+        if has_bounds:
             raise InvalidData(
                 f"{what}: a relation has its bounds in itself; leave out lower, upper and equals",
                 field=what,
             )
-        return _sides(what, bare)
-    if bare.n_dep() and bare.op() in _NO_RELATIONS:
+        return _sides(what, plain)
+    if plain.n_dep() and plain.op() in _NO_RELATIONS:
         raise InvalidData(f"{what}: a relation is <=, >= or ==, got {show(expression)}", field=what)
     if equals is not None:
         if lower is not None or upper is not None:
             raise InvalidData(f"{what}: give equals, or lower and upper", field=what)
-        return column(what, bare), equals, equals
+        return column(what, plain), equals, equals
     if lower is None and upper is None:
-        known = casadi.symvar(bare)
+        known = casadi.symvar(plain)
         raise InvalidData(
             f"{what} needs a bound: lower, upper or equals, or a relation such as x <= 1"
             + ("" if known else f"; got the constant {show(expression)}"),
             field=what,
         )
-    return column(what, bare), lower, upper
+    return column(what, plain), lower, upper
 
 
 def _sides(what: str, relation: Symbol) -> tuple[Any, ...]:
-    """Return what a relation bounds: one side, where the other is a number, else the difference."""
+    """Return the bounded column of a relation: one side if the other is constant, else the difference."""
     left, right = relation.dep(0), relation.dep(1)
-    whole = column(what, left - right)
+    difference = column(what, left - right)
     equal = relation.op() == casadi.OP_EQ
     for side, number, sign in ((left, right, 1), (right, left, -1)):
         if casadi.symvar(number):
             continue
         value = casadi.evalf(number).full().reshape(-1, order="F")
-        value = np.broadcast_to(value, (whole.numel(),)).copy()
-        own = casadi.vec(casadi.densify(side))
-        if own.numel() == 1:
-            own = casadi.repmat(own, whole.numel())
-        refused = ~np.isfinite(value) if equal else value == -sign * np.inf
-        if np.isnan(value).any() or refused.any():
+        value = np.broadcast_to(value, (difference.numel(),)).copy()
+        bounded = casadi.vec(casadi.densify(side))
+        if bounded.numel() == 1:
+            bounded = casadi.repmat(bounded, difference.numel())
+        invalid = ~np.isfinite(value) if equal else value == -sign * np.inf
+        if np.isnan(value).any() or invalid.any():
             raise InvalidData(
                 f"{what}: a relation needs finite numbers, got {show(value.tolist())}", field=what
             )
-        return own, value if equal or sign < 0 else None, value if equal or sign > 0 else None
-    return whole, (0.0 if equal else None), 0.0
+        return bounded, value if equal or sign < 0 else None, value if equal or sign > 0 else None
+    return difference, (0.0 if equal else None), 0.0
 
 
 def constraint(
@@ -298,7 +300,7 @@ def constraint(
     sides: tuple[Any, Any, Any],
     scale: Any,
 ) -> tuple[Restriction, Symbol]:
-    """Return a constraint of its `kind` and its column; sides are lower, upper and equals."""
+    """Return a constraint and its column; `sides` are lower, upper and equals."""
     free_name(f"a {kind} constraint", words[0], taken)
     bounded, low, high = read_relation(f"{kind} constraint {words[0]!r}", expression, *sides)
     return restriction(words, bounded.numel(), low, high, scale), bounded
@@ -307,7 +309,7 @@ def constraint(
 def restriction(
     words: tuple[str, str, str], size: int, lower: Any, upper: Any, scale: Any
 ) -> Restriction:
-    """Return checked bounds of an expression of `size` entries; words are name, equation and unit."""
+    """Return checked bounds of an expression with `size` entries; `words` are name, equation and unit."""
     name = words[0]
     low, high = bounds(name, lower, upper, size)
     return Restriction(
@@ -324,7 +326,7 @@ def restriction(
 
 
 def stack(columns: Sequence[Symbol]) -> Symbol:
-    """Return the columns as one; CasADi's own ``vertcat`` of none is no expression."""
+    """Return the columns as one; ``vertcat`` without arguments would not be an expression."""
     return casadi.vertcat(*columns, casadi.MX(0, 1))
 
 
@@ -334,9 +336,9 @@ def compile_function(
     results: Mapping[str, Sequence[Symbol]],
     explain: Callable[[str, Symbol], str],
 ) -> casadi.Function:
-    """Return a function of stacked symbols; made of scalar operations where CasADi can.
+    """Return a function of stacked symbols, in scalar operations if CasADi supports it.
 
-    Where a result uses another symbol, the message is what `explain` says of the two.
+    If a result uses another symbol, the error message is that of `explain`.
     """
     known = [symbol for symbols in arguments.values() for symbol in symbols]
     marks = {symbol.__hash__() for symbol in known}
@@ -344,26 +346,28 @@ def compile_function(
         for symbol in casadi.symvar(stack(columns)):
             if symbol.__hash__() not in marks:
                 raise InvalidData(explain(what, symbol), field=what)
-    # CasADi does not take stacks as inputs: each symbol becomes a part of a new one.
+    # CasADi accepts no stacks as inputs, so each symbol becomes a part of a new one.
     parts: list[Symbol] = []
-    fresh: dict[str, Symbol] = {}
+    inputs: dict[str, Symbol] = {}
     for label, symbols in arguments.items():
-        fresh[label] = casadi.MX.sym(label, stack(symbols).numel())
-        at = 0
+        inputs[label] = casadi.MX.sym(label, stack(symbols).numel())
+        start = 0
         for symbol in symbols:
-            parts.append(casadi.reshape(fresh[label][at : at + symbol.numel()], symbol.shape))
-            at += symbol.numel()
+            parts.append(
+                casadi.reshape(inputs[label][start : start + symbol.numel()], symbol.shape)
+            )
+            start += symbol.numel()
     new = casadi.substitute([stack(columns) for columns in results.values()], known, parts)
-    found = casadi.Function(name, list(fresh.values()), new, list(fresh), list(results))
+    result = casadi.Function(name, list(inputs.values()), new, list(inputs), list(results))
     with contextlib.suppress(RuntimeError):
-        # A function from elsewhere may have no scalar form; it works as it is.
-        found = found.expand()
-    _refuse_nan(name, found, ", ".join(results))
-    return found
+        # Functions from other sources may have no scalar form.
+        result = result.expand()
+    _reject_nan(name, result, ", ".join(results))
+    return result
 
 
-def _refuse_nan(name: str, function: casadi.Function, what: str) -> None:
-    """Raise where NaN stands among the scalar operations of `function`."""
+def _reject_nan(name: str, function: casadi.Function, what: str) -> None:
+    """Raise if NaN occurs among the scalar operations of `function`."""
     if not function.is_a("SXFunction"):
         return
     for k in range(function.n_instructions()):

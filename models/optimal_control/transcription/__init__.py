@@ -1,1 +1,1 @@
-"""Optimal control problems written as nonlinear programs: collocation schemes, meshes, refinement."""
+"""Transcription of optimal control problems to nonlinear programs: collocation, meshes, refinement."""

@@ -1,7 +1,7 @@
-"""The nonlinear program of a problem on a mesh, with derivatives in their known structure.
+"""Nonlinear program of a problem on a mesh, with derivatives in their known structure.
 
-Rows and derivatives are constant sparse matrices applied to what the node functions give: no
-automatic differentiation of the whole program, whose cost would grow with the mesh.
+Rows and derivatives are constant sparse matrices applied to the values of the node functions. This
+avoids automatic differentiation of the whole program, whose cost would grow with the mesh.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ __all__ = ["Assembly"]
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
-#: Least length of a phase whose times are free, as a share of the time it may take.
+#: Shortest duration of a phase with free times, relative to the longest possible one.
 SHORTEST = 1e-6
 
 
 class Assembly:
-    """Builds the program of one layout.
+    """Builder of the program for one layout.
 
     Parameters
     ----------
     layout : Layout
-        Which column and row stands for what.
+        Columns and rows of the program.
     sizes : Sizes
-        How large they are.
+        Sizes of all quantities.
     """
 
     def __init__(self, layout: Layout, sizes: Sizes) -> None:
@@ -47,16 +47,16 @@ class Assembly:
         self.definition = layout.definition
         self.functions = functions_of(self.definition)
         starts = [0]
-        for one in layout.phases:
-            rows = one.nx * one.defects + one.paths * one.collocated + one.phase.integrals
+        for phase in layout.phases:
+            rows = phase.nx * phase.defects + phase.paths * phase.collocated + phase.phase.integrals
             starts.append(starts[-1] + rows)
-        #: The first row of each phase, then of the boundary constraints.
+        #: First row of each phase, then of the boundary constraints.
         self.row_starts = starts
         self.boundaries = self.functions.endpoint.entries - 1
         self.free_lengths = [
-            one for one in layout.phases if one.phase.start_upper >= one.phase.end_lower
+            phase for phase in layout.phases if phase.phase.start_upper >= phase.phase.end_lower
         ]
-        self.calm = [calm_rows(one, layout.size) for one in layout.phases]
+        self.calm = [calm_rows(phase, layout.size) for phase in layout.phases]
         self.row_count = (
             starts[-1]
             + self.boundaries
@@ -68,60 +68,60 @@ class Assembly:
 
     @cached_property
     def _rows(self) -> tuple[sp.csr_array, tuple[sp.csr_array, ...]]:
-        """The rows' linear part, (rows, columns), and how each phase's node functions enter.
+        """Linear part of the rows, (rows, columns), and coefficients of each phase's node functions.
 
-        The latter adds multiples of their entries, visit by visit: (rows, entries × visits).
+        The latter multiply the entries of the node functions, visit by visit: (rows, entries × visits).
         """
         linear = Triplets()
-        spreads = tuple(self._spread(k, linear) for k in range(len(self.layout.phases)))
-        at = self.row_starts[-1] + self.boundaries
-        for one in self.free_lengths:
-            linear.add(at, one.time_columns, [-1.0, 1.0])
-            at += 1
+        spreads = tuple(self._coefficients(k, linear) for k in range(len(self.layout.phases)))
+        row = self.row_starts[-1] + self.boundaries
+        for phase in self.free_lengths:
+            linear.add(row, phase.time_columns, [-1.0, 1.0])
+            row += 1
         for calm in self.calm:
             coo = calm.tocoo()
-            linear.add(at + coo.row, coo.col, coo.data)
-            at += calm.shape[0]
+            linear.add(row + coo.row, coo.col, coo.data)
+            row += calm.shape[0]
         r, c, value, _ = linear.joined()
         return sp.csr_array((value, (r, c)), shape=(self.row_count, self.layout.size)), spreads
 
-    def _spread(self, number: int, linear: Triplets) -> sp.csr_array:
-        """Return how a phase's node functions enter, and add the linear part of its rows."""
-        one, integrals = self.layout.phases[number], self.layout.phases[number].phase.integrals
+    def _coefficients(self, number: int, linear: Triplets) -> sp.csr_array:
+        """Return the coefficients of a phase's node functions, and add the linear part of its rows."""
+        phase, integrals = self.layout.phases[number], self.layout.phases[number].phase.integrals
         first, spread = self.row_starts[number], Triplets()
-        states, entries = np.arange(one.nx), self.functions.nodes[number].entries
+        states, entries = np.arange(phase.nx), self.functions.nodes[number].entries
 
         def source(entry: Any, visit: Any) -> Any:
             return np.asarray(visit) * entries + np.asarray(entry)
 
-        for k, scheme in enumerate(one.schemes):
-            begin = first + states[:, None] * one.defects + one.row_starts[k]
+        for k, scheme in enumerate(phase.schemes):
+            begin = first + states[:, None] * phase.defects + phase.row_starts[k]
             r, c = np.nonzero(scheme.left)
-            linear.add(begin + r, one.state_columns[:, one.starts[k] + c], scheme.left[r, c])
+            linear.add(begin + r, phase.state_columns[:, phase.starts[k] + c], scheme.left[r, c])
             r, c = np.nonzero(scheme.right)
-            places = source(states[:, None], one.visit_starts[k] + c)
+            places = source(states[:, None], phase.visit_starts[k] + c)
             spread.add(begin + r, 0, -scheme.right[r, c], places)
-        at = first + one.nx * one.defects
-        paths = np.arange(one.paths)[:, None]
-        rows = at + paths * one.collocated + np.arange(one.collocated)
-        spread.add(rows, 0, 1.0, source(one.nx + integrals + paths, one.owners))
-        at += one.paths * one.collocated
-        weights = np.concatenate([scheme.weights for scheme in one.schemes])
+        row = first + phase.nx * phase.defects
+        paths = np.arange(phase.paths)[:, None]
+        rows = row + paths * phase.collocated + np.arange(phase.collocated)
+        spread.add(rows, 0, 1.0, source(phase.nx + integrals + paths, phase.owners))
+        row += phase.paths * phase.collocated
+        weights = np.concatenate([scheme.weights for scheme in phase.schemes])
         for k in range(integrals):
-            linear.add(at + k, one.integral_columns[k], 1.0)
-            spread.add(at + k, 0, -weights, source(one.nx + k, np.arange(one.visits)))
+            linear.add(row + k, phase.integral_columns[k], 1.0)
+            spread.add(row + k, 0, -weights, source(phase.nx + k, np.arange(phase.visits)))
         r, _, factor, place = spread.joined()
-        shape = (self.row_count, entries * one.visits)
+        shape = (self.row_count, entries * phase.visits)
         return sp.csr_array((factor, (r, place)), shape=shape)
 
     # -- functions -------------------------------------------------------------------------------
 
     def _arguments(self, number: int, x: Any) -> list[Any]:
-        """Return what the node functions of a phase take, a column a visit."""
+        """Return the arguments of the node functions of a phase, one column per visit."""
         columns = self.layout.visit_columns(number)
-        # CasADi reshapes column by column: one visit after the other.
-        given = casadi.reshape(x[columns.T.reshape(-1).tolist()], *columns.shape)
-        return [given, casadi.DM(self.layout.phases[number].visit_places)]
+        # CasADi reshapes column by column, that is visit by visit.
+        stacked = casadi.reshape(x[columns.T.reshape(-1).tolist()], *columns.shape)
+        return [stacked, casadi.DM(self.layout.phases[number].visit_places)]
 
     def values(self, x: Any) -> tuple[Any, Any]:
         """Return the objective and the rows."""
@@ -144,22 +144,22 @@ class Assembly:
         """Return the gradient of the objective and the Jacobian of the rows."""
         entries = Triplets()
         linear, spreads = self._rows
-        given, count = [], 0
+        values, count = [], 0
         for number, spread in enumerate(spreads):
             twice = self.functions.nodes[number]
             visits = self.layout.phases[number].visits
             row, column = twice.first_at
             if not row.size:
                 continue
-            given.append(casadi.vec(twice.first.map(visits)(*self._arguments(number, x))))
-            # Nonzeros of the node's Jacobian entry by entry, each as often as `spread` takes it.
+            values.append(casadi.vec(twice.first.map(visits)(*self._arguments(number, x))))
+            # Nonzeros of the node's Jacobian by entry, repeated for each coefficient in `spread`.
             order = np.argsort(row, kind="stable")
             begins = np.searchsorted(row[order], np.arange(twice.entries + 1))
             coo = spread.tocoo()
             visit, entry = np.divmod(coo.col, twice.entries)
-            many = np.diff(begins)[entry]
-            which = np.repeat(np.arange(coo.nnz), many)
-            within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+            counts = np.diff(begins)[entry]
+            which = np.repeat(np.arange(coo.nnz), counts)
+            within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
             nonzero = order[begins[entry[which]] + within]
             entries.add(
                 coo.row[which],
@@ -172,7 +172,7 @@ class Assembly:
         entries.add(coo.row, coo.col, coo.data)
         twice = self.functions.endpoint
         row, column = twice.first_at
-        given.append(twice.first(x[self.layout.end_columns.tolist()]))
+        values.append(twice.first(x[self.layout.end_columns.tolist()]))
         below = row > 0
         entries.add(
             self.row_starts[-1] + row[below] - 1,
@@ -185,7 +185,7 @@ class Assembly:
             self.layout.end_columns[column[~below]], 0, 1.0, count + np.flatnonzero(~below)
         )
         count += row.size
-        stacked = casadi.vertcat(*given)
+        stacked = casadi.vertcat(*values)
         size = self.layout.size
         return (
             casadi.densify(gradient.matrix((size, 1), stacked, count)),
@@ -195,7 +195,7 @@ class Assembly:
     def _second(self, x: Any, scale: Any, duals: Any) -> Any:
         """Return the upper triangle of the Hessian of ``scale f + duals·g``."""
         entries = Triplets()
-        given, count = [], 0
+        parts, count = [], 0
         for number, spread in enumerate(self._rows[1]):
             twice = self.functions.nodes[number]
             visits = self.layout.phases[number].visits
@@ -205,7 +205,7 @@ class Assembly:
             multipliers = casadi.mtimes(casadi.MX(dm(spread.T)), duals)
             multipliers = casadi.reshape(casadi.densify(multipliers), twice.entries, visits)
             values = twice.second.map(visits)(*self._arguments(number, x), multipliers)
-            given.append(casadi.vec(values))
+            parts.append(casadi.vec(values))
             local = self.layout.visit_columns(number)
             visit = np.arange(visits)
             entries.add(
@@ -219,14 +219,14 @@ class Assembly:
         row, column = twice.second_at
         begin = self.row_starts[-1]
         multipliers = casadi.vertcat(scale, duals[begin : begin + self.boundaries])
-        given.append(twice.second(x[self.layout.end_columns.tolist()], multipliers))
+        parts.append(twice.second(x[self.layout.end_columns.tolist()], multipliers))
         ends = self.layout.end_columns
         low = np.minimum(ends[row], ends[column])
         high = np.maximum(ends[row], ends[column])
         entries.add(low, high, 1.0, count + np.arange(row.size))
         count += row.size
         size = self.layout.size
-        return entries.matrix((size, size), casadi.vertcat(*given), count)
+        return entries.matrix((size, size), casadi.vertcat(*parts), count)
 
     # -- the program -----------------------------------------------------------------------------
 
@@ -264,18 +264,18 @@ class Assembly:
         """Return the columns' lower and upper bounds and their typical sizes."""
         size = self.layout.size
         lower, upper, scale = np.full(size, -np.inf), np.full(size, np.inf), np.ones(size)
-        for one, sizes in zip(self.layout.phases, self.sizes.phases, strict=True):
-            phase, x = one.phase, one.state_columns
-            for what, columns in (("states", x), ("controls", one.control_columns)):
+        for layout, sizes in zip(self.layout.phases, self.sizes.phases, strict=True):
+            phase, x = layout.phase, layout.state_columns
+            for what, columns in (("states", x), ("controls", layout.control_columns)):
                 lower[columns.T], upper[columns.T] = phase.bounds(what)
                 scale[columns.T] = getattr(sizes, what)
             for side, end in (("initial", 0), ("final", -1)):
                 lower[x[:, end]], upper[x[:, end]] = phase.bounds("states", side)
-            times = one.time_columns
+            times = layout.time_columns
             lower[times] = phase.start_lower, phase.end_lower
             upper[times] = phase.start_upper, phase.end_upper
             scale[times] = sizes.time
-            scale[one.integral_columns] = sizes.integrals
+            scale[layout.integral_columns] = sizes.integrals
         p = self.layout.parameter_columns
         lower[p], upper[p] = self.definition.bounds("parameters")
         scale[p] = self.sizes.parameters
@@ -283,51 +283,53 @@ class Assembly:
 
     def _row_bounds(self) -> tuple[Floats, Floats, Floats]:
         parts: list[tuple[Any, Any, Any]] = []  # lower, upper and scale of some rows
-        for one, sizes in zip(self.layout.phases, self.sizes.phases, strict=True):
-            paths = (*one.phase.bounds("paths"), sizes.paths)
-            parts.append((0.0, 0.0, np.repeat(sizes.states, one.defects)))
-            parts.append(tuple(np.repeat(part, one.collocated) for part in paths))  # type: ignore[arg-type]
+        for layout, sizes in zip(self.layout.phases, self.sizes.phases, strict=True):
+            paths = (*layout.phase.bounds("paths"), sizes.paths)
+            parts.append((0.0, 0.0, np.repeat(sizes.states, layout.defects)))
+            parts.append(tuple(np.repeat(part, layout.collocated) for part in paths))  # type: ignore[arg-type]
             parts.append((0.0, 0.0, sizes.integrals))
         boundaries = self.definition.bounds("boundaries")
         parts.append((*boundaries, self.sizes.boundaries))
-        for one in self.free_lengths:
-            most = one.phase.end_upper - one.phase.start_lower
-            parts.append((SHORTEST * most, np.inf, np.array([most])))
+        for layout in self.free_lengths:
+            longest = layout.phase.end_upper - layout.phase.start_lower
+            parts.append((SHORTEST * longest, np.inf, np.array([longest])))
         for sizes, rows in zip(self.sizes.phases, self.calm, strict=True):
-            # As long as the coefficients' rows are the controls' own scale will do.
+            # The rows are linear in the controls, so the size of the controls is a sufficient scale.
             size = sizes.controls.max(initial=0.0) or 1.0
             parts.append((0.0, 0.0, np.full(rows.shape[0], size)))
-        wide = [np.broadcast_arrays(*part) for part in parts]
-        lower, upper, scale = (np.concatenate(column) for column in zip(*wide, strict=True))
+        broadcast = [np.broadcast_arrays(*part) for part in parts]
+        lower, upper, scale = (np.concatenate(column) for column in zip(*broadcast, strict=True))
         return lower, upper, scale
 
     def _column_blocks(self) -> tuple[Block, ...]:
         several = len(self.layout.phases) > 1
-        blocks = [b for one in self.layout.phases for b in one.column_blocks(several)]
-        at = self.layout.phases[-1].first + self.layout.phases[-1].size
+        blocks = [b for layout in self.layout.phases for b in layout.column_blocks(several)]
+        start = self.layout.phases[-1].first + self.layout.phases[-1].size
         for name in self.definition.parameter_names:
-            blocks.append(Block(f"parameter {name}", "", at, 1))
-            at += 1
+            blocks.append(Block(f"parameter {name}", "", start, 1))
+            start += 1
         return tuple(blocks)
 
     def _row_blocks(self) -> tuple[Block, ...]:
         several = len(self.layout.phases) > 1
         blocks: list[Block] = []
-        for one, first in zip(self.layout.phases, self.row_starts[:-1], strict=True):
-            blocks += one.row_blocks(first, several)
-        at = self.row_starts[-1]
+        for layout, first in zip(self.layout.phases, self.row_starts[:-1], strict=True):
+            blocks += layout.row_blocks(first, several)
+        start = self.row_starts[-1]
         for boundary in self.definition.boundaries:
             blocks.append(
-                Block(boundary.name, boundary.equation, at, boundary.size, unit=boundary.unit)
+                Block(boundary.name, boundary.equation, start, boundary.size, unit=boundary.unit)
             )
-            at += boundary.size
-        for one in self.free_lengths:
-            of = f" of {one.phase.name}" if several else ""
-            blocks.append(Block(f"time goes forward{of}", "", at, 1, unit=one.phase.time_unit))
-            at += 1
-        for one, rows in zip(self.layout.phases, self.calm, strict=True):
+            start += boundary.size
+        for layout in self.free_lengths:
+            of = f" of {layout.phase.name}" if several else ""
+            blocks.append(
+                Block(f"time goes forward{of}", "", start, 1, unit=layout.phase.time_unit)
+            )
+            start += 1
+        for layout, rows in zip(self.layout.phases, self.calm, strict=True):
             if rows.shape[0]:
-                of = f" of {one.phase.name}" if several else ""
-                blocks.append(Block(f"calm controls{of}", "", at, rows.shape[0]))
-                at += rows.shape[0]
+                of = f" of {layout.phase.name}" if several else ""
+                blocks.append(Block(f"calm controls{of}", "", start, rows.shape[0]))
+                start += rows.shape[0]
         return tuple(blocks)

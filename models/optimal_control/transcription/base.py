@@ -1,4 +1,4 @@
-"""What every transcription shares: from a mesh to a program, from a plan to columns and back."""
+"""Base of all transcriptions: from a mesh to a program, and between plans and columns."""
 
 from __future__ import annotations
 
@@ -34,38 +34,37 @@ __all__ = ["Transcription"]
 
 Floats = NDArray[np.float64]
 
-#: How far before a knot, as a share of the phase, a control is looked up from the left.
+#: Distance before a knot, relative to the phase, at which a control is evaluated from the left.
 LEFT = 1e-13
-#: Difference between the objectives of two schemes on the same mesh up to which they agree, in shares of
-#: the tolerance, relative to the size of the objective.
+#: Largest relative difference between the objectives of two schemes that agree, in tolerances.
 AGREED = 10.0
-#: Share to which a mesh reduces at least by how much an equation is off that follows from others.
+#: Factor by which a finer mesh must at least reduce the residual of an equation implied by others.
 SHRINKS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
-    """An optimal control problem as a nonlinear program on a mesh that is refined until it verifies.
+    """Optimal control problem as a nonlinear program on a mesh that is refined until it verifies.
 
     Parameters
     ----------
     model : OptimalControlProblem
-        What is asked.
+        Problem.
     intervals : int
-        Intervals of the first mesh, in every phase.
+        Number of intervals of the first mesh, per phase.
     degree : int
-        Collocated nodes of each interval of the first mesh.
+        Number of collocation nodes per interval of the first mesh.
     mesh : sequence of float or of sequences, optional
-        Where the first mesh is cut, as fractions from 0 to 1: one list for all phases, or one each.
+        Ends of the first intervals as fractions from 0 to 1, for all phases or one list per phase.
     refine : bool
         Whether the mesh is refined until the independent verification meets the tolerance.
     rounds : int
-        Meshes at most.
+        Largest number of meshes.
     most_nodes : int
-        Collocated nodes at most, over all phases; where more are needed, the run ends with what it has.
-    dependent : str
-        What to do about equations that others imply: ``"drop"`` them from the program (they are
-        verified all the same, and come back where the plan breaks them), ``"raise"``, or ``"keep"``.
+        Largest number of collocation nodes over all phases; a run that needs more stops.
+    dependent : {"drop", "raise", "keep"}
+        Treatment of equations that others imply: ``"drop"`` removes them and restores them if the
+        plan violates them, ``"raise"`` reports an error, and ``"keep"`` leaves them in the program.
     """
 
     intervals: int = 8
@@ -85,9 +84,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     program_type: ClassVar[type[Program]] = NonlinearProgram
     relaxes: ClassVar[bool] = False
     draws: ClassVar[bool] = True
-    #: Equations of the transcription are held to a third of what the plan must satisfy.
+    #: The program is solved to a third of the plan's tolerance.
     precision: ClassVar[float] = 0.3
-    #: How a mesh of this scheme may be refined.
+    #: Rules for the refinement of meshes of this scheme.
     rules: ClassVar[Rules] = Rules()
     #: Transcription of another scheme that must reach the same objective on the same mesh.
     confirmed_by: ClassVar[type[Transcription] | None] = None
@@ -129,7 +128,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if self.mesh is None:
             return tuple(even(self.intervals, degree) for _ in phases)
         nested = isinstance(self.mesh, list | tuple) and any(
-            isinstance(one, Mesh) or np.ndim(one) == 1 for one in self.mesh
+            isinstance(item, Mesh) or np.ndim(item) == 1 for item in self.mesh
         )
         if not nested:
             return tuple(read_mesh(self.mesh, degree) for _ in phases)
@@ -138,7 +137,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
                 f"formulation {self.name!r}: option 'mesh' has {len(self.mesh)} lists for "
                 f"{len(phases)} phases"
             )
-        return tuple(read_mesh(one, degree) for one in self.mesh)
+        return tuple(read_mesh(item, degree) for item in self.mesh)
 
     @property
     def meshes(self) -> tuple[Mesh, ...]:
@@ -149,12 +148,12 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     @cached_property
     def layout(self) -> Layout:
-        """Which column and row stands for what."""
+        """Assignment of columns and rows to points and equations."""
         schemes = [tuple(self.scheme(int(n)) for n in mesh.degrees) for mesh in self._meshes]
         return Layout.of(self.model.definition, self._meshes, schemes)
 
     def build(self) -> NonlinearProgram:
-        """Return the program on the present mesh, started where the last one ended."""
+        """Return the program on the current mesh, started at the plan of the previous one."""
         assembly = Assembly(self.layout, self.sizes)
         start = self._start if self._history is None else self._history.plan
         guess = self._guess() if start is None else self.encode(start)
@@ -172,21 +171,20 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     @property
     def dropped(self) -> str:
-        """Equations that follow from others and are not to be in the program, by name."""
+        """Names of the equations that are removed from the program because others imply them."""
         definition = self.model.definition
-        found = () if self.dependent == "keep" else dependences(definition)
-        return ", ".join(name for one in found for name in one.names(definition))
+        implied = () if self.dependent == "keep" else dependences(definition)
+        return ", ".join(name for dependence in implied for name in dependence.names(definition))
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was left out of the program."""
-        if not self.dropped:
-            return ()
-        return (f"left out of the program, for they follow from other equations: {self.dropped}",)
+        """Names of equations that the program omits."""
+        text = f"left out of the program, for they follow from other equations: {self.dropped}"
+        return (text,) if self.dropped else ()
 
     @cached_property
     def sizes(self) -> Sizes:
-        """How large everything is: along the plan of the last mesh, before the first along the guess."""
+        """Sizes of all quantities along the plan of the previous mesh, at first along the guess."""
         known = self._history is not None
         plan = self._history.plan if self._history is not None else self.decode(self._guess())
         definition = self.model.definition
@@ -196,65 +194,62 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def _guess(self) -> Floats:
         columns = np.zeros(self.layout.size)
-        for one in self.layout.phases:
-            guess = one.phase.guess
-            for table, places, at in (
-                (guess.states, one.state_columns, one.point_fractions),
-                (guess.controls, one.control_columns, one.visit_places[0][one.owners]),
+        for layout in self.layout.phases:
+            guess = layout.phase.guess
+            for table, places, fractions in (
+                (guess.states, layout.state_columns, layout.point_fractions),
+                (guess.controls, layout.control_columns, layout.visit_places[0][layout.owners]),
             ):
                 for k in range(table.shape[1]):
-                    columns[places[k]] = np.interp(at, guess.fractions, table[:, k])
-            columns[one.time_columns] = guess.start, guess.end
+                    columns[places[k]] = np.interp(fractions, guess.fractions, table[:, k])
+            columns[layout.time_columns] = guess.start, guess.end
         columns[self.layout.parameter_columns] = self.model.definition.stacked(
             "parameters", "initial_lower"
         )
         return self._with_integrals(columns)
 
     def _with_integrals(self, columns: Floats) -> Floats:
-        """Return `columns` with the integrals that their states and controls give."""
-        for number, one in enumerate(self.layout.phases):
-            if one.phase.integrals:
+        """Return `columns` with the integrals of its states and controls."""
+        for number, layout in enumerate(self.layout.phases):
+            if layout.phase.integrals:
                 values = self._visited(columns, number)
-                weights = np.concatenate([scheme.weights for scheme in one.schemes])
-                found = values[one.nx : one.nx + one.phase.integrals] @ weights
-                columns[one.integral_columns] = np.where(np.isfinite(found), found, 0.0)
+                weights = np.concatenate([scheme.weights for scheme in layout.schemes])
+                integrals = values[layout.nx : layout.nx + layout.phase.integrals] @ weights
+                columns[layout.integral_columns] = np.where(np.isfinite(integrals), integrals, 0.0)
         return columns
 
     def _visited(self, columns: Floats, number: int) -> Floats:
-        """Return what a phase's node functions give at every visit, (entries, visits)."""
-        one, own = self.layout.phases[number], self.layout.visit_columns(number)
-        function = functions_of(self.model.definition).nodes[number].value.map(one.visits)
-        values: Floats = np.array(function(columns[own], one.visit_places), float)
+        """Return the values of a phase's node functions at every visit, shape (entries, visits)."""
+        layout, argument_columns = self.layout.phases[number], self.layout.visit_columns(number)
+        function = functions_of(self.model.definition).nodes[number].value.map(layout.visits)
+        values: Floats = np.array(function(columns[argument_columns], layout.visit_places), float)
         return values
 
     # -- plans -----------------------------------------------------------------------------------
 
     def encode(self, plan: ControlPlan) -> Floats:
-        """Return the columns that sample `plan` on the present mesh.
-
-        A plan that satisfies the problem satisfies the rows as nearly as the mesh resolves it.
-        """
+        """Return the columns that sample `plan`, which satisfies the rows up to the mesh's resolution."""
         if len(plan.phases) != len(self.layout.phases):
             raise InvalidData(
                 f"the plan has {len(plan.phases)} phases, the problem {len(self.layout.phases)}",
                 field="phases",
             )
         columns = np.zeros(self.layout.size)
-        for one, part in zip(self.layout.phases, plan.phases, strict=True):
-            if part.states.size != one.nx or part.controls.size != one.nu:
+        for layout, part in zip(self.layout.phases, plan.phases, strict=True):
+            if part.states.size != layout.nx or part.controls.size != layout.nu:
                 raise InvalidData(
                     f"phase {part.name!r} of the plan has {part.states.size} states and "
-                    f"{part.controls.size} controls, the problem {one.nx} and {one.nu}",
+                    f"{part.controls.size} controls, the problem {layout.nx} and {layout.nu}",
                     field="phases",
                 )
-            at = part.start + one.point_fractions * part.duration
-            columns[one.state_columns] = part.states(np.minimum(at, part.end)).T
-            at = part.start + one.visit_places[0][one.owners] * part.duration
-            # Where an interval's end is collocated, its control is that of this interval, not the next.
-            ends = one.visit_ends[one.owners]
-            at = np.clip(at - np.where(ends, LEFT * part.duration, 0.0), part.start, part.end)
-            columns[one.control_columns] = part.controls(at).T
-            columns[one.time_columns] = part.start, part.end
+            times = part.start + layout.point_fractions * part.duration
+            columns[layout.state_columns] = part.states(np.minimum(times, part.end)).T
+            times = part.start + layout.visit_places[0][layout.owners] * part.duration
+            # At a collocated end, take the control of this interval, not that of the next.
+            ends = layout.visit_ends[layout.owners]
+            times = np.clip(times - np.where(ends, LEFT * part.duration, 0.0), part.start, part.end)
+            columns[layout.control_columns] = part.controls(times).T
+            columns[layout.time_columns] = part.start, part.end
         used, column = 0, self.layout.parameter_columns
         for quantity in self.model.definition.parameters:
             value = plan.parameters.get(quantity.name)
@@ -268,35 +263,37 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return self._with_integrals(columns)
 
     def decode(self, point: Floats) -> ControlPlan:
-        """Return the plan whose polynomials the columns stand for."""
+        """Return the plan with the polynomials that the columns represent."""
         columns = np.asarray(point, float)
         definition = self.model.definition
         p = columns[self.layout.parameter_columns]
         phases = []
-        for number, one in enumerate(self.layout.phases):
-            t0, tf = columns[one.time_columns]
+        for number, layout in enumerate(self.layout.phases):
+            t0, tf = columns[layout.time_columns]
             if not tf > t0:
                 raise InvalidData(
-                    f"phase {one.phase.name!r}: its end {tf:g} is not after its start {t0:g}",
+                    f"phase {layout.phase.name!r}: its end {tf:g} is not after its start {t0:g}",
                     field="time",
                 )
-            knots = t0 + one.mesh.fractions * (tf - t0)
+            knots = t0 + layout.mesh.fractions * (tf - t0)
             knots[-1] = tf
             states = self._state_polynomials(columns, number)
-            at = (
-                columns[one.control_columns].reshape(one.nu, one.collocated)[:, one.visit_control].T
+            values = (
+                columns[layout.control_columns]
+                .reshape(layout.nu, layout.collocated)[:, layout.visit_control]
+                .T
             )
-            cuts = one.visit_starts[1:-1].tolist()
+            cuts = layout.visit_starts[1:-1].tolist()
             controls = Piecewise(
                 knots,
-                tuple(scheme.control_points for scheme in one.schemes),
-                tuple(np.split(at, cuts)),
-                *one.phase.bounds("controls"),
+                tuple(scheme.control_points for scheme in layout.schemes),
+                tuple(np.split(values, cuts)),
+                *layout.phase.bounds("controls"),
             )
             phases.append(
                 PhasePlan(
-                    one.phase.name, states, controls, one.phase.state_names,
-                    one.phase.control_names,
+                    layout.phase.name, states, controls, layout.phase.state_names,
+                    layout.phase.control_names,
                 )
             )  # fmt: skip
         parameters, used = {}, 0
@@ -306,82 +303,85 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return ControlPlan(tuple(phases), parameters).attached(definition)
 
     def _state_polynomials(self, columns: Floats, number: int) -> Piecewise:
-        one = self.layout.phases[number]
-        x = columns[one.state_columns]
+        layout = self.layout.phases[number]
+        x = columns[layout.state_columns]
         rates = None
-        if any(scheme.from_rates.any() for scheme in one.schemes):
-            rates = self._visited(columns, number)[: one.nx]
+        if any(scheme.from_rates.any() for scheme in layout.schemes):
+            rates = self._visited(columns, number)[: layout.nx]
         values = []
-        for k, scheme in enumerate(one.schemes):
-            table = scheme.from_states @ x[:, one.starts[k] : one.starts[k + 1] + 1].T
+        for k, scheme in enumerate(layout.schemes):
+            table = scheme.from_states @ x[:, layout.starts[k] : layout.starts[k + 1] + 1].T
             if rates is not None:
-                own = rates[:, one.visit_starts[k] : one.visit_starts[k + 1]]
-                table = table + scheme.from_rates @ own.T
+                rates_of = rates[:, layout.visit_starts[k] : layout.visit_starts[k + 1]]
+                table = table + scheme.from_rates @ rates_of.T
             values.append(table)
-        t0, tf = columns[one.time_columns]
-        knots = t0 + one.mesh.fractions * (tf - t0)
+        t0, tf = columns[layout.time_columns]
+        knots = t0 + layout.mesh.fractions * (tf - t0)
         knots[-1] = tf
-        return Piecewise(knots, tuple(s.plan_points for s in one.schemes), tuple(values))
+        return Piecewise(knots, tuple(s.plan_points for s in layout.schemes), tuple(values))
 
     def explained(self, plan: ControlPlan, point: Floats, duals: Floats) -> ControlPlan:
-        """Return the plan with costates, from the program's row multipliers."""
+        """Return the plan with costates from the program's row multipliers."""
         phases, row = [], 0
-        for one, part in zip(self.layout.phases, plan.phases, strict=True):
-            own = duals[row : row + one.nx * one.defects].reshape(one.nx, one.defects).T
-            row += one.nx * one.defects + one.paths * one.collocated + one.phase.integrals
-            phases.append(replace(part, costates=one.costates(own, part.states.knots)))
+        for layout, part in zip(self.layout.phases, plan.phases, strict=True):
+            multipliers = (
+                duals[row : row + layout.nx * layout.defects].reshape(layout.nx, layout.defects).T
+            )
+            row += (
+                layout.nx * layout.defects
+                + layout.paths * layout.collocated
+                + layout.phase.integrals
+            )
+            phases.append(replace(part, costates=layout.costates(multipliers, part.states.knots)))
         return replace(plan, phases=tuple(phases))
 
     # -- refinement and other starts -------------------------------------------------------------
 
     def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
-        """Return the formulation on a finer mesh, None where the plan verifies or no mesh helps."""
+        """Return the formulation on a finer mesh; None if the plan verifies or no finer mesh helps."""
         plan = self.decode(point)
         objective = float(self.program.objective(point))  # type: ignore[attr-defined]
         rounds = len(self._told) + 1
         if duals is not None:
             plan = self.explained(plan, point, duals)
-        found = Finding(None, np.nan, "not refined", settled=True)
+        finding = Finding(None, np.nan, "not refined", settled=True)
         restored = self._restored(plan, tolerance) if self.refine else None
         if restored is not None:
             words = "again with all equations: one that was left out stays broken"
-            found = Finding(self._meshes, np.nan, words)
+            finding = Finding(self._meshes, np.nan, words)
         elif self.refine:
-            found = next_meshes(
+            finding = next_meshes(
                 self.model, plan, self._meshes, self.rules, tolerance,
                 (objective, self.sizes.objective), self._history,
                 None if duals is None else calm_strains(self.layout, self.sizes, duals),
             )  # fmt: skip
-        found = found.limited(rounds, self.rounds, self.most_nodes)
+        finding = finding.limited(rounds, self.rounds, self.most_nodes)
         row = {
             "mesh": rounds,
             "intervals": sum(mesh.intervals for mesh in self._meshes),
             "nodes": sum(mesh.nodes for mesh in self._meshes),
-            "error": found.error if np.isfinite(found.error) else None,
+            "error": finding.error if np.isfinite(finding.error) else None,
             "objective": objective if np.isfinite(objective) else None,
-            "change": found.change if np.isfinite(found.change) else None,
-            "verified": found.verified,
-            "then": found.words,
+            "change": finding.change if np.isfinite(finding.change) else None,
+            "verified": finding.verified,
+            "then": finding.words,
         }
         rows = (*self._told, row)
         object.__setattr__(self, "_rows", rows)
-        object.__setattr__(self, "_settled", found.settled)
-        if found.meshes is None:
+        object.__setattr__(self, "_settled", finding.settled)
+        if finding.meshes is None:
             return None
         if restored is not None:
             return restored._with(_told=rows)
-        history = History(plan, objective, self._meshes, found.errors, found.accepted)
-        return self._with(_meshes=found.meshes, _history=history, _told=rows)
+        history = History(plan, objective, self._meshes, finding.errors, finding.accepted)
+        return self._with(_meshes=finding.meshes, _history=history, _told=rows)
 
     def counterpart(self, point: Floats) -> Transcription | None:
-        """Return the transcription of the other scheme on the same mesh, started at `point`.
-
-        None if refinement is off.
-        """
+        """Return the transcription with another scheme, started at `point`; None without refinement."""
         other = self.confirmed_by
         if other is None or not self.refine:
             return None
-        made = other(self.model, dependent=self.dependent, most_nodes=self.most_nodes)
+        transcription = other(self.model, dependent=self.dependent, most_nodes=self.most_nodes)
         fixed = other.rules.fixed_degree
         meshes = self._meshes
         if fixed is not None:
@@ -389,12 +389,12 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
                 Mesh(mesh.fractions, np.full(mesh.intervals, fixed), mesh.calm) for mesh in meshes
             )
         plan = self.decode(point)
-        return made._with(_meshes=meshes, _start=plan, _history=None)
+        return transcription._with(_meshes=meshes, _start=plan, _history=None)
 
     def compared(self, point: Floats, objective: float, tolerance: float) -> Self | None:
-        """Return the formulation on halved intervals if the other scheme ends elsewhere."""
-        own = float(self.program.objective(point))  # type: ignore[attr-defined]
-        difference = relative_change(self.sizes.objective, own, objective)
+        """Return the formulation on a finer mesh if the other scheme has another optimum."""
+        current = float(self.program.objective(point))  # type: ignore[attr-defined]
+        difference = relative_change(self.sizes.objective, current, objective)
         if difference <= AGREED * tolerance:
             return None
         assert self.confirmed_by is not None
@@ -410,39 +410,42 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if finer.meshes is None:
             return None
         errors = tuple(np.full(mesh.intervals, np.inf) for mesh in self._meshes)
-        history = History(self.decode(point), own, self._meshes, errors)
+        history = History(self.decode(point), current, self._meshes, errors)
         return self._with(_meshes=finer.meshes, _history=history, _told=rows)
 
     @property
     def settled(self) -> bool:
-        """Whether the last plan verified and its objective had settled, or nobody asked for that."""
+        """Whether the last plan verified and its objective converged; True without refinement."""
         return self._settled
 
     @property
     def history(self) -> tuple[Mapping[str, Any], ...]:
-        """A row for each mesh so far: its size, its error, its objective and what was done then."""
+        """One row per mesh so far: size, error, objective and the action taken."""
         return self._rows
 
     def _restored(self, plan: ControlPlan, tolerance: float) -> Self | None:
-        """Return the formulation with all equations, where one that was left out stays broken."""
+        """Return the formulation with all equations if a removed one remains violated, else None."""
         if not self.dropped or self._history is None:
             return None
-        kept = self._with(dependent="keep", _history=None)
+        complete = self._with(dependent="keep", _history=None)
         before, now = (
-            max(check.worst / check.scale for check in kept.program.verify(kept.encode(one)).checks)
-            for one in (self._history.plan, plan)
+            max(
+                check.worst / check.scale
+                for check in complete.program.verify(complete.encode(item)).checks
+            )
+            for item in (self._history.plan, plan)
         )
-        return kept if now > max(tolerance, SHRINKS * before) else None
+        return complete if now > max(tolerance, SHRINKS * before) else None
 
     def fitted(self, plan: ControlPlan) -> Self:
-        """Return the formulation on the plan's own mesh, where this scheme has such intervals."""
+        """Return the formulation on the plan's mesh, if the scheme supports its degrees."""
         meshes = []
         for part in plan.phases:
             knots = part.states.knots
             fractions = (knots - knots[0]) / (knots[-1] - knots[0])
             fractions[-1] = 1.0
-            own = part.controls if part.controls.size else part.states
-            degrees = np.array([at.size for at in own.nodes])
+            source = part.controls if part.controls.size else part.states
+            degrees = np.array([nodes.size for nodes in source.nodes])
             fixed = self.rules.fixed_degree
             if fixed is not None and (degrees != fixed).any():
                 return self
@@ -450,7 +453,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return self._with(_meshes=tuple(meshes))
 
     def started(self, seed: int) -> Self:
-        """Return the formulation with a start drawn by `seed`: waves about the guess."""
+        """Return the formulation with a random start: the guess with waves drawn by `seed`."""
         return self._with(
             _start=draw_start(
                 self.model.definition, self._start or self.decode(self._guess()), seed
@@ -458,40 +461,40 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         )
 
     def guessed(self, plan: ControlPlan) -> Self:
-        """Return the formulation started at `plan`, such as that for another initial state."""
+        """Return the formulation started at `plan`, such as the plan for another initial state."""
         return self._with(_start=plan)
 
     def _with(self, **changes: Any) -> Self:
         options = {
-            one.name: getattr(self, one.name)
-            for one in fields(self)
-            if one.init and one.name != "model"
+            option.name: getattr(self, option.name)
+            for option in fields(self)
+            if option.init and option.name != "model"
         }
         if "dependent" in changes:
             options["dependent"] = changes["dependent"]
-        made = type(self)(self.model, **options)
+        result = type(self)(self.model, **options)
         for name in ("_meshes", "_history", "_start", "_told"):
-            object.__setattr__(made, name, changes.get(name, getattr(self, name)))
-        return made
+            object.__setattr__(result, name, changes.get(name, getattr(self, name)))
+        return result
 
     def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
-        """Return the size of the mesh, what it changed, and how far the Hamiltonian strays."""
-        found: dict[str, float | int | str] = {
+        """Return the size of the mesh, the change of the objective, and the spread of the Hamiltonian."""
+        result: dict[str, float | int | str] = {
             "meshes": len(self._told) + 1,
             "intervals": sum(mesh.intervals for mesh in self._meshes),
             "nodes": sum(mesh.nodes for mesh in self._meshes),
             "columns": self.layout.size,
         }
         if self.dropped:
-            found["dropped"] = self.dropped
+            result["dropped"] = self.dropped
         if self._history is not None:
             objective = float(self.program.objective(self.encode(plan)))  # type: ignore[attr-defined]
-            found["objective_change"] = relative_change(
+            result["objective_change"] = relative_change(
                 self.sizes.objective, objective, self._history.objective
             )
         if all(part.costates is not None for part in plan.phases):
             reports = hamiltonian_spread(self.model, plan)
-            spreads = [one.relative for one in reports if one.autonomous]
+            spreads = [report.relative for report in reports if report.autonomous]
             if spreads:
-                found["hamiltonian_spread"] = max(spreads)
-        return found
+                result["hamiltonian_spread"] = max(spreads)
+        return result

@@ -1,9 +1,9 @@
-"""Rows that hold controls calm: polynomials of half the degree, and what they cost the objective.
+"""Rows that restrict controls to half the degree ("calm"), and their cost in the objective.
 
-On a singular arc a mesh gains by chattering what the problem itself would not, so refinement holds the
-controls there to half the degree. At other places, such as a jump of a control, the same rows restrict the
-program. Their multipliers tell the two apart: a multiplier is the derivative of the least objective by
-the right-hand side of its row.
+On a singular arc a mesh gains by chattering what the problem itself does not allow, so refinement
+restricts the controls there to half the degree. Elsewhere, such as at a jump of a control, the same rows
+restrict the program. Their multipliers distinguish the two cases: a multiplier is the derivative of the
+optimal objective with respect to the right-hand side of its row.
 """
 
 from __future__ import annotations
@@ -27,14 +27,19 @@ Floats = NDArray[np.float64]
 
 
 def calm_rows(one: PhaseLayout, size: int) -> sp.csr_array:
-    """Return the rows that hold a phase's controls to half the degree in calm intervals.
+    """Return the rows that restrict a phase's controls to half the degree in calm intervals.
 
     Parameters
     ----------
     one : PhaseLayout
-        The phase.
+        Phase.
     size : int
         Number of columns of the program.
+
+    Returns
+    -------
+    sparse array, shape (rows, size)
+        Coefficients; the right-hand sides are 0.
     """
     rows = Triplets()
     count = 0
@@ -53,10 +58,10 @@ def calm_rows(one: PhaseLayout, size: int) -> sp.csr_array:
 
 
 def calm_strains(layout: Layout, sizes: Sizes, duals: Floats) -> tuple[Floats, ...]:
-    """Return what the objective may gain, per interval, if its controls are no longer held calm.
+    """Return the possible gain of the objective, per interval, if its controls were not kept calm.
 
-    That is the sum of the multipliers' magnitudes times the size of the control. For a convex program
-    whose controls stay within that size it is an upper bound on the gain.
+    The gain is the sum of the multipliers' magnitudes times the size of the control. It is an upper
+    bound for a convex program whose controls stay within that size.
 
     Parameters
     ----------
@@ -70,19 +75,19 @@ def calm_strains(layout: Layout, sizes: Sizes, duals: Floats) -> tuple[Floats, .
     Returns
     -------
     tuple of ndarray, shape (intervals,)
-        In the unit of the objective, one per phase; 0 for intervals that are not calm.
+        One array per phase, in the unit of the objective; 0 for intervals that are not calm.
     """
     counts = [
-        np.array([one.mesh.calm_rows(k) for k in range(one.mesh.intervals)])
-        for one in layout.phases
+        np.array([part.mesh.calm_rows(k) for k in range(part.mesh.intervals)])
+        for part in layout.phases
     ]
-    whole = sum(int(own.sum()) * one.nu for own, one in zip(counts, layout.phases, strict=True))
-    at = duals.size - whole
-    found: list[Floats] = []
-    for one, own, size in zip(layout.phases, counts, sizes.phases, strict=True):
-        factors = np.concatenate([np.repeat(size.controls, n) for n in own] + [np.zeros(0)])
-        shares = np.abs(duals[at : at + factors.size]) * factors
-        at += factors.size
-        whose = np.repeat(np.arange(own.size), own * one.nu)
-        found.append(np.bincount(whose, shares, own.size).astype(float))
-    return tuple(found)
+    total = sum(int(rows.sum()) * part.nu for rows, part in zip(counts, layout.phases, strict=True))
+    start = duals.size - total
+    result: list[Floats] = []
+    for part, rows, size in zip(layout.phases, counts, sizes.phases, strict=True):
+        factors = np.concatenate([np.repeat(size.controls, n) for n in rows] + [np.zeros(0)])
+        shares = np.abs(duals[start : start + factors.size]) * factors
+        start += factors.size
+        interval_of = np.repeat(np.arange(rows.size), rows * part.nu)
+        result.append(np.bincount(interval_of, shares, rows.size).astype(float))
+    return tuple(result)

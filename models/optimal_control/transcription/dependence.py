@@ -1,10 +1,10 @@
-"""Equations that follow from one another: found by a rank, and left out of the program.
+"""Detection of equations that follow from one another, and their removal from the program.
 
-Where the dynamics conserve something, such as the length of a quaternion, conditions at the end follow
-from one another, and the program's equations are dependent. Along a short drawn motion the equations
-of motion are eliminated: what controls, initial values, times and parameters do to the conditions is
-computed by the adjoint equations, and a pivoted QR tells the rank. What can be reached at all can be
-reached in a short time; a rank that not all drawn motions lose is no dependence.
+If the dynamics conserve a quantity, such as the length of a quaternion, conditions at the end follow
+from one another, and the program's equations are dependent. The equations of motion are eliminated
+along a short random motion: the adjoint equations give the effects of controls, initial values, times
+and parameters on the conditions, and a pivoted QR decomposition gives their rank. A reachable change
+is reachable within a short time. A rank deficiency counts only if all random motions have it.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Order = list[int]
 
-#: Share of its terms, or of the other rows, below which an effect counts as none; rounding is less.
+#: Largest effect, relative to its terms or to the other rows, that counts as none; rounding is less.
 NONE = 1e-10
-#: Relative change at which a motion has converged, and share of the last coefficients of its series.
+#: Relative change of a converged motion, and share of the last coefficients of a resolved series.
 CONVERGED, RESOLVED = 1e-13, 1e-10
 ROUNDING = 1e-14
-#: How many times as long each motion is tried as the one before.
+#: Ratio of the durations of successive random motions.
 LONGER = 64.0
-#: Motions that are drawn, halvings of the time of one, Picard steps for each, nodes at least.
+#: Number of random motions, of halvings of a duration, of Picard steps, and smallest number of nodes.
 MOTIONS, HALVINGS, STEPS, NODES = 3, 40, 40, 24
 
 
@@ -46,11 +46,12 @@ class Dependence:
     Parameters
     ----------
     phase : int
-        The phase's place.
+        Index of the phase.
     finals, boundaries, paths : tuple of int
-        States whose final values follow, and entries of the boundary constraints and path equations.
+        States with implied final values, and implied entries of boundary constraints and path
+        equations.
     begun : tuple of int
-        Those of the path equations that hold throughout if they hold at the start, which is free.
+        Path equations that hold throughout if they hold at the start, which is free.
     """
 
     phase: int
@@ -60,28 +61,28 @@ class Dependence:
     begun: tuple[int, ...] = ()
 
     def names(self, definition: Definition) -> list[str]:
-        """Return them for people."""
+        """Return the names of the implied equations for messages."""
         phase = definition.phases[self.phase]
         of = f" of phase {phase.name!r}" if len(definition.phases) > 1 else ""
-        found = [f"final value of {phase.state_names[k]!r}{of}" for k in self.finals]
+        result = [f"final value of {phase.state_names[k]!r}{of}" for k in self.finals]
         for what, places, all_of in (
             ("boundary constraint", self.boundaries, definition.boundaries),
             (f"path constraint{of}", self.paths, phase.paths),
         ):
-            names = [one.name for one in all_of for _ in range(one.size)]
-            found += dict.fromkeys(f"{what} {names[k]!r}" for k in places)
-        return found
+            names = [item.name for item in all_of for _ in range(item.size)]
+            result += dict.fromkeys(f"{what} {names[k]!r}" for k in places)
+        return result
 
 
 _known: WeakKeyDictionary[Definition, tuple[Dependence, ...]] = WeakKeyDictionary()
 
 
 def dependences(definition: Definition) -> tuple[Dependence, ...]:
-    """Return what is found of every phase, phases without any left out; computed once."""
+    """Return the dependences of all phases that have some; computed once per definition."""
     if definition not in _known:
-        with np.errstate(all="ignore"):  # what overflows is tried on a shorter motion
-            each = [_examine(definition, k) for k in range(len(definition.phases))]
-        _known[definition] = tuple(one for one in each if one is not None)
+        with np.errstate(all="ignore"):  # after an overflow, a shorter motion is tried
+            results = [_examine(definition, k) for k in range(len(definition.phases))]
+        _known[definition] = tuple(result for result in results if result is not None)
     return _known[definition]
 
 
@@ -89,13 +90,18 @@ def _examine(definition: Definition, number: int) -> Dependence | None:
     phase = definition.phases[number]
     finals = np.flatnonzero(np.equal(*phase.bounds("states", "final"))).tolist()
     paths = np.flatnonzero(np.equal(*phase.bounds("paths"))).tolist()
-    # Boundaries of this phase alone: what links two phases depends on both motions.
-    begin = sum(one.end_size for one in definition.phases[:number])
+    # Boundary constraints of this phase alone: links between phases depend on both motions.
+    begin = sum(item.end_size for item in definition.phases[:number])
     rows, columns = map(np.array, definition.endpoint.jac_sparsity(1, 0).get_triplet())
     inside = (begin <= columns) & (columns < begin + phase.end_size)
     equal = np.flatnonzero(np.equal(*definition.bounds("boundaries")))
     boundaries = [int(k) for k in equal if (rows == k).any() and inside[rows == k].all()]
-    count, rank, kept, begun = len(finals) + len(boundaries), -1, set(paths), set[int]()
+    count, rank, implied_paths, implied_later = (
+        len(finals) + len(boundaries),
+        -1,
+        set(paths),
+        set[int](),
+    )
     order: Order = []
     if not count and not paths:
         return None
@@ -103,18 +109,18 @@ def _examine(definition: Definition, number: int) -> Dependence | None:
         effects = _effects(definition, number, finals, boundaries, paths, seed)
         if effects is None:
             continue
-        found = _rank(effects[0])
-        rank, order = found if found[0] > rank else (rank, order)
-        found = _rank(effects[1])
-        kept &= {paths[k] for k in found[1][found[0] :]}
-        begun |= {paths[k] for k in np.flatnonzero(effects[2])}
-        if rank == count and not kept:
+        ranking = _rank(effects[0])
+        rank, order = ranking if ranking[0] > rank else (rank, order)
+        ranking = _rank(effects[1])
+        implied_paths &= {paths[k] for k in ranking[1][ranking[0] :]}
+        implied_later |= {paths[k] for k in np.flatnonzero(effects[2])}
+        if rank == count and not implied_paths:
             return None
     if rank < 0:
-        return None  # no motion was found: nothing is known
+        return None  # no motion could be computed, so nothing is known
     if rank < count:
-        # Which ones to leave out is decided at the end itself: what is extremal there, such as the
-        # largest entry of a quaternion, follows from the others and not they from it.
+        # The equations to drop are chosen at the end itself: an extremal entry there, such as the
+        # largest entry of a quaternion, follows from the others but does not imply them.
         effects = _effects(definition, number, finals, boundaries, [], 0, arriving=True)
         if effects is not None:
             order = _rank(effects[0], _preference(phase, finals, effects[0]))[1]
@@ -123,8 +129,8 @@ def _examine(definition: Definition, number: int) -> Dependence | None:
         number,
         tuple(finals[k] for k in implied if k < len(finals)),
         tuple(boundaries[k - len(finals)] for k in implied if k >= len(finals)),
-        tuple(sorted(kept)),
-        tuple(sorted(kept & begun)),
+        tuple(sorted(implied_paths)),
+        tuple(sorted(implied_paths & implied_later)),
     )
 
 
@@ -132,12 +138,13 @@ def _effects(
     definition: Definition, number: int, finals: Order, boundaries: Order, paths: Order,
     seed: int, *, arriving: bool = False,
 ) -> tuple[Floats, Floats, Bools] | None:  # fmt: skip
-    """Return what can be done to the end of a drawn motion; None where none is found.
+    """Return the effects on the end of a random motion; None if no motion can be computed.
 
-    That is a row for each final value and boundary constraint, and apart for each path expression, with
-    a column for each change of a control at a node, a free initial value (not of paths), a time or a
-    parameter, all in terms of sizes; and which path expressions initial values alone change. The motion
-    leaves the start of the phase or, `arriving`, ends where the phase ends.
+    The effects are matrices with one row per final value and boundary constraint, and one row per
+    path expression. The columns are changes of a control at a node, a free initial value (not for
+    paths), a time or a parameter, all relative to their sizes. The third result marks path
+    expressions that only initial values change. The motion starts at the start of the phase or, if
+    `arriving`, ends at its end.
     """
     phase, draw = definition.phases[number], np.random.default_rng(seed)
     functions = functions_of(definition)
@@ -157,17 +164,19 @@ def _effects(
     others = np.hstack([u, np.tile(np.append(times, p), (nodes + 1, 1))])
     sizes = np.concatenate([size_x, size_u, np.repeat(times[1] - times[0], 2), size_p])
     motion = _Motion(functions.nodes[number], points, anchor, others, sizes, nz)
-    # Where the time is too short for the linearised motion to tell, a longer one does.
+    # If the time is too short for the linearised motion to be informative, a longer one follows.
     shares = LONGER**seed * 0.5 ** np.arange(HALVINGS)
-    flown = next(filter(None, (motion.fly(one, arriving) for one in shares)), None)
-    if flown is None:
+    motion_result = next(filter(None, (motion.fly(item, arriving) for item in shares)), None)
+    if motion_result is None:
         return None
-    z, slopes, adjoint = flown
+    z, slopes, adjoint = motion_result
     # Changes: controls at each node and at the end, initial values, times, parameters.
-    own, common = slopes[:-1, :nz, nx : nx + nu], slopes[:-1, :nz, nx + nu :]
-    after = np.tensordot(motion.integral[-1], adjoint[1:] @ common, 1)
-    moves = np.hstack([*(adjoint[1:] @ own), np.zeros((nz, nu)), adjoint[0, :, :nx], after])
-    # ... of the final states and integrals, the final controls, initial values, times, parameters.
+    control_slopes, common = slopes[:-1, :nz, nx : nx + nu], slopes[:-1, :nz, nx + nu :]
+    common_effects = np.tensordot(motion.integral[-1], adjoint[1:] @ common, 1)
+    moves = np.hstack(
+        [*(adjoint[1:] @ control_slopes), np.zeros((nz, nu)), adjoint[0, :, :nx], common_effects]
+    )
+    # ... and of the final states and integrals, the final controls, initial values, times, parameters.
     moves = np.vstack([moves, np.eye(moves.shape[1])[nodes * nu :]])
     free = (
         np.ones(nu * (nodes + 1), bool),
@@ -179,9 +188,9 @@ def _effects(
     x0, x, rest = nz + nu + np.arange(nx), np.arange(nx), np.arange(nz + nu + nx, len(moves))
     conditions = np.zeros((len(finals) + len(boundaries), len(moves)))
     conditions[np.arange(len(finals)), finals] = 1.0
-    # The ends of all phases, of which only this one's matter, and the parameters.
+    # The ends of all phases, of which only those of this one matter, and the parameters.
     ends = np.zeros(definition.endpoint.size1_in(0) + p.size)
-    begin = sum(one.end_size for one in definition.phases[:number])
+    begin = sum(item.end_size for item in definition.phases[:number])
     places = begin + np.arange(phase.end_size)
     places = np.append(places, np.arange(ends.size - p.size, ends.size))
     start = z[-1, :nx] if arriving else anchor
@@ -193,39 +202,41 @@ def _effects(
     size_z = np.append(size_x, np.ones(nz - nx))
     scale = np.concatenate([sizes[nx + nu : nx + nu + 2], size_x, size_z, size_p])
     conditions[len(finals) :, columns] = jacobian[1:][boundaries][:, places] * scale
-    held = np.zeros((len(paths), len(moves)))
-    held[:, np.concatenate([x, nz + np.arange(nu), rest])] = slopes[-1, nz:][paths]
-    if not (np.isfinite(conditions).all() and np.isfinite(held).all()):
+    path_slopes = np.zeros((len(paths), len(moves)))
+    path_slopes[:, np.concatenate([x, nz + np.arange(nu), rest])] = slopes[-1, nz:][paths]
+    if not (np.isfinite(conditions).all() and np.isfinite(path_slopes).all()):
         return None
-    later = _cleaned(held, moves)
+    later = _clean(path_slopes, moves)
     begun: Bools = np.any(later[:, nu * (nodes + 1) + x], axis=1)
     later[:, nu * (nodes + 1) + x] = 0.0
     begun &= ~np.any(later, axis=1)
-    return _cleaned(conditions, moves), later, begun
+    return _clean(conditions, moves), later, begun
 
 
 class _Motion:
-    """The equations of motion of one phase, on Gauss points and the end."""
+    """Equations of motion of one phase, on Gauss points and the end."""
 
     def __init__(
         self, twice: Twice, points: Floats, anchor: Floats, others: Floats, sizes: Floats, nz: int
     ) -> None:
-        self.value, self.first = (one.map(points.size) for one in (twice.value, twice.first))
+        self.value, self.first = (
+            function.map(points.size) for function in (twice.value, twice.first)
+        )
         self.shape = points.size, twice.entries, sizes.size
         self.at, self.points = twice.first_at, points
         self.anchor, self.others, self.sizes, self.nz = anchor, others, sizes, nz
         count = points.size - 1
         self.series = np.linalg.inv(legendre.legvander(points[:-1], count - 1))
-        #: Half the integrals from -1 up to the points, of values at the Gauss points.
+        #: Half the integrals from -1 to the points, of values at the Gauss points.
         self.integral = (
             0.5 * legendre.legvander(points, count) @ legendre.legint(self.series, lbnd=-1)
         )
 
     def fly(self, share: float, arriving: bool) -> tuple[Floats, Floats, Floats] | None:
-        """Return the motion over a share of the time; None where no series of that order resolves it.
+        """Return the motion over a share of the time; None if no series of this order resolves it.
 
-        That is states and integrals, slopes of all node functions in terms of sizes, and, for the start
-        and each Gauss point, what a change there does to the end.
+        The results are states and integrals, scaled derivatives of all node functions, and the effect on
+        the end of a change at the start and at each Gauss point.
         """
         nx, nz, whole = self.anchor.size, self.nz, self.integral[-1]
         size = self.sizes[:nx]
@@ -251,34 +262,36 @@ class _Motion:
         rates = slopes[:-1, :nz, :nx]
         ahead = whole - np.vstack([np.zeros_like(whole), self.integral[:-1]])
         adjoint = np.tile(np.eye(nz), (ahead.shape[0], 1, 1))
-        for k in range(STEPS + nz):  # small effects over a chain of states need as many steps
+        for k in range(STEPS + nz):  # small effects along a chain of states need as many steps
             last, adjoint = adjoint, np.tile(np.eye(nz), (ahead.shape[0], 1, 1))
             adjoint[:, :, :nx] += np.tensordot(ahead, last[1:] @ rates, 1)
             if k >= nz and not np.abs(adjoint - last).max() > CONVERGED * np.abs(adjoint).max():
                 break
         courses = np.hstack([z[:-1, :nx] / size, adjoint[1:].reshape(len(rates), -1)])
         tail = np.abs(self.series @ courses)
-        # What is not finite is less than nothing.
+        # A comparison with NaN is False, so non-finite series count as unresolved.
         resolved = tail[-2:] <= np.maximum(RESOLVED * tail.max(axis=0), ROUNDING * tail.max())
         return (z, slopes, adjoint) if resolved.all() else None
 
 
-def _cleaned(slopes: Floats, moves: Floats) -> Floats:
-    """Return the effects of `moves`, 0 where all terms of one cancel."""
+def _clean(slopes: Floats, moves: Floats) -> Floats:
+    """Return the effects of `moves`, with 0 if all terms of an effect cancel."""
     effects, terms = slopes @ moves, np.abs(slopes) @ np.abs(moves)
     return np.where(np.abs(effects) > NONE * terms, effects, 0.0)
 
 
 def _preference(phase: Phase, finals: Order, effects: Floats) -> Floats:
-    """Return factors near 1 that decide between conditions that follow from one another alike.
+    """Return factors near 1 that order conditions which imply one another.
 
-    Among the entries of a vector the one that moves more is imposed, of several states the one that
-    was declared later; without them rounding would decide.
+    Among the entries of a vector, the entry that moves most is imposed. Among several states, the
+    one declared last is imposed. Without the factors, rounding would decide.
     """
     moved = np.linalg.norm(effects[: len(finals)], axis=1)
     moved *= phase.stacked("states", "scale")[finals]
     whose = [phase.state_names[k].partition("[")[0] for k in finals]
-    largest = [max(m for m, own in zip(moved, whose, strict=True) if own == one) for one in whose]
+    largest = [
+        max(m for m, move in zip(moved, whose, strict=True) if move == name) for name in whose
+    ]
     factors: Floats = 1.0 + 1e-6 * np.arange(float(len(effects)))
     share = np.divide(moved, largest, out=np.ones(len(finals)), where=np.array(largest) > 0.0)
     factors[: len(finals)] *= share**0.01
@@ -286,7 +299,7 @@ def _preference(phase: Phase, finals: Order, effects: Floats) -> Floats:
 
 
 def _rank(effects: Floats, factors: Floats | float = 1.0) -> tuple[int, Order]:
-    """Return the rank of the rows, each in terms of its own size, and their order: independent first."""
+    """Return the rank of the scaled rows, and their order with independent ones first."""
     table = effects.copy()
     if not table.size:
         return 0, list(range(len(table)))
@@ -301,23 +314,23 @@ def _rank(effects: Floats, factors: Floats | float = 1.0) -> tuple[int, Order]:
 
 
 def drop_dependent(
-    assembly: Assembly, program: NonlinearProgram, found: tuple[Dependence, ...]
+    assembly: Assembly, program: NonlinearProgram, implied: tuple[Dependence, ...]
 ) -> NonlinearProgram:
-    """Return `program` without the equations that follow from others: free where they were imposed."""
+    """Return `program` without the implied equations, whose bounds become infinite."""
     lower, upper = program.column_lower.copy(), program.column_upper.copy()
     row_lower, row_upper = program.row_lower.copy(), program.row_upper.copy()
-    for one in found:
-        places = assembly.layout.phases[one.phase]
-        states = np.array(one.finals, np.int64)
-        columns = places.state_columns[states, -1]
-        lower[columns] = places.phase.stacked("states", "lower")[states]
-        upper[columns] = places.phase.stacked("states", "upper")[states]
-        first = assembly.row_starts[one.phase] + places.nx * places.defects
-        paths = np.array(one.paths, np.int64)[:, None] * places.collocated
-        rows = (first + paths + np.arange(places.collocated)).reshape(-1)
-        begun = first + np.array(one.begun, np.int64) * places.collocated
+    for dependence in implied:
+        layout = assembly.layout.phases[dependence.phase]
+        states = np.array(dependence.finals, np.int64)
+        columns = layout.state_columns[states, -1]
+        lower[columns] = layout.phase.stacked("states", "lower")[states]
+        upper[columns] = layout.phase.stacked("states", "upper")[states]
+        first = assembly.row_starts[dependence.phase] + layout.nx * layout.defects
+        paths = np.array(dependence.paths, np.int64)[:, None] * layout.collocated
+        rows = (first + paths + np.arange(layout.collocated)).reshape(-1)
+        begun = first + np.array(dependence.begun, np.int64) * layout.collocated
         rows = np.setdiff1d(rows, begun)
-        rows = np.append(rows, assembly.row_starts[-1] + np.array(one.boundaries, np.int64))
+        rows = np.append(rows, assembly.row_starts[-1] + np.array(dependence.boundaries, np.int64))
         row_lower[rows], row_upper[rows] = -np.inf, np.inf
     return replace(
         program, column_lower=lower, column_upper=upper, row_lower=row_lower, row_upper=row_upper

@@ -1,7 +1,7 @@
-"""Values and exact derivatives of a declared problem at one instant and at the phases' ends.
+"""Values and exact derivatives of a declared problem at one instant and at the ends of phases.
 
-Made once a definition, in scalar operations, and mapped over the nodes of whatever mesh: what a
-finer mesh costs is the evaluation, not the differentiation.
+The functions are created once per definition, in scalar operations, and mapped over the nodes of any
+mesh. A finer mesh requires more evaluations but no further differentiation.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["Functions", "Twice", "functions_of"]
 
 
 def _symbols(function: casadi.Function) -> Any:
-    """Return the kind of symbols that `function` takes at its fastest."""
+    """Return the kind of symbols with which `function` is fastest."""
     return casadi.SX if function.is_a("SXFunction") else casadi.MX
 
 
@@ -31,18 +31,18 @@ def _pattern(expression: Any) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 @dataclass(frozen=True, eq=False)
 class Twice:
-    """A vector function with its Jacobian and the Hessian of any combination of its entries.
+    """Vector function with its Jacobian and the Hessian of any linear combination of its entries.
 
     Parameters
     ----------
     value : casadi.Function
-        Arguments to entries.
+        Function from the arguments to the entries.
     first : casadi.Function
-        Arguments to the nonzeros of the Jacobian.
+        Function from the arguments to the nonzeros of the Jacobian.
     second : casadi.Function
-        Arguments and multipliers to the nonzeros of the Hessian's upper triangle.
+        Function from arguments and multipliers to the nonzeros of the Hessian's upper triangle.
     first_at, second_at : tuple of ndarray
-        Rows and columns of those nonzeros.
+        Rows and columns of these nonzeros.
     """
 
     value: casadi.Function
@@ -62,7 +62,7 @@ def _differentiate(name: str, free: Any, entries: Any, arguments: list[Any], kin
     jacobian = casadi.jacobian(entries, free)
     multipliers = kind.sym("multipliers", entries.numel())
     curved = casadi.triu(casadi.hessian(casadi.dot(multipliers, entries), free)[0])
-    # In order of columns, CasADi's order of nonzeros.
+    # Ordered by columns, as CasADi orders nonzeros.
     return Twice(
         casadi.Function(f"{name}_value", arguments, [entries]),
         casadi.Function(f"{name}_first", arguments, [_nonzeros(jacobian, kind)]),
@@ -73,16 +73,15 @@ def _differentiate(name: str, free: Any, entries: Any, arguments: list[Any], kin
 
 
 def _nonzeros(matrix: Any, kind: Any) -> Any:
-    # A row keeps its shape otherwise.
+    # Indexing a row vector would give a row.
     return casadi.vec(matrix.nz[:]) if matrix.nnz() else kind(0, 1)
 
 
-def _of_node(phase: Phase, parameters: int) -> Twice:
-    """Return what one phase asks for at one instant: ``[(h/2) rate; (h/2) integrand; path]``.
+def _node_function(phase: Phase, parameters: int) -> Twice:
+    """Return the node function of a phase: ``[(h/2) rate; (h/2) integrand; path]``.
 
-    The arguments are a stack of x, u, ``T = [t0, tf]`` and p, and the place: ``[σ, δ]``, the fraction
-    of the phase at which the instant lies, and that which its interval covers, so that
-    h = (tf - t0) δ.
+    The first argument stacks x, u, ``T = [t0, tf]`` and p. The second is ``[σ, δ]``: the fraction of
+    the phase at the instant, and the fraction that its interval covers, so that h = (tf - t0) δ.
     """
     kind = _symbols(phase.function)
     cuts = np.cumsum([0, len(phase.state_names), len(phase.control_names), 2, parameters])
@@ -95,8 +94,8 @@ def _of_node(phase: Phase, parameters: int) -> Twice:
     return _differentiate("node", free, entries, [free, place], kind)
 
 
-def _of_ends(definition: Definition) -> Twice:
-    """Return ``[objective; boundary]`` of a stack of the ends and the parameters."""
+def _end_function(definition: Definition) -> Twice:
+    """Return ``[objective; boundary]`` as a function of the endpoint vector and the parameters."""
     function = definition.endpoint
     kind = _symbols(function)
     free = kind.sym("free", function.size1_in(0) + function.size1_in(1))
@@ -106,20 +105,20 @@ def _of_ends(definition: Definition) -> Twice:
 
 
 class Functions:
-    """All functions of a definition: those at one instant of each phase, and that of the ends."""
+    """All functions of a definition: node functions of the phases, and the endpoint function."""
 
     def __init__(self, definition: Definition) -> None:
         parameters = len(definition.parameter_names)
-        self.nodes = tuple(_of_node(phase, parameters) for phase in definition.phases)
-        self.endpoint = _of_ends(definition)
+        self.nodes = tuple(_node_function(phase, parameters) for phase in definition.phases)
+        self.endpoint = _end_function(definition)
 
 
 _known: WeakKeyDictionary[Definition, Functions] = WeakKeyDictionary()
 
 
 def functions_of(definition: Definition) -> Functions:
-    """Return the functions of `definition`, made at the first call."""
-    found = _known.get(definition)
-    if found is None:
-        found = _known[definition] = Functions(definition)
-    return found
+    """Return the functions of `definition`, created at the first call."""
+    result = _known.get(definition)
+    if result is None:
+        result = _known[definition] = Functions(definition)
+    return result

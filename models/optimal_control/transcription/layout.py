@@ -1,4 +1,4 @@
-"""Which column and row of the program stands for what."""
+"""Assignment of the program's columns and rows to states, controls and equations."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ Whole = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class PhaseLayout:
-    """Places of one phase.
+    """Columns, points and rows of one phase.
 
-    Columns stand state by state, control by control; then integrals, t0 and tf. A *visit* is one
-    interval's look at one of its collocated points; where neighbours share a point, the interval
-    before owns its path constraints.
+    Columns are ordered state by state and control by control, followed by integrals, t0 and tf. A
+    *visit* is the use of one collocated point by one interval. If neighbours share a point, the
+    first interval owns its path constraints.
 
     Parameters
     ----------
     phase : Phase
-        What is declared.
+        Declaration.
     number : int
-        The phase's number, from 1.
+        Number of the phase, from 1.
     mesh : Mesh
-        Its intervals.
+        Intervals.
     schemes : tuple of Scheme
-        One an interval.
+        One scheme per interval.
     first : int
-        Its first column.
+        First column of the phase.
     """
 
     phase: Phase
@@ -53,7 +53,7 @@ class PhaseLayout:
 
     @cached_property
     def starts(self) -> Whole:
-        """The first point of each interval, and the last of all, (intervals + 1,)."""
+        """First point of each interval, and the last point of all, shape (intervals + 1,)."""
         return np.concatenate([[0], np.cumsum([s.points.size - 1 for s in self.schemes])])
 
     @property
@@ -63,13 +63,13 @@ class PhaseLayout:
 
     @cached_property
     def visit_interval(self) -> Whole:
-        """The interval of each visit."""
+        """Interval of each visit."""
         sizes = [s.collocated.size for s in self.schemes]
         return np.repeat(np.arange(len(self.schemes)), sizes)
 
     @cached_property
     def visit_starts(self) -> Whole:
-        """The first visit of each interval, and their number."""
+        """First visit of each interval, and the number of visits, shape (intervals + 1,)."""
         return np.concatenate([[0], np.cumsum([s.collocated.size for s in self.schemes])])
 
     @property
@@ -79,20 +79,20 @@ class PhaseLayout:
 
     @cached_property
     def visit_point(self) -> Whole:
-        """The point of each visit."""
+        """Point of each visit."""
         return np.concatenate(
             [self.starts[k] + s.collocated for k, s in enumerate(self.schemes)]
         ).astype(np.int64)
 
     @cached_property
     def visit_control(self) -> Whole:
-        """The control of each visit: collocated points counted once."""
+        """Control of each visit, with shared points counted once."""
         _, place = np.unique(self.visit_point, return_inverse=True)
         return place.reshape(-1).astype(np.int64)
 
     @cached_property
     def owners(self) -> Whole:
-        """The visit that owns each collocated point, in order of the points."""
+        """Visit that owns each collocated point, in the order of the points."""
         _, first = np.unique(self.visit_point, return_index=True)
         return first.astype(np.int64)
 
@@ -108,19 +108,19 @@ class PhaseLayout:
 
     @cached_property
     def point_fractions(self) -> Floats:
-        """Fraction of the phase at which each point lies."""
+        """Fraction of the phase at each point."""
         inner = self._within([s.points[:-1] for s in self.schemes])
         return np.append(inner, 1.0)
 
     @cached_property
     def visit_places(self) -> Floats:
-        """Fraction of each visit, and that which its interval covers, (2, visits)."""
+        """Fraction of the phase at each visit, and length of its interval, shape (2, visits)."""
         sigma = self._within([s.control_points for s in self.schemes])
         return np.vstack([sigma, np.diff(self.mesh.fractions)[self.visit_interval]])
 
     @cached_property
     def visit_ends(self) -> NDArray[np.bool_]:
-        """Whether each visit is to its interval's end, where that is collocated for it alone."""
+        """Whether each visit is at its interval's end, if only that interval collocates it."""
         ends = [(s.control_points == 1.0) & (not s.shared) for s in self.schemes]
         return np.concatenate(ends)
 
@@ -139,16 +139,16 @@ class PhaseLayout:
     @property
     def paths(self) -> int:
         """Number of path expressions."""
-        return sum(one.size for one in self.phase.paths)
+        return sum(path.size for path in self.phase.paths)
 
     @cached_property
     def state_columns(self) -> Whole:
-        """Columns of the states, (states, points)."""
+        """Columns of the states, shape (states, points)."""
         return self.first + np.arange(self.nx * self.points).reshape(self.nx, self.points)
 
     @cached_property
     def control_columns(self) -> Whole:
-        """Columns of the controls, (controls, collocated)."""
+        """Columns of the controls, shape (controls, collocated)."""
         begin = self.first + self.nx * self.points
         return begin + np.arange(self.nu * self.collocated).reshape(self.nu, self.collocated)
 
@@ -171,7 +171,7 @@ class PhaseLayout:
 
     @cached_property
     def end_columns(self) -> Whole:
-        """Columns that the endpoint function sees of this phase: t0, tf, x0, xf, integrals."""
+        """Columns of this phase in the endpoint vector: t0, tf, x0, xf, integrals."""
         x = self.state_columns
         return np.concatenate([self.time_columns, x[:, 0], x[:, -1], self.integral_columns])
 
@@ -179,7 +179,7 @@ class PhaseLayout:
 
     @cached_property
     def row_starts(self) -> Whole:
-        """The first defect of each interval, for one state, and their number."""
+        """First defect of each interval for one state, and the number of defects."""
         return np.concatenate([[0], np.cumsum([s.left.shape[0] for s in self.schemes])])
 
     @property
@@ -190,14 +190,14 @@ class PhaseLayout:
     # -- words -----------------------------------------------------------------------------------
 
     def costates(self, duals: Floats, knots: Floats) -> Piecewise | None:
-        """Return the costates that the multipliers of the defects give; None if a scheme has none.
+        """Return the costates from the multipliers of the defects; None if a scheme has no mapping.
 
         Parameters
         ----------
         duals : ndarray, shape (defects, nx)
             Multipliers of the rows.
         knots : ndarray, shape (intervals + 1,)
-            Times at which intervals begin and end.
+            Times of the ends of intervals.
         """
         nodes, values = [], []
         for k, scheme in enumerate(self.schemes):
@@ -209,10 +209,10 @@ class PhaseLayout:
         return Piecewise(knots, tuple(nodes), tuple(values))
 
     def _at(self, points: Whole, interval: Whole | None = None) -> Whole:
-        """Return phase, interval and node of points, of the interval that begins there if any."""
+        """Return phase, interval and node of points; by default of the interval that begins there."""
         if interval is None:
-            found = np.searchsorted(self.starts, points, side="right") - 1
-            interval = np.minimum(found, len(self.schemes) - 1)
+            index = np.searchsorted(self.starts, points, side="right") - 1
+            interval = np.minimum(index, len(self.schemes) - 1)
         number = np.full(points.size, self.number)
         return np.stack([number, interval + 1, points - self.starts[interval]], axis=1)
 
@@ -220,16 +220,16 @@ class PhaseLayout:
         return self._at(self.visit_point[self.owners], self.visit_interval[self.owners])
 
     def column_blocks(self, several: bool) -> list[Block]:
-        """Return the blocks of the phase's columns; names carry the phase where there are several."""
-        of, template = _words(self.phase.name, several)
-        blocks, at = [], self.first
+        """Return the blocks of the phase's columns, with the phase's name if there are several."""
+        of, template = _suffix_and_template(self.phase.name, several)
+        blocks, start = [], self.first
 
         def add(name: str, size: int, index: Whole | None, unit: str) -> None:
-            nonlocal at
+            nonlocal start
             blocks.append(
-                Block(name + of, "", at, size, "" if index is None else template, index, unit)
+                Block(name + of, "", start, size, "" if index is None else template, index, unit)
             )
-            at += size
+            start += size
 
         units = _units(self.phase.states), _units(self.phase.controls)
         for name, unit in zip(self.phase.state_names, units[0], strict=True):
@@ -244,8 +244,8 @@ class PhaseLayout:
 
     def row_blocks(self, first: int, several: bool) -> list[Block]:
         """Return the blocks of the phase's rows, which begin at row `first`."""
-        of, template = _words(self.phase.name, several)
-        blocks, at = [], first
+        of, template = _suffix_and_template(self.phase.name, several)
+        blocks, start = [], first
         interval = np.repeat(np.arange(len(self.schemes)), np.diff(self.row_starts))
         row = np.concatenate([np.arange(s.left.shape[0]) for s in self.schemes])
         table = np.stack([np.full(row.size, self.number), interval + 1, row + 1], axis=1)
@@ -253,49 +253,57 @@ class PhaseLayout:
         for name, unit in zip(self.phase.state_names, units, strict=True):
             blocks.append(
                 Block(
-                    f"dynamics of {name}{of}", self.phase.dynamics_equation, at, self.defects,
+                    f"dynamics of {name}{of}", self.phase.dynamics_equation, start, self.defects,
                     template, table, unit,
                 )
             )  # fmt: skip
-            at += self.defects
+            start += self.defects
         for path in self.phase.paths:
-            own = self._at_owners()
+            places = self._at_owners()
             index = np.vstack(
-                [np.column_stack([own, np.full(len(own), k)]) for k in range(path.size)]
+                [np.column_stack([places, np.full(len(places), k)]) for k in range(path.size)]
             )
-            words = f"entry {{3}} {template}" if path.size > 1 else template
+            place_template = f"entry {{3}} {template}" if path.size > 1 else template
             blocks.append(
-                Block(path.name + of, path.equation, at, index.shape[0], words, index, path.unit)
+                Block(
+                    path.name + of,
+                    path.equation,
+                    start,
+                    index.shape[0],
+                    place_template,
+                    index,
+                    path.unit,
+                )
             )
-            at += index.shape[0]
+            start += index.shape[0]
         for k in range(self.phase.integrals):
-            blocks.append(Block(f"definition of integral {k + 1}{of}", "", at, 1))
-            at += 1
+            blocks.append(Block(f"definition of integral {k + 1}{of}", "", start, 1))
+            start += 1
         return blocks
 
 
-def _words(name: str, several: bool) -> tuple[str, str]:
+def _suffix_and_template(name: str, several: bool) -> tuple[str, str]:
     of = f" of {name}" if several else ""
     return of, "in interval {1}, node {2}"
 
 
 def _units(quantities: Sequence[Quantity]) -> list[str]:
     units: list[str] = []
-    for one in quantities:
-        units += [one.unit] * one.size
+    for quantity in quantities:
+        units += [quantity.unit] * quantity.size
     return units
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Places of the whole program.
+    """Columns and rows of the whole program.
 
     Parameters
     ----------
     definition : Definition
-        What is declared.
+        Definition of the problem.
     phases : tuple of PhaseLayout
-        The phases, one after the other; the parameters come last.
+        Phases in order; the parameters come last.
     """
 
     definition: Definition
@@ -309,14 +317,14 @@ class Layout:
         schemes: Sequence[tuple[Scheme, ...]],
     ) -> Layout:
         """Return the layout of `definition` on `meshes`."""
-        found: list[PhaseLayout] = []
+        result: list[PhaseLayout] = []
         first = 0
-        for number, (phase, mesh, own) in enumerate(
+        for number, (phase, mesh, schemes_of) in enumerate(
             zip(definition.phases, meshes, schemes, strict=True), start=1
         ):
-            found.append(PhaseLayout(phase, number, mesh, own, first))
-            first += found[-1].size
-        return cls(definition, tuple(found))
+            result.append(PhaseLayout(phase, number, mesh, schemes_of, first))
+            first += result[-1].size
+        return cls(definition, tuple(result))
 
     @cached_property
     def parameter_columns(self) -> Whole:
@@ -325,13 +333,13 @@ class Layout:
         return begin + np.arange(len(self.definition.parameter_names))
 
     def visit_columns(self, number: int) -> Whole:
-        """Return the columns that a phase's node functions see, x, u, T and p: (…, visits)."""
-        one = self.phases[number]
-        shared = np.concatenate([one.time_columns, self.parameter_columns])
+        """Return the columns of a phase's node functions, x, u, T and p, shape (…, visits)."""
+        phase = self.phases[number]
+        shared = np.concatenate([phase.time_columns, self.parameter_columns])
         parts = [
-            one.state_columns[:, one.visit_point],
-            one.control_columns[:, one.visit_control].reshape(one.nu, one.visits),
-            np.repeat(shared[:, None], one.visits, axis=1),
+            phase.state_columns[:, phase.visit_point],
+            phase.control_columns[:, phase.visit_control].reshape(phase.nu, phase.visits),
+            np.repeat(shared[:, None], phase.visits, axis=1),
         ]
         return np.concatenate(parts)
 
@@ -342,5 +350,7 @@ class Layout:
 
     @cached_property
     def end_columns(self) -> Whole:
-        """Columns that the endpoint function sees: the ends of all phases, then parameters."""
-        return np.concatenate([*(one.end_columns for one in self.phases), self.parameter_columns])
+        """Columns of the endpoint vector: the ends of all phases, then the parameters."""
+        return np.concatenate(
+            [*(phase.end_columns for phase in self.phases), self.parameter_columns]
+        )

@@ -1,4 +1,4 @@
-"""Meshes: where a phase is cut into intervals, and how many nodes each has."""
+"""Meshes: the intervals of a phase, and their numbers of nodes."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """The intervals of one phase.
+    """Intervals of one phase.
 
     Parameters
     ----------
     fractions : ndarray, shape (intervals + 1,)
-        Where intervals begin and end, from 0 (the phase's start) to 1 (its end).
+        Ends of the intervals, from 0 (the phase's start) to 1 (its end).
     degrees : ndarray of int, shape (intervals,)
-        Collocated nodes of each interval.
+        Number of collocation nodes per interval.
     calm : ndarray of bool, shape (intervals,), optional
-        Where the controls are polynomials of half the degree, which keeps them from chattering on a
-        singular arc; nowhere by default.
+        Intervals whose controls are polynomials of half the degree, which prevents chattering on a
+        singular arc; none by default.
     """
 
     fractions: Floats
@@ -61,31 +61,31 @@ class Mesh:
 
     @property
     def nodes(self) -> int:
-        """Number of collocated nodes."""
+        """Number of collocation nodes."""
         return int(self.degrees.sum())
 
     def same(self, other: Mesh) -> bool:
-        """Return whether both are the same mesh."""
+        """Return whether both meshes are equal."""
         return all(
             np.array_equal(getattr(self, name), getattr(other, name))
             for name in ("fractions", "degrees", "calm")
         )
 
     def kept(self, other: Mesh) -> NDArray[np.bool_]:
-        """Return which intervals are as they were in another mesh."""
+        """Return which intervals also belong to another mesh."""
 
-        def rows(one: Mesh) -> list[tuple[float, ...]]:
-            assert one.calm is not None
-            columns = one.fractions[:-1], one.fractions[1:], one.degrees, one.calm
+        def rows(mesh: Mesh) -> list[tuple[float, ...]]:
+            assert mesh.calm is not None
+            columns = mesh.fractions[:-1], mesh.fractions[1:], mesh.degrees, mesh.calm
             return list(zip(*(column.tolist() for column in columns), strict=True))
 
-        known = set(rows(other))
-        return np.array([row in known for row in rows(self)])
+        other_rows = set(rows(other))
+        return np.array([row in other_rows for row in rows(self)])
 
     def halved(self, chosen: NDArray[np.bool_], calm: NDArray[np.bool_] | None = None) -> Mesh:
-        """Return the mesh with the chosen intervals cut in the middle.
+        """Return the mesh with the chosen intervals bisected.
 
-        They are no longer calm, unless `calm` says for all intervals which are.
+        Bisected intervals are not calm, unless `calm` states for all intervals which are.
         """
         assert self.calm is not None
         middle = 0.5 * (self.fractions[1:] + self.fractions[:-1])
@@ -95,7 +95,7 @@ class Mesh:
         return Mesh(fractions, np.repeat(self.degrees, parts), np.repeat(quiet, parts))
 
     def calm_rows(self, interval: int) -> int:
-        """Return how many Legendre coefficients of a control vanish in `interval`."""
+        """Return the number of Legendre coefficients of a control that vanish in `interval`."""
         degree = int(self.degrees[interval])
         return degree - 1 - degree // 2 if self.calm is not None and self.calm[interval] else 0
 
@@ -106,7 +106,7 @@ def even(intervals: int, degree: int) -> Mesh:
 
 
 def read_mesh(mesh: Any, degree: int) -> Mesh:
-    """Return the mesh that a user gives as fractions, with `degree` nodes each."""
+    """Return a mesh from the fractions given by the user, with `degree` nodes per interval."""
     if isinstance(mesh, Mesh):
         return mesh
     if not isinstance(mesh, Sequence | np.ndarray) or isinstance(mesh, str):

@@ -1,4 +1,4 @@
-"""The transcriptions that people choose from: Gauss, Radau, Hermite-Simpson and trapezoidal."""
+"""Available transcriptions: Gauss, Radau, Hermite-Simpson and trapezoidal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,13 @@ __all__ = ["Gauss", "HermiteSimpson", "PaperGauss", "Radau", "Trapezoid"]
 
 @dataclass(frozen=True, eq=False)
 class Gauss(Transcription):
-    """Legendre-Gauss collocation on several intervals, refined in degree and in intervals."""
+    """Legendre-Gauss collocation on several intervals, refined in degree and in intervals.
+
+    Parameters
+    ----------
+    model, intervals, degree, mesh, refine, rounds, most_nodes, dependent
+        See :class:`~.base.Transcription`.
+    """
 
     name: ClassVar[str] = "gauss"
     summary: ClassVar[str] = "Gauss pseudospectral (LG) on several intervals, hp-refined"
@@ -23,7 +29,13 @@ class Gauss(Transcription):
 
 @dataclass(frozen=True, eq=False)
 class PaperGauss(Gauss):
-    """The paper's Gauss pseudospectral method: one interval, refined in degree alone (eq. 14-21)."""
+    """The paper's Gauss pseudospectral method: one interval, refined in degree alone (eq. 14-21).
+
+    Parameters
+    ----------
+    model, intervals, degree, mesh, refine, rounds, most_nodes, dependent
+        See :class:`~.base.Transcription`.
+    """
 
     intervals: int = 1
     degree: int = 20
@@ -39,6 +51,11 @@ class Radau(Transcription):
     """Legendre-Gauss-Radau collocation on several intervals, refined in degree and in intervals.
 
     The end of every interval is collocated.
+
+    Parameters
+    ----------
+    model, intervals, degree, mesh, refine, rounds, most_nodes, dependent
+        See :class:`~.base.Transcription`.
     """
 
     name: ClassVar[str] = "radau"
@@ -50,7 +67,10 @@ class Radau(Transcription):
 class HermiteSimpson(Transcription):
     """Hermite-Simpson collocation in its separated form, refined in intervals.
 
-    The options are those of :class:`~.base.Transcription`, without `degree`.
+    Parameters
+    ----------
+    model, intervals, mesh, refine, rounds, most_nodes, dependent
+        See :class:`~.base.Transcription`.
     """
 
     intervals: int = 25
@@ -66,7 +86,10 @@ class HermiteSimpson(Transcription):
 class Trapezoid(Transcription):
     """Trapezoidal collocation, refined in intervals.
 
-    The options are those of :class:`~.base.Transcription`, without `degree`.
+    Parameters
+    ----------
+    model, intervals, mesh, refine, rounds, most_nodes, dependent
+        See :class:`~.base.Transcription`.
     """
 
     intervals: int = 50

@@ -1,12 +1,12 @@
-"""hp-refinement: where a mesh is too coarse, and whether degree or intervals should grow.
+"""hp-refinement: choice of intervals to refine, and of a higher degree or a cut.
 
-Where an interval errs too much and its controls are smooth, the degree grows; where they are not, it is
-cut. A control that goes from one bound to the other within an interval is a switch: the integral of the
-control tells when, and there the interval is cut. Where a constraint begins or ceases to bind between
-two nodes, some derivative of the motion jumps, and the two nodes become the ends of an interval. A
-control that goes to and fro from node to node lies on a singular arc, where a mesh gains by chattering
-what the problem itself would not: there the controls are held to half the degree. Neighbours that one
-polynomial fits are merged.
+An interval with a large error grows in degree if its controls are smooth, and is cut otherwise. A
+control that moves from one bound to the other within an interval is a switch. The integral of the
+control gives the switching time, and the interval is cut there. If a constraint becomes active or
+inactive between two nodes, a derivative of the motion jumps, and the two nodes become ends of an
+interval. A control that alternates from node to node is on a singular arc, where a mesh gains by
+chattering what the problem itself does not allow. The controls are then restricted to half the degree.
+Neighbours that one polynomial fits are merged.
 """
 
 from __future__ import annotations
@@ -34,50 +34,50 @@ __all__ = ["Finding", "History", "Rules", "denser", "next_meshes", "relative_cha
 
 Floats = NDArray[np.float64]
 
-#: Share of the tolerance by which the objective may still change from mesh to mesh.
+#: Share of the tolerance by which a converged objective may change from mesh to mesh.
 SETTLED = 0.1
-#: Decades by which Legendre coefficients must fall a degree for an interval to count as smooth.
+#: Smallest decay of Legendre coefficients of a smooth interval, in decades per degree.
 SMOOTH = 0.5
-#: Share of what an interval may err below which it may be merged.
+#: Share of the allowed error below which an interval may be merged.
 AMPLE = 0.05
-#: How well two intervals' polynomials must agree with a joint one to be merged, in shares of what one
-#: may err.
+#: Largest difference between the polynomials of two intervals and a joint one for merging, as a share
+#: of the allowed error.
 MERGED = 0.02
-#: Nodes at least where controls are held calm.
+#: Smallest number of nodes of intervals with calm controls.
 CALM = 6
-#: Shortest interval, as a share of the phase.
+#: Shortest interval, relative to the phase.
 SHORTEST = 1e-9
-#: Gain that the Hamiltonian must promise for a settled objective to be looked at again, and change of
-#: the objective up to which it promised too much, in shares of the tolerance.
+#: Gain predicted by the Hamiltonian above which a converged objective is examined again, and change of
+#: the objective up to which the prediction counts as wrong, in multiples of the tolerance.
 PROMISED, CONFIRMED = 3.0, 0.3
-#: The same for a calm interval of a mesh that is still too coarse. On a singular arc, whose multipliers
-#: are noise, 2 to 100 were measured; at jumps of a control, 400 to 2e5.
+#: Predicted gain that releases a calm interval on a mesh that is still too coarse, same unit. On singular
+#: arcs, whose multipliers are noise, 2 to 100 were measured; at jumps of a control, 400 to 2e5.
 RELEASED = 300.0
-#: Share of the most that an interval promises, below which it is left alone when optimality is checked.
+#: Share of the largest predicted gain below which an interval stays unchanged in this examination.
 PROMISING = 0.1
-#: What is done to intervals, in words.
+#: Descriptions of actions on intervals.
 SWITCH, RAISED = "cut at a switch", "raised in degree"
-#: Share of an interval's error that is left where refining it did not help, and share of a control's
-#: size up to which its high degrees may be noise.
+#: Share of an interval's error that remains if refinement did not help, and share of a control's size
+#: up to which its high degrees may be noise.
 STAYS, NOISE = 0.3, 1e-2
-#: Share of an interval that a cut may leave with its error.
+#: Largest share of an interval that a cut may leave in the part with its error.
 MOST = 0.75
 
 
 @dataclass(frozen=True)
 class Rules:
-    """How meshes of a scheme are refined.
+    """Rules for the refinement of meshes of a scheme.
 
     Parameters
     ----------
     split : bool
-        Whether intervals may be cut; else only the degree grows.
+        Whether intervals may be cut; otherwise only the degree grows.
     fixed_degree : int, optional
-        Nodes of every interval, for schemes whose degree cannot grow.
+        Number of nodes per interval, for schemes of fixed degree.
     order : int
-        Order of such a scheme: its error falls as the length to this power.
+        Order of such a scheme: its error is proportional to the length to this power.
     least_degree, most_degree : int
-        Nodes of an interval at least and at most.
+        Smallest and largest number of nodes per interval.
     """
 
     split: bool = True
@@ -89,20 +89,20 @@ class Rules:
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """What earlier meshes gave.
+    """Results of the previous meshes.
 
     Parameters
     ----------
     plan : ControlPlan
-        The plan of the last one.
+        Plan of the last meshes.
     objective : float
         Its objective.
     meshes : tuple of Mesh
         The last meshes.
     errors : tuple of ndarray, shape (intervals,)
-        What each interval erred, one a phase.
+        Errors of the intervals, one array per phase.
     accepted : float, optional
-        The objective, where the plan was good enough but for what the Hamiltonian promises.
+        Objective, if the plan was acceptable except for a gain predicted by the Hamiltonian.
     """
 
     plan: ControlPlan
@@ -114,26 +114,27 @@ class History:
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found of a plan on its meshes, and what is done about it.
+    """Assessment of a plan on its meshes, and the resulting action.
 
     Parameters
     ----------
     meshes : tuple of Mesh, optional
-        Finer ones; None where the plan is good enough, or where nothing finer may be had.
+        Finer meshes; None if the plan is good enough, or no finer mesh is possible.
     error : float
         Largest relative error or violation of an interval.
     words : str
-        What is done, and why.
+        Action and reason.
     change : float
-        By how much the objective differs from the last meshes', relative; infinite without such.
+        Relative difference of the objective from that of the last meshes; infinite for the first.
     verified : bool, optional
-        Whether the plan verifies; None where nobody looked.
+        Whether the plan verifies; None if the verification was skipped.
     errors : tuple of ndarray, shape (intervals,)
-        What each interval errs, one a phase.
+        Errors of the intervals, one array per phase.
     settled : bool
         Whether this plan, or the one accepted before, is good enough.
     accepted : float, optional
-        Objective of a plan that verified and had settled, but for what the Hamiltonian promises.
+        Objective of a plan that verified and converged except for a gain predicted by the
+        Hamiltonian.
     """
 
     meshes: tuple[Mesh, ...] | None
@@ -146,14 +147,14 @@ class Finding:
     accepted: float | None = None
 
     def limited(self, rounds: int, most_rounds: int, most_nodes: int) -> Finding:
-        """Return the finding without its meshes if they are one too many, or too large.
+        """Return the finding without its meshes if they exceed a limit.
 
         Parameters
         ----------
         rounds : int
-            Meshes solved so far.
+            Number of meshes solved so far.
         most_rounds, most_nodes : int
-            Limits on the meshes, and on the collocated nodes of all phases.
+            Limits on the number of meshes, and on the collocation nodes of all phases.
         """
         if self.meshes is None:
             return self
@@ -167,7 +168,7 @@ class Finding:
 
 
 def relative_change(size: float, new: float, old: float) -> float:
-    """Return by how much an objective differs from another, relative to its size."""
+    """Return the absolute difference of two objectives relative to `size`."""
     return abs(new - old) / size
 
 
@@ -181,27 +182,32 @@ def next_meshes(
     former: History | None,
     strains: Sequence[Floats] | None = None,
 ) -> Finding:
-    """Return finer meshes, or none where the plan verifies and its objective has settled.
+    """Return finer meshes, or none if the plan verifies and its objective has converged.
 
     Parameters
     ----------
     model : OptimalControlProblem
-        Whose verification decides.
+        Problem, whose verification decides.
     plan : ControlPlan
-        The plan on `meshes`; its costates, where it has some, say whether it is an optimum.
+        Plan on `meshes`, with costates if available, which indicate whether it is optimal.
     meshes : sequence of Mesh
-        One a phase.
+        One mesh per phase.
     rules : Rules
-        What may be done.
+        Rules of the scheme.
     tolerance : float
-        Largest violation accepted.
+        Largest accepted violation.
     objectives : tuple of float
-        The objective, and its size.
+        Objective, and its size.
     former : History, optional
-        What the last meshes gave.
+        Results of the last meshes.
     strains : sequence of ndarray, shape (intervals,), optional
-        Possible gain of the objective, per interval of each phase, without the rows that hold controls
-        calm (:func:`~.calm.calm_strains`); 0 by default.
+        Possible gain of the objective, per interval of each phase, without the rows that keep
+        controls calm (:func:`~.calm.calm_strains`); 0 by default.
+
+    Returns
+    -------
+    Finding
+        The assessment, with finer meshes if needed.
     """
     objective, size = objectives
     if strains is None:
@@ -216,44 +222,44 @@ def next_meshes(
     change = np.inf if former is None else relative_change(size, objective, former.objective)
     verified = model.verify(plan, tolerance=tolerance).ok if worst <= limit else None
     errors = tuple(report.worst for report in reports)
-    here = Finding(None, worst, "verified and settled", change, verified, errors)
+    finding = Finding(None, worst, "verified and settled", change, verified, errors)
     accepted = None if former is None else former.accepted
     if accepted is not None:
         if relative_change(size, objective, accepted) <= CONFIRMED * tolerance:
-            return replace(here, settled=True, words="the objective stays: settled")
-        # There was something to gain.
+            return replace(finding, settled=True, words="the objective stays: settled")
+        # The examination did find a gain.
         accepted = None
     why = ""
     if verified is not None:
         if verified and change <= SETTLED * tolerance:
-            halved, told = _looked_again(
+            halved, text = _reexamine(
                 model, plan, meshes, rules, objectives, tolerance, former, strains
             )
             if halved is None:
-                return replace(here, settled=True)
-            return replace(here, meshes=halved, words=told, accepted=objective)
-        # Each interval is good enough by itself, yet not all together: ask more of the worst.
+                return replace(finding, settled=True)
+            return replace(finding, meshes=halved, words=text, accepted=objective)
+        # Each interval is good enough, but not all together: refine the worst further.
         limit = max(0.1 * worst, 1e-3 * limit) if not verified else max(1e-2 * limit, 1e-2 * worst)
         why = "the objective has not settled: " if verified else "the plan does not verify: "
-    made, words = [], []
+    finer_meshes, words = [], []
     for k, (mesh, report, part) in enumerate(zip(meshes, reports, plan.phases, strict=True)):
         noisy = np.zeros(mesh.intervals, bool)
         if former is not None:
-            noisy = _noisy(mesh, report, former.meshes[k], former.errors[k])
+            noisy = _noisy_intervals(mesh, report, former.meshes[k], former.errors[k])
         merge = worst > SHARE * tolerance
         strained = strains[k] > RELEASED * tolerance * size
         finer, done = _refine(mesh, report, part, rules, limit, noisy, strained, merge)
-        made.append(finer)
+        finer_meshes.append(finer)
         words.append(f"phase {part.name!r}: {done}" if done and len(meshes) > 1 else done)
-    if all(new.same(old) for new, old in zip(made, meshes, strict=True)):
+    if all(new.same(old) for new, old in zip(finer_meshes, meshes, strict=True)):
         refined = denser(meshes, rules)
         done = "no finer mesh is possible" if refined is None else "all intervals refined"
-        return replace(here, meshes=refined, words=why + done)
-    told = why + "; ".join(word for word in words if word)
-    return replace(here, meshes=tuple(made), words=told)
+        return replace(finding, meshes=refined, words=why + done)
+    text = why + "; ".join(word for word in words if word)
+    return replace(finding, meshes=tuple(finer_meshes), words=text)
 
 
-def _looked_again(
+def _reexamine(
     model: OptimalControlProblem,
     plan: ControlPlan,
     meshes: Sequence[Mesh],
@@ -263,23 +269,25 @@ def _looked_again(
     former: History | None,
     strains: Sequence[Floats],
 ) -> tuple[tuple[Mesh, ...] | None, str]:
-    """Return meshes for another look at the optimum and why; None if nothing requests it.
+    """Return meshes for an examination of optimality and its reason; None without a reason.
 
-    That the objective no longer changes says nothing of intervals that the last meshes left alone, nor
-    of a restriction that all of them share. Intervals are halved where the Hamiltonian promises a gain
-    although they were left alone, and where the rows that hold controls calm cost something; there the
-    controls are released.
+    A converged objective does not cover intervals that the last meshes left unchanged, nor a
+    restriction that all meshes share. Intervals are halved if the Hamiltonian predicts a gain although
+    they were unchanged, or if the rows that keep controls calm restrict the objective. In the latter
+    case the controls are released.
     """
     objective, size = objectives
     words = "verified and settled, but "
-    strain = sum(float(one.sum()) for one in strains)
+    strain = sum(float(strain_of.sum()) for strain_of in strains)
     if relative_change(size, objective, objective + strain) > PROMISED * tolerance:
-        least = PROMISING * max(float(one.max()) for one in strains)
-        chosen = [one >= least for one in strains]
+        smallest = PROMISING * max(float(strain_of.max()) for strain_of in strains)
+        chosen = [strain_of >= smallest for strain_of in strains]
         words += f"controls held calm may cost {strain:.2g}: released"
         if not rules.split:
             return tuple(replace(mesh, calm=None) for mesh in meshes), words
-        return tuple(mesh.halved(one) for mesh, one in zip(meshes, chosen, strict=True)), words
+        return tuple(
+            mesh.halved(strain_of) for mesh, strain_of in zip(meshes, chosen, strict=True)
+        ), words
     if not rules.split or former is None:
         return None, ""
     gains = [
@@ -291,15 +299,15 @@ def _looked_again(
     promised = sum(float(gain.sum()) for gain in gains)
     if not relative_change(size, objective, objective + promised) > PROMISED * tolerance:
         return None, ""
-    least = PROMISING * max(float(gain.max()) for gain in gains)
+    smallest = PROMISING * max(float(gain.max()) for gain in gains)
     words += "the Hamiltonian is not constant: halved where it changes"
     return tuple(
-        mesh.halved(gain >= least) for mesh, gain in zip(meshes, gains, strict=True)
+        mesh.halved(gain >= smallest) for mesh, gain in zip(meshes, gains, strict=True)
     ), words
 
 
 def denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
-    """Return meshes with two more nodes an interval, or twice the intervals where none may be had."""
+    """Return meshes with two more nodes per interval, or twice the intervals if that is not allowed."""
     finer = []
     for mesh in meshes:
         if rules.fixed_degree is None and (mesh.degrees + 2 <= rules.most_degree).all():
@@ -311,11 +319,11 @@ def denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
     return tuple(finer)
 
 
-def _noisy(mesh: Mesh, report: Report, old: Mesh, errors: Floats) -> NDArray[np.bool_]:
-    """Return where a refined interval errs no less, for a control that is smooth but for noise.
+def _noisy_intervals(mesh: Mesh, report: Report, old: Mesh, errors: Floats) -> NDArray[np.bool_]:
+    """Return the refined intervals with an unchanged error whose control is smooth except for noise.
 
-    On a singular arc the program hardly feels its control, which is as noisy as the solver is inexact,
-    and no cut makes it less so.
+    On a singular arc the program is insensitive to the control, which is as noisy as the solver is
+    inexact, and cutting does not help.
     """
     middle = 0.5 * (mesh.fractions[1:] + mesh.fractions[:-1])
     parent = errors[np.searchsorted(old.fractions, middle) - 1]
@@ -335,7 +343,7 @@ def _refine(
     strained: NDArray[np.bool_],
     merge: bool,
 ) -> tuple[Mesh, str]:
-    """Return a finer mesh of one phase, and what was done."""
+    """Return a finer mesh of one phase, and a description of the action."""
     done: Counter[str] = Counter()
     cuts: list[float] = [0.0]
     degrees: list[int] = []
@@ -346,42 +354,42 @@ def _refine(
         begin, end = mesh.fractions[k], mesh.fractions[k + 1]
         degree, quiet = int(mesh.degrees[k]), bool(mesh.calm[k])
         if quiet and strained[k]:
-            inner = [0.0] if rules.split else []
-            own, quiet, word = [degree] * (len(inner) + 1), False, "released"
+            inside = [0.0] if rules.split else []
+            parts, quiet, word = [degree] * (len(inside) + 1), False, "released"
         elif (
             (report.chatters[k] or noisy[k])
             and not quiet
             and report.worst[k] > limit
             and rules.fixed_degree is None
         ):
-            inner = []
-            own, quiet, word = [max(degree, CALM)], True, "held calm"
+            inside = []
+            parts, quiet, word = [max(degree, CALM)], True, "held calm"
         else:
-            inner, own, word = _decide(degree, report, k, rules, limit)
-        places = begin + 0.5 * (np.array([*inner, 1.0]) + 1.0) * (end - begin)
+            inside, parts, word = _decide(degree, report, k, rules, limit)
+        places = begin + 0.5 * (np.array([*inside, 1.0]) + 1.0) * (end - begin)
         places[-1] = end
         if (np.diff(np.append(begin, places)) < SHORTEST).any():
-            places, own, word = np.array([end]), [degree], ""
+            places, parts, word = np.array([end]), [degree], ""
         done[word] += 1
         cuts += places.tolist()
-        degrees += own
-        calm += [quiet] * len(own)
-        changed = len(own) > 1 or own[0] != degree or quiet != mesh.calm[k]
-        # Only what is plainly smooth, and better than need be, may be merged with its neighbour.
+        degrees += parts
+        calm += [quiet] * len(parts)
+        changed = len(parts) > 1 or parts[0] != degree or quiet != mesh.calm[k]
+        # Only intervals that are clearly smooth and better than needed may be merged.
         ample = report.worst[k] <= AMPLE * limit and report.decays[k] >= SMOOTH
-        touched += [bool(changed) or not ample or bool(report.windows[k])] * len(own)
-    made = Mesh(np.array(cuts), np.array(degrees), np.array(calm))
+        touched += [bool(changed) or not ample or bool(report.windows[k])] * len(parts)
+    finer = Mesh(np.array(cuts), np.array(degrees), np.array(calm))
     if merge and rules.split and not all(touched):
-        merged = _merge(made, touched, part, report.sizes, limit)
-        done["merged away"], made = made.intervals - merged.intervals, merged
+        merged = _merge(finer, touched, part, report.sizes, limit)
+        done["merged away"], finer = finer.intervals - merged.intervals, merged
     words = [f"{count} {word}" for word, count in done.items() if word and count]
-    return made, "intervals: " + ", ".join(words) if words else ""
+    return finer, "intervals: " + ", ".join(words) if words else ""
 
 
 def _decide(
     degree: int, report: Report, k: int, rules: Rules, limit: float
 ) -> tuple[list[float], list[int], str]:
-    """Return where interval k is cut, in [-1, 1], the degrees of its parts, and what that is called."""
+    """Return the cuts of interval k in [-1, 1], the degrees of its parts, and the name of the action."""
     worst = report.worst[k]
     if worst <= limit:
         return [], [degree], ""
@@ -393,45 +401,45 @@ def _decide(
         parts = int(np.clip(np.ceil(ratio ** (1.0 / rules.order)), 2, 5))
         return np.linspace(-1.0, 1.0, parts + 1)[1:-1].tolist(), [degree] * parts, "cut evenly"
     if not rules.split:
-        more = max(2, int(np.ceil(0.25 * degree)))
-        return [], [min(degree + more, rules.most_degree)], RAISED
+        extra = max(2, int(np.ceil(0.25 * degree)))
+        return [], [min(degree + extra, rules.most_degree)], RAISED
     low = max(rules.least_degree, min(degree, 5))
     if cut is not None:
         return [cut], [low] * 2, SWITCH
     windows = report.windows[k]
     if windows and (degree > rules.least_degree + 1 or report.decays[k] < SMOOTH):
-        # Where a constraint begins or ceases to bind, some derivative of the motion jumps.
+        # A derivative of the motion jumps where a constraint becomes active or inactive.
         edges = sorted({edge for window in windows for edge in window if abs(edge) < 0.99})
         if 0 < len(edges) <= 6:
-            edges = _parted(edges, float(report.places[k]))
+            edges = _limit_part(edges, float(report.places[k]))
             return edges, [low] * (len(edges) + 1), "cut where a bound begins or ceases to bind"
     if report.decays[k] >= SMOOTH:
-        # A decade more than needed: an interval that must be looked at once more costs another mesh.
-        more = int(np.clip(np.ceil((np.log10(ratio) + 1.0) / report.decays[k]), 2, 6))
-        if degree + more <= rules.most_degree:
-            return [], [degree + more], RAISED
+        # One decade more than needed, because another examination of the interval costs a mesh.
+        extra = int(np.clip(np.ceil((np.log10(ratio) + 1.0) / report.decays[k]), 2, 6))
+        if degree + extra <= rules.most_degree:
+            return [], [degree + extra], RAISED
         half = max(rules.least_degree, int(np.ceil(0.7 * degree)))
         return [0.0], [half, half], "halved at the highest degree"
-    # Not smooth, and no switch: enclose the place where it is worst, as closely as the nodes tell.
+    # Not smooth and no switch: enclose the place of the largest error as closely as the nodes allow.
     place, gap = float(report.places[k]), min(0.5, 1.5 / degree)
     inner = [c for c in (place - gap, place + gap) if abs(c) < 1.0 - 0.5 * gap]
-    inner = _parted(inner or [0.0], place)
+    inner = _limit_part(inner or [0.0], place)
     return inner, [low] * (len(inner) + 1), "cut about where the error is largest"
 
 
-def _parted(inner: list[float], place: float) -> list[float]:
-    """Return cuts in [-1, 1] that leave the part around `place` no more than most of the interval."""
+def _limit_part(inner: list[float], place: float) -> list[float]:
+    """Return cuts in [-1, 1] that limit the part around `place` to a share :data:`MOST` of the interval."""
     edges = [-1.0, *inner, 1.0]
-    at = int(np.clip(np.searchsorted(edges, place), 1, len(edges) - 1))
-    low, high = edges[at - 1], edges[at]
+    index = int(np.clip(np.searchsorted(edges, place), 1, len(edges) - 1))
+    low, high = edges[index - 1], edges[index]
     return sorted([*inner, 0.5 * (low + high)]) if high - low > 2.0 * MOST else inner
 
 
 def _merge(
     mesh: Mesh, touched: list[bool], part: PhasePlan, sizes: PhaseSizes, limit: float
 ) -> Mesh:
-    """Join neighbours that were left alone and that one polynomial of their degree fits."""
-    kept, own, calm = [0.0], [], []
+    """Merge unchanged neighbours that one polynomial of their degree fits."""
+    ends, joint_degrees, calm = [0.0], [], []
     states, span = part.states, part.duration
     assert mesh.calm is not None
     k = 0
@@ -450,8 +458,8 @@ def _merge(
                 fits = (apart / sizes.controls).max() <= limit
             if fits:
                 degree, last = joint, k + 2
-        own.append(degree)
+        joint_degrees.append(degree)
         calm.append(bool(mesh.calm[k:last].any()))
-        kept.append(float(mesh.fractions[last]))
+        ends.append(float(mesh.fractions[last]))
         k = last
-    return Mesh(np.array(kept), np.array(own), np.array(calm))
+    return Mesh(np.array(ends), np.array(joint_degrees), np.array(calm))

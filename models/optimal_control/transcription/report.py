@@ -1,10 +1,10 @@
-"""How well a mesh resolves a plan, interval by interval.
+"""Resolution of a plan by its mesh, interval by interval.
 
-The error of an interval is measured as Patterson, Hager and Rao do (Optimal Control Applications and
-Methods 36, 2015): the rates along the plan are integrated on a finer grid and held against the plan's
-states. Beside it stand what bounds and path constraints are violated by between the nodes, and the
-quadrature of the integrals. Whether an interval is smooth is read from the decay of the Legendre
-coefficients of its controls (Liu, Hager and Rao, Journal of the Franklin Institute 352, 2015).
+The error of an interval is measured as by Patterson, Hager and Rao (Optimal Control Applications and
+Methods 36, 2015): the rates along the plan are integrated on a finer grid and compared with the plan's
+states. It is complemented by violations of bounds and path constraints between the nodes, and by the
+quadrature error of the integrals. The smoothness of an interval is estimated from the decay of the
+Legendre coefficients of its controls (Liu, Hager and Rao, Journal of the Franklin Institute 352, 2015).
 """
 
 from __future__ import annotations
@@ -29,45 +29,46 @@ __all__ = ["ALLOWED", "SHARE", "Report", "examine"]
 
 Floats = NDArray[np.float64]
 
-#: Share of the tolerance that one interval's error may use up: errors add up along the motion.
+#: Share of the tolerance allowed for one interval's error, because errors accumulate along the motion.
 SHARE = 0.2
-#: Share of it that a violation between the nodes may use up.
+#: Share of the tolerance allowed for a violation between the nodes.
 ALLOWED = 0.8
-#: Nodes beyond an interval's own on which its error is measured.
+#: Number of nodes, beyond those of an interval, on which its error is measured.
 FINER = 4
-#: How near a bound, as a share of the range between both, a control counts as saturated.
+#: Largest distance of a saturated control from its bound, relative to the range between both bounds.
 SATURATED = 0.02
-#: How near its bound, relative to its typical size, a constraint counts as binding at a node.
+#: Largest distance of an active constraint from its bound at a node, relative to its typical size.
 BINDING = 1e-4
-#: Share of a control's range that a step from node to node must take to count as chatter, and how
-#: often the steps must turn.
+#: Smallest step between nodes that counts as chattering, relative to a control's range, and smallest
+#: number of changes of its direction.
 STEP, TURNS = 0.15, 2
 
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """What an interval-by-interval look at one phase found.
+    """Assessment of one phase by intervals.
 
     Parameters
     ----------
     errors : ndarray, shape (intervals,)
-        Relative error of motion and integrals.
+        Relative errors of motion and integrals.
     violations : ndarray, shape (intervals,)
-        Largest violation of state bounds and path constraints between the nodes, relative.
+        Largest relative violations of state bounds and path constraints between the nodes.
     decays : ndarray, shape (intervals,)
-        Decades by which the controls' Legendre coefficients fall a degree.
+        Decay of the controls' Legendre coefficients, in decades per degree.
     tails : ndarray, shape (intervals,)
-        Largest coefficient of the upper half of the degrees, as a share of the control's size.
+        Largest coefficients of the upper half of the degrees, relative to the control's size.
     cuts : tuple of (float or None)
-        Where a control switches from bound to bound within the interval, in [-1, 1].
+        Places in [-1, 1] at which a control switches between its bounds.
     windows : tuple of tuple
-        Where, in [-1, 1], some constraint begins or ceases to bind: pairs of neighbouring nodes.
+        Pairs of neighbouring nodes, in [-1, 1], between which a constraint becomes active or
+        inactive.
     chatters : ndarray of bool, shape (intervals,)
-        Where a control goes to and fro from node to node.
+        Intervals in which a control alternates from node to node.
     places : ndarray, shape (intervals,)
-        Where, in [-1, 1], the plan is furthest from its dynamics or constraints.
+        Places in [-1, 1] of the largest violation of the dynamics or constraints.
     sizes : PhaseSizes
-        The sizes of the phase along the plan.
+        Sizes of the phase along the plan.
     """
 
     errors: Floats
@@ -82,13 +83,13 @@ class Report:
 
     @cached_property
     def worst(self) -> Floats:
-        """The larger of error and violation, an interval each, in terms of the error."""
-        found: Floats = np.maximum(self.errors, self.violations * (SHARE / ALLOWED))
-        return found
+        """The larger of error and violation per interval, on the scale of the error."""
+        result: Floats = np.maximum(self.errors, self.violations * (SHARE / ALLOWED))
+        return result
 
 
 def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
-    """Return the report on one phase of a plan; intervals with the same nodes go together."""
+    """Return the report on one phase of a plan; intervals with equal nodes are evaluated together."""
     count = part.states.intervals
     errors, violations, places = np.zeros(count), np.zeros(count), np.zeros(count)
     decays, tails, chatters = np.zeros(count), np.zeros(count), np.zeros(count, bool)
@@ -96,35 +97,36 @@ def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
     with np.errstate(invalid="ignore", over="ignore"):
         course = Course(phase, part, parameters)
         sizes = course.sizes
-        for one in _groups(course):
-            rows = one.rows
-            errors[rows], places[rows] = _errors(one, sizes.states, sizes.integrals)
-            violations[rows], where = _violated(phase, one, sizes)
-            places[rows] = np.where(violations[rows] > errors[rows], where, places[rows])
-            decays[rows], tails[rows] = _decays(phase, one)
-            chatters[rows] = _chatters(phase, one.controls)
-            for k, found in zip(rows, _windows(phase, one), strict=True):
-                windows[k] = found
+        for group in _groups(course):
+            rows = group.rows
+            errors[rows], places[rows] = _errors(group, sizes.states, sizes.integrals)
+            violations[rows], positions = _violations(phase, group, sizes)
+            places[rows] = np.where(violations[rows] > errors[rows], positions, places[rows])
+            decays[rows], tails[rows] = _decays(phase, group)
+            chatters[rows] = _chatters(phase, group.controls)
+            for k, pairs in zip(rows, _windows(phase, group), strict=True):
+                windows[k] = pairs
     cuts = _switches(phase, part)
     return Report(errors, violations, decays, tails, cuts, tuple(windows), chatters, places, sizes)
 
 
 class _Group(NamedTuple):
-    """Intervals with the same nodes, and what the plan and its functions are at the same places of each.
+    """Intervals with equal nodes, with the values of the plan and its functions at the same positions.
 
     Attributes
     ----------
     rows : ndarray of int, shape (intervals,)
-        Which intervals.
+        Indices of the intervals.
     half : ndarray, shape (intervals,)
         Half their lengths.
     nodes : ndarray
-        Where the controls stand, in [-1, 1].
+        Positions of the controls, in [-1, 1].
     controls : ndarray, shape (intervals, nodes, size)
-        The controls there, as they stand.
+        Values of the controls at their nodes, without saturation.
     fine, between, own, quadrature : tuple of ndarray and dict
-        The places in [-1, 1], and tables of shape (intervals, places, size): a finer grid with both
-        ends; one that is crowded towards the ends; the controls' nodes; and the rule of these.
+        Positions in [-1, 1], and tables of shape (intervals, positions, size): a finer grid with
+        both ends, a grid that clusters towards the ends, the controls' nodes, and a quadrature rule
+        with as many nodes.
     """
 
     rows: NDArray[np.int64]
@@ -141,107 +143,107 @@ _Look = tuple[Floats, dict[str, Floats]]
 
 
 def _groups(course: Course) -> list[_Group]:
-    """Return the intervals by their nodes; the declared functions are called once for all."""
+    """Return the intervals grouped by their nodes, after one call of the declared functions."""
     states, controls = course.plan.states, course.plan.controls
     alike: dict[tuple[bytes, bytes], list[int]] = {}
     for k, (x, u) in enumerate(zip(states.nodes, controls.nodes, strict=True)):
         alike.setdefault((x.tobytes(), u.tobytes()), []).append(k)
     plans = []
     for rows in map(np.array, alike.values()):
-        nodes, more = controls.nodes[rows[0]], states.nodes[rows[0]].size
-        fine = gauss_points(max(more, nodes.size) + FINER)[0]
-        crowded = -np.cos(np.linspace(0.0, np.pi, 3 * more + 8))
+        nodes, count = controls.nodes[rows[0]], states.nodes[rows[0]].size
+        fine = gauss_points(max(count, nodes.size) + FINER)[0]
+        crowded = -np.cos(np.linspace(0.0, np.pi, 3 * count + 8))
         rule = gauss_points(nodes.size)[0] if course.phase.integrals else np.zeros(0)
         places = [np.concatenate([[-1.0], fine, [1.0]]), crowded, nodes, rule]
         plans.append((rows, places, course.spread(rows, np.concatenate(places))))
-    at = Instants(*map(np.concatenate, zip(*(one for _, _, one in plans), strict=True)))
-    values = {"states": at.states, "controls": at.controls, **course.values(at)}
+    instants = Instants(*map(np.concatenate, zip(*(item for _, _, item in plans), strict=True)))
+    values = {"states": instants.states, "controls": instants.controls, **course.values(instants)}
     groups, begin = [], 0
-    for rows, places, own in plans:
-        end = begin + own.tau.size
+    for rows, places, spread_instants in plans:
+        end = begin + spread_instants.tau.size
         tables = {
             name: table[begin:end].reshape(rows.size, sum(map(len, places)), table.shape[1])
             for name, table in values.items()
         }
         begin = end
-        cuts = np.cumsum([0, *(one.size for one in places)])
-        looks = (
+        cuts = np.cumsum([0, *(item.size for item in places)])
+        views = (
             (tau, {name: table[:, low:high] for name, table in tables.items()})
             for tau, low, high in zip(places, cuts[:-1], cuts[1:], strict=True)
         )
         half = 0.5 * np.diff(states.knots)[rows]
         stacked = np.stack([controls.values[k] for k in rows])
-        groups.append(_Group(rows, half, places[2], stacked, *looks))
+        groups.append(_Group(rows, half, places[2], stacked, *views))
     return groups
 
 
-def _errors(one: _Group, size: Floats, whole: Floats) -> tuple[Floats, Floats]:
-    """Return the errors of motion and integrals, and where the motion is most wrong."""
-    tau, tables = one.fine
+def _errors(group: _Group, size: Floats, integral_sizes: Floats) -> tuple[Floats, Floats]:
+    """Return the errors of motion and integrals, and the place of the largest residual."""
+    tau, tables = group.fine
     fine, onto = integration(tau.size - 2)
-    half = one.half[:, None, None]
-    moved = tables["states"][:, :1] + half * (onto @ tables["rate"][:, 1:-1])
-    off = (np.abs(moved - tables["states"][:, 1:]) / size).max(axis=2)
-    errors = off.max(axis=1)
-    own = one.quadrature[0].size
-    if own:
-        before = gauss_points(own)[1] @ one.quadrature[1]["integrand"]
-        again = gauss_points(fine.size)[1] @ tables["integrand"][:, 1:-1]
-        gap = one.half[:, None] * np.abs(again - before) / whole
-        errors = np.maximum(errors, gap.max(axis=1))
-    # The residual between two neighbours on the fine grid shows where the motion is wrong.
-    steps = np.abs(np.diff(off[:, :-1], axis=1, prepend=0.0))
+    half = group.half[:, None, None]
+    integrated = tables["states"][:, :1] + half * (onto @ tables["rate"][:, 1:-1])
+    residual = (np.abs(integrated - tables["states"][:, 1:]) / size).max(axis=2)
+    errors = residual.max(axis=1)
+    count = group.quadrature[0].size
+    if count:
+        coarse = gauss_points(count)[1] @ group.quadrature[1]["integrand"]
+        finer_value = gauss_points(fine.size)[1] @ tables["integrand"][:, 1:-1]
+        difference = group.half[:, None] * np.abs(finer_value - coarse) / integral_sizes
+        errors = np.maximum(errors, difference.max(axis=1))
+    # The residual between neighbours on the fine grid locates the error of the motion.
+    steps = np.abs(np.diff(residual[:, :-1], axis=1, prepend=0.0))
     return np.where(np.isfinite(errors), errors, np.inf), fine[steps.argmax(axis=1)]
 
 
-def _violated(phase: Phase, one: _Group, sizes: PhaseSizes) -> tuple[Floats, Floats]:
-    """Return the largest relative violation between the nodes of each interval, and where it lies."""
-    tau, tables = one.between
-    worst, where = np.zeros(one.rows.size), np.zeros(one.rows.size)
-    asked = [("states", tables["states"], sizes.states)]
+def _violations(phase: Phase, group: _Group, sizes: PhaseSizes) -> tuple[Floats, Floats]:
+    """Return the largest relative violation between the nodes of each interval, and its place."""
+    tau, tables = group.between
+    worst, where = np.zeros(group.rows.size), np.zeros(group.rows.size)
+    checks = [("states", tables["states"], sizes.states)]
     if phase.paths:
-        asked.append(("paths", tables["path"], sizes.paths))
-    for what, values, least in asked:
+        checks.append(("paths", tables["path"], sizes.paths))
+    for what, values, smallest in checks:
         for edge, sign in zip(phase.bounds(what), (-1.0, 1.0), strict=True):
             known = np.isfinite(edge)
             if known.any():
-                scale = np.maximum(least[known], np.abs(edge[known]))
-                off = (sign * (values[:, :, known] - edge[known]) / scale).max(axis=2)
-                off = np.where(np.isnan(off), np.inf, off)
-                most = off.max(axis=1)
-                where = np.where(most > worst, tau[off.argmax(axis=1)], where)
-                worst = np.maximum(worst, most)
+                scale = np.maximum(smallest[known], np.abs(edge[known]))
+                excess = (sign * (values[:, :, known] - edge[known]) / scale).max(axis=2)
+                excess = np.where(np.isnan(excess), np.inf, excess)
+                largest = excess.max(axis=1)
+                where = np.where(largest > worst, tau[excess.argmax(axis=1)], where)
+                worst = np.maximum(worst, largest)
     return worst, where
 
 
-def _decays(phase: Phase, one: _Group) -> tuple[Floats, Floats]:
-    """Return by how many decades a degree the controls' Legendre coefficients fall, and their tail."""
-    count, degrees, controls = one.controls.shape
+def _decays(phase: Phase, group: _Group) -> tuple[Floats, Floats]:
+    """Return the decay of the controls' Legendre coefficients in decades per degree, and their tail."""
+    count, degrees, controls = group.controls.shape
     if degrees < 4 or not controls:
         return np.ones(count), np.ones(count)
-    table = legendre.legvander(one.nodes, degrees - 1)
-    own = np.abs(np.linalg.solve(table, one.controls))
-    scale = np.maximum(phase.stacked("controls", "scale"), np.abs(one.controls).max(axis=1))
-    constant = own[:, 1:].max(axis=1) <= 1e-7 * scale
+    table = legendre.legvander(group.nodes, degrees - 1)
+    coefficients = np.abs(np.linalg.solve(table, group.controls))
+    scale = np.maximum(phase.stacked("controls", "scale"), np.abs(group.controls).max(axis=1))
+    constant = coefficients[:, 1:].max(axis=1) <= 1e-7 * scale
     scale = scale[:, None]
-    # The envelope from above: the largest coefficient from each degree on.
-    envelope = np.maximum.accumulate(own[:, ::-1], axis=1)[:, ::-1]
+    # Upper envelope: the largest coefficient from each degree on.
+    envelope = np.maximum.accumulate(coefficients[:, ::-1], axis=1)[:, ::-1]
     logs = np.log10(np.maximum(envelope, 1e-9 * scale))
     floor = envelope <= 1e-8 * scale
     end = np.where(floor.any(axis=1), np.maximum(floor.argmax(axis=1) + 1, 3), degrees)
-    # The straight line of least squares through the degrees below the floor.
+    # Least-squares line through the degrees below the floor.
     degree = np.arange(degrees)[:, None]
     lever = np.where(degree < end[:, None], degree - 0.5 * (end[:, None] - 1), 0.0)
     slopes = -(lever * logs).sum(axis=1) / (lever**2).sum(axis=1)
-    found: Floats = np.where(constant, 2.0, slopes).min(axis=1)
+    result: Floats = np.where(constant, 2.0, slopes).min(axis=1)
     tails: Floats = (envelope[:, (degrees + 1) // 2] / scale[:, 0]).max(axis=1)
-    return np.minimum(found, 2.0), tails
+    return np.minimum(result, 2.0), tails
 
 
-def _windows(phase: Phase, one: _Group) -> Iterator[tuple[tuple[float, float], ...]]:
-    """Yield the pairs of neighbouring nodes between which a constraint begins or ceases to bind."""
-    tau, tables = one.own
-    changes = np.zeros((one.rows.size, tau.size - 1), bool)
+def _windows(phase: Phase, group: _Group) -> Iterator[tuple[tuple[float, float], ...]]:
+    """Yield the pairs of neighbouring nodes between which a constraint becomes active or inactive."""
+    tau, tables = group.own
+    changes = np.zeros((group.rows.size, tau.size - 1), bool)
     for what, name in (("states", "states"), ("controls", "controls"), ("paths", "path")):
         scale = BINDING * phase.stacked(what, "scale")
         for side in ("lower", "upper"):
@@ -252,26 +254,26 @@ def _windows(phase: Phase, one: _Group) -> Iterator[tuple[tuple[float, float], .
 
 
 def _chatters(phase: Phase, values: Floats) -> NDArray[np.bool_]:
-    """Return in which intervals a control goes to and fro from node to node."""
+    """Return in which intervals a control alternates from node to node."""
     low, high = phase.bounds("controls")
-    found = np.zeros(len(values), bool)
+    result = np.zeros(len(values), bool)
     for c in np.flatnonzero(np.isfinite(high - low) & (high > low)):
         for k, steps in enumerate(np.diff(values[:, :, c], axis=1) / (high[c] - low[c])):
             steps = steps[np.abs(steps) > STEP]
-            found[k] |= (steps[1:] * steps[:-1] < 0.0).sum() >= TURNS
-    return found
+            result[k] |= (steps[1:] * steps[:-1] < 0.0).sum() >= TURNS
+    return result
 
 
 def _switches(phase: Phase, part: PhasePlan) -> tuple[float | None, ...]:
-    """Return where within each interval a control goes from one bound to the other, None if nowhere."""
+    """Return the place in each interval at which a control moves from one bound to the other, or None."""
     low, high = phase.bounds("controls")
     controls = part.controls
-    found: list[float | None] = [None] * controls.intervals
-    sizes = np.array([at.size for at in controls.nodes])
+    result: list[float | None] = [None] * controls.intervals
+    sizes = np.array([nodes.size for nodes in controls.nodes])
     first, last = (np.array([v[end] for v in controls.values]) for end in (0, -1))
     for c in np.flatnonzero(np.isfinite(high - low) & (high > low)):
         before, after = ((v[:, c] - low[c]) / (high[c] - low[c]) for v in (first, last))
-        # Two nodes tell too little: there the neighbours' ends count.
+        # Two nodes are too few: use the ends of the neighbours.
         before, after = (
             np.where(sizes < 3, np.append(before[0], after[:-1]), before),
             np.where(sizes < 3, np.append(before[1:], after[-1]), after),
@@ -279,10 +281,12 @@ def _switches(phase: Phase, part: PhasePlan) -> tuple[float | None, ...]:
         falls = (before > 1.0 - SATURATED) & (after < SATURATED)
         rises = (before < SATURATED) & (after > 1.0 - SATURATED)
         for k in np.flatnonzero(falls | rises):
-            if found[k] is None:
+            if result[k] is None:
                 fine, weights = gauss_points(int(sizes[k]) + 2)
-                own = (controls.values[k][:, c] - low[c]) / (high[c] - low[c])
-                mean = 0.5 * float(weights @ (interpolation(controls.nodes[k], fine) @ own))
+                share_of_range = (controls.values[k][:, c] - low[c]) / (high[c] - low[c])
+                mean = 0.5 * float(
+                    weights @ (interpolation(controls.nodes[k], fine) @ share_of_range)
+                )
                 share = mean if falls[k] else 1.0 - mean
-                found[k] = float(np.clip(2.0 * share - 1.0, -0.995, 0.995))
-    return tuple(found)
+                result[k] = float(np.clip(2.0 * share - 1.0, -0.995, 0.995))
+    return tuple(result)

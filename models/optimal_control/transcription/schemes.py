@@ -1,11 +1,11 @@
 """Collocation schemes: where the dynamics are imposed within an interval, and how.
 
-Within an interval, mapped to τ in [-1, 1], every scheme reads
+Within an interval, mapped to τ in [-1, 1], every scheme has the form
 
     left @ X = (h / 2) right @ F,
 
-where X are the states at all points of the interval, its two ends included, F the rates at the
-collocated points, and h the interval's length in time.
+with the states X at all points of the interval including both ends, the rates F at the collocated
+points, and the interval's length h in time.
 """
 
 from __future__ import annotations
@@ -36,26 +36,27 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Scheme:
-    """One interval's collocation.
+    """Collocation scheme of one interval.
 
     Parameters
     ----------
     name : str
-        Its name.
+        Name of the scheme.
     points : ndarray, shape (points,)
-        Where states stand, from -1 to 1, both included.
+        Positions of the states, from -1 to 1 inclusive.
     collocated : ndarray of int, shape (collocated,)
-        Which of the points have a control, and the dynamics imposed.
+        Indices of the points at which controls exist and the dynamics are imposed.
     left : ndarray, shape (rows, points)
         Coefficients of the states.
     right : ndarray, shape (rows, collocated)
         Coefficients of ``(h / 2) F``.
     weights : ndarray, shape (collocated,)
-        Quadrature weights, of sum 2.
+        Quadrature weights with sum 2.
     plan_points : ndarray, shape (m,)
-        Nodes that carry the state's polynomial.
+        Nodes of the state's polynomial.
     from_states : ndarray, shape (m, points)
-        With `from_rates`, the polynomial's values there: ``from_states @ X + (h / 2) from_rates @ F``.
+        With `from_rates`, the polynomial's values at its nodes:
+        ``from_states @ X + (h / 2) from_rates @ F``.
     from_rates : ndarray, shape (m, collocated)
         See `from_states`.
     shared : bool
@@ -74,29 +75,29 @@ class Scheme:
     shared: bool = False
 
     def __post_init__(self) -> None:
-        # Made once and handed to all: none may change them.
+        # Schemes are cached and shared, so their arrays are read-only.
         for name, value in tuple(vars(self).items()):
             if isinstance(value, np.ndarray):
                 object.__setattr__(self, name, frozen(value))
 
     @property
     def control_points(self) -> Floats:
-        """Where the controls stand, in [-1, 1]."""
+        """Positions of the controls, in [-1, 1]."""
         return self.points[self.collocated]
 
     def costates(self, duals: Floats) -> tuple[Floats, Floats] | None:
         """Return nodes and costates there, from row multipliers of shape (rows, states).
 
-        The covector mapping: a multiplier of a row is the gain of a change of its right-hand side.
-        None where the scheme has no mapping.
+        The covector mapping: the multiplier of a row is the derivative of the objective with respect to
+        its right-hand side. None if the scheme has no mapping.
         """
         return None
 
 
 class _Gauss(Scheme):
     def costates(self, duals: Floats) -> tuple[Floats, Floats]:
-        # The last row moves the end alone, the others the rate at a node over its weight (Benson
-        # 2005). At the begin, what the polynomial's differentiation leaves of the multipliers.
+        # The last row shifts the end alone. The others change the rate at a node, divided by its
+        # weight (Benson 2005). The begin takes the remainder of the differentiated polynomial.
         inner, end = duals[:-1], duals[-1]
         nodes = inner / self.weights[:, None] + end
         begin = end - self.left[:-1, 0] @ inner
@@ -111,16 +112,16 @@ class _Radau(Scheme):
 
 @cache
 def gauss_points(count: int) -> tuple[Floats, Floats]:
-    """Return the Legendre-Gauss nodes and weights, exact for polynomials of degree 2 count - 1."""
+    """Return the Legendre-Gauss nodes and weights, exact for polynomials of degree ``2 count - 1``."""
     nodes, weights = legendre.leggauss(count)
     return frozen(nodes), frozen(weights)
 
 
 @cache
 def radau_points(count: int) -> tuple[Floats, Floats]:
-    """Return the Legendre-Gauss-Radau nodes with 1 among them and weights (degree 2 count - 2).
+    """Return the Legendre-Gauss-Radau nodes, which include 1, and weights (degree ``2 count - 2``).
 
-    The roots of P_count - P_(count-1), polished by Newton's method.
+    The nodes are roots of P_count - P_(count-1), polished by Newton's method.
     """
     if count == 1:
         return frozen(np.ones(1)), frozen(np.full(1, 2.0))
@@ -157,11 +158,11 @@ def gauss(count: int) -> Scheme:
 
 @cache
 def radau(count: int) -> Scheme:
-    """Return the Radau scheme with `count` nodes, the interval's end among them (Radau IIA).
+    """Return the Radau scheme with `count` nodes, which include the interval's end (Radau IIA).
 
     Garg, Patterson, Hager, Rao, Benson and Huntington, "A unified framework for the numerical
     solution of optimal control problems using pseudospectral methods", Automatica 46 (2010), with
-    the nodes mirrored: the end is collocated, the start is not.
+    mirrored nodes: the end is collocated, the start is not.
     """
     nodes, weights = radau_points(count)
     points = np.concatenate([[-1.0], nodes])
@@ -173,10 +174,10 @@ def radau(count: int) -> Scheme:
 
 @cache
 def hermite_simpson(count: int = 3) -> Scheme:
-    """Return the separated Hermite-Simpson scheme, of 3 nodes (Betts 2010, section 4.6.6)."""
+    """Return the separated Hermite-Simpson scheme with 3 nodes (Betts 2010, section 4.6.6)."""
     left = np.array([[-0.5, 1.0, -0.5], [-1.0, 0.0, 1.0]])
     right = np.array([[0.25, 0.0, -0.25], [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]])
-    # The cubic through both ends with their slopes, at four even nodes.
+    # The cubic with the values and slopes of both ends, at four equidistant nodes.
     t = np.array([-1.0, -1.0 / 3.0, 1.0 / 3.0, 1.0])
     s = 0.5 * (t + 1.0)
     states = np.zeros((4, 3))
@@ -193,8 +194,8 @@ def hermite_simpson(count: int = 3) -> Scheme:
 
 @cache
 def trapezoid(count: int = 2) -> Scheme:
-    """Return the trapezoidal scheme, of 2 nodes (Betts 2010, section 4.6.5)."""
-    # The quadratic that begins at the first state with both slopes; it ends at the second by the rule.
+    """Return the trapezoidal scheme with 2 nodes (Betts 2010, section 4.6.5)."""
+    # The quadratic from the first state with both slopes; the rule makes it end at the second state.
     states = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
     rates = np.array([[0.0, 0.0], [0.25, -0.25], [0.0, 0.0]])
     points, nodes = np.array([-1.0, 1.0]), np.array([-1.0, 0.0, 1.0])
@@ -206,14 +207,17 @@ def trapezoid(count: int = 2) -> Scheme:
 
 @cache
 def integration(count: int) -> tuple[Floats, Floats]:
-    """Return `count` Legendre-Gauss nodes, and the matrix that integrates from -1 to each node and 1.
+    """Return `count` Legendre-Gauss nodes, and the matrix of integrals from -1 to each node and to 1.
 
-    Shape (count + 1, count): exact for polynomials through the values at the nodes.
+    The matrix has the shape (count + 1, count). It is exact for polynomials through the values at
+    the nodes.
     """
     nodes, weights = gauss_points(count)
     matrix = np.empty((count + 1, count))
-    own = barycentric_weights(nodes)
+    barycentric = barycentric_weights(nodes)
     for row, end in enumerate(np.append(nodes, 1.0)):
         half = 0.5 * (end + 1.0)
-        matrix[row] = half * weights @ interpolation(nodes, -1.0 + half * (nodes + 1.0), own)
+        matrix[row] = (
+            half * weights @ interpolation(nodes, -1.0 + half * (nodes + 1.0), barycentric)
+        )
     return frozen(nodes), frozen(matrix)

@@ -1,4 +1,4 @@
-"""Other starts for a search: a guess with waves drawn by a seed."""
+"""Random starts for a search: a guess with random waves."""
 
 from __future__ import annotations
 
@@ -12,16 +12,25 @@ __all__ = ["draw_start"]
 
 Floats = NDArray[np.float64]
 
-#: How far a drawn start strays: share of a quantity's range.
+#: Amplitude of the waves, relative to a quantity's range.
 STRAY = 0.4
-#: Waves that a drawn start is made of.
+#: Number of waves of a random start.
 WAVES = 4
 
 
 def draw_start(definition: Definition, guess: ControlPlan, seed: int) -> ControlPlan:
-    """Return `guess` with smooth waves added to it, drawn by `seed`; both ends of states stay.
+    """Return `guess` with smooth random waves; the values of states at both ends are kept.
 
-    Waves of a control need not vanish at its ends. Free end times are stretched at random.
+    Waves of a control do not have to vanish at its ends. Free end times are scaled at random.
+
+    Parameters
+    ----------
+    definition : Definition
+        Problem.
+    guess : ControlPlan
+        Guess to modify.
+    seed : int
+        Seed of the random numbers.
     """
     draw = np.random.default_rng(seed)
     phases = []
@@ -29,7 +38,7 @@ def draw_start(definition: Definition, guess: ControlPlan, seed: int) -> Control
         start, end = _times(phase, part, draw)
         knots = start + (part.states.knots - part.start) * (end - start) / part.duration
         knots[-1] = end
-        made = []
+        parts = []
         for what, source in (("states", part.states), ("controls", part.controls)):
             low, high = phase.bounds(what)
             scale = phase.stacked(what, "scale")
@@ -39,15 +48,19 @@ def draw_start(definition: Definition, guess: ControlPlan, seed: int) -> Control
             sines = draw.normal(size=(WAVES, source.size)) / np.arange(1, WAVES + 1)[:, None]
             cosines = draw.normal(size=(WAVES + 1, source.size))
             values = []
-            for k, (at, table) in enumerate(zip(source.nodes, source.values, strict=True)):
-                f = source.knots[k] + 0.5 * (at + 1.0) * (source.knots[k + 1] - source.knots[k])
+            for k, (positions, table) in enumerate(zip(source.nodes, source.values, strict=True)):
+                f = source.knots[k] + 0.5 * (positions + 1.0) * (
+                    source.knots[k + 1] - source.knots[k]
+                )
                 f = (f - part.start) / part.duration
                 wave = np.sin(np.pi * np.outer(f, np.arange(1, WAVES + 1))) @ sines
                 if what == "controls":
                     wave = np.cos(np.pi * np.outer(f, np.arange(WAVES + 1))) @ cosines
                 values.append(np.clip(table + reach * wave, low, high))
-            made.append(Piecewise(knots, source.nodes, tuple(values), source.lower, source.upper))
-        phases.append(PhasePlan(part.name, made[0], made[1], part.state_names, part.control_names))
+            parts.append(Piecewise(knots, source.nodes, tuple(values), source.lower, source.upper))
+        phases.append(
+            PhasePlan(part.name, parts[0], parts[1], part.state_names, part.control_names)
+        )
     return ControlPlan(tuple(phases), guess.parameters)
 
 
