@@ -74,7 +74,7 @@ class ConicRun(Run):
         A point with terms of unusual size must hold once more, and much better.
         """
         found = self.quality(ending)
-        if found is None or self.over():
+        if found is None or self.limit_reached():
             return found
         usual = LARGE if found.violation <= ROUNDING else LARGE_AND_OFF
         if _measured(self.problem, found.point)[0] <= usual:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...models.model import Model
 from ...models.programs.cones import ConeBlock, ConeKind
 from ...models.programs.conic import ConicProgram
-from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from ..qp.base import COMMON
 from ..qp.forms import ConicForm
@@ -73,7 +73,7 @@ class Ecos(ConvexBackend):
             feastol=tolerance,
             abstol=tolerance,
             reltol=tolerance,
-            **own_options(request),
+            **solver_options(request),
         )
         clock.lap("solve")
         status = int(found["info"]["exitFlag"])

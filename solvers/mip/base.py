@@ -17,7 +17,17 @@ from numpy.typing import NDArray
 
 from ...models.model import Model
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending, above_cutoff, allowed, holds, limited, obvious, stopped
+from ..attempts import (
+    Clock,
+    Ended,
+    Ending,
+    above_cutoff,
+    ending_if_stopped,
+    is_satisfied,
+    loosened_cutoff,
+    stop_reason,
+    trivial_ending,
+)
 from ..backend import Answer, Backend, Control, Feature, Guarantee, Limit, Request, Termination
 from ..scaling import Scaling
 
@@ -84,7 +94,7 @@ def with_cutoff_row(program: MixedIntegerProgram, cutoff: float | None) -> Mixed
         program,
         matrix=sp.csr_array(sp.vstack([program.matrix, sp.csr_array(program.cost[None, :])])),
         row_lower=np.append(program.row_lower, -np.inf),
-        row_upper=np.append(program.row_upper, allowed(cutoff) - program.offset),
+        row_upper=np.append(program.row_upper, loosened_cutoff(cutoff) - program.offset),
         rows=(),
     )
 
@@ -139,7 +149,7 @@ class ProgramBackend(Backend):
 
     def _run(self, problem: MixedIntegerProgram, request: Request) -> Answer:
         clock = Clock(request.time_limit)
-        ending = obvious(problem, request) or stopped(request, clock)
+        ending = trivial_ending(problem, request) or ending_if_stopped(request, clock)
         if ending is None:
             ending = self.attempt(problem, request, clock)
             if ending.ended is Ended.UNCLEAR or (
@@ -157,9 +167,9 @@ class ProgramBackend(Backend):
         whole points. With rational data, a feasible program whose relaxation is unbounded is
         unbounded itself.
         """
-        over = stopped(request, clock)
-        if over is not None:
-            return over
+        ending = ending_if_stopped(request, clock)
+        if ending is not None:
+            return ending
         # The cutoff stays, as a row: it may be what makes the program infeasible.
         posed = with_cutoff_row(program, request.cutoff)
         question = replace(posed, cost=np.zeros(program.size), offset=0.0)
@@ -170,7 +180,7 @@ class ProgramBackend(Backend):
         if probe.ended is Ended.PROVEN or probe.point is not None:
             return replace(first, ended=Ended.UNBOUNDED, point=probe.point, bound=None, duals=None)
         if probe.ended is Ended.STOPPED:
-            return replace(probe, limit=limited(request.control, probe.limit or Limit.TIME))
+            return replace(probe, limit=stop_reason(request.control, probe.limit or Limit.TIME))
         return replace(probe, bound=None, duals=None)
 
 
@@ -180,7 +190,7 @@ def _tidied(program: MixedIntegerProgram, point: Vector, tolerance: float) -> Ve
     tidy[program.integral] = np.round(tidy[program.integral])
     if np.array_equal(tidy, point):
         return tidy
-    return tidy if holds(program, tidy, tolerance) else point
+    return tidy if is_satisfied(program, tidy, tolerance) else point
 
 
 def _conclude(
@@ -190,7 +200,7 @@ def _conclude(
     point, objective = None, None
     if ending.point is not None and ending.ended is not Ended.UNBOUNDED:
         point = _tidied(program, np.array(ending.point, float), request.tolerance)
-        if ending.ended is Ended.STOPPED and not holds(program, point, request.tolerance):
+        if ending.ended is Ended.STOPPED and not is_satisfied(program, point, request.tolerance):
             # A stopped solver may hand back whatever it held, a simplex vertex on its way say.
             point = None
         else:
@@ -208,7 +218,7 @@ def _conclude(
     match ending.ended:
         case Ended.PROVEN:
             if request.cutoff is not None and (
-                objective is None or objective > allowed(request.cutoff)
+                objective is None or objective > loosened_cutoff(request.cutoff)
             ):
                 return above_cutoff(answer, request.cutoff)
             return replace(answer, termination=Termination.OPTIMAL)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import UnsupportedFormulation
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending, allowed, limited, watched
+from ..attempts import Clock, Ended, Ending, forward_stop, loosened_cutoff, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from .base import CALLED_BACK, Incumbents, ProgramBackend
 
@@ -82,7 +82,7 @@ class CpSat(ProgramBackend):
         left = clock.left()
         if left is not None:
             solver.parameters.max_time_in_seconds = left
-        with watched(request.control, solver.stop_search):
+        with forward_stop(request.control, solver.stop_search):
             status = solver.solve(model, Listener())
         clock.lap("solve")
         return _ending(cp_model, solver, status, columns, whole, model, request)
@@ -188,7 +188,7 @@ def _model(cp_model: Any, whole: _Whole, request: Request) -> tuple[Any, list[An
         model.minimize(objective)
         model.proto.objective.offset = whole.offset
     if request.cutoff is not None and used:
-        most = math.floor(allowed(request.cutoff) * whole.scale - whole.offset)
+        most = math.floor(loosened_cutoff(request.cutoff) * whole.scale - whole.offset)
         least = -LARGEST
         model.add_linear_constraint(objective, least, max(most, least))
     if request.warm_start is not None:
@@ -240,7 +240,7 @@ def _ending(
         ended,
         point,
         bound if ended in (Ended.PROVEN, Ended.STOPPED) else None,
-        limit=limited(request.control, Limit.TIME) if ended is Ended.STOPPED else None,
+        limit=stop_reason(request.control, Limit.TIME) if ended is Ended.STOPPED else None,
         statistics={"branches": int(solver.num_branches), "conflicts": int(solver.num_conflicts)},
         message=message,
     )

@@ -14,7 +14,7 @@ from ...models.model import Model
 from ...models.programs.base import RowProgram
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
-from ..attempts import Clock, Ended, Ending, solver_tolerance, stopped
+from ..attempts import Clock, Ended, Ending, ending_if_stopped, solver_tolerance
 from ..backend import Answer, Feature, Option, Request
 from ..conic.base import ConicRun
 from ..cvxpy_library import Solved, chosen, found, solve_by_cvxpy
@@ -123,7 +123,7 @@ def _called_back(program: MixedIntegerProgram, request: Request, clock: Clock) -
     Where CVXPY calls it, it takes no stop, and what it has found is lost with its process.
     """
     problem, columns = with_offset_column(program).to_cvxpy()
-    late = stopped(request, clock)
+    late = ending_if_stopped(request, clock)
     if late is not None:
         return late
     data = problem.get_problem_data("HIGHS")[0]

@@ -10,7 +10,16 @@ import numpy as np
 
 from ...errors import BackendBroken
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending, Meaning, allowed, limited, solver_tolerance, watched
+from ..attempts import (
+    Clock,
+    Ended,
+    Ending,
+    Meaning,
+    forward_stop,
+    loosened_cutoff,
+    solver_tolerance,
+    stop_reason,
+)
 from ..backend import Feature, Limit, Option, Request
 from .base import CALLED_BACK, Incumbents, ProgramBackend
 
@@ -71,7 +80,7 @@ def _parameters(program: MixedIntegerProgram, request: Request) -> dict[str, Any
     if request.threads is not None:
         parameters["Threads"] = request.threads
     if request.cutoff is not None and not program.continuous:
-        parameters["Cutoff"] = allowed(request.cutoff)
+        parameters["Cutoff"] = loosened_cutoff(request.cutoff)
     return parameters
 
 
@@ -102,7 +111,7 @@ def _solve(
     left = clock.left()
     if left is not None:
         model.Params.TimeLimit = left
-    with watched(request.control, model.terminate):
+    with forward_stop(request.control, model.terminate):
         model.optimize(heard)
     clock.lap("solve")
     return _ending(grb, model, program, request, columns, rows)
@@ -142,7 +151,7 @@ def _ending(
         grb.WORK_LIMIT: exhausted,
         # All nodes are done, yet the optimum is not within the tolerances.
         grb.SUBOPTIMAL: Ended.STOPPED,
-        grb.INTERRUPTED: (Ended.STOPPED, limited(request.control)),
+        grb.INTERRUPTED: (Ended.STOPPED, stop_reason(request.control)),
     }
     found = Ending.read("Gurobi", model.Status, meanings, f"status {model.Status}")
     point, duals, bound = None, None, None

@@ -12,7 +12,7 @@ from ...errors import UnsupportedOption
 from ...models.model import Model
 from ...models.programs.base import RowProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
-from ..attempts import Clock, Ended, Ending, allowed, own_options, solver_tolerance
+from ..attempts import Clock, Ended, Ending, loosened_cutoff, solver_options, solver_tolerance
 from ..backend import Answer, Feature, Option, Request
 from ..highs_library import meanings, run_highs
 from ..qp.base import POLISH, UNPOLISHED, answered
@@ -75,10 +75,10 @@ def search(program: MixedIntegerProgram, request: Request, clock: Clock) -> Any:
         "primal_feasibility_tolerance": tolerance,
         "dual_feasibility_tolerance": tolerance,
         "mip_feasibility_tolerance": tolerance,
-        **own_options(request, "solver"),
+        **solver_options(request, "solver"),
     }
     if request.cutoff is not None and not program.continuous:
-        options["objective_bound"] = allowed(request.cutoff)
+        options["objective_bound"] = loosened_cutoff(request.cutoff)
 
     def prepare(highs: Any) -> None:
         if request.warm_start is not None:

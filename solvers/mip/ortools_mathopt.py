@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending, Meaning, limited, solver_tolerance, watched
+from ..attempts import Clock, Ended, Ending, Meaning, forward_stop, solver_tolerance, stop_reason
 from ..backend import Feature, Limit, Request
 from .base import CALLED_BACK, Incumbents, ProgramBackend, with_cutoff_row
 
@@ -57,7 +57,7 @@ class MathOpt(ProgramBackend):
         if left is not None:
             parameters.time_limit = datetime.timedelta(seconds=left)
         try:
-            with watched(request.control, interrupter.interrupt):
+            with forward_stop(request.control, interrupter.interrupt):
                 result = mathopt.solve(
                     model, kind, params=parameters, interrupter=interrupter, **more
                 )
@@ -167,7 +167,7 @@ def _ending(mathopt: Any, result: Any, program: MixedIntegerProgram, request: Re
     stopped = {
         limits.TIME: Limit.TIME,
         limits.MEMORY: Limit.MEMORY,
-        limits.INTERRUPTED: limited(request.control),
+        limits.INTERRUPTED: stop_reason(request.control),
     }.get(termination.limit, Limit.ITERATIONS)
     meanings: dict[Any, Meaning] = {
         reason.OPTIMAL: Ended.PROVEN,

@@ -15,12 +15,12 @@ from ..attempts import (
     Ended,
     Ending,
     Meaning,
-    allowed,
-    limited,
-    over,
+    ending_if_stopped,
+    forward_stop,
+    limit_reached,
+    loosened_cutoff,
     solver_tolerance,
-    stopped,
-    watched,
+    stop_reason,
 )
 from ..backend import Feature, Limit, Option, Request
 from .base import CALLED_BACK, Incumbents, ProgramBackend
@@ -59,7 +59,7 @@ class Scip(ProgramBackend):
         model = pyscipopt.Model()
         _configure(pyscipopt, model, program, request)
         columns, rows = _build(model, program, request, clock)
-        late = stopped(request, clock)
+        late = ending_if_stopped(request, clock)
         if late is not None:
             clock.lap("build")
             return late
@@ -74,7 +74,7 @@ class Scip(ProgramBackend):
         left = clock.left()
         if left is not None:
             model.setParam("limits/time", left)
-        with watched(request.control, model.interruptSolve):
+        with forward_stop(request.control, model.interruptSolve):
             model.optimizeNogil()
         clock.lap("solve")
         # Freeing the tree lifts its bound to the incumbent, and tells of it.
@@ -104,7 +104,7 @@ def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request
     if request.seed is not None:
         model.setParam("randomization/randomseedshift", request.seed % (2**31))
     if request.cutoff is not None and not program.continuous:
-        model.setObjlimit(allowed(request.cutoff))
+        model.setObjlimit(loosened_cutoff(request.cutoff))
     memory = request.options["memory_limit"]
     if memory is not None:
         warnings.warn(
@@ -133,7 +133,7 @@ def _build(
 
     def until_stopped(items: Iterable[Any]) -> Iterator[Any]:
         for count, item in enumerate(items):
-            if count % LOOK == 0 and over(request, clock) is not None:
+            if count % LOOK == 0 and limit_reached(request, clock) is not None:
                 return
             yield item
 
@@ -212,7 +212,7 @@ def _values(model: Any, solution: Any, columns: list[Any]) -> np.ndarray[Any, np
 def _ending(
     model: Any, program: MixedIntegerProgram, request: Request, columns: list[Any], rows: list[Any]
 ) -> Ending:
-    interrupted = Ended.STOPPED, limited(request.control)
+    interrupted = Ended.STOPPED, stop_reason(request.control)
     exhausted = Ended.STOPPED, Limit.ITERATIONS
     meanings: dict[str, Meaning] = {
         "optimal": Ended.PROVEN,

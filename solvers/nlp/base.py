@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...models.model import Model
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, limited, over, stopped
+from ..attempts import Clock, Ended, Ending, ending_if_stopped, limit_reached, stop_reason
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 from .curvature import descent_by_curvature
 from .quality import Quality, measured, worst_blocks
@@ -115,7 +115,7 @@ class _Run:
     clock: Clock
 
     def answer(self) -> Answer:
-        known = stopped(self.request, self.clock)
+        known = ending_if_stopped(self.request, self.clock)
         if known is not None:
             return self.judged(known)
         start = self.start()
@@ -169,7 +169,7 @@ class _Run:
         assert answer.point is not None
         low, high = self.problem.column_lower, self.problem.column_upper
         for side in (AWAY, -AWAY):
-            if over(self.request, self.clock) is not None:
+            if limit_reached(self.request, self.clock) is not None:
                 break
             start = np.clip(answer.point + side * away, low, high)
             found = self.attempted(start, replace(self.request, warm_start=None))
@@ -237,7 +237,7 @@ class _Run:
     def limit(self, ending: Ending) -> Limit | None:
         """Return the limit that ended the run: a stop asked for goes before the solver's word."""
         if ending.ended is Ended.STOPPED or self.request.control.stopped:
-            return limited(self.request.control, ending.limit or Limit.INTERRUPTED)
+            return stop_reason(self.request.control, ending.limit or Limit.INTERRUPTED)
         return None
 
     def having(self, ending: Ending, found: Quality, kind: Termination, words: str = "") -> Answer:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import BackendBroken
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, over
+from ..attempts import Clock, Ended, Ending, limit_reached
 from ..backend import Feature, Limit, Request
 from ..casadi_plugins import ended_by_words, last_line, load_plugin, status_of, vector
 from .base import COMMON, NonlinearBackend
@@ -80,7 +80,7 @@ class CasadiNlp(NonlinearBackend):
         watcher = None
         if Feature.INTERRUPT in self.features:
             # CasADi keeps no reference of its own: the watcher must outlive the call.
-            watcher = _watcher(program, lambda: over(request, clock))
+            watcher = _watcher(program, lambda: limit_reached(request, clock))
             options["iteration_callback"] = watcher
         options.update(self.settings(program, request))
         left = clock.left()
@@ -120,7 +120,7 @@ class CasadiNlp(NonlinearBackend):
         """Return what the plugin's results say in the program's own units."""
         point, duals = scaled.point(vector(found["x"])), scaled.duals(vector(found["lam_g"]))
         ended, limit = self.ended(stats)
-        late = over(request, clock)
+        late = limit_reached(request, clock)
         if ended is not Ended.PROVEN and late is not None:
             ended, limit = Ended.STOPPED, late
         message = "" if ended is Ended.PROVEN else f"{self.name}: {status_of(stats)}"
@@ -138,7 +138,7 @@ class CasadiNlp(NonlinearBackend):
         self, error: RuntimeError, scaled: Scaled, request: Request, clock: Clock, watcher: Any
     ) -> Ending:
         """Return the ending of a run that CasADi ended with an exception: some end a stop so."""
-        late = over(request, clock)
+        late = limit_reached(request, clock)
         point = duals = None
         if watcher is not None and watcher.last is not None:
             point, duals = scaled.point(watcher.last[0]), scaled.duals(watcher.last[1])
@@ -151,7 +151,7 @@ class CasadiNlp(NonlinearBackend):
         )
 
 
-def _watcher(program: NonlinearProgram, over: Callable[[], Limit | None]) -> Any:
+def _watcher(program: NonlinearProgram, limit_reached: Callable[[], Limit | None]) -> Any:
     """Return a CasADi callback that stops the plugin once `over` names a limit."""
     import casadi
 
@@ -177,7 +177,7 @@ def _watcher(program: NonlinearProgram, over: Callable[[], Limit | None]) -> Any
             return casadi.Sparsity.dense(sizes.get(casadi.nlpsol_out(index), 0), 1)
 
         def eval(self, arg: Any) -> list[int]:
-            if over() is None:
+            if limit_reached() is None:
                 return [0]
             self.last = vector(arg[places["x"]]), vector(arg[places["lam_g"]])
             return [1]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...errors import BackendBroken
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, over, solver_tolerance
+from ..attempts import Clock, Ended, Ending, limit_reached, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from ..casadi_plugins import ended_by_words, status_of
 from .base import COMMON, HESSIAN, most_iterations
@@ -83,7 +83,7 @@ class Ipopt(CasadiNlp):
         program = _slackened(program)
         found = super().attempt(program, request, clock, start)
         lost = found.ended in (Ended.FAILED, Ended.UNBOUNDED, Ended.INFEASIBLE)
-        if not lost or not self._mumps(request) or over(request, clock) is not None:
+        if not lost or not self._mumps(request) or limit_reached(request, clock) is not None:
             return found
         careful = replace(request, options={**request.options, _CAREFUL: True})
         again = super().attempt(program, careful, clock, start)

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, limited, over
+from ..attempts import Clock, Ended, Ending, limit_reached, stop_reason
 from ..backend import Feature, Limit, Request
 from ..casadi_plugins import last_line, vector
 from .base import COMMON, NonlinearBackend
@@ -33,10 +33,10 @@ class Posed:
     Every evaluation looks at the clock and at stop requests.
     """
 
-    def __init__(self, program: NonlinearProgram, over: Callable[[], bool]) -> None:
+    def __init__(self, program: NonlinearProgram, limit_reached: Callable[[], bool]) -> None:
         self.scaled = Scaled(program)
         self.size, self.row_count = program.size, program.row_count
-        self._over = over
+        self._over = limit_reached
         self._kept: dict[str, tuple[bytes, Any]] = {}
         self.last: Vector | None = None
         self.count = 0
@@ -100,7 +100,7 @@ class ScipyNlp(NonlinearBackend):
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
     ) -> Ending:
         """Pose the program to SciPy; a stop comes back with the point of the last iteration."""
-        posed = Posed(program, lambda: over(request, clock) is not None)
+        posed = Posed(program, lambda: limit_reached(request, clock) is not None)
         scaled = posed.scaled
         z = scaled.start(start)
         posed.last = z
@@ -109,7 +109,7 @@ class ScipyNlp(NonlinearBackend):
             with np.errstate(all="ignore"):
                 ending = self.search(posed, scaled.bounds, request, z)
         except _Stopped:
-            limit = limited(request.control, Limit.TIME)
+            limit = stop_reason(request.control, Limit.TIME)
             counts = {"iterations": posed.count}
             ending = Ending(Ended.STOPPED, posed.last, limit=limit, statistics=counts)
         except (RuntimeError, ValueError, np.linalg.LinAlgError) as error:

@@ -25,13 +25,13 @@ from ..attempts import (
     Ended,
     Ending,
     above_cutoff,
-    allowed,
-    holds,
-    limited,
-    obvious,
-    over,
+    ending_if_stopped,
+    is_satisfied,
+    limit_reached,
+    loosened_cutoff,
     solver_tolerance,
-    stopped,
+    stop_reason,
+    trivial_ending,
 )
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 from ..job import UNPOLISHED
@@ -200,7 +200,9 @@ class Run:
     clock: Clock
 
     def answer(self) -> Answer:
-        known = obvious(self.problem, self.request) or stopped(self.request, self.clock)
+        known = trivial_ending(self.problem, self.request) or ending_if_stopped(
+            self.request, self.clock
+        )
         if known is not None:
             if known.ended is Ended.PROVEN:
                 best = measured(self.problem, np.zeros(0), known.duals)
@@ -214,13 +216,13 @@ class Run:
             return self.optimal(ending, best)
         findings = Findings()
         if ending.ended is not Ended.STOPPED or ending.limit is Limit.ITERATIONS:
-            if not self.over() and (best is None or best.violation > GROSS):
+            if not self.limit_reached() and (best is None or best.violation > GROSS):
                 # So far off, or called unsolvable: a proof settles it, and where there is none
                 # the claim was wrong.
                 findings = self.findings(ending, None)
             if not (findings.infeasible or findings.unbounded):
                 for posed, request in self.further(core, best, findings):
-                    if self.over():
+                    if self.limit_reached():
                         break
                     again = self.tried(posed, request)
                     ending = _summed(ending, again)
@@ -258,14 +260,14 @@ class Run:
             return found
         # Through, and its point is an optimum by its own word, or nearly one.
         through = ending.ended is not Ended.STOPPED or ending.limit is Limit.ITERATIONS
-        if through and ending.ended is not Ended.UNCLEAR and not self.over():
-            found = polished(self.problem, found, self.over)
+        if through and ending.ended is not Ended.UNCLEAR and not self.limit_reached():
+            found = polished(self.problem, found, self.limit_reached)
             self.clock.lap("polish")
         return found
 
-    def over(self) -> bool:
+    def limit_reached(self) -> bool:
         """Whether the run may not go on."""
-        return over(self.request, self.clock) is not None
+        return limit_reached(self.request, self.clock) is not None
 
     def accepts(self, quality: Quality) -> bool:
         return quality.proves(self.request.gap, self.request.tolerance)
@@ -289,7 +291,7 @@ class Run:
         # Rounding may leave the bound just above.
         answer = self.basic(ending, best, Termination.OPTIMAL, min(best.bound, objective))
         cutoff = self.request.cutoff
-        if cutoff is not None and objective > allowed(cutoff):
+        if cutoff is not None and objective > loosened_cutoff(cutoff):
             return above_cutoff(answer, cutoff)
         return answer
 
@@ -302,7 +304,7 @@ class Run:
         feasible = best is not None and best.violation <= self.request.tolerance
         interrupted = ending.ended is Ended.STOPPED and ending.limit is not Limit.ITERATIONS
         findings = findings or Findings()
-        if not (findings.source or findings.examined or interrupted or self.over()):
+        if not (findings.source or findings.examined or interrupted or self.limit_reached()):
             findings = self.findings(ending, best if feasible else None)
         if findings.infeasible or findings.unbounded:
             kind = Termination.INFEASIBLE if findings.infeasible else Termination.UNBOUNDED
@@ -311,8 +313,8 @@ class Run:
         best = self.kept(best if feasible else None) or best
         feasible = best is not None and best.violation <= self.request.tolerance
         limit = ending.limit
-        if limit in (None, Limit.ITERATIONS) and self.over():
-            limit = limited(self.request.control, Limit.TIME)
+        if limit in (None, Limit.ITERATIONS) and self.limit_reached():
+            limit = stop_reason(self.request.control, Limit.TIME)
         if best is not None and feasible:
             bound = min(best.bound, best.objective)
             answer = self.basic(ending, best, Termination.FEASIBLE, bound)
@@ -335,7 +337,7 @@ class Run:
     def kept(self, best: Quality | None) -> Quality | None:
         """Return the better of `best` and the warm start, which must not be lost."""
         start = self.request.warm_start
-        if start is None or not holds(
+        if start is None or not is_satisfied(
             self.problem, np.asarray(start, float), self.request.tolerance
         ):
             return best

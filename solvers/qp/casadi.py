@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import BackendBroken, UnsupportedFormulation, WorkerFailure
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, limited, over, solver_tolerance
+from ..attempts import Clock, Ended, Ending, limit_reached, solver_tolerance, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from ..casadi_plugins import HIGHS_MARK, ended_by_words, last_line, load_plugin, status_of, vector
 from .base import COMMON, POLISH, QuadraticBackend, too_large
@@ -218,7 +218,7 @@ class CasadiConic(QuadraticBackend):
                 done += plugin.piece
                 if not plugin.piece or done >= most or _ended(stats)[1] is not Limit.ITERATIONS:
                     break
-                late = over(request, clock) is not None
+                late = limit_reached(request, clock) is not None
                 if late:
                     break
                 data.update(x0=found["x"], lam_x0=found["lam_x"], lam_a0=found["lam_a"])
@@ -233,7 +233,7 @@ class CasadiConic(QuadraticBackend):
             duals = full
         ended, limit = _ended(stats)
         if late:
-            limit = limited(request.control, Limit.TIME)
+            limit = stop_reason(request.control, Limit.TIME)
         if ended is not Ended.PROVEN:
             message = f"CasADi {name}: {status_of(stats)}"
         counts: dict[str, float | int | str] = {"plugin": name}

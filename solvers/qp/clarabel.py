@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.cones import ConeKind, order
-from ..attempts import Clock, Ended, Ending, Meaning, limited, own_options, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
 from .base import COMMON, POLISH
@@ -59,7 +59,7 @@ class Clarabel(ConvexBackend):
         tolerance = solver_tolerance(request.tolerance * 1e-3, 1e-12, 1e-8)
         for name in ("tol_feas", "tol_gap_abs", "tol_gap_rel"):
             setattr(settings, name, tolerance)
-        for name, value in own_options(request).items():
+        for name, value in solver_options(request).items():
             setattr(settings, name, value)
         solver = clarabel.DefaultSolver(
             sp.csc_matrix(sp.triu(program.hessian)),
@@ -87,7 +87,7 @@ class Clarabel(ConvexBackend):
             "AlmostDualInfeasible": Ended.UNBOUNDED,
             "MaxIterations": (Ended.STOPPED, Limit.ITERATIONS),
             "MaxTime": (Ended.STOPPED, Limit.TIME),
-            "CallbackTerminated": (Ended.STOPPED, limited(control)),
+            "CallbackTerminated": (Ended.STOPPED, stop_reason(control)),
         }
         return Ending.read(
             "Clarabel",

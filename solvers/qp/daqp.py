@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from .base import COMMON, POLISH, QuadraticBackend, too_large
 
@@ -66,7 +66,7 @@ class Daqp(QuadraticBackend):
         settings: dict[str, Any] = {
             "primal_tol": tolerance,
             "dual_tol": tolerance,
-            **own_options(request),
+            **solver_options(request),
         }
         hessian, matrix = program.hessian.toarray(), program.matrix.toarray()
         start = request.warm_start

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, Meaning, limited, over, own_options
+from ..attempts import Clock, Ended, Ending, Meaning, limit_reached, solver_options, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from .base import COMMON, EPS, POLISH, QuadraticBackend, first_order_precision, pause
 from .forms import stacked_rows
@@ -58,7 +58,7 @@ class Osqp(QuadraticBackend):
             eps_rel=eps,
             eps_prim_inf=1e-9,
             eps_dual_inf=1e-9,
-            **own_options(request, "eps"),
+            **solver_options(request, "eps"),
         )
         # The first solve's time limit counts the set-up as well.
         setup = time.perf_counter() - began
@@ -81,11 +81,11 @@ class Osqp(QuadraticBackend):
             value = int(found.info.status_val)
             # At a pause it may also say what it is close to: solved, or a certificate.
             paused = value in unfinished and iterations < allowed
-            if not paused or over(request, clock) is not None:
+            if not paused or limit_reached(request, clock) is not None:
                 break
             solver.update_settings(max_iter=allowed - iterations)
         clock.lap("solve")
-        timed = Ended.STOPPED, limited(control, Limit.TIME)
+        timed = Ended.STOPPED, stop_reason(control, Limit.TIME)
         infeasible = {
             int(status.OSQP_PRIMAL_INFEASIBLE),
             int(status.OSQP_PRIMAL_INFEASIBLE_INACCURATE),

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from .base import COMMON, LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
 from .forms import SplitForm
@@ -54,7 +54,7 @@ class Piqp(QuadraticBackend):
         settings.check_duality_gap = True
         settings.num_threads = 1
         settings.verbose = request.verbose
-        for name, value in own_options(request, "linear_algebra").items():
+        for name, value in solver_options(request, "linear_algebra").items():
             setattr(settings, name, value)
 
         def form(matrix: Any) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, Meaning, limited, over, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, limit_reached, solver_tolerance, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from .base import COMMON, LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
 from .forms import SplitForm
@@ -107,7 +107,7 @@ class Proxqp(QuadraticBackend):
             outer, iterations = outer + piece, iterations + int(info.iter)
             if info.status != states.PROXQP_MAX_ITER_REACHED or outer >= allowed:
                 break
-            if over(request, clock) is not None:
+            if limit_reached(request, clock) is not None:
                 break
             if time.perf_counter() - began < SHORT:
                 piece = settings.max_iter = min(4 * piece, allowed)
@@ -119,7 +119,7 @@ class Proxqp(QuadraticBackend):
             states.PROXQP_DUAL_INFEASIBLE: Ended.UNBOUNDED,
             states.PROXQP_MAX_ITER_REACHED: (
                 Ended.STOPPED,
-                Limit.ITERATIONS if outer >= allowed else limited(request.control, Limit.TIME),
+                Limit.ITERATIONS if outer >= allowed else stop_reason(request.control, Limit.TIME),
             ),
         }
         result = solver.results

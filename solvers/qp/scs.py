@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.cones import ConeKind, order
-from ..attempts import Clock, Ended, Ending, Meaning, limited, over, own_options
+from ..attempts import Clock, Ended, Ending, Meaning, limit_reached, solver_options, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
 from .base import COMMON, EPS, POLISH, first_order_precision, pause
@@ -53,7 +53,7 @@ class Scs(ConvexBackend):
             "eps_abs": eps,
             "eps_rel": eps,
             "eps_infeas": 1e-9,
-            **own_options(request, "eps"),
+            **solver_options(request, "eps"),
         }
         cone: dict[str, Any] = {"z": form.zeros, "l": form.linear - form.zeros}
         for kind, name in _NAMES.items():
@@ -81,7 +81,7 @@ class Scs(ConvexBackend):
             info = found["info"]
             iterations += int(info["iter"])
             more = "time_limit" in info["status"] and iterations < allowed
-            if not more or over(request, clock) is not None:
+            if not more or limit_reached(request, clock) is not None:
                 break
             start = {"warm_start": True, "x": found["x"], "y": found["y"], "s": found["s"]}
         clock.lap("solve")
@@ -103,7 +103,7 @@ class Scs(ConvexBackend):
             statistics={"iterations": iterations},
         )
         if more:
-            return replace(ending, ended=Ended.STOPPED, limit=limited(control, Limit.TIME))
+            return replace(ending, ended=Ended.STOPPED, limit=stop_reason(control, Limit.TIME))
         return ending
 
 

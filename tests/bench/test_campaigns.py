@@ -435,7 +435,7 @@ def test_a_line_that_is_no_answer_is_named(tmp_path):
 def test_what_is_no_record_is_refused_and_left_alone(tmp_path, content):
     record = tmp_path / "r.jsonl"
     record.write_text(content)
-    with pytest.raises(InvalidData, match=r"r.jsonl, line 1: no line of a campaign"):
+    with pytest.raises(InvalidData, match=r"r.jsonl, line 1: not a line of a campaign"):
         ct.bench(written(tmp_path, SMALL), record=record, resume=True)
     assert record.read_text() == content
 
