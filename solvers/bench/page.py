@@ -310,7 +310,7 @@ def _standing(standings: Sequence[Standing]) -> str:
         ]
         for standing in standings
     ]
-    return table(heads, rows, "plain", "Backends, the leading standing first")
+    return table(heads, rows, "plain", "Backends, the leading one first")
 
 
 def _interval(standing: Standing) -> str:

@@ -207,11 +207,11 @@ def _asked_for() -> list[Case]:
     requests: dict[str, dict[str, Any]] = {
         ": a small gap": {"gap": 1e-10},
         ": tight tolerance": {"tolerance": 1e-9},
-        ": warm start point the optimum": {"warm_start": np.array(point)},
+        ": warm start at the optimum": {"warm_start": np.array(point)},
         ": warm start elsewhere": {"warm_start": np.array([5.0, -4.0])},
-        ", cutoff: point the optimum": {"cutoff": 1.05},
+        ", cutoff: at the optimum": {"cutoff": 1.05},
     }
-    below_optimum = {", cutoff: below_optimum below": {"cutoff": 1.0}}
+    below_optimum = {", cutoff: nothing below": {"cutoff": 1.0}}
     return [
         *asked_for("quadratic", rows, optimum(1.05, point), requests),
         *asked_for("quadratic", rows, Expectation((Termination.NO_SOLUTION,), 1.05), below_optimum),
