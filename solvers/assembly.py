@@ -1,4 +1,4 @@
-"""Where every :class:`Solution` is made: a claim is verified, and only what stands is kept."""
+"""Assembly of a :class:`Solution`: the claim of a run is verified before it is returned."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ log = logging.getLogger("crosstrack")
 
 @dataclass(frozen=True)
 class Claim:
-    """How a run ended, before anybody has verified it.
+    """Result of a run as the backend claims it, before verification.
 
     Parameters
     ----------
     termination : Termination
-        What the backend claims, or how the run broke off.
+        Termination that the backend claims, or the way the run was cut short.
     limit : Limit, optional
         The limit that ended it.
     plan : object, optional
@@ -43,7 +43,7 @@ class Claim:
     primal_bound, dual_bound : float, optional
         Claimed objective of the plan, and the lower bound that was proven.
     proves : bool
-        Whether bounds and claims of infeasibility count.
+        Whether the dual bound and a claim of infeasibility are proofs.
     formulation : str, optional
         Name of the formulation that was solved.
     seconds, statistics : mapping
@@ -53,9 +53,9 @@ class Claim:
     duals : ndarray, optional
         Row multipliers.
     messages : tuple of str
-        What a person should know.
+        Remarks for the user.
     undecodable : bool
-        Whether there was a point that stands for no plan.
+        Whether a point could not be decoded to a plan of the model.
     history : tuple of mapping
         As in :class:`~crosstrack.solvers.solution.Solution`.
     """
@@ -77,9 +77,24 @@ class Claim:
 
 
 def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
-    """Return the solution of `job`: the claim with its plan verified, or why nothing is left of it.
+    """Verify a claim and return the solution.
 
-    `witness` is what answered the run's questions about hidden data; it may contradict the plan.
+    Parameters
+    ----------
+    job : Job
+        The run that was requested.
+    claim : Claim
+        The claim of the backend.
+    witness : object, optional
+        Oracle that answered the questions of the run about hidden data. Its method ``contradiction``
+        returns a text if the plan contradicts its answers.
+
+    Returns
+    -------
+    Solution
+        With a plan only if the plan verifies. A claim that is not proven is weakened: ``OPTIMAL``
+        becomes ``FEASIBLE``, and ``INFEASIBLE`` becomes ``NO_SOLUTION``. The message gives the
+        reason.
     """
     backend = find_backend(job.backend, job.model)
     model = job.model
@@ -87,32 +102,35 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
     messages = list(claim.messages)
     verification: Verification | None = None
     rejected: Any = None
-    denied = ""
+    contradiction = ""
     seconds = dict(claim.seconds)
     if termination in CLAIMS_NONE:
         plan = None
         exact = backend.guarantee is Guarantee.EXACT
         if not claim.proves or (termination is Termination.UNBOUNDED and not exact):
-            # What a relaxation lets grow without end may be bounded in the model.
+            # An unbounded relaxation does not imply an unbounded model.
             why = f"a {backend.guarantee} backend cannot prove" if not exact else "nothing proves"
             messages.append(f"claims {termination}, which {why}")
             termination = Termination.NO_SOLUTION
     elif plan is None and termination in CLAIMS_PLAN:
         messages.append(f"claims {termination} without a point")
         termination = Termination.FAILED
-    limit, started = claim.limit, plan is None and _keeps_start(job, claim, witness)
-    if started:
+    limit, starts_from_warm_start = (
+        claim.limit,
+        plan is None and _returns_warm_start(job, claim, witness),
+    )
+    if starts_from_warm_start:
         plan = job.warm_start
         messages.append("the plan is the warm start")
-    plan = _kept(plan)
+    plan = _read_only(plan)
     if plan is not None:
         begin = time.perf_counter()
         try:
             verification = model.verify(plan, tolerance=job.verification_tolerance)
             if hasattr(witness, "contradiction"):
-                denied = witness.contradiction(plan)
-            if denied:
-                messages.append(denied)
+                contradiction = witness.contradiction(plan)
+            if contradiction:
+                messages.append(contradiction)
                 rejected = model.plan_to_data(plan)
             elif not verification.ok:
                 messages.append(f"plan {verification.summary()}")
@@ -120,34 +138,34 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
                     messages.append(_error_left(verification, job.verification_tolerance))
                 rejected = model.plan_to_data(plan)
             elif verification.near:
-                # Such a plan may break what it is said to keep.
+                # Within the tolerance of the solver, but not strictly feasible: warn.
                 messages.append(f"plan {verification.summary()}")
                 log.warning("%s: plan of %s %s", model.name, backend.name, verification.summary())
         except InvalidData as error:
-            # It is no plan of the model: nothing of it is returned.
+            # The decoded object is not a plan of the model, so no part of it is returned.
             messages.append(f"the point is no plan: {error}")
         seconds["verify"] = seconds.get("verify", 0.0) + time.perf_counter() - begin
-    bad = claim.undecodable or bool(denied)
+    bad = claim.undecodable or bool(contradiction)
     bad |= plan is not None and (verification is None or not verification.ok)
     if bad:
         plan = None
         if backend.guarantee is Guarantee.RELAXATION:
-            # Its point need not be a plan; its bound holds all the same.
+            # The point of a relaxation need not be a plan. Its bound is valid anyway.
             termination, verification, rejected = Termination.NO_SOLUTION, None, None
         else:
             termination, dual = Termination.REJECTED, None
     primal = verification.objective if plan is not None and verification is not None else None
     if plan is not None and termination in (Termination.NO_SOLUTION, Termination.FAILED):
-        termination = Termination.FEASIBLE  # the run ended badly, yet its last incumbent verifies
+        termination = Termination.FEASIBLE  # the last incumbent of the failed run verifies
     dual = dual if claim.proves else None
     if termination is Termination.OPTIMAL and claim.proves:
         dual = claim.primal_bound if dual is None else dual
         dual = primal if dual is None else dual
         gap = relative_gap(primal, dual)
-        asked = GAP if job.gap is None else job.gap
-        # A relative gap says nothing of an optimum of 0.
-        apart = primal is None or dual is None or primal - dual > NOTHING
-        if gap is None or (gap > asked * 1.01 + 1e-6 and apart):
+        gap_limit = GAP if job.gap is None else job.gap
+        # The relative gap is meaningless for an optimum of 0.
+        differs = primal is None or dual is None or primal - dual > NOTHING
+        if gap is None or (gap > gap_limit * 1.01 + 1e-6 and differs):
             messages.append(f"claims optimal, but the verified plan leaves a gap of {gap}")
             termination = Termination.FEASIBLE
     elif termination is Termination.OPTIMAL:
@@ -156,11 +174,16 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
     if primal is not None and dual is not None:
         assert verification is not None
         dual = without_rounding(dual, verification, job.verification_tolerance)
-        gap, asked = relative_gap(primal, dual), GAP if job.gap is None else job.gap
+        gap, gap_limit = relative_gap(primal, dual), GAP if job.gap is None else job.gap
         late = claim.limit is Limit.TIME and backend.guarantee is Guarantee.EXACT
-        over = (started or late) and claim.termination is not Termination.FAILED
-        if over and termination is Termination.FEASIBLE and gap is not None and gap <= asked:
-            # What is known besides, a floor or a search below the cutoff, leaves nothing better.
+        may_close = (starts_from_warm_start or late) and claim.termination is not Termination.FAILED
+        if (
+            may_close
+            and termination is Termination.FEASIBLE
+            and gap is not None
+            and gap <= gap_limit
+        ):
+            # The bound of the starting heuristic or of the search below the cutoff closes the gap.
             termination, limit = Termination.OPTIMAL, None
     return Solution(
         model=model.kind,
@@ -187,50 +210,58 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         statistics=dict(claim.statistics),
         message="; ".join(text for text in messages if text),
         rejected_plan=rejected,
-        duals=None if plan is None else _kept(claim.duals),
+        duals=None if plan is None else _read_only(claim.duals),
         history=claim.history,
     )
 
 
 def _error_left(verification: Verification, tolerance: float) -> str:
-    """Return which check is violated most, by how much, and what would accept the plan."""
+    """Return the check with the largest violation and the tolerance that would accept the plan."""
     excess = verification.excess
     if not math.isfinite(excess):
         return ""
-    check = max(verification.violated, key=lambda one: one.worst / one.tolerance)
+    check = max(verification.violated, key=lambda item: item.worst / item.tolerance)
     text = f"the error left: {check}, {excess:.3g} times what is accepted"
-    # What the digits of the plan cannot resolve makes a check's tolerance more than its share.
+    # The factor allows for the digits of the plan, which enter a check's tolerance.
     needed = 1.01 * tolerance * excess
     return f"{text}; tolerance={needed:.2g} would accept the plan" if needed < 1.0 else text
 
 
-def _keeps_start(job: Job, claim: Claim, witness: Any) -> bool:
-    """Return whether the warm start, where it verifies, is the plan of a run that left none."""
+def _returns_warm_start(job: Job, claim: Claim, witness: Any) -> bool:
+    """Return True if the run found no plan and its warm start is a verified one."""
     backend = find_backend(job.backend, job.model)
     return (
         job.warm_start is not None
-        and witness is None  # which has not seen the start
+        and witness is None  # the witness did not answer questions about the warm start
         and not claim.undecodable
         and claim.termination in (Termination.NO_SOLUTION, Termination.FAILED)
         and backend.guarantee is not Guarantee.RELAXATION
-        # It may have been a guess only.
+        # A warm start may be infeasible.
         and job.model.verify(job.warm_start, tolerance=job.verification_tolerance).ok
     )
 
 
-def _kept(value: Any) -> Any:
-    """Return an array of numbers as one that its backend, which may still hold it, cannot change."""
+def _read_only(value: Any) -> Any:
+    """Return a numeric array as a read-only copy, because the backend may still refer to it."""
     numbers = isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
     return frozen(value) if numbers else value
 
 
 def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:
-    """Return a claim as JSON data, for a worker that must not verify it itself."""
+    """Return a claim as JSON data, for the channel between a worker process and its caller.
+
+    Parameters
+    ----------
+    job : Job
+        The run, whose model encodes the plan.
+    claim : Claim
+        The claim. It is not verified here.
+    """
     plan, undecodable, messages = None, claim.undecodable, list(claim.messages)
     if claim.plan is not None:
         try:
             plan = job.model.plan_to_data(claim.plan)
-        except Exception as error:  # whatever a backend that is not ours calls a plan
+        except Exception as error:  # the plan of an external backend can be any object
             undecodable = True
             messages.append(f"the point {show(claim.plan)} is no plan: {error}")
     return {
@@ -243,7 +274,10 @@ def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:
         "formulation": claim.formulation,
         "seconds": dict(claim.seconds),
         "statistics": dict(claim.statistics),
-        "incumbents": [[one.seconds, one.objective, one.evaluations] for one in claim.incumbents],
+        "incumbents": [
+            [incumbent.seconds, incumbent.objective, incumbent.evaluations]
+            for incumbent in claim.incumbents
+        ],
         "duals": None if claim.duals is None else claim.duals.tolist(),
         "messages": messages,
         "undecodable": undecodable,
@@ -252,7 +286,20 @@ def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:
 
 
 def claim_from_data(job: Job, data: Mapping[str, Any]) -> Claim:
-    """Return the claim that :func:`claim_to_data` wrote; a plan that cannot be read is none."""
+    """Return the claim written by :func:`claim_to_data`.
+
+    Parameters
+    ----------
+    job : Job
+        The run, whose model decodes the plan.
+    data : mapping
+        JSON data.
+
+    Returns
+    -------
+    Claim
+        If the plan cannot be decoded, `undecodable` is true and a message gives the reason.
+    """
     plan, undecodable, messages = None, data["undecodable"], list(data["messages"])
     if data["plan"] is not None:
         try:

@@ -1,7 +1,7 @@
-"""What every backend for programs shares: the clock, the stop, and how a solver's run ended.
+"""Tools shared by the backends for programs: clock, stop requests and the ending of a solver run.
 
-A backend only translates; what its solver's end proves is decided by the base class of its kind
-(:mod:`.mip.base`, :mod:`.qp.base`) in terms of what stands here.
+A backend translates between a program and its solver. The base class of its kind
+(:mod:`.mip.base`, :mod:`.qp.base`) decides what the ending of the solver proves.
 """
 
 from __future__ import annotations
@@ -25,67 +25,67 @@ __all__ = [
     "Ended",
     "Ending",
     "above_cutoff",
-    "allowed",
-    "holds",
-    "limited",
-    "obvious",
-    "over",
-    "own_options",
+    "ending_if_stopped",
+    "forward_stop",
+    "is_satisfied",
+    "limit_reached",
+    "loosened_cutoff",
+    "solver_options",
     "solver_tolerance",
-    "stopped",
-    "watched",
+    "stop_reason",
+    "trivial_ending",
 ]
 
 Vector = NDArray[np.float64]
 
-#: How far, relatively, a cutoff is loosened, so that the plan it stems from stays allowed: solvers
-#: compare objectives with tolerances of their own, and 1e-9 was seen to lose the plan in SCIP.
+#: Relative margin added to a cutoff, so that the plan it comes from stays feasible. Solvers compare
+#: objectives with tolerances of their own: with 1e-9, SCIP lost the plan.
 LOOSENED = 1e-6
-#: Seconds between two looks at a stop request.
+#: Seconds between two checks for a stop request.
 POLL = 0.02
 
 
 class Ended(StrEnum):
-    """How a solver ended, before anybody asks what that proves."""
+    """Status of a solver at the end of its run, before proofs are checked."""
 
-    #: With an optimum within the gap.
+    #: The solver claims an optimum within the gap.
     PROVEN = "proven"
-    #: With a claim that no point satisfies the rows.
+    #: The solver claims that no point satisfies the rows.
     INFEASIBLE = "infeasible"
-    #: With a claim that the objective falls without end.
+    #: The solver claims that the objective is unbounded below.
     UNBOUNDED = "unbounded"
-    #: With a claim of one of both; presolve does not say which.
+    #: The solver claims one of the two without distinguishing them, as presolve often does.
     UNCLEAR = "infeasible or unbounded"
-    #: At a limit, or because it was asked to.
-    STOPPED = "stopped"
-    #: With an error, or with a point that it does not vouch for.
+    #: The solver reached a limit or followed a stop request; its point may be usable.
+    STOPPED = "ending_if_stopped"
+    #: The solver raised an error or returned a point that it does not guarantee.
     FAILED = "failed"
 
 
 @dataclass(frozen=True)
 class Ending:
-    """What a solver reports of one run.
+    """Report of a solver about one run.
 
     Parameters
     ----------
     ended : Ended
-        Its status; ``PROVEN`` is an optimum within the gap.
+        Status of the solver; ``PROVEN`` is an optimum within the gap.
     point : ndarray, optional
-        Its best column vector; of an ``UNBOUNDED`` end, a direction along which the objective should
-        fall forever, where it gives one.
+        Best column vector, shape (columns,). For ``UNBOUNDED``, a direction of recession if the
+        solver returns one.
     bound : float, optional
-        Its lower bound on the objective; None or infinite where it has none.
+        Lower bound on the objective; None or infinite if the solver has none.
     duals : ndarray, optional
-        Row multipliers, signed as the program's ``dual_bound`` wants them; of an ``INFEASIBLE`` end,
-        those that should prove it.
+        Row multipliers, with the signs of the program's ``dual_bound``. For ``INFEASIBLE``, a
+        certificate of infeasibility.
     limit : Limit, optional
-        What stopped it, for ``STOPPED``.
+        The limit that stopped the solver, for ``STOPPED``.
     statistics : mapping
-        Its counts.
+        Counts of the solver, such as iterations.
     message : str
-        Its own status, where a person should see it.
+        Status text of the solver that the user should see.
     absolute : bool
-        Whether ``INFEASIBLE`` was proven without the cutoff.
+        Whether ``INFEASIBLE`` was proven without using the cutoff.
     """
 
     ended: Ended
@@ -106,20 +106,20 @@ class Ending:
         words: Any = None,
         **parts: Any,
     ) -> Ending:
-        """Return the end that `status` means, with `parts`; ``FAILED`` with its words where it means none.
+        """Return the ending for a solver's `status`; an unknown status gives ``FAILED``.
 
         Parameters
         ----------
         solver : str
-            The solver's name, for the message of a failure.
+            Name of the solver, for the message of a failure.
         status : object
-            What the solver returned.
+            Status that the solver returned.
         meanings : mapping
-            What each of its statuses means; an :class:`Ended` alone, or with the limit named.
+            The :class:`Ended` of each known status, or a pair (:class:`Ended`, :class:`Limit`).
         words : object, optional
-            The status for people, where it is a number.
+            Text of the status, if the status itself is a number.
         **parts
-            Other fields of the ending.
+            Other fields of :class:`Ending`.
         """
         meaning = meanings.get(status, Ended.FAILED)
         ended, limit = meaning if isinstance(meaning, tuple) else (meaning, None)
@@ -127,12 +127,23 @@ class Ending:
         return cls(ended, limit=limit, message=message if ended is Ended.FAILED else "", **parts)
 
 
-#: How a status ends a run, and the limit that it names, if any.
+#: Ending that a status of a solver means, with the limit if the status names one.
 Meaning = Ended | tuple[Ended, Limit | None]
 
 
 class Clock:
-    """Counts the seconds of a run: what is left of the limit, and what each part took."""
+    """Stopwatch of a run: seconds left of the time limit, and seconds per part.
+
+    Parameters
+    ----------
+    limit : float, optional
+        Time limit in seconds; None for no limit.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Seconds per part, as counted by :meth:`lap`.
+    """
 
     def __init__(self, limit: float | None) -> None:
         self._limit = limit
@@ -140,48 +151,59 @@ class Clock:
         self.seconds: dict[str, float] = {}
 
     def left(self) -> float | None:
-        """Return the seconds left, at least 0; None where there is no limit."""
+        """Return the seconds left, at least 0; None if the run has no time limit."""
         if self._limit is None:
             return None
         return max(self._limit - (time.perf_counter() - self._started), 0.0)
 
     def lap(self, part: str) -> None:
-        """Count the time since the last lap as `part`."""
+        """Add the seconds since the previous lap to `part`."""
         now = time.perf_counter()
         self.seconds[part] = self.seconds.get(part, 0.0) + now - self._mark
         self._mark = now
 
 
-def allowed(cutoff: float) -> float:
-    """Return `cutoff` loosened, so that its own plan stays allowed."""
+def loosened_cutoff(cutoff: float) -> float:
+    """Return `cutoff` plus a relative margin, so that the plan it comes from stays feasible."""
     return cutoff + LOOSENED * max(1.0, abs(cutoff))
 
 
 def solver_tolerance(tolerance: float, least: float, most: float = 1e-3) -> float:
-    """Return the tolerance to give a solver, within the range it knows.
+    """Return the tolerance to pass to a solver.
 
-    A tenth of the request's: solvers measure in their own scaling and before postsolve, and what
-    they let pass at the very edge would fail the verification.
+    Parameters
+    ----------
+    tolerance : float
+        Tolerance of the request.
+    least, most : float
+        Range that the solver accepts.
+
+    Returns
+    -------
+    float
+        A tenth of `tolerance`, clipped to the range. Solvers measure violations in a scaled space
+        and before postsolve, so that a point at the limit of the full tolerance would fail the
+        verification.
     """
     return float(min(max(tolerance / 10, least), most))
 
 
-def limited(control: Control, otherwise: Limit = Limit.INTERRUPTED) -> Limit:
-    """Return the limit that stopped a run: the control's reason, else `otherwise`."""
+def stop_reason(control: Control, otherwise: Limit = Limit.INTERRUPTED) -> Limit:
+    """Return the limit that stopped a run: the control's reason if it has one, else `otherwise`."""
     return control.reason if control.stopped and control.reason is not None else otherwise
 
 
 @contextmanager
-def watched(control: Control, stop: Callable[[], Any]) -> Iterator[None]:
-    """Call `stop` from a thread once the control asks to, again and again until the run ends.
+def forward_stop(control: Control, stop: Callable[[], Any]) -> Iterator[None]:
+    """Call `stop` repeatedly from a thread once the control requests a stop, until the block ends.
 
-    Again, because most solvers forget a stop that reaches them before they have started. Needs a
-    solver that releases the interpreter's lock, and a `stop` that any thread may call.
+    The call is repeated because most solvers ignore a stop request that arrives before they have
+    started. The solver must release the interpreter's lock, and `stop` must be thread-safe.
     """
-    over = threading.Event()
+    ended = threading.Event()
 
     def watch() -> None:
-        while not over.wait(POLL):
+        while not ended.wait(POLL):
             if control.stopped:
                 stop()
 
@@ -190,44 +212,52 @@ def watched(control: Control, stop: Callable[[], Any]) -> Iterator[None]:
     try:
         yield
     finally:
-        over.set()
+        ended.set()
         thread.join()
 
 
-def over(request: Request, clock: Clock) -> Limit | None:
-    """Return the limit that says stop, None while the run may go on."""
+def limit_reached(request: Request, clock: Clock) -> Limit | None:
+    """Return the limit that ends the run now; None if the run may continue."""
     if request.control.stopped:
-        return limited(request.control)
+        return stop_reason(request.control)
     return Limit.TIME if clock.left() == 0.0 else None
 
 
-def stopped(request: Request, clock: Clock) -> Ending | None:
-    """Return the end of a run that may not go on, None while it may."""
-    limit = over(request, clock)
+def ending_if_stopped(request: Request, clock: Clock) -> Ending | None:
+    """Return the ending of a run that must stop now; None if the run may continue."""
+    limit = limit_reached(request, clock)
     return None if limit is None else Ending(Ended.STOPPED, limit=limit)
 
 
-def own_options(request: Request, *without: str) -> dict[str, Any]:
-    """Return the backend's own options that go to its solver: those that have a value.
+def solver_options(request: Request, *without: str) -> dict[str, Any]:
+    """Return the backend's options that are passed to its solver: those that are not None.
 
-    ``polish`` is left out, which no solver knows: it is what :mod:`.qp.polishing` does afterwards.
+    ``polish`` is omitted, because :mod:`.qp.polishing` handles it after the solver.
     """
     skip = {"polish", *without}
-    return {n: v for n, v in request.options.items() if n not in skip and v is not None}
+    return {
+        name: value
+        for name, value in request.options.items()
+        if name not in skip and value is not None
+    }
 
 
-def obvious(program: RowProgram, request: Request) -> Ending | None:
-    """Answer what some solvers refuse as malformed: crossed bounds, no columns, empty rows."""
+def trivial_ending(program: RowProgram, request: Request) -> Ending | None:
+    """Return the ending of a trivial program; None if a solver is needed.
+
+    Some solvers reject such programs as malformed: lower bounds above upper bounds, no columns, or
+    rows without coefficients whose bounds exclude 0.
+    """
     for lower, upper, name in (
         (program.column_lower, program.column_upper, program.column_name),
         (program.row_lower, program.row_upper, program.row_name),
     ):
         crossed = np.flatnonzero(lower > upper)
         if crossed.size:
-            at = int(crossed[0])
+            index = int(crossed[0])
             return Ending(
                 Ended.INFEASIBLE,
-                message=f"{name(at)}: the lower bound {lower[at]:g} exceeds the upper {upper[at]:g}",
+                message=f"{name(index)}: the lower bound {lower[index]:g} exceeds the upper {upper[index]:g}",
                 absolute=True,
             )
     slack = request.tolerance
@@ -243,7 +273,7 @@ def obvious(program: RowProgram, request: Request) -> Ending | None:
 
 
 def above_cutoff(answer: Answer, cutoff: float) -> Answer:
-    """Return what a search below the cutoff proves when it finds nothing: the cutoff is a bound."""
+    """Return the answer of a search below `cutoff` that found no plan: the cutoff is a dual bound."""
     return replace(
         answer,
         termination=Termination.NO_SOLUTION,
@@ -255,6 +285,6 @@ def above_cutoff(answer: Answer, cutoff: float) -> Answer:
     )
 
 
-def holds(program: RowProgram, point: Vector, tolerance: float) -> bool:
-    """Return whether `point` is finite and satisfies `program` within `tolerance`."""
+def is_satisfied(program: RowProgram, point: Vector, tolerance: float) -> bool:
+    """Return True if `point` is finite and satisfies `program` within `tolerance`."""
     return bool(np.isfinite(point).all()) and program.verify(point, tolerance=tolerance).ok

@@ -1,8 +1,8 @@
-"""What a backend is: the contract between :func:`crosstrack.solve` and every solver.
+"""Contract between :func:`crosstrack.solve` and every solver.
 
-A backend receives a problem (a :class:`~crosstrack.models.programs.base.Program`, or a model of the
-type that a native algorithm knows) with a :class:`Request`, and returns an :class:`Answer`. An
-answer is a claim: the dispatcher decodes and verifies it before anybody sees a solution.
+A backend receives a problem and a :class:`Request`, and returns an :class:`Answer`. The problem is
+a :class:`~crosstrack.models.programs.base.Program`, or a model of the type that a native algorithm
+accepts. An answer is a claim: the dispatcher decodes and verifies it before it becomes a solution.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked of a run, the same for all backends.
+    """Options of one run, the same for all backends.
 
     Parameters
     ----------
@@ -51,27 +51,27 @@ class Request:
     gap : float
         Relative gap at which an exact backend may stop.
     tolerance : float
-        Largest violation of a scaled constraint, and of integrality.
+        Largest accepted violation of a scaled constraint and of integrality.
     seed : int, optional
-        Seed of whatever the backend draws; None leaves its default.
+        Random seed; None leaves the backend's default.
     threads : int, optional
-        Threads it may use; None leaves its default.
+        Number of threads; None leaves the backend's default.
     warm_start : object, optional
-        A column vector for a program's backend, a plan for a native algorithm; verified.
+        Verified column vector (program backends) or plan (native algorithms) to start from.
     cutoff : float, optional
-        The objective of a verified plan: only plans at least as good, rounding aside, are wanted.
-        A search that finds none proves that the cutoff is a lower bound: it answers
+        Objective of a verified plan. Only plans at least as good, up to rounding, are of interest.
+        A search that finds no such plan proves that the cutoff is a lower bound: it answers
         ``NO_SOLUTION`` with that `dual_bound`, never ``INFEASIBLE``.
     evaluations : int, optional
-        Evaluations of the objective that are granted, counted with :meth:`Control.evaluated`.
+        Limit on the evaluations of the objective, counted with :meth:`Control.evaluated`.
     target : float, optional
-        The objective of a plan that is good enough to stop at.
+        Objective at which the run stops.
     verbose : bool
-        Whether the solver is to print its own log, which is then read from its process's output.
+        Whether the solver prints its own log, which is read from the output of its process.
     options : mapping
-        The backend's own options, checked, defaults filled in.
+        The backend's options, validated, with defaults filled in.
     control : Control
-        Stop requests and incumbents.
+        Channel for stop requests and incumbents.
     """
 
     time_limit: float | None = None
@@ -88,7 +88,7 @@ class Request:
     control: Control = field(default_factory=Control)
 
     def left(self) -> float | None:
-        """Return the seconds left of the time limit, at least 0; None where there is no limit."""
+        """Return the seconds left of the time limit, at least 0; None if there is no time limit."""
         if self.time_limit is None:
             return None
         return max(self.time_limit - (time.perf_counter() - self.control.started), 0.0)
@@ -105,28 +105,40 @@ class Request:
     ) -> Answer:
         """Run `backend` on `problem` as a stage or a restart of this run, and return its answer.
 
-        The stage has this run's clock, stop flag and tolerances, and a seed of its own that follows
-        from this run's: the same seed gives the same stages. A stage that may not begin, because
-        the run was stopped or its time is used up, answers ``NO_SOLUTION`` with the limit.
+        The stage shares the clock, the stop flag and the tolerances of this run. Its seed is derived
+        from this run's seed, so the same seed gives the same stages. A stage that cannot start,
+        because the run was stopped or its time is used up, answers ``NO_SOLUTION`` with the limit.
 
         Parameters
         ----------
         backend : Backend
-            What runs.
+            The backend to run.
         problem : object
-            An instance of what it accepts.
+            The problem, an instance of a type that `backend` accepts.
         time_limit : float, optional
-            Seconds for the stage; never more than what the run has left.
+            Seconds for the stage, limited to the seconds left of this run.
         options : mapping, optional
-            The backend's own options.
+            Options of `backend`.
         lift : callable, optional
-            ``(objective, point) -> (objective, point)`` of this run, for the stage's incumbents;
-            None does not report them.
+            Function ``(objective, point) -> (objective, point)`` that maps an incumbent of the stage
+            to one of this run. With None, incumbents of the stage are not reported.
         **changes
-            Other fields of the stage's request, such as ``warm_start`` or ``tolerance``.
+            Other fields of the stage's :class:`Request`, such as `warm_start` or `tolerance`.
+
+        Returns
+        -------
+        Answer
+            The answer of `backend`.
+
+        Raises
+        ------
+        BackendMissing
+            A package that `backend` requires is not installed.
+        UnsupportedOption
+            `backend` does not have one of the `options`.
         """
         backend.require()
-        limits = [one for one in (self.left(), time_limit) if one is not None]
+        limits = [limit for limit in (self.left(), time_limit) if limit is not None]
         seconds = min(limits) if limits else None
         if self.control.stopped or seconds == 0.0:
             return Answer(Termination.NO_SOLUTION, self.control.reason or Limit.TIME)
@@ -140,38 +152,38 @@ class Request:
             self.control.incumbent(*lift(objective, point))
 
         with self.control.stage(seconds, None if lift is None else forward) as control:
-            asked: dict[str, Any] = {
+            fields: dict[str, Any] = {
                 "warm_start": None, "cutoff": None, "evaluations": None, "target": None, **changes,
             }  # fmt: skip
             request = replace(
                 self, time_limit=seconds, seed=seed, options=backend.checked_options(options or {}),
-                control=control, **asked,
+                control=control, **fields,
             )  # fmt: skip
             return backend.run(problem, request)
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a backend claims.
+    """Claim of a backend about one run.
 
     Parameters
     ----------
     termination : Termination
-        Never ``REJECTED``: that is the dispatcher's word.
+        Any member except ``REJECTED``, which only the dispatcher assigns.
     limit : Limit, optional
         The limit that ended the run.
     point : object, optional
-        The best column vector (program backends) or plan (native algorithms).
+        Best column vector (program backends) or plan (native algorithms).
     primal_bound, dual_bound : float, optional
-        Claimed objective of `point`, and claimed lower bound on every plan's objective.
+        Claimed objective of `point`, and claimed lower bound on the objective of every plan.
     duals : ndarray, optional
-        Row multipliers of a continuous program, for the program's own dual bound.
+        Row multipliers of a continuous program, from which the program computes a dual bound.
     seconds : mapping
-        The run in parts: ``"solve"``, and ``"compile"`` or ``"build"`` where it knows them apart.
+        Seconds per part: ``"solve"``, and ``"compile"`` or ``"build"`` if measured separately.
     statistics : mapping
-        Counts of the backend's own: nodes, labels, iterations.
+        Counts of the backend, such as nodes, labels or iterations.
     message : str
-        What a person should know: a licence's refusal, a solver's own status.
+        Remark for the user, such as a rejected licence or the status text of the solver.
     """
 
     termination: Termination
@@ -186,48 +198,47 @@ class Answer:
 
 
 class Backend(ABC):
-    """A solver or an algorithm: the base class of every backend, ours or a stranger's.
+    """Base class of every solver and algorithm, of this package or of another one.
 
-    The class attributes describe it without loading any solver; :meth:`run` does the work and
-    imports what it needs itself.
+    The class attributes describe the backend without importing its solver. :meth:`run` imports what
+    it needs.
 
     Attributes
     ----------
     name : str
-        The name people type.
+        Name that users pass.
     accepts : type or tuple of types
-        Program types, or the model type that a native algorithm knows.
+        Program types, or the model type that a native algorithm solves.
     guarantee : Guarantee
-        Only ``EXACT`` and ``RELAXATION`` backends may claim infeasibility or a dual bound.
+        Strength of its claims. Only ``EXACT`` and ``RELAXATION`` backends may claim infeasibility or
+        a dual bound.
     features : frozenset of Feature
-        What of the common request it understands; asking for anything else raises.
+        Options of the common request that it supports. Other options raise ``UnsupportedOption``.
     deterministic : bool
-        Whether it draws nothing, so that any ``seed`` is granted without the feature.
+        Whether it uses no random numbers, so that any ``seed`` is accepted without the feature.
     single_threaded : bool
-        Whether it runs on one thread whatever is asked, so that ``threads=1`` is granted without
-        the feature.
+        Whether it always runs on one thread, so that ``threads=1`` is accepted without the feature.
     requires : tuple of str
-        Import names of the packages it needs, probed without importing them.
+        Import names of the required packages, which are looked up without importing them.
     distribution : str
-        The distribution whose version is reported; by default the first of `requires`, and
-        crosstrack's own where there is none.
+        Distribution whose version is reported. Default: the first of `requires`, or crosstrack
+        itself if `requires` is empty.
     extra : str
-        The extra of ``pip install crosstrack[extra]`` that brings the packages.
+        Extra of ``pip install crosstrack[extra]`` that installs the packages.
     sees_hidden : bool
-        Whether it is given what a model hides from backends: a reference that bounds the others, which
-        ``"auto"`` never means.
+        Whether it receives the hidden data of a model. Such a backend is a reference for the others,
+        and ``"auto"`` never selects it.
     conflict_group : str
-        Backends of one group whose :attr:`natives` differ break one another in a process; empty
-        where no clash is known.
+        Group of backends whose native libraries break each other in one process if their
+        :attr:`natives` differ; empty if no conflict is known.
     natives : tuple of str
-        The modules whose presence in ``sys.modules`` means that the native library is loaded.
+        Modules whose presence in ``sys.modules`` shows that the native library is loaded.
     options : mapping of str to Option
-        Its own options.
+        Options of this backend alone.
     summary : str
-        One line for lists.
+        Description of one line for lists.
     problem : str
-        The problem whose native algorithm it is; empty for a solver of programs. Set when the
-        backend is looked up.
+        Problem of a native algorithm; empty for a solver of programs. Set by the registry.
     """
 
     problem: str = ""
@@ -249,85 +260,102 @@ class Backend(ABC):
 
     @abstractmethod
     def run(self, problem: Any, request: Request) -> Answer:
-        """Solve `problem`, an instance of :attr:`accepts`, as `request` asks.
+        """Solve `problem` and return a claim.
 
-        A limit is no error: the best point so far comes back with the limit named. Raises
-        :class:`~crosstrack.errors.BackendBroken` where the solver refuses for a reason that has
-        nothing to do with the problem (a licence, a missing shared library).
+        Parameters
+        ----------
+        problem : Model
+            An instance of :attr:`accepts`.
+        request : Request
+            Limits, tolerances, options and the channel to the caller.
+
+        Returns
+        -------
+        Answer
+            At a limit, the best point found so far, with the limit named.
+
+        Raises
+        ------
+        BackendBroken
+            The solver fails for a reason unrelated to the problem, such as a missing licence or
+            shared library.
+        UnsupportedFormulation
+            The solver cannot solve this problem.
         """
 
     def accepted_kinds(self) -> str:
-        """Return what it accepts in words: kinds of models, separated by commas."""
+        """Return the accepted kinds of models as text, separated by commas."""
         types = self.accepts if isinstance(self.accepts, tuple) else (self.accepts,)
-        return ", ".join(one.kind or one.__name__ for one in types)
+        return ", ".join(kind.kind or kind.__name__ for kind in types)
 
     def hides(self, model: Model[Any]) -> bool:
-        """Return whether `model` has data that this backend must not see."""
+        """Return True if `model` has data that this backend must not see."""
         return bool(model.hidden_fields()) and not self.sees_hidden
 
     def prepare(self) -> None:
-        """Do what only the first run needs, such as compiling; timed apart as ``seconds.compile``.
+        """Do the work that only the first run needs, such as compiling.
 
-        The clock of a time limit starts after it. It never trains: what is learned is a file that an
-        option names. Kernels of :mod:`crosstrack.jit` need no preparation: they are compiled
-        when a run has use for it, with its clock standing still.
+        Its time is reported as ``seconds.compile`` and does not count towards the time limit. It must
+        not train: learned parameters are a file named by an option. Kernels of :mod:`crosstrack.jit`
+        need no preparation, because they are compiled during a run while its clock is paused.
         """
 
     def refuses(self, problem: Any) -> str:
-        """Return why this backend cannot take `problem`, an instance of :attr:`accepts`; else ``""``.
+        """Return the reason why this backend cannot solve `problem`; ``""`` if it can.
 
-        A cheap look for lists of what could solve a model; :meth:`run` raises
-        :class:`~crosstrack.errors.UnsupportedFormulation` for the same reasons and for others.
+        `problem` is an instance of :attr:`accepts`. The check is cheap, for lists of suitable
+        backends. :meth:`run` raises :class:`~crosstrack.errors.UnsupportedFormulation` for the same
+        and for further reasons.
         """
         return ""
 
     def starter(self, problem: Any) -> str:
-        """Return the heuristic of the same problem whose plan a run with a time limit begins with.
+        """Return the name of the heuristic that runs first if there is a time limit; ``""`` for none.
 
-        It gets a share of the time, and its plan is the answer if the run has no better one. Empty
-        for none: runs that end soon need no heuristic.
+        The heuristic belongs to the same problem and gets a share of the time. Its plan is the answer
+        if this backend finds no better one. Short runs need no heuristic.
         """
         return ""
 
-    #: Whether no other exact backend can do what this one cannot, so that ``"auto"`` does not go on.
+    #: Whether ``"auto"`` stops after this backend, because no other exact backend can do better.
     conclusive: ClassVar[bool] = False
 
     def is_brief(self, problem: Any) -> bool:
-        """Return whether a run on `problem` ends within about a tenth of a second, whatever it holds.
+        """Return True if every run on `problem` ends within about 0.1 s.
 
-        It is run in the caller's thread then, without a deadline: another thread and a timer take
-        longer to start than such a run.
+        Such a run uses the caller's thread without a deadline, because starting a thread and a timer
+        takes longer than the run.
         """
         return False
 
     def interrupts(self, kind: type[Model[Any]]) -> bool:
-        """Return whether a run on a problem of this `kind` can be stopped from within its process.
+        """Return True if a run on a model of type `kind` can be stopped from within its process.
 
-        Where it cannot, the run moves to a process of its own, which can.
+        Otherwise the run moves to a worker process, which can be killed.
         """
         return Feature.INTERRUPT in self.features
 
     def patience(self, kind: type[Model[Any]]) -> float:
-        """Return the seconds that a run on a problem of this `kind` may take to stop.
+        """Return the seconds that a run on a model of type `kind` may take to stop.
 
-        Then it is given up, and what it has reported by then is its answer.
+        After that time the run is abandoned, and its last reported incumbent is its answer.
         """
         return GRACE
 
     def comparison_options(self, kind: type[Model[Any]]) -> Mapping[str, Any]:
-        """Return what :func:`crosstrack.compare` sets of its own options where the user gives none.
+        """Return the defaults that :func:`crosstrack.compare` uses for this backend's options.
 
-        A verdict on a solver judges the solver, and nothing that crosstrack adds to it. `kind` is
-        the type of the problem that it is given.
+        They switch off what crosstrack adds to a solver, so that a comparison measures the solver
+        alone. Values given by the user take precedence. `kind` is the type of the problem.
         """
         return {}
 
     def missing(self) -> tuple[str, ...]:
-        """Names of the required packages that are not installed; nothing is imported."""
+        """Return the required packages that are not installed, without importing any."""
         return tuple(name for name in self.requires if importlib.util.find_spec(name) is None)
 
     def version(self) -> str | None:
-        """Version of the solver's distribution, None where it is not installed."""
+        """Return the version of the solver's distribution; None if it is not installed."""
         distribution = self.distribution or next(iter(self.requires), "")
         if not distribution:
             return __version__
@@ -337,7 +365,7 @@ class Backend(ABC):
             return None
 
     def require(self) -> None:
-        """Raise :class:`BackendMissing`, saying what to install, unless all is there."""
+        """Raise :class:`BackendMissing` with the install command if a required package is missing."""
         missing = self.missing()
         if missing:
             how = f"crosstrack[{self.extra}]" if self.extra else " ".join(missing)
@@ -346,7 +374,18 @@ class Backend(ABC):
             )
 
     def checked_options(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return all own options with `given` filled in; raise on an unknown name or value."""
+        """Return all options of this backend, with `given` validated and defaults filled in.
+
+        Parameters
+        ----------
+        given : mapping of str to object
+            Values by option name.
+
+        Raises
+        ------
+        UnsupportedOption
+            A name is unknown or a value is not allowed.
+        """
         given = Table().coerce("backend_options", given, {})
         for name in given:
             if name not in self.options:

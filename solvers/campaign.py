@@ -1,4 +1,4 @@
-"""The record of a campaign: one JSON line a finished job, appended at once and never rewritten."""
+"""Record file of a campaign: one JSON line per finished job, appended and never rewritten."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .solution import Solution
 
 try:
     import fcntl
-except ImportError:  # Windows has no such locks
+except ImportError:  # Windows does not have these locks
     fcntl = None  # type: ignore[assignment]
 
 __all__ = ["LEFT_OUT", "Record", "lines_of"]
@@ -27,21 +27,35 @@ __all__ = ["LEFT_OUT", "Record", "lines_of"]
 log = logging.getLogger("crosstrack")
 
 
-#: What stands for a plan that whoever keeps records small has left out: there was a verified one.
+#: Text in place of a verified plan that was omitted to keep the record small.
 LEFT_OUT = "left out"
-#: How each line of a record begins, spaces apart.
+#: Start of every line of a record, without spaces.
 _BEGIN = b'{"model":'
 
 
 def lines_of(content: bytes, file: Path) -> tuple[list[tuple[int, dict[str, Any]]], bytes]:
-    """Return the answers in a record with the numbers of their lines, and a last line that was cut off.
+    """Parse the lines of a record.
+
+    Parameters
+    ----------
+    content : bytes
+        Content of the file.
+    file : Path
+        Name of the file, for messages.
+
+    Returns
+    -------
+    answers : list of tuple (int, dict)
+        Line number, from 1, and JSON data of each answer.
+    incomplete : bytes
+        Last line if it is truncated, else ``b""``.
 
     Raises
     ------
     InvalidData
-        A line is no JSON object, or the last one is not the start of an answer.
+        A line is not a JSON object, or the last line is not the start of an answer.
     """
-    found: list[tuple[int, dict[str, Any]]] = []
+    answers: list[tuple[int, dict[str, Any]]] = []
     *whole, last = content.removeprefix(codecs.BOM_UTF8).split(b"\n")
     for number, line in enumerate([*whole, last], 1):
         if not line.strip():
@@ -53,32 +67,32 @@ def lines_of(content: bytes, file: Path) -> tuple[list[tuple[int, dict[str, Any]
         except (UnicodeDecodeError, InvalidData) as error:
             begun = line.replace(b" ", b"")[: len(_BEGIN)]
             if number > len(whole) and _BEGIN.startswith(begun):
-                return found, last
+                return answers, last
             raise InvalidData(
-                f"record {file}, line {number}: no line of a campaign: {error}", field="record"
+                f"record {file}, line {number}: not a line of a campaign: {error}", field="record"
             ) from None
-        found.append((number, data))
-    return found, b""
+        answers.append((number, data))
+    return answers, b""
 
 
 class Record:
-    """A JSONL file of solutions, each with the key of its job.
+    """JSONL file of solutions, each with the key of its job.
 
-    A line is written and flushed to the disk when its job ends, so an interrupted campaign loses
-    nothing that was finished; with `resume`, what the file holds is not run again. A last line
-    that was cut off in the middle is removed before the first is added. While a campaign runs, its
-    file is locked against others; on file systems that know no locks, a warning says so.
+    A line is written and flushed to disk when its job ends, so an interrupted campaign keeps every
+    finished job. With `resume`, recorded jobs are not run again. A truncated last line is removed
+    before the first new line is written. The file is locked against other campaigns; a warning is
+    logged if the file system does not support locks.
 
     Parameters
     ----------
     path : str or Path
-        The file.
+        Name of the file.
     resume : bool
-        Go on with a file that exists; without it, such a file raises
-        :class:`~crosstrack.errors.InvalidData` and stays as it is, as does one that another
+        Continue an existing file. Without it, an existing file raises
+        :class:`~crosstrack.errors.InvalidData` and stays unchanged, as does a file that another
         campaign is writing.
     retry : bool
-        Take what failed as not run; its new line, further down, is the one that counts.
+        Run failed jobs again. The last line of a job takes precedence.
     """
 
     def __init__(
@@ -98,9 +112,9 @@ class Record:
         if not self.path.parent.is_dir():
             raise InvalidData(f"record {self.path}: its folder does not exist", field="record")
         if self.path.exists() and not self.path.is_file():
-            raise InvalidData(f"record {self.path} is no regular file", field="record")
+            raise InvalidData(f"record {self.path} is not a regular file", field="record")
         try:
-            # Created where it is missing, and emptied by nobody: another may just have created it.
+            # Opened without truncating: another campaign may have created the file meanwhile.
             descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
             self._file = os.fdopen(descriptor, "r+b", buffering=0)
         except OSError as error:
@@ -108,7 +122,7 @@ class Record:
                 f"record {self.path} cannot be written: {error}", field="record"
             ) from None
         try:
-            self._lock()  # before anything is read: another campaign may be adding to it
+            self._lock()  # before reading: another campaign may be appending
             cut = self._load()
             self._file.seek(-len(cut), os.SEEK_END)
             self._file.truncate()
@@ -119,7 +133,7 @@ class Record:
         return self
 
     def _lock(self) -> None:
-        """Keep other campaigns out until the file is closed; the lock ends with the process."""
+        """Lock the file against other campaigns until it is closed or the process ends."""
         if fcntl is None:
             return
         assert self._file is not None
@@ -135,7 +149,7 @@ class Record:
             log.warning("record %s cannot be locked (%s): use it once at a time", self.path, error)
 
     def _load(self) -> bytes:
-        """Read the finished lines; return the line that was cut off at the end."""
+        """Read the finished lines and return the truncated last line, else ``b""``."""
         assert self._file is not None
         content = self._file.read()
         if content and not self._resume:
@@ -146,18 +160,20 @@ class Record:
         for number, data in answers:
             if not isinstance(data.get("key"), str):
                 raise InvalidData(
-                    f"record {self.path}, line {number}: no line of a campaign: it has no key",
+                    f"record {self.path}, line {number}: not a line of a campaign: it has no key",
                     field="record",
                 )
             self._done[data["key"]] = data
         if self._retry:
-            again = [key for key, one in self._done.items() if one.get("termination") == "failed"]
+            again = [
+                key for key, entry in self._done.items() if entry.get("termination") == "failed"
+            ]
             for key in again:
                 del self._done[key]
         return cut
 
     def _close_line(self) -> None:
-        """End the last line where it is whole and nothing ended it."""
+        """Append the missing newline to a complete last line."""
         assert self._file is not None
         size = self._file.seek(0, os.SEEK_END)
         if size:
@@ -172,15 +188,28 @@ class Record:
         trace: TracebackType | None,
     ) -> None:
         if self._file is not None:
-            with contextlib.suppress(OSError):  # no lock, or what `add` has told already
+            with contextlib.suppress(OSError):  # no lock, or an error that `add` has reported
                 if fcntl is not None:
-                    # A process forked meanwhile holds the file, and its lock, open.
+                    # A process forked meanwhile keeps the file and its lock open.
                     fcntl.flock(self._file, fcntl.LOCK_UN)
             with contextlib.suppress(OSError):
                 self._file.close()
 
     def find(self, job: Job, model: Model[Any]) -> Solution[Any] | None:
-        """Return the recorded solution of `job`, None where it must be run."""
+        """Return the recorded solution of `job`; None if the job must be run.
+
+        Parameters
+        ----------
+        job : Job
+            The run whose key is looked up.
+        model : Model
+            The model of the plan.
+
+        Raises
+        ------
+        InvalidData
+            The recorded line cannot be read.
+        """
         data = self._done.get(job.key())
         if data is None:
             return None
@@ -194,10 +223,17 @@ class Record:
     def add(self, job: Job, solution: Solution[Any]) -> None:
         """Append the solution of `job`.
 
+        Parameters
+        ----------
+        job : Job
+            The finished run.
+        solution : Solution
+            Its result.
+
         Raises
         ------
         TypeError, ValueError, RecursionError
-            The solution holds what JSON cannot; nothing is written.
+            The solution has content that JSON cannot represent. Nothing is written.
         InvalidData
             The file cannot be written.
         """
@@ -215,12 +251,11 @@ class Record:
                 line = line[self._file.write(line) :]
             os.fsync(self._file.fileno())
         except OSError as error:
-            with contextlib.suppress(
-                OSError
-            ):  # a line that stays cut off is removed by who goes on
+            # A line that stays truncated is removed when the record is resumed.
+            with contextlib.suppress(OSError):
                 self._file.truncate(before)
             raise InvalidData(
-                f"record {self.path} cannot be written: {error}; every earlier answer stands in it",
+                f"record {self.path} cannot be written: {error}; earlier answers are complete",
                 field="record",
             ) from None
         self._done[data["key"]] = data

@@ -1,4 +1,4 @@
-"""What the backends over CasADi share: loading a plugin, and what CasADi says where it does not load."""
+"""Tools shared by the backends over CasADi: loading a plugin and interpreting its status."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ __all__ = [
     "vector",
 ]
 
-#: The module whose presence means that CasADi's own HiGHS is loaded, which breaks those of highspy
-#: and ortools in a process and is broken by them.
+#: Module whose presence shows that the HiGHS library of CasADi is loaded, which conflicts with the
+#: HiGHS libraries of highspy and ortools in one process.
 HIGHS_MARK = "crosstrack.solvers.qp.casadi_highs"
 
-#: Plugins that this process has loaded; CasADi warns when asked again.
+#: Plugins loaded by this process. CasADi warns if a plugin is loaded again.
 _loaded: set[tuple[str, str]] = set()
 
 
@@ -37,16 +37,16 @@ def load_plugin(backend: str, kind: str, name: str, *, brings_highs: bool = Fals
     Parameters
     ----------
     backend : str
-        Whose name stands in messages.
+        Name of the backend, for messages.
     kind, name : str
-        CasADi's names.
+        Kind and name of the plugin in CasADi.
     brings_highs : bool
-        Whether CasADi's own HiGHS comes with it.
+        Whether the plugin loads CasADi's own HiGHS library.
 
     Raises
     ------
     BackendBroken
-        The plugin does not load, with CasADi's own words, or would meet another HiGHS.
+        The plugin cannot be loaded, with CasADi's message, or another HiGHS library is loaded.
     """
     import casadi
 
@@ -71,12 +71,12 @@ def load_plugin(backend: str, kind: str, name: str, *, brings_highs: bool = Fals
 
 
 def status_of(stats: Mapping[str, Any]) -> str:
-    """Return what a plugin calls its end."""
+    """Return the status text of a plugin from the statistics of CasADi, else an empty text."""
     return str(stats.get("return_status", stats.get("unified_return_status", "")))
 
 
 def ended_by_words(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
-    """Return how a plugin ended, by its success and by the words of its status."""
+    """Return the ending of a plugin and its limit, from its success flag and its status text."""
     if stats.get("success"):
         return Ended.PROVEN, None
     words = status_of(stats).lower().replace("_", " ")
@@ -94,11 +94,11 @@ def ended_by_words(stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
 
 
 def vector(values: Any) -> NDArray[np.float64]:
-    """Return CasADi's column of numbers as an array."""
+    """Return a CasADi column vector as an array, shape (n,)."""
     return np.array(values, float).reshape(-1)
 
 
 def last_line(error: Exception) -> str:
-    """Return the last line of CasADi's message that says something."""
+    """Return the last non-empty line of CasADi's message, at most 300 characters."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[-1][:300] if lines else type(error).__name__

@@ -1,8 +1,9 @@
 """Confirmation: the optimum of an approximation is compared with that of a second approximation.
 
-The objective of one sequence of meshes can settle on a value that all its meshes share although the model
-has a better one. A second discretisation with other nodes does not share that restriction: if it is
-started at the plan and ends at another objective, the first has not settled.
+The objective of one sequence of meshes can converge to a value that all its meshes share although
+the model has a better one. A second discretisation with other nodes does not share that
+restriction. If it is started at the plan and ends at another objective, the first has not
+converged.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from .running import Run
 
 __all__ = ["Confirmation", "confirm"]
 
-#: Endings of the second program whose objective is compared.
+#: Terminations of the second program whose objective is compared.
 CONVERGED = (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL)
 
 
@@ -29,11 +30,11 @@ class Confirmation:
     Parameters
     ----------
     statistics : dict
-        Name and objective of the second formulation, for the statistics of the solution.
+        Name and objective of the second formulation, added to the statistics of the solution.
     finer : Formulation, optional
-        The formulation to solve next, as the two objectives differ.
+        The formulation to solve next, because the two objectives differ.
     failure : str
-        Reason why the answer is not confirmed; empty if it is, or if `finer` has to be solved.
+        Reason why the answer is not confirmed; empty if it is confirmed or `finer` must be solved.
     """
 
     statistics: dict[str, Any]
@@ -42,14 +43,14 @@ class Confirmation:
 
 
 def confirm(run: Run, request: Request, answer: Answer, left: float | None) -> Confirmation:
-    """Solve the counterpart of the current formulation from its solution, and compare.
+    """Solve the counterpart of the current formulation from its solution, and compare objectives.
 
     Parameters
     ----------
     run : Run
-        The run; the seconds of the comparison are added to those of its last program.
+        The run. The seconds of the comparison are added to those of its last program.
     request : Request
-        The request for the program.
+        The request of the program.
     answer : Answer
         Solution of the program, which the formulation accepts.
     left : float, optional
@@ -58,7 +59,7 @@ def confirm(run: Run, request: Request, answer: Answer, left: float | None) -> C
     Returns
     -------
     Confirmation
-        Without statistics if the formulation has no counterpart.
+        Empty statistics if the formulation has no counterpart.
     """
     formulation = run.target.formulation
     assert formulation is not None

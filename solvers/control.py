@@ -1,4 +1,4 @@
-"""The line between a running backend and its caller: stop requests in, incumbents out."""
+"""Channel between a running backend and its caller: stop requests in, incumbents out."""
 
 from __future__ import annotations
 
@@ -20,37 +20,41 @@ from .stopping import Criterion, Progress
 
 __all__ = ["GRACE", "Control"]
 
-#: Seconds that a run may take beyond its time limit before it is given up.
+#: Seconds that a run may exceed its time limit before it is abandoned.
 GRACE = 10.0
 
 
 class Control:
-    """The line between a running backend and the caller: stop requests in, incumbents out.
+    """Channel between a running backend and its caller: stop requests in, incumbents out.
 
-    A kernel without the interpreter's lock polls :attr:`flag` (one ``int8``, nonzero means stop);
-    Python callbacks read :attr:`stopped`. The dispatcher sets it at the deadline, where a criterion
-    is reached or on Ctrl-C.
+    A kernel that releases the interpreter's lock polls :attr:`flag` (one ``int8``, nonzero means
+    stop). Python callbacks read :attr:`stopped`. The dispatcher sets the flag at the deadline, when
+    a criterion is reached, or on Ctrl-C.
 
     Parameters
     ----------
     criterion : Criterion, optional
-        Stops the run beside the deadline.
+        Criterion that stops the run in addition to the deadline.
     forward : callable, optional
-        ``(objective, point)``: told of every incumbent, as the run that this one is a stage of is.
+        Function ``(objective, point)`` called with every incumbent. A stage reports to the run it
+        belongs to.
     patience : float, optional
-        Seconds after which a run in a process of its own, which can be killed, is given up when it
-        does not stop.
+        Seconds after which a run in a worker process is abandoned if it does not stop.
     oracle : callable, optional
-        What the model's hidden data answers, see :meth:`ask`.
+        Function that answers questions about the model's hidden data, see :meth:`ask`.
     proven : callable, optional
-        ``(bound)``: told of every better lower bound, in the thread that reports it.
+        Function ``(bound)`` called with every improved lower bound, in the thread that reports it.
 
     Attributes
     ----------
     bound : float, optional
-        The lower bound that the backend has proven so far; what is given up keeps it.
+        Best lower bound that the backend has proven so far. An abandoned run keeps it.
     abandoned : bool
-        Whether a backend was given up; its thread may still run.
+        Whether the backend was abandoned. Its thread may still run.
+    flag : ndarray of int8, shape (1,)
+        Stop flag polled by the kernels.
+    reason : Limit, optional
+        First reason for a stop request.
     """
 
     def __init__(
@@ -85,17 +89,17 @@ class Control:
 
     @property
     def stopped(self) -> bool:
-        """Whether the run has been asked to stop."""
+        """Whether a stop was requested."""
         return bool(self.flag[0])
 
     @property
     def progress(self) -> Progress:
-        """How far the run is."""
+        """Seconds, evaluations and best objective of the run so far."""
         now = time.perf_counter()
         return Progress(now - self.started, self.evaluations, self._best, now - self._improved)
 
     def prove(self, bound: float | None) -> None:
-        """Report a lower bound; of all reported, :attr:`bound` keeps the best."""
+        """Report a lower bound on the objective; :attr:`bound` keeps the largest."""
         if bound is None or not math.isfinite(bound):
             return
         if self.bound is not None and bound <= self.bound:
@@ -105,7 +109,7 @@ class Control:
             self._proven(bound)
 
     def stop(self, reason: Limit) -> None:
-        """Ask the run and its stages to stop; the first reason given is kept."""
+        """Stop the run and its stages. The first reason is kept."""
         if self.reason is None:
             self.reason = reason
         self.flag[0] = 1
@@ -113,33 +117,33 @@ class Control:
             stage.stop(reason)
 
     def abandon(self) -> None:
-        """Note that the run was given up, and with it all that it is a stage of."""
+        """Mark the run as abandoned, together with the runs it is a stage of."""
         self.abandoned = True
         if self._whole is not None:
             self._whole.abandon()
 
     def check(self) -> None:
-        """Stop the run where its criterion is reached."""
+        """Stop the run if its criterion is reached."""
         if self.criterion is not None and not self.stopped and not self._paused:
             reason = self.criterion.reached(self.progress)
             if reason is not None:
                 self.stop(reason)
 
     def arm(self, seconds: float | None) -> None:
-        """Restart the clock and stop the run after `seconds` (never, when None)."""
+        """Restart the clock and stop the run after `seconds`; None for no deadline."""
         self.started = self._improved = time.perf_counter()
         if seconds is not None:
             self._set_timer(self.started + seconds)
 
     def disarm(self) -> None:
-        """Forget the deadline."""
+        """Cancel the deadline."""
         self._deadline = None
         if self._timer is not None:
             self._timer.cancel()
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Stop the clocks of the whole run and its stages meanwhile; not to be nested."""
+        """Pause the clocks of the whole run and its stages within the block. Blocks cannot nest."""
         begin = time.perf_counter()
         whole = self
         while whole._whole is not None:
@@ -161,7 +165,7 @@ class Control:
                     part._set_timer(part._deadline + spent)
 
     def _parts(self) -> list[Control]:
-        return [self, *(one for stage in self._stages for one in stage._parts())]
+        return [self, *(part for stage in self._stages for part in stage._parts())]
 
     def _set_timer(self, deadline: float) -> None:
         self._deadline = deadline
@@ -171,10 +175,16 @@ class Control:
         self._timer.start()
 
     def incumbent(self, objective: float, point: Any, evaluations: int | None = None) -> None:
-        """Report a better feasible point (a column vector, or a native algorithm's plan).
+        """Report a better feasible point.
 
-        Whoever counts evaluations says after how many of them it was found. An objective that is no
-        finite number is none, and nothing is reported.
+        Parameters
+        ----------
+        objective : float
+            Objective of the point. A value that is not finite is ignored.
+        point : object
+            Column vector, or plan of a native algorithm.
+        evaluations : int, optional
+            Number of evaluations after which the point was found, if the backend counts them.
         """
         if not math.isfinite(objective):
             return
@@ -188,31 +198,34 @@ class Control:
         self.check()
 
     def evaluated(self, count: int = 1) -> bool:
-        """Count evaluations of the objective; return whether the run may go on."""
+        """Add `count` evaluations of the objective and return True if the run may continue."""
         self.evaluations += count
         self.check()
         if self._whole is not None:
-            self._whole.evaluated(count)  # which stops this stage where its own budget is used up
+            self._whole.evaluated(
+                count
+            )  # stops this stage if the evaluations of the run are used up
         return not self.stopped
 
     def ask(self, questions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what the model's hidden data answers; it is reached in no other way.
+        """Return the answers of the model's hidden data, which backends reach only this way.
 
         Parameters
         ----------
         questions : ndarray, shape (m, n)
-            Such as points of a black box, one a row.
+            One question per row, such as points of a black box.
 
         Returns
         -------
         ndarray, shape (m, k)
+            One answer per row.
 
         Raises
         ------
         HiddenData
-            The model answers nothing.
+            The model does not answer questions.
         InvalidData
-            The answer is refused, as when a budget is used up.
+            The question is rejected, for example because a budget is used up.
         """
         whole = self
         while whole._whole is not None:
@@ -228,9 +241,16 @@ class Control:
         forward: Callable[[float, Any], None] | None = None,
         proven: Callable[[float], None] | None = None,
     ) -> Iterator[Control]:
-        """Yield the control of a part of the run, which stops with it or after `seconds`.
+        """Yield the control of a stage, which stops with the run or after `seconds`.
 
-        `forward` is told of its incumbents, `proven` of its better bounds.
+        Parameters
+        ----------
+        seconds : float, optional
+            Time limit of the stage; None for no limit.
+        forward : callable, optional
+            Function ``(objective, point)`` called with every incumbent of the stage.
+        proven : callable, optional
+            Function ``(bound)`` called with every improved lower bound of the stage.
         """
         part = Control(forward=forward, patience=self.patience, proven=proven)
         part._whole = self

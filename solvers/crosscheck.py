@@ -1,4 +1,4 @@
-"""The verb :func:`compare`: several backends on several models, one process each, and a verdict."""
+"""The verb :func:`compare`: several backends on several models, in worker processes, with a verdict."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ log = logging.getLogger("crosstrack")
 
 @dataclass(frozen=True)
 class Comparison:
-    """What :func:`compare` found: a verdict a model; printed, a table.
+    """Result of :func:`compare`: one verdict per model. Printing it shows tables.
 
     Parameters
     ----------
     verdicts : tuple of Verdict
-        One a model, in their order.
+        One per model, in the order of the models.
     interrupted : bool
-        Whether Ctrl-C ended it; what had been finished is there.
+        Whether Ctrl-C ended the comparison. Finished answers are included.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -52,7 +52,7 @@ class Comparison:
 
     @property
     def outcome(self) -> Outcome:
-        """The worst of the verdicts: one contradiction makes it a contradiction."""
+        """Worst outcome of all verdicts, so a single contradiction decides."""
         outcomes = {verdict.outcome for verdict in self.verdicts}
         for outcome in (Outcome.CONTRADICTION, Outcome.INCONCLUSIVE):
             if outcome in outcomes:
@@ -73,12 +73,12 @@ class Comparison:
         }
 
     def parts(self) -> list[Any]:
-        """Return what to print: every verdict with its table, and the outcome of all at the end."""
+        """Return the printable parts: every verdict with its table, then the outcome of all."""
         parts = [part for verdict in self.verdicts for part in verdict.parts()]
         if len(self.verdicts) > 1:
             parts.append(f"\nall {len(self.verdicts)} instances: {self.outcome}")
         if self.interrupted:
-            parts.append("interrupted: what is missing was not run")
+            parts.append("interrupted: missing answers were not run")
         return parts
 
     def summary(self) -> str:
@@ -86,7 +86,7 @@ class Comparison:
         return render(*self.parts(), width=140)
 
     def to_frame(self) -> DataFrame:
-        """Return the answers as a pandas frame, one a row; needs pandas."""
+        """Return the answers as a pandas data frame with one row per answer. Requires pandas."""
         return frame(self.solutions)
 
     def __str__(self) -> str:
@@ -123,62 +123,62 @@ def compare(
 ) -> Comparison:
     """Solve every model with every backend, each in a process of its own, and judge the answers.
 
-    A backend that crashes, hangs past its deadline or refuses costs its own row only.
+    A backend that crashes, exceeds its deadline or rejects a model affects its own row only.
 
     Parameters
     ----------
     models : sequence of Model
-        What is asked.
+        The models to solve.
     backends : sequence of str or Backend
-        Names, ``"name:formulation"`` for one on a certain formulation, ``"auto"`` for the one that
-        :func:`crosstrack.solve` takes, or backend objects.
+        Names, or backend objects. ``"name:formulation"`` selects a formulation, and ``"auto"`` the
+        backend that :func:`crosstrack.solve` would use.
     formulation, formulation_options : optional
-        For the backends that take programs.
+        Default formulation and its options, for backends that solve programs.
     time_limit : float, optional
-        Seconds for each job, with the building of the program. Compiling is not counted: only the
-        first run of a backend has it, and :attr:`Solution.seconds` reports it apart.
+        Seconds per job, including the time to build the program. Compilation is excluded, because
+        only the first run of a backend compiles; :attr:`Solution.seconds` reports it separately.
     memory_limit : float, optional
-        MiB that the processes of a job may hold in memory, at least 64; Linux only.
+        Memory limit of each job in MiB, at least 64; Linux only.
     grace : float
-        Seconds beyond it before the worker is killed with its process group.
+        Seconds after the time limit before the worker is killed with its process group.
     gap, tolerance : float, optional
-        The same for all backends; heuristics know no gap and are not asked for one.
+        Relative gap and tolerance, the same for all backends. Heuristics do not receive the gap.
     seed, threads, evaluations : int, optional
-        Given to the backends that have the feature.
+        Passed to the backends that support them.
     target : float, optional
-        An objective that is good enough to stop at, for the backends that report incumbents.
+        Objective at which backends that report incumbents stop.
     repeats : int
-        How often each backend that draws runs on each model, from the seeds ``seed``, ``seed + 1``
-        …; the verdicts then hold medians, quartiles and success rates over them.
+        Number of runs of each randomised backend on each model, with seeds ``seed``, ``seed + 1``
+        …; the verdicts then contain medians, quartiles and success rates.
     warm_start : plan, Solution or sequence of them, optional
-        One for all models, or one a model (None where there is none); given to the backends that
-        take one.
+        One for all models, or one per model (None for no warm start). Passed to the backends that
+        support it.
     backend_options : mapping of str to mapping, optional
-        Own options by the backend's name; what is not given is as the backend's
-        ``comparison_options`` say, ``polish=False`` for solvers of quadratic programs.
+        Options by name of the backend. Defaults are those of the backend's
+        ``comparison_options``, for example ``polish=False`` for solvers of quadratic programs.
     compiled : bool
-        Compile the loops of our own algorithms instead of interpreting short ones, so that the seconds
-        of runs compare.
+        Compile all loops of the native algorithms, instead of interpreting short ones, so that
+        the seconds of runs are comparable.
     workers : int
-        How many jobs run at the same time.
+        Number of jobs that run at the same time.
     pool : concurrent.futures.Executor, optional
-        Where the workers are launched instead of from threads of this process (Dask's too).
+        Executor that launches the workers, for example Dask's. Default: threads of this process.
     record : str or Path, optional
-        A JSONL file that receives every finished answer at once.
+        Name of a JSONL file to which each answer is appended when its job ends.
     resume : bool
-        Go on with a record that exists, running only what it lacks.
+        Continue an existing record and run only the missing jobs.
     on_solution : callable, optional
-        Called with every answer, in the order in which they come.
+        Function called with every :class:`Solution`, in the order of completion.
 
     Returns
     -------
     Comparison
-        A verdict a model: ``AGREED``, ``INCONCLUSIVE`` or ``CONTRADICTION``.
+        One verdict per model: ``AGREED``, ``INCONCLUSIVE`` or ``CONTRADICTION``.
 
     Raises
     ------
     UnknownName, UnsupportedOption, InvalidData
-        A name or an option that no row could have; a refusal of one backend alone is a row.
+        A name or an option is invalid for every row. An error of one backend alone becomes a row.
     """
     models = [as_model(model) for model in _listed("models", models)]
     backends = _listed("backends", backends)
@@ -190,7 +190,7 @@ def compare(
     check_number("grace", grace)
     pool = checked_pool(pool)
     if resume and record is None:
-        raise UnsupportedOption("resume needs a record to go on with")
+        raise UnsupportedOption("resume needs a record to continue")
     own = {
         name: Table().coerce(f"backend_options[{name!r}]", options, {})
         for name, options in given("backend_options", backend_options).items()
@@ -208,17 +208,17 @@ def compare(
             raise UnknownName("backend in backend_options", name, known)
     tasks = []
     for row, model in enumerate(models):
-        for column, asked in enumerate(backends):
-            # Looked up among what this model accepts: problems may share names.
-            backend, wanted = _named(asked, formulation, model)
+        for column, entry in enumerate(backends):
+            # Looked up among the backends that accept this model: problems may share names.
+            backend, formulation_name = _named(entry, formulation, model)
             draws = Feature.SEED in backend.features
             for turn in range(repeats if draws else 1):
                 if draws and repeats > 1:
                     common["seed"] = (seed or 0) + turn
                 tasks.append(
                     task_of(
-                        (row, column, turn), model, backend, wanted, common, warm[row],
-                        own.get(_name_of(asked), {}),
+                        (row, column, turn), model, backend, formulation_name, common, warm[row],
+                        own.get(_name_of(entry), {}),
                     )
                 )  # fmt: skip
             common["seed"] = seed
@@ -245,7 +245,7 @@ def compare(
 
 
 def checked_pool(pool: Any) -> Executor | None:
-    """Return what launches jobs, or None; anything but an executor raises."""
+    """Return `pool` if it is an executor or None; raise :class:`UnsupportedOption` otherwise."""
     if pool is not None and not isinstance(pool, Executor):
         raise UnsupportedOption(
             f"pool must be a concurrent.futures.Executor, got {type(pool).__name__}"
@@ -267,12 +267,32 @@ def run_tasks(
     started: Callable[[Task], None] | None = None,
     finished: Callable[[Task, Solution[Any]], None],
 ) -> tuple[dict[tuple[int, int, int], Solution[Any]], bool]:
-    """Return the answers by row, column and turn, and whether Ctrl-C ended the run.
+    """Run tasks and return their answers.
 
-    What a record holds is not run again, but for what failed where `retry` asks for it; what is run is written to it at once, but for what a pool lost,
-    which can be run again. `begun` is called with what will be run, `started` with what is about to,
-    `finished` with what was; `room` is that of :func:`run_by_pool`, and the other parameters are those of
-    :func:`compare`.
+    Parameters
+    ----------
+    tasks : sequence of Task
+        The tasks.
+    record, resume, workers, pool, grace : optional
+        As in :func:`compare`. Recorded tasks are not run again. New answers are recorded at once,
+        except tasks that a pool lost, which can be run again.
+    retry : bool
+        Whether recorded failures are run again.
+    room : callable, optional
+        As in :func:`run_by_pool`.
+    begun : callable, optional
+        Function called once with the tasks that will run.
+    started : callable, optional
+        Function called with each task before it starts.
+    finished : callable
+        Function called with each task and its solution.
+
+    Returns
+    -------
+    answers : dict of tuple to Solution
+        Solutions by (row, column, turn).
+    interrupted : bool
+        Whether Ctrl-C ended the run.
     """
     answers: dict[tuple[int, int, int], Solution[Any]] = {}
     with contextlib.ExitStack() as stack:
@@ -281,11 +301,11 @@ def run_tasks(
             book = stack.enter_context(Record(record, resume=resume, retry=retry))
         open_tasks: deque[Task] = deque()
         for task in tasks:
-            found = book.find(task.job, task.job.model) if book is not None else None
-            if found is None:
+            recorded = book.find(task.job, task.job.model) if book is not None else None
+            if recorded is None:
                 open_tasks.append(task)
             else:
-                answers[task.row, task.column, task.turn] = found
+                answers[task.row, task.column, task.turn] = recorded
 
         if begun is not None:
             begun(tuple(open_tasks))
@@ -297,7 +317,7 @@ def run_tasks(
                 except CrosstrackError:
                     raise
                 except (TypeError, ValueError, RecursionError) as error:
-                    # What a stranger's answer holds costs its own row.
+                    # An answer of an external backend affects its own row only.
                     solution = failed(task.job, f"its answer cannot be written as JSON: {error}")
                     book.add(task.job, solution)
             answers[task.row, task.column, task.turn] = solution
@@ -312,31 +332,39 @@ def run_tasks(
 
 
 def rejudged(model: Model[Any], *parts: Comparison) -> Comparison:
-    """Return one comparison on `model` of answers that came in several turns."""
+    """Return a comparison on `model` that judges the answers of several comparisons together.
+
+    Parameters
+    ----------
+    model : Model
+        The model that all answers belong to.
+    *parts : Comparison
+        Comparisons, each on `model`.
+    """
     solutions = [solution for part in parts for solution in part.solutions]
     verdict = judge(model.name or model.digest[:12], solutions, model)
     return Comparison((verdict,), any(part.interrupted for part in parts))
 
 
 def _listed(name: str, value: Any) -> list[Any]:
-    """Return several models or backends, or the one that was given, as a list."""
+    """Return a sequence of models or backends, or a single one, as a list."""
     if not isinstance(value, Iterable) or isinstance(value, str):
         return [value]
     try:
         return list(value)
-    except TypeError:  # such as an array without axes
+    except TypeError:  # for example an array without axes
         raise InvalidData(f"{name} must be a list, got {show(value)}", field=name) from None
 
 
 def _name_of(backend: str | Backend) -> str:
-    """Return the name of a backend that is asked for, ``"name:formulation"`` included."""
+    """Return the name of a backend without its formulation."""
     return backend.partition(":")[0] if isinstance(backend, str) else find_backend(backend).name
 
 
 def _named(
     backend: str | Backend, formulation: str | None, model: Model[Any]
 ) -> tuple[Backend, str | None]:
-    """Return the backend and the formulation that ``"name:formulation"`` asks for."""
+    """Return the backend and the name of the formulation that ``"name:formulation"`` selects."""
     if isinstance(backend, str) and ":" in backend:
         backend, _, formulation = backend.partition(":")
     if isinstance(backend, str) and backend == "auto":
@@ -345,7 +373,7 @@ def _named(
 
 
 def _warm_starts(value: Any, models: Sequence[Model[Any]]) -> list[Any]:
-    """Return one plan a model, from one for all of them or a sequence of one for each."""
+    """Return one plan per model, from one for all models or a sequence with one per model."""
     many = isinstance(value, list | tuple) and not all(isinstance(k, int) for k in value)
     values = list(value) if many else [value] * len(models)
     if len(values) != len(models):
@@ -365,8 +393,31 @@ def task_of(
     warm_start: Any,
     own: Mapping[str, Any],
 ) -> Task:
-    """Return a task with those common options that the backend knows."""
-    asked = dict(common)
+    """Return a task with the common options that the backend supports.
+
+    Parameters
+    ----------
+    place : tuple of int
+        Row, column and turn.
+    model : Model
+        The model to solve.
+    backend : Backend
+        The backend to run.
+    formulation : str, optional
+        Name of the formulation, ignored if the backend accepts the model itself.
+    common : mapping
+        Fields of :class:`Job` that all tasks share.
+    warm_start : plan, optional
+        Plan to start from, ignored if the backend does not support it.
+    own : mapping
+        Options of the backend.
+
+    Raises
+    ------
+    UnknownName, UnsupportedOption
+        The formulation or an option of the backend does not exist.
+    """
+    options = dict(common)
     for name, feature in (
         ("gap", Feature.GAP),
         ("seed", Feature.SEED),
@@ -375,10 +426,10 @@ def task_of(
         ("target_value", Feature.INCUMBENTS),
     ):
         if feature not in backend.features and not (name == "seed" and backend.deterministic):
-            asked[name] = None
+            options[name] = None
     native = isinstance(model, backend.accepts)
     if native:
-        asked["formulation_options"] = {}
+        options["formulation_options"] = {}
     usable = {Feature.WARM_START, Feature.CUTOFF} & backend.features
     job = Job(
         model=model,
@@ -386,14 +437,14 @@ def task_of(
         formulation=None if native else formulation,
         warm_start=warm_start if usable else None,
         backend_options=dict(own),
-        **asked,
+        **options,
     )
     backend.checked_options(job.backend_options)
     try:
         target = job.target()
         kind = type(target.model) if target.formulation is None else target.formulation.program_type
-        options = {**backend.comparison_options(kind), **job.backend_options}
-        job = replace(job, backend_options=options)
+        backend_options = {**backend.comparison_options(kind), **job.backend_options}
+        job = replace(job, backend_options=backend_options)
     except CrosstrackError as error:
         if isinstance(error, UnknownName):
             raise

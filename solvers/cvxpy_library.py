@@ -1,4 +1,4 @@
-"""CVXPY: what its runs on mixed-integer and on quadratic programs share."""
+"""CVXPY: tools shared by its runs on mixed-integer, quadratic and conic programs."""
 
 from __future__ import annotations
 
@@ -18,87 +18,101 @@ from .backend import Limit
 
 __all__ = ["EXCLUDED", "Solved", "chosen", "found", "solve_by_cvxpy"]
 
-_ORTOOLS = "CVXPY loads highspy, beside which OR-Tools cannot be imported"
-#: Solvers that are not to be had through CVXPY, with the reason, by kind of program; those under
-#: ``"any"`` for no kind.
+_ORTOOLS = "CVXPY loads highspy, with which OR-Tools cannot be imported"
+#: Solvers of CVXPY that are not offered, by kind of program, with the reason. Those under ``"any"``
+#: are excluded for every kind.
 EXCLUDED: Mapping[str, Mapping[str, str]] = {
     "any": {
         "GLOP": _ORTOOLS,
         "PDLP": _ORTOOLS,
         "GUROBI": "CVXPY lets it print its licence on the standard output",
-        "ECOS_BB": "CVXPY warns of its wrong results, and does not call it unless told to",
+        "ECOS_BB": "CVXPY warns of its wrong results and calls it only on request",
     },
     "mixed-integer": {"SCIPY": "CVXPY reports its 'infeasible or unbounded' as a failure"},
     "quadratic": {
-        "PROXQP": "by way of CVXPY it was seen to call a feasible linear program infeasible",
-        "SCIP": "CVXPY poses a cone and passes no multipliers on, without which nothing is proven",
+        "PROXQP": "through CVXPY it called a feasible linear program infeasible",
+        "SCIP": "CVXPY poses a cone and returns no multipliers, without which nothing is proven",
     },
-    "conic": {"ECOS": "it takes no semidefinite cones; the backend 'ecos' takes the others"},
+    "conic": {"ECOS": "it has no semidefinite cones; the backend 'ecos' handles the others"},
 }
-#: The solver of each kind of program, unless another is asked for.
+#: Default solver for each kind of program.
 _DEFAULT = {"mixed-integer": "HIGHS", "quadratic": "CLARABEL", "conic": "CLARABEL"}
 
 
 def found(kind: str) -> tuple[str, ...]:
-    """Return the solvers that CVXPY finds installed and that take programs of `kind`.
+    """Return the solvers installed for CVXPY that accept programs of `kind`.
 
-    Those of :data:`EXCLUDED` are left out; of conic programs, those that do not take all cones. CVXPY is imported, and tries to import all its solvers.
+    Solvers in :data:`EXCLUDED` are omitted. For conic programs, solvers must accept all cones that
+    CVXPY knows here. CVXPY is imported, which tries to import all its solvers.
     """
     from cvxpy.constraints.exponential import ExpCone
     from cvxpy.constraints.second_order import SOC
     from cvxpy.reductions.solvers import defines
 
     cone: Any = SOC
-    able = defines.INSTALLED_MI_SOLVERS
+    names = defines.INSTALLED_MI_SOLVERS
     if kind == "conic":
-        wanted = {SOC, ExpCone}
-        able = [
+        required = {SOC, ExpCone}
+        names = [
             name
             for name in defines.INSTALLED_SOLVERS
             if name in defines.SOLVER_MAP_CONIC
-            and wanted <= set(defines.SOLVER_MAP_CONIC[name].SUPPORTED_CONSTRAINTS)
+            and required <= set(defines.SOLVER_MAP_CONIC[name].SUPPORTED_CONSTRAINTS)
         ]
     if kind == "quadratic":
         cones, plain = defines.SOLVER_MAP_CONIC, defines.SOLVER_MAP_QP
-        able = [
+        names = [
             name
             for name in defines.INSTALLED_SOLVERS
             if name in plain
             or (name in cones and cones[name].supports_quad_obj())
             or (name in cones and cone in cones[name].SUPPORTED_CONSTRAINTS)
         ]
-    without = {**EXCLUDED["any"], **EXCLUDED[kind]}
-    return tuple(name for name in able if name not in without)
+    excluded = {**EXCLUDED["any"], **EXCLUDED[kind]}
+    return tuple(name for name in names if name not in excluded)
 
 
 def chosen(program: RowProgram, asked: str | None) -> str:
-    """Return the solver `asked` for, or the default; ``UnsupportedOption`` where there is none such."""
+    """Return the name of the solver for `program`.
+
+    Parameters
+    ----------
+    program : RowProgram
+        The program to solve.
+    asked : str, optional
+        Name of a solver in CVXPY; None for the default of the program's kind.
+
+    Raises
+    ------
+    UnsupportedOption
+        The solver is not installed or does not accept the program.
+    """
     kind = program.kind.removesuffix("-program")
     name = asked or _DEFAULT[kind]
-    able = found(kind)
-    if name not in able:
+    names = found(kind)
+    if name not in names:
         why = EXCLUDED["any"].get(name, EXCLUDED[kind].get(name, ""))
         raise UnsupportedOption(
-            f"backend 'cvxpy': solver={name!r} takes no {kind} program"
-            f"{' here: ' if why else ''}{why}; those that do: {', '.join(able)}"
+            f"backend 'cvxpy': solver={name!r} accepts no {kind} program"
+            f"{' here: ' if why else ''}{why}; those that do: {', '.join(names)}"
         )
     return name
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A ``cvxpy.Problem`` that has been solved.
+    """Result of solving a ``cvxpy.Problem``.
 
     Parameters
     ----------
     program : RowProgram
-        What was posed.
+        The program that was translated.
     problem, columns : object
-        CVXPY's problem and variable.
+        Problem and variable of CVXPY.
     error : str
-        What CVXPY raised, in words.
+        Message of the exception that CVXPY raised; empty if none.
     late : bool
-        Whether the time was up.
+        Whether the time limit was reached.
     """
 
     program: RowProgram
@@ -109,11 +123,11 @@ class Solved:
 
     @property
     def extra(self) -> Any:
-        """The solver's own statistics, None where CVXPY keeps none."""
+        """Statistics of the solver; None if CVXPY has none."""
         return getattr(self.problem.solver_stats, "extra_stats", None)
 
     def end(self) -> tuple[Ended, Limit | None]:
-        """Return how the run ended; what is called inaccurate counts as stopped."""
+        """Return the ending and its limit. A solution that CVXPY calls inaccurate is ``STOPPED``."""
         limit = Limit.TIME if self.late else Limit.ITERATIONS
         if self.error and not self.late:
             return Ended.FAILED, None
@@ -128,20 +142,20 @@ class Solved:
                 return Ended.UNCLEAR, None
             case "user_limit" | "optimal_inaccurate":
                 return Ended.STOPPED, limit
-        # A solver's failure raises, and leaves nothing but the clock to tell a limit.
+        # A failing solver raises an exception; only the clock shows whether a limit was reached.
         return (Ended.STOPPED, limit) if self.late else (Ended.FAILED, None)
 
     def point(self, ended: Ended) -> NDArray[np.float64] | None:
-        """Return the values of the columns, None where there are none or they mean nothing."""
+        """Return the column values, shape (columns,); None if the ending does not define any."""
         if self.columns.value is None or ended not in (Ended.PROVEN, Ended.STOPPED):
             return None
         return np.array(self.columns.value, float)
 
     def row_duals(self) -> NDArray[np.float64]:
-        """Return the multipliers of rows and cones, from the constraints in the order of ``to_cvxpy``.
+        """Return the multipliers of rows and cones, in the order of the constraints of ``to_cvxpy``.
 
-        CVXPY gives an inequality a dual that is never negative, and an equality the sign of its
-        Lagrangian, ``f + y (a x - b)``.
+        The dual value of an inequality in CVXPY is non-negative. That of an equality has the sign of
+        the Lagrangian ``f + y (a x - b)``.
         """
         duals = np.zeros(self.program.row_count)
         constraints = iter(self.problem.constraints)
@@ -162,14 +176,27 @@ def solve_by_cvxpy(
     clock: Clock,
     verbose: bool,
 ) -> Solved:
-    """Solve `program` with `solver`, whose name for the time limit is `time_name`, empty for none.
+    """Solve a program with a solver of CVXPY.
 
-    A solver that knows none is stopped with its process.
+    Parameters
+    ----------
+    program : Program
+        A program with ``to_cvxpy``.
+    solver : str
+        Name of the solver in CVXPY.
+    options : mapping
+        Options of the solver.
+    time_name : str
+        The solver's option for the time limit. If empty, the solver is stopped with its process.
+    clock : Clock
+        Clock of the run; counts ``"build"`` and ``"solve"``.
+    verbose : bool
+        Whether the solver prints its log.
     """
     import cvxpy
 
     problem, columns = program.to_cvxpy()
-    # Canonicalised here, so that the time limit counts it; solve() finds the result cached.
+    # Canonicalise here, so that the time limit includes it; solve() reuses the cached result.
     problem.get_problem_data(solver)
     clock.lap("build")
     left, error = clock.left(), ""

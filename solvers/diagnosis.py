@@ -1,4 +1,4 @@
-"""The verb :func:`diagnose`: why a model has no plan, in the paper's words."""
+"""The verb :func:`diagnose`: the reasons why a model has no plan, in the terms of its paper."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from .solution import Solution
 
 __all__ = ["Diagnosis", "Finding", "diagnose", "filtered"]
 
-#: Findings that a printed diagnosis shows.
+#: Largest number of findings in a printed diagnosis.
 _SHOWN = 12
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One reason.
+    """One reason why a model has no plan.
 
     Parameters
     ----------
     text : str
-        The reason in words.
+        The reason as a sentence.
     equation : str
-        The paper's equation, empty where it has none.
+        Number of the paper's equation; empty if it has none.
     where : str
-        The place.
-    data : mapping
-        The same for programs, with the model's indices and figures.
+        Place in the model or program.
+    data : mapping, optional
+        The same as JSON data, with the model's indices and values.
     """
 
     text: str
@@ -61,20 +61,20 @@ class Finding:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Why a model has no plan, or that it has one.
+    """Reasons why a model has no plan, or the statement that it has one.
 
     Parameters
     ----------
     instance : str
-        The model's name.
+        Name of the model.
     feasible : bool, optional
-        Whether there is a plan; None where neither was shown.
+        True if a plan exists, False if none does, None if neither was proven.
     method : str
-        How it was found.
+        Name of the method.
     summary : str
-        One sentence.
+        Result in one sentence.
     findings : tuple of Finding
-        The reasons, the nearest miss first.
+        The reasons, sorted by how closely they are missed.
     """
 
     instance: str
@@ -95,16 +95,16 @@ class Diagnosis:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Diagnosis:
-        """Return the diagnosis that :meth:`to_dict` wrote."""
+        """Return the diagnosis written by :meth:`to_dict`."""
         words = ("text", "equation", "where")
         findings = tuple(
             Finding(
-                one["text"],
-                one["equation"],
-                one["where"],
-                {key: value for key, value in one.items() if key not in words} or None,
+                item["text"],
+                item["equation"],
+                item["where"],
+                {key: value for key, value in item.items() if key not in words} or None,
             )
-            for one in data["findings"]
+            for item in data["findings"]
         )
         return cls(**{**data, "findings": findings})
 
@@ -124,37 +124,37 @@ def diagnose(
     time_limit: float | None = 60.0,
     memory_limit: float | None = None,
 ) -> Diagnosis:
-    """Say why `model` has no plan, in the paper's words.
+    """Return the reasons why `model` has no plan, in the terms of its paper.
 
-    Without a backend or formulation, the model's own search names the place where every extension
-    dies. With one, a deletion filter over the blocks of the program's rows finds a set of equations
-    that no point satisfies together, while it would without any one of them.
+    Without a backend or formulation, the native search of the model reports where every extension
+    of a partial plan is infeasible. With one of them, a deletion filter over the row blocks of the
+    program returns an irreducible infeasible set of blocks: no point satisfies all of them, but
+    some point satisfies all but any one.
 
     Parameters
     ----------
     model : Model
-        What is asked.
+        The model to explain.
     backend : str or Backend, optional
-        An exact backend for programs, or ``"auto"``; the deletion filter is used.
+        Exact backend for programs, or ``"auto"``. Selects the deletion filter.
     formulation : str, optional
-        The formulation to filter; ``"paper"`` unless another is named.
+        Formulation to filter. Default: ``"paper"``.
     time_limit : float, optional
-        Seconds for each search, or program that the filter solves.
+        Seconds per search, or per program that the filter solves.
     memory_limit : float, optional
-        MiB that the diagnosis may hold in memory, at least 64; Linux only. It then runs in a worker
-        process.
+        Memory limit in MiB, at least 64; Linux only. The diagnosis then runs in a worker process.
 
     Returns
     -------
     Diagnosis
-        The reasons, or that there is a plan.
+        The reasons, or the statement that a plan exists.
 
     Raises
     ------
     UnsupportedFormulation
-        The backend is not exact, or takes no program.
+        The backend is not exact, or does not solve programs.
     WorkerFailure
-        The memory limit is reached.
+        The memory limit was reached.
     """
     model = as_model(model)
     if time_limit is not None:
@@ -182,9 +182,18 @@ def filtered(
     formulation: str | None,
     time_limit: float | None,
 ) -> Diagnosis:
-    """Return blocks of rows that no point satisfies together, by a deletion filter.
+    """Return an infeasible set of row blocks, computed with a deletion filter.
 
-    The parameters are those of :func:`diagnose`.
+    Parameters
+    ----------
+    model, backend, formulation, time_limit
+        As in :func:`diagnose`.
+
+    Returns
+    -------
+    Diagnosis
+        Removing any one block of the set makes the program feasible, except blocks reported as
+        not settled within the time limit.
     """
     written: Formulation[Any, Any] | None = None
     if isinstance(model, RowProgram):
@@ -201,19 +210,19 @@ def filtered(
     if solver.guarantee is not Guarantee.EXACT or not isinstance(program, solver.accepts):
         raise UnsupportedFormulation(
             f"the deletion filter needs an exact backend for a {program.kind}; "
-            f"{solver.name!r} is none"
+            f"{solver.name!r} is not"
         )
 
-    def ends(candidate: RowProgram) -> Solution[Any]:
+    def solved(candidate: RowProgram) -> Solution[Any]:
         return solve(candidate, solver, time_limit=time_limit)
 
     method = f"deletion filter over the rows of {program.name or 'the program'} with {solver.name}"
     while True:
-        asked = _feasibility(program)
-        answer = ends(asked)
+        candidate = _feasibility(program)
+        answer = solved(candidate)
         finer = None
         if answer.plan is not None and written is not None:
-            # A relaxation that has a point proves nothing before it is refined.
+            # A point of a relaxation proves nothing until the relaxation is tight enough.
             finer = written.refined(answer.plan, TOLERANCE)
         if finer is None:
             break
@@ -226,17 +235,17 @@ def filtered(
         return Diagnosis(
             model.name, None, method, f"not settled: {solver.name} ended with {answer.termination}"
         )
-    needed = [block.name for block in asked.conditions]
+    needed = [block.name for block in candidate.conditions]
     unsure = []
     for name in list(needed):
-        kept = [other for other in needed if other != name]
-        dropped = [block.name for block in asked.conditions if block.name not in kept]
-        outcome = ends(asked.without_rows(dropped)).termination
+        remaining = [other for other in needed if other != name]
+        dropped = [block.name for block in candidate.conditions if block.name not in remaining]
+        outcome = solved(candidate.without_rows(dropped)).termination
         if outcome is Termination.INFEASIBLE:
-            needed = kept
+            needed = remaining
         elif outcome not in (Termination.OPTIMAL, Termination.FEASIBLE):
             unsure.append(name)
-    blocks = [block for block in asked.conditions if block.name in needed]
+    blocks = [block for block in candidate.conditions if block.name in needed]
     findings = tuple(
         Finding(
             f"{block.title} ({block.size} rows)"
@@ -248,7 +257,7 @@ def filtered(
         for block in blocks
     )
     summary = (
-        "no plan: these rows cannot hold together, and leaving out any one block of them gives a plan"
+        "no plan: no point satisfies these rows, and without any one of the blocks there is a plan"
         if findings
         else "no plan: the bounds of the columns alone exclude it"
     )
@@ -256,7 +265,7 @@ def filtered(
 
 
 def _feasibility(program: RowProgram) -> RowProgram:
-    """Return `program` without its objective: any first point will do."""
+    """Return `program` with a zero objective, because any feasible point is sufficient."""
     objective: dict[str, Any] = {"cost": program.cost * 0.0, "offset": 0.0}
     if isinstance(program, QuadraticProgram | ConicProgram):
         objective["hessian"] = program.hessian * 0.0
@@ -264,7 +273,7 @@ def _feasibility(program: RowProgram) -> RowProgram:
 
 
 def _covering(model: Model[Any]) -> str | None:
-    """Return ``"paper"`` where the paper's formulation covers the model, None for the default."""
+    """Return ``"paper"`` if the paper's formulation covers the model, None for the default."""
     if "paper" not in model.formulations:
         return None
     try:

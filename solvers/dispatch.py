@@ -54,70 +54,67 @@ def solve(
 ) -> Solution[PlanT]:
     """Solve `model` and verify the answer.
 
-    What fails verification is never returned as a plan: the termination is then ``rejected``. A
-    limit never raises, and Ctrl-C loses nothing: the incumbent comes back. Whatever the backend or
-    formulation does not support raises; nothing is dropped in silence.
+    An answer that fails verification is never returned as a plan: its termination is ``rejected``.
+    A limit does not raise, and after Ctrl-C the incumbent is returned. An option that the backend
+    or formulation does not support raises.
 
     Parameters
     ----------
     model : Model
-        What is asked.
+        The model to solve.
     backend : str or Backend
-        A name from :func:`crosstrack.backends`, or ``"auto"``: the first exact one installed,
-        native algorithms before programs; where there is none, one that also proves a bound.
-        Where that one fails, the next exact ones go on for the rest of the time; the statistics
-        say which were tried.
+        A name from :func:`crosstrack.backends`, or ``"auto"``: the first installed exact backend,
+        native algorithms before programs, else one that also proves a bound. If it fails, the next
+        exact backends continue for the rest of the time. The statistics list the backends tried.
     formulation : str, optional
-        Name of the formulation, for a backend that takes programs; the model's default one.
+        Name of the formulation, for a backend that solves programs. Default: that of the model.
     formulation_options, backend_options : mapping, optional
-        Options of their own.
+        Options of the formulation and of the backend. Backend options override the common ones.
     time_limit : float, optional
         Wall-clock seconds for the call, with building, loading and compiling; the verification of
         the answer follows. Kernels that cannot be compiled in time are interpreted, the message
         names them, and a background process compiles them for later calls.
     memory_limit : float, optional
-        MiB that the run may hold in memory, at least 64; Linux only. The run moves to a worker
-        process, which is killed beyond the limit and keeps its incumbent.
+        Memory limit in MiB, at least 64; Linux only. The run moves to a worker process, which is
+        killed at the limit. Its last incumbent is kept.
     gap : float, optional
         Relative gap at which an exact backend may stop (default 1e-6).
     tolerance : float, optional
-        Largest violation accepted, in the backend and in the verification (default 1e-6).
+        Largest accepted violation, in the backend and in the verification (default 1e-6).
     seed, threads : int, optional
-        For backends that draw, or that use threads.
+        Random seed and number of threads, for backends that support them.
     evaluations : int, optional
-        Evaluations of the objective, for backends that count them.
+        Limit on the evaluations of the objective, for backends that count them.
     target : float, optional
-        Objective of a plan that is good enough to stop at, for backends that report incumbents.
+        Objective at which the run stops, for backends that report incumbents.
     stop : Criterion, optional
-        Any other reason to stop, such as ``Stalled(5.0)`` or criteria joined by ``|`` and ``&``
+        Further stopping criterion, such as ``Stalled(5.0)`` or criteria joined by ``|`` and ``&``
         (:mod:`crosstrack.solvers.stopping`), for backends that report incumbents.
     warm_start : plan, Solution or JSON data, optional
-        A plan to start from; it is verified first, and bounds the objective. Where meshes approximate
-        the model, one that does not verify, such as that for another initial state, is a guess.
+        Plan to start from. It is verified first and bounds the objective. For formulations on
+        meshes, a plan that does not verify, for example one for another initial state, is a guess.
     starts : int
-        Number of starts from different seeds, for backends that are not exact; all are kept.
+        Number of starts with different seeds, for backends that are not exact. All are kept.
     on_incumbent : callable, optional
         Called with each better :class:`~crosstrack.solvers.solution.Incumbent`, in this thread.
     isolate : bool, optional
-        Run in a worker process. By default only where the backend cannot be interrupted, or where
-        a library that clashes with it is loaded.
+        Whether to run in a worker process. Default: only if the backend cannot be interrupted, or
+        if a conflicting library is loaded.
     verbose : bool
-        Show the solver's own log, and each incumbent, while it runs: as ``INFO`` of the log
-        ``crosstrack.output``, which goes to standard error where no handler is set up.
-    backend_options : mapping, optional
-        The backend's own options; they win over the common ones.
+        Show the solver's log and each incumbent during the run, as ``INFO`` of the logger
+        ``crosstrack.output``. Without a handler, the log goes to standard error.
 
     Returns
     -------
     Solution
-        The verified plan with bounds, or how the run ended without one.
+        The verified plan with its bounds, or the termination of a run without a plan.
 
     Raises
     ------
     BackendMissing, BackendBroken
-        The backend is not installed, or refuses for a reason of its own.
+        The backend is not installed, or fails for a reason unrelated to the model.
     UnknownName, UnsupportedOption, UnsupportedFormulation, InvalidData
-        Something asked for is not to be had.
+        An option, name or formulation is not available.
     """
     begin = time.perf_counter()
     model = as_model(model)
@@ -177,15 +174,15 @@ def run_job(
         return multistart(job, alone, together=run_together)
     if not apart:
         return execute(job, listener=listener)
-    job.target()  # what cannot be had raises here, before a process starts
+    job.target()  # unsupported options raise here, before a process starts
     if job.starts > 1 and (hides or not is_ours(job.backend)):
-        # Each start is judged here, not where it ran.
+        # Each start is judged in this process.
         return multistart(job, lambda one, **_: in_worker(one, listener=listener))
     return in_worker(job, listener=listener)
 
 
 def needs_worker(job: Job) -> bool:
-    """Whether `job` must leave this process: it cannot be interrupted, or would meet a rival library."""
+    """Return True if `job` needs a worker: it cannot be interrupted, or a rival library is loaded."""
     backend = job.backend
     assert isinstance(backend, Backend)
     if backend.requires and not backend.interrupts(job.target().kind):
@@ -201,16 +198,16 @@ def verify(
     formulation: str | None = None,
     formulation_options: Mapping[str, Any] | None = None,
 ) -> Verification:
-    """Check a plan from anywhere against the model's raw data.
+    """Check a plan against the raw data of a model.
 
     Parameters
     ----------
     model : Model
-        What was asked.
+        The model.
     plan : plan, Solution or JSON data
-        The plan.
+        The plan, from any source.
     tolerance : float
-        Largest violation accepted, relative to the scale that each check names; > 0 and < 1.
+        Largest accepted violation, relative to the scale that each check names; > 0 and < 1.
     formulation : str, optional
         Encode the plan into this formulation as well, and check every row of the program.
     formulation_options : mapping, optional
@@ -219,14 +216,14 @@ def verify(
     Returns
     -------
     Verification
-        One check a constraint, and one a block of rows where a formulation is named.
+        One check per constraint, and one per block of rows if a formulation is given.
 
     Raises
     ------
     InvalidData
-        The plan is none for this model, or cannot be encoded.
+        The plan does not belong to this model, or cannot be encoded.
     UnsupportedOption
-        The tolerance is no number > 0 and < 1.
+        The tolerance is not a number > 0 and < 1.
     """
     model = as_model(model)
     check_tolerance(tolerance)

@@ -1,4 +1,4 @@
-"""The words of the contract: guarantees, features, terminations and limits."""
+"""Enumerations of the contract: guarantees, features, terminations and limits."""
 
 from __future__ import annotations
 
@@ -8,87 +8,86 @@ __all__ = ["PROVING", "Feature", "Guarantee", "Limit", "Termination"]
 
 
 class Guarantee(StrEnum):
-    """What an answer of the backend proves, if its claims are right."""
+    """Strength of the claims of a backend, provided that its implementation is correct."""
 
-    #: Its bound holds for every plan, and infeasible means that there is none.
+    #: Bounds are valid for every plan, and "infeasible" is a proof.
     EXACT = "exact"
-    #: No better plan nearby; nothing about plans further away.
+    #: The plan is a local optimum. Plans further away may be better.
     LOCAL = "local"
-    #: A plan, if one was found.
+    #: The plan is feasible, without any statement about its quality.
     HEURISTIC = "heuristic"
-    #: Its bound holds for every plan, and infeasible means that there is none; its point need not be
-    #: a plan.
+    #: Bounds are valid for every plan, and "infeasible" is a proof. The point need not be a plan.
     RELAXATION = "relaxation"
 
 
-#: Guarantees whose lower bounds and claims of infeasibility hold for the model.
+#: Guarantees whose lower bounds and claims of infeasibility are proofs.
 PROVING = (Guarantee.EXACT, Guarantee.RELAXATION)
 
 
 class Feature(StrEnum):
-    """What a backend understands of the common request."""
+    """Option of the common request, or report, that a backend supports."""
 
-    #: Stops at the relative gap asked for.
+    #: Stops at the requested relative gap.
     GAP = "gap"
-    #: Draws, and draws the same for the same seed.
+    #: Uses random numbers, and repeats its run for the same seed.
     SEED = "seed"
-    #: Uses as many threads as are asked for.
+    #: Uses the requested number of threads.
     THREADS = "threads"
     #: Starts its search from a plan.
     WARM_START = "warm start"
-    #: Leaves out what is worse than a known objective.
+    #: Discards plans that are worse than a known objective.
     CUTOFF = "cutoff"
-    #: Reports better plans while it runs.
+    #: Reports improved plans during the run.
     INCUMBENTS = "incumbents"
-    #: Counts evaluations of the objective, and stops at the number granted.
+    #: Counts evaluations of the objective and stops at their limit.
     EVALUATIONS = "evaluations"
     #: Reports a lower bound.
     DUAL_BOUND = "dual bound"
-    #: Reports row multipliers, from which the program computes its bound itself.
+    #: Reports row multipliers, from which the program computes a bound.
     DUALS = "duals"
-    #: Stops soon when it is asked to.
+    #: Stops soon after a stop request.
     INTERRUPT = "interrupt"
-    #: Prints a log of its own where ``verbose`` asks for it.
+    #: Prints its own log if ``verbose`` is true.
     LOG = "log"
 
 
 class Termination(StrEnum):
-    """How a run ended, apart from the limit that may have ended it."""
+    """Status of a solution; the limit that ended the run, if any, is separate."""
 
-    #: A verified plan, proven optimal within the gap.
+    #: The plan is verified and proven optimal within the gap.
     OPTIMAL = "optimal"
-    #: A verified plan that meets the conditions of a local optimum.
+    #: The plan is verified and satisfies the conditions of a local optimum; a better one may exist.
     LOCALLY_OPTIMAL = "locally_optimal"
-    #: A verified plan, of which nothing more is known.
+    #: The plan is verified; its distance from the optimum is unknown or above the gap.
     FEASIBLE = "feasible"
-    #: Proven: there is no plan.
+    #: It is proven that no plan exists.
     INFEASIBLE = "infeasible"
-    #: No plan near the search; there may be one elsewhere.
+    #: The search found no plan nearby. One may exist elsewhere: try another start.
     LOCALLY_INFEASIBLE = "locally_infeasible"
-    #: Proven: plans are as good as one likes.
+    #: It is proven that the objective of plans is unbounded below.
     UNBOUNDED = "unbounded"
     #: The run ended without a plan and without a proof.
     NO_SOLUTION = "no_solution"
-    #: A plan was claimed and failed verification; the dispatcher's word, never a backend's.
+    #: The claimed plan failed verification and is not returned. Assigned by the dispatcher only.
     REJECTED = "rejected"
-    #: The backend failed.
+    #: The backend raised an error or crashed; the message gives the reason.
     FAILED = "failed"
 
 
 class Limit(StrEnum):
-    """The limit that ended a run."""
+    """Limit that ended a run; the solution holds the incumbent, if any."""
 
-    #: The seconds were used up.
+    #: The time limit was reached.
     TIME = "time"
-    #: The memory that it may take was used up.
+    #: The memory limit was reached.
     MEMORY = "memory"
-    #: The solver's own count of iterations, nodes or labels was used up.
+    #: The solver's limit on iterations, nodes or labels was reached.
     ITERATIONS = "iterations"
-    #: The evaluations of the objective that were granted were used up.
+    #: The limit on evaluations of the objective was reached.
     EVALUATIONS = "evaluations"
-    #: A plan as good as the target was met.
+    #: The target objective was reached.
     TARGET = "target"
-    #: No better plan came for as long as was granted.
+    #: No better plan was found for the given number of seconds.
     STALLED = "stalled"
-    #: Ctrl-C, or the caller.
+    #: The user (Ctrl-C) or the calling code stopped the run.
     INTERRUPTED = "interrupted"

@@ -1,4 +1,4 @@
-"""Where a job runs: the machine, its load, and the memory that processes hold."""
+"""Environment of a job: the machine, its load, and the memory of processes."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ MIB = 2.0**20
 
 @cache
 def _machine() -> dict[str, Any]:
-    """Return what does not change while this process lives."""
-    found: dict[str, Any] = {
+    """Return the data of the machine that are constant while this process lives."""
+    data: dict[str, Any] = {
         "machine": platform.machine(),
         "system": platform.platform(terse=True),
         "processor": _processor(),
@@ -33,15 +33,15 @@ def _machine() -> dict[str, Any]:
     }
     if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
         pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-        found["memory"] = round(pages / GIB, 1)
-    return found
+        data["memory"] = round(pages / GIB, 1)
+    return data
 
 
 def _processor() -> str:
-    """Return the processor's name; Python knows it on some systems only."""
-    listed = Path("/proc/cpuinfo")
-    if listed.is_file():
-        for line in listed.read_text(errors="replace").splitlines():
+    """Return the name of the processor. :mod:`platform` has it on some systems only."""
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        for line in info.read_text(errors="replace").splitlines():
             name, _, value = line.partition(":")
             if name.strip() == "model name":
                 return value.strip()
@@ -49,7 +49,20 @@ def _processor() -> str:
 
 
 def environment(job: Job, *, warm: bool) -> dict[str, Any]:
-    """Return where `job`, whose backend is resolved, is about to run; `warm` is the process."""
+    """Return data about the machine and process before a job starts.
+
+    Parameters
+    ----------
+    job : Job
+        The job.
+    warm : bool
+        Whether the process has already run a similar job.
+
+    Returns
+    -------
+    dict
+        Hardware, versions of Python, crosstrack and the backend, threads and system load.
+    """
     backend = job.resolved().backend
     assert not isinstance(backend, str)
     return {
@@ -63,24 +76,29 @@ def environment(job: Job, *, warm: bool) -> dict[str, Any]:
 
 
 def require_accounts() -> None:
-    """Raise where the memory of processes cannot be counted.
+    """Raise an error if the memory of processes cannot be measured.
 
     Raises
     ------
     UnsupportedOption
-        The system is no Linux.
+        The system is not Linux.
     """
     if sys.platform != "linux":
-        raise UnsupportedOption("memory_limit is kept on Linux only; leave it out")
+        raise UnsupportedOption("memory_limit is available on Linux only; omit it")
 
 
 def resident(process: int) -> float:
-    """Return the bytes in memory of a process and of all that it has started, on Linux.
+    """Return the resident memory in bytes of a process and all its descendants, on Linux.
 
-    Pages that several of them share count for each.
+    Memory shared by several of them counts once for each.
+
+    Parameters
+    ----------
+    process : int
+        Identifier of the process.
     """
     parents: dict[int, int] = {}
-    held: dict[int, int] = {}
+    pages: dict[int, int] = {}
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit():
             continue
@@ -88,12 +106,16 @@ def resident(process: int) -> float:
             words = (entry / "stat").read_text("utf-8", "replace").rpartition(")")[2].split()
         except OSError:
             continue  # it has ended meanwhile
-        # The name in parentheses may hold anything; after it come state, parent, … and pages held.
-        parents[int(entry.name)], held[int(entry.name)] = int(words[1]), int(words[21])
-    own = {process}
+        # The name in parentheses may contain anything. State, parent, … and pages follow it.
+        parents[int(entry.name)], pages[int(entry.name)] = int(words[1]), int(words[21])
+    family = {process}
     grows = True
     while grows:
-        more = {one for one, parent in parents.items() if parent in own} - own
-        own |= more
-        grows = bool(more)
-    return float(sum(held.get(one, 0) for one in own)) * os.sysconf("SC_PAGE_SIZE")
+        children = {
+            identifier for identifier, parent in parents.items() if parent in family
+        } - family
+        family |= children
+        grows = bool(children)
+    return float(sum(pages.get(identifier, 0) for identifier in family)) * os.sysconf(
+        "SC_PAGE_SIZE"
+    )

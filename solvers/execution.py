@@ -1,4 +1,4 @@
-"""Running one job in this process: build, run, decode, verify; a limit or Ctrl-C loses nothing."""
+"""Execution of one job in this process: build, run, decode, verify."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ __all__ = ["GRACE", "claim", "execute", "multistart", "warm_objective"]
 NO_TIME = 1e-9
 #: Share of the time limit that interpreted kernels may use if another backend can go on.
 INTERPRETED = 0.5
-#: Seconds of a first start from which the others are worth processes of their own.
+#: Seconds of the first start above which the other starts run in processes of their own.
 LONG = 1.0
 
 
@@ -50,14 +50,15 @@ def execute(
     Parameters
     ----------
     job : Job
-        What is asked; whatever it cannot have raises before anything starts.
+        The job. Unsupported options raise before anything starts.
     listener : callable, optional
-        Called with every :class:`~crosstrack.solvers.solution.Incumbent`, in the caller's thread.
+        Function called with every :class:`~crosstrack.solvers.solution.Incumbent`, in the caller's
+        thread.
     on_prepare : callable, optional
-        Called with True before and False after what only the first run needs (compilation), which
-        may come in the middle of a run.
+        Function called with True before and False after work that only the first run needs
+        (compilation), which may happen in the middle of a run.
     control : Control, optional
-        To stop the run from another thread.
+        Control that can stop the run from another thread.
     """
     if job.starts > 1:
         return multistart(job, partial(execute, listener=listener), control)
@@ -68,7 +69,7 @@ def execute(
     found = claim(job, listener=listener, on_prepare=on_prepare, control=control)
     if isinstance(job.backend, Backend) and not is_ours(job.backend):
         job, found = _as_asked(job, asked, found)
-    with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # what was found is verified
+    with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # the point is verified
         solution = assemble(job, found)
     solution = solution.lasting(time.perf_counter() - begin)
     solution = start_again(job, solution, partial(execute, listener=listener), control)
@@ -125,22 +126,22 @@ def claim(
                 f"for later calls: {names}"
             )
         if control.reason is Limit.INTERRUPTED and answer.limit is None:
-            # Asked for when all was done but this.
+            # The interrupt arrived after the solver had finished.
             answer = replace(answer, limit=Limit.INTERRUPTED)
         return _claim(run, answer, problem, control.bound)
 
 
 def _as_asked(job: Job, digest: str, found: Claim) -> tuple[Job, Claim]:
-    """Return the job with its model made anew from its fields, and a claim that may be judged by it.
+    """Return the job with a copy of its model, and a claim that can be judged with it.
 
-    Arrays cannot be written to, but a backend that is not ours may have replaced a field, a sparse
-    part or a derived value: the digest is computed from the fields again.
+    Arrays are read-only, but an external backend may have replaced a field, a sparse part or a
+    derived value. The digest is therefore computed again from the fields.
     """
     try:
         model = copy.deepcopy(job.model)
         if model.digest == digest:
             return replace(job, model=model), found
-    except Exception as error:  # whatever stands in a field's place now
+    except Exception as error:  # a field may hold any object now
         log.debug("the digest cannot be computed again", exc_info=error)
     text = f"the model was changed during the run (digest {digest[:12]} before it): nothing is judged by it, make it anew"
     return job, Claim(Termination.FAILED, seconds=found.seconds, messages=(*found.messages, text))
@@ -206,7 +207,7 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
 
 
 def _threads(run: Run) -> int | None:
-    """Return the threads asked for, no more than this process has processors, which is said."""
+    """Return the number of threads, limited to the processors of this process with a note."""
     asked = run.job.threads
     most = processors()
     if asked is None or asked <= most:
@@ -217,12 +218,12 @@ def _threads(run: Run) -> int | None:
 
 
 def warm_objective(job: Job) -> float | None:
-    """Return the objective of the warm start where nothing of it depends on a tolerance.
+    """Return the objective of the warm start; None if it depends on a tolerance.
 
     Raises
     ------
     InvalidData
-        It is no plan of the model.
+        The warm start is not a plan of the model.
     """
     return _objective(job.model.verify(job.warm_start, tolerance=job.verification_tolerance))
 
@@ -288,7 +289,7 @@ def _claim(run: Run, answer: Answer, problem: Any, reported: float | None) -> Cl
 
 
 def _starts(job: Job) -> list[Job]:
-    """Return a job for each start; where the formulation draws them, the first is the guess itself."""
+    """Return one job per start. If the formulation draws starts, the first is its own guess."""
     formulation = job.target().formulation
     first = job.seed or 0
     seeds = list(range(first, first + job.starts))
@@ -309,14 +310,14 @@ def multistart(
     Parameters
     ----------
     job : Job
-        What is asked.
+        The job.
     run : callable
-        ``(job, control=…) -> Solution``: runs one start.
+        Function ``(job, control=…) -> Solution`` that runs one start.
     control : Control, optional
-        To stop the whole from another thread.
+        Control that can stop all starts from another thread.
     together : callable, optional
-        Runs the jobs that follow the first side by side, where that one took long enough for it to
-        pay and no criterion may end the whole before they have.
+        Function that runs the remaining jobs in parallel. It is used if the first start took long
+        enough and no criterion can end the run before the others start.
     """
     jobs = _starts(job)
     begin = time.perf_counter()
@@ -330,7 +331,7 @@ def multistart(
                 if results and (whole.stopped or (left is not None and left <= 0)):
                     break
                 if left is not None:
-                    left = max(left, NO_TIME)  # the first start says itself that there was none
+                    left = max(left, NO_TIME)  # the first start reports the lack of time
                 pays = len(results) == 1 and results[0].seconds.get("total", 0.0) > LONG
                 if together is not None and pays and job.criterion is None:
                     results += together([replace(one, time_limit=left) for one in jobs[1:]])

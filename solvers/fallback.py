@@ -1,4 +1,4 @@
-"""What ``"auto"`` does where the recommended backend fails: it goes on with the next exact one."""
+"""Fallback of ``"auto"``: if the recommended backend fails, the next exact backend continues."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ __all__ = ["go_on"]
 LATE = 0.9
 #: Backends that are tried after the recommended one.
 MORE = 3
-#: Seconds that they get in all where no limit is given, at least and as a multiple of the first's.
+#: Their total seconds without a time limit: at least, and as a multiple of the first run's.
 AT_LEAST, TIMES = 60.0, 10.0
 
 _PROVEN = (Termination.OPTIMAL, Termination.INFEASIBLE, Termination.UNBOUNDED)
 
 
 def go_on(job: Job, first: Solution[Any], run: Callable[[Job], Solution[Any]]) -> Solution[Any]:
-    """Return `first`, or a better answer of another exact backend where `first` is a failure.
+    """Return `first`, or a better answer of another exact backend if `first` is a failure.
 
-    A failure is an end without proof that no limit but the iterations explains, of a backend that is
-    not conclusive; or an end without a plan before the time limit, because kernels had to be
-    interpreted. Others run one after the other on the rest of the clock until one proves its
-    answer. If none does, the plan with the least gap is kept. Options that another backend does not
-    support rule it out.
+    A failure is an end without proof that is not explained by a limit other than the iterations, if
+    the backend is not conclusive. An end without a plan before the time limit, because kernels were
+    interpreted, is a failure, too. Other backends run in turn for the rest of the time until one
+    proves its answer. Otherwise the plan with the smallest gap is kept. Backends that do not support
+    an option of the job are skipped.
 
     Parameters
     ----------
     job : Job
-        What was asked, with the recommended backend.
+        The job, with the recommended backend.
     first : Solution
-        How that one ended.
+        Its solution.
     run : callable
-        Runs a job.
+        Function that runs a job.
     """
     assert isinstance(job.backend, Backend)
     begin, spent = time.perf_counter(), first.seconds.get("total", 0.0)
@@ -72,7 +72,7 @@ def go_on(job: Job, first: Solution[Any], run: Callable[[Job], Solution[Any]]) -
         except (BackendMissing, UnsupportedOption, UnsupportedFormulation):
             continue  # it cannot do what was asked of the first
         tried.append(f"{found.backend}: {found.termination}")
-        # A verified plan refutes every claim that there is none.
+        # A verified plan refutes every claim of infeasibility.
         proven = found.termination in _PROVEN and (found.plan is not None or best.plan is None)
         if proven or _rank(found) < _rank(best):
             best = found

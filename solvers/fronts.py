@@ -1,4 +1,4 @@
-"""What :func:`crosstrack.front` returns: plans of which none dominates another."""
+"""Result of :func:`crosstrack.front`: the non-dominated plans of two objectives."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .solution import Solution
 
 __all__ = ["EQUAL", "Front", "FrontPoint", "gathered"]
 
-#: What counts as equal, relative.
+#: Relative difference below which objectives are equal.
 EQUAL = 1e-9
 
 
@@ -24,16 +24,16 @@ class FrontPoint:
     Parameters
     ----------
     objective : float
-        The model's objective, or the first of two that a sweep compares.
+        Objective of the model, or the first of two objectives that a sweep compares.
     second : float
         The second objective.
     limit : float, optional
-        The limit on the second objective under which the plan was sought; None for none. In a sweep
-        the value of the field.
+        Upper limit on the second objective in the run; None for no limit. In a sweep, the value
+        of the field.
     solution : Solution
         The verified answer.
     proven : bool
-        Whether the objective is proven to be the least within the limit, up to the gap asked for.
+        Whether the objective is proven minimal within the limit, up to the gap.
     """
 
     objective: float
@@ -43,11 +43,11 @@ class FrontPoint:
     proven: bool
 
     def dominates(self, other: FrontPoint) -> bool:
-        """Return whether this is no worse in either objective, and better in one."""
+        """Return True if this point is at least as good in both objectives and better in one."""
         return self._no_worse(other) and not other._no_worse(self)
 
     def equals(self, other: FrontPoint) -> bool:
-        """Return whether both objectives are equal, rounding aside."""
+        """Return True if both objectives are equal up to rounding."""
         return self._no_worse(other) and other._no_worse(self)
 
     def _no_worse(self, other: FrontPoint) -> bool:
@@ -67,28 +67,28 @@ class FrontPoint:
 
 @dataclass(frozen=True)
 class Front:
-    """What :func:`front` found; printed, a table.
+    """Result of :func:`front` and :func:`sweep`. Printing it shows a table.
 
     Parameters
     ----------
     model : Model
-        What was asked.
+        The model.
     second : str
-        The second objective.
+        Name of the second objective.
     points : tuple of FrontPoint
-        Plans of which none dominates another, by the second objective from large to small.
+        Non-dominated plans, sorted by decreasing second objective.
     dominated : tuple of FrontPoint
-        Plans that were found and are dominated.
+        Plans that another plan dominates.
     repeated : tuple of FrontPoint
         Plans that equal one of `points` in both objectives.
     unsolved : tuple of Solution
-        How the runs under the other limits ended, without a plan.
+        Solutions of the runs that ended without a plan.
     field : str
-        The field that was limited, or varied by a sweep.
+        Name of the field that was limited, or varied by a sweep.
     interrupted : bool
-        Whether Ctrl-C ended it; what had been found is there.
+        Whether Ctrl-C ended the runs. Finished runs are included.
     first : str
-        The first objective of a sweep; empty where it is the model's own.
+        First objective of a sweep; empty for the model's own objective.
     """
 
     model: Model[Any]
@@ -103,7 +103,7 @@ class Front:
 
     @property
     def solutions(self) -> tuple[Solution[Any], ...]:
-        """The answers of all points."""
+        """Solutions of all points."""
         return tuple(point.solution for point in self.points)
 
     def to_dict(self) -> dict[str, Any]:
@@ -123,21 +123,21 @@ class Front:
         }
 
     def parts(self) -> list[Any]:
-        """Return what to print: the points, and how the other runs ended."""
+        """Return the printable parts: a table of the points, and the end of the other runs."""
         states = (("", self.points), ("dominated", self.dominated), ("repeated", self.repeated))
         shown = sorted(
-            ((one, state) for state, points in states for one in points),
+            ((item, state) for state, points in states for item in points),
             key=lambda pair: (-pair[0].second, pair[0].objective),
         )
         title = f"{self.model.name or self.model.kind}: objective and {self.second}"
         parts: list[Any] = [_table(title, self.field, self.second, shown)]
-        for one in self.unsolved:
+        for item in self.unsolved:
             parts.append(
-                f"{one.instance or one.model}: {one.termination}"
-                f"{f', {one.limit}' if one.limit else ''}"
+                f"{item.instance or item.model}: {item.termination}"
+                f"{f', {item.limit}' if item.limit else ''}"
             )
         if self.interrupted:
-            parts.append("interrupted: what is missing was not run")
+            parts.append("interrupted: missing points were not run")
         return parts
 
     def summary(self) -> str:
@@ -156,19 +156,19 @@ def _table(
 ) -> FittedTable:
     cells = [
         (
-            "" if one.limit is None else number(one.limit),
-            number(one.objective),
-            number(one.second),
+            "" if point.limit is None else number(point.limit),
+            number(point.objective),
+            number(point.second),
             ""
-            if one.solution.gap is None
-            else f"{one.solution.gap:.1e}"
-            if one.solution.gap
+            if point.solution.gap is None
+            else f"{point.solution.gap:.1e}"
+            if point.solution.gap
             else "0",
-            one.solution.backend,
-            seconds_text(one.solution.seconds.get("total")),
-            ", ".join(word for word in ("proven" if one.proven else "", state) if word),
+            point.solution.backend,
+            seconds_text(point.solution.seconds.get("total")),
+            ", ".join(word for word in ("proven" if point.proven else "", state) if word),
         )
-        for one, state in rows
+        for point, state in rows
     ]
     columns = (name, "objective", second, "gap", "backend", "total", "state")
     return table(title, columns, cells, right=(name, "objective", second, "gap", "total"))
@@ -183,35 +183,45 @@ def gathered(
     interrupted: bool,
     first: str = "",
 ) -> Front:
-    """Return the front of all plans that were found.
+    """Return the front of all plans found.
 
     Parameters
     ----------
     model : Model
-        What was asked.
+        The model.
     second, name : str
         The second objective, and the field that was limited or varied.
     found : sequence of FrontPoint
-        One for each plan.
+        One point per plan.
     answers : sequence of Solution
-        How all runs ended.
+        Solutions of all runs.
     interrupted : bool
         Whether runs are missing.
     first : str
-        The first objective of a sweep.
+        First objective of a sweep; empty for the model's own objective.
     """
-    kept: list[FrontPoint] = []
+    efficient: list[FrontPoint] = []
     removed: list[FrontPoint] = []
     same: list[FrontPoint] = []
-    # Of equal ones the proven one is kept.
-    for one in sorted(found, key=lambda one: (-one.second, one.objective, not one.proven)):
-        if any(other.dominates(one) for other in found):
-            removed.append(one)
-        elif any(one.equals(other) for other in kept):
-            same.append(one)
+    # Proven points come first among equal ones, so they are the ones that stay.
+    for point in sorted(
+        found, key=lambda point: (-point.second, point.objective, not point.proven)
+    ):
+        if any(other.dominates(point) for other in found):
+            removed.append(point)
+        elif any(point.equals(other) for other in efficient):
+            same.append(point)
         else:
-            kept.append(one)
-    unsolved = tuple(one for one in answers if one.plan is None)
+            efficient.append(point)
+    unsolved = tuple(answer for answer in answers if answer.plan is None)
     return Front(
-        model, second, tuple(kept), tuple(removed), tuple(same), unsolved, name, interrupted, first
+        model,
+        second,
+        tuple(efficient),
+        tuple(removed),
+        tuple(same),
+        unsolved,
+        name,
+        interrupted,
+        first,
     )

@@ -1,4 +1,4 @@
-"""Learning by gradients: what every trainer of a PyTorch network shares."""
+"""Gradient-based training: base class of the trainers of PyTorch networks."""
 
 from __future__ import annotations
 
@@ -21,41 +21,66 @@ __all__ = ["GradientTrainer", "arrays_of", "fill"]
 
 
 def arrays_of(network: torch.nn.Module) -> dict[str, NDArray[Any]]:
-    """Return the parameters and buffers of a network by name; whole numbers, which only count, are left out."""
-    held = network.state_dict().items()
-    return {name: one.detach().numpy().copy() for name, one in held if one.is_floating_point()}
+    """Return copies of the parameters and buffers of a network, by name.
+
+    Integer buffers are omitted, because they only count.
+
+    Parameters
+    ----------
+    network : torch.nn.Module
+        The network.
+    """
+    entries = network.state_dict().items()
+    return {
+        name: tensor.detach().numpy().copy()
+        for name, tensor in entries
+        if tensor.is_floating_point()
+    }
 
 
 def fill(network: torch.nn.Module, weights: Weights) -> None:
-    """Give a network weights, after a check of their names, shapes and types."""
+    """Load weights into a network after checking their names, shapes and types.
+
+    Parameters
+    ----------
+    network : torch.nn.Module
+        The network, changed in place.
+    weights : Weights
+        The weights.
+
+    Raises
+    ------
+    InvalidData
+        The weights do not fit the network.
+    """
     import torch
 
-    found = weights.fit({name: one.shape for name, one in arrays_of(network).items()})
+    arrays = weights.fit({name: array.shape for name, array in arrays_of(network).items()})
     network.load_state_dict(
-        {name: torch.from_numpy(one) for name, one in found.items()}, strict=False
+        {name: torch.from_numpy(array) for name, array in arrays.items()}, strict=False
     )
 
 
 class GradientTrainer(Trainer):
-    """Adam, with a rate that falls as half a cosine; a subclass draws batches and gives their loss.
+    """Trainer with Adam and a cosine learning rate; a subclass draws batches and computes the loss.
 
     Parameters
     ----------
     course : Course
-        What is asked for.
+        Settings of the training.
     kind : str
-        The name of the network's weights.
+        Name of the network's kind of weights.
     network : torch.nn.Module
-        Built with its first weights, which follow from the course's seed: build it after
-        ``torch.manual_seed``. All of its parameters are float32.
+        Network with its initial weights. Build it after ``torch.manual_seed`` with the course's
+        seed. All parameters must be float32.
     architecture : mapping of str to int
-        What it was built with.
+        Sizes from which the network was built.
     batches : int
-        Steps of an epoch.
+        Steps per epoch.
     rate : float
-        The first rate.
+        Initial learning rate. It decreases along half a cosine to 2 % of this value.
     clip : float
-        The norm to which a gradient is cut.
+        Largest norm of a gradient; longer ones are scaled down.
     """
 
     def __init__(
@@ -69,18 +94,18 @@ class GradientTrainer(Trainer):
         self.optimiser = torch.optim.Adam(network.parameters(), lr=rate)
 
     def prepare(self, number: int, generator: np.random.Generator) -> None:
-        """Do what an epoch begins with, such as to draw its examples; nothing of it may last longer."""
+        """Prepare an epoch, for example by drawing its examples. Longer work belongs to `loss`."""
 
     @abstractmethod
     def loss(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
-        """Return the mean loss of a batch, 0 and so on within the epoch."""
+        """Return the mean loss of a batch; batches are numbered from 0 within the epoch."""
 
     @abstractmethod
     def judge(self) -> Mapping[str, float]:
-        """Return figures of the network as it is, among them ``"score"``, the higher the better."""
+        """Return measures of the current network, including ``"score"`` (higher is better)."""
 
     def run_epoch(self, number: int, tick: Callable[[], None]) -> Mapping[str, float]:
-        """Learn from an epoch's batches; a batch whose gradient is not finite is left out."""
+        """Train on the batches of an epoch. Batches with a gradient that is not finite are skipped."""
         import torch
 
         generator = np.random.default_rng([self.course.seed, number])
@@ -112,35 +137,41 @@ class GradientTrainer(Trainer):
         return Weights(self.kind, arrays_of(self.network), dict(self.architecture))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return parameters and buffers, and what Adam remembers of each parameter."""
-        found = {f"network.{name}": one for name, one in arrays_of(self.network).items()}
-        for number, held in self.optimiser.state_dict()["state"].items():
-            for name, one in held.items():
-                found[f"adam.{number}.{name}"] = one.numpy().copy()
-        return found
+        """Return the parameters and buffers, and the state of Adam for each parameter."""
+        arrays = {f"network.{name}": tensor for name, tensor in arrays_of(self.network).items()}
+        for number, values in self.optimiser.state_dict()["state"].items():
+            for name, tensor in values.items():
+                arrays[f"adam.{number}.{name}"] = tensor.numpy().copy()
+        return arrays
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         import torch
 
         network = {
-            name.removeprefix("network."): one
-            for name, one in state.items()
+            name.removeprefix("network."): array
+            for name, array in state.items()
             if name.startswith("network.")
         }
         fill(self.network, Weights(self.kind, network))
         parameters = list(self.network.parameters())
         adam: dict[int, dict[str, torch.Tensor]] = {}
-        for name, one in state.items():
+        for name, array in state.items():
             part, _, rest = name.partition(".")
-            number, _, what = rest.partition(".")
+            number, _, quantity = rest.partition(".")
             if part != "adam":
                 continue
             known = number.isdecimal() and int(number) < len(parameters)
-            wanted = tuple(parameters[int(number)].shape) if known and what != "step" else ()
-            if not known or what not in ("step", "exp_avg", "exp_avg_sq") or one.shape != wanted:
+            shape = tuple(parameters[int(number)].shape) if known and quantity != "step" else ()
+            if (
+                not known
+                or quantity not in ("step", "exp_avg", "exp_avg_sq")
+                or array.shape != shape
+            ):
                 raise InvalidData(
                     f"checkpoint of {self.kind}: {name} fits no parameter", field=name
                 )
-            adam.setdefault(int(number), {})[what] = torch.from_numpy(np.array(one, np.float32))
+            adam.setdefault(int(number), {})[quantity] = torch.from_numpy(
+                np.array(array, np.float32)
+            )
         groups = self.optimiser.state_dict()["param_groups"]
         self.optimiser.load_state_dict({"state": adam, "param_groups": groups})

@@ -1,4 +1,4 @@
-"""HiGHS through highspy: what its runs on linear, mixed-integer and quadratic programs share."""
+"""HiGHS through highspy: tools shared by its runs on linear, mixed-integer and quadratic programs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InvalidData, UnsupportedOption
 from ..models.programs.base import RowProgram
 from ..models.verification import ROUNDING
-from .attempts import Clock, Ended, Meaning, limited
+from .attempts import Clock, Ended, Meaning, stop_reason
 from .backend import Limit, Request
 
 __all__ = ["meanings", "run_highs"]
@@ -24,46 +24,46 @@ def run_highs(
     clock: Clock,
     prepare: Callable[[Any], None],
 ) -> Any:
-    """Return the ``highspy.Highs`` that has solved `program`.
+    """Solve a program and return the ``highspy.Highs`` object.
 
     Parameters
     ----------
     program : RowProgram
-        Its columns and rows are handed over.
-    integral : ndarray of bool
-        Which columns must be whole.
+        The program, whose columns and rows are passed to HiGHS.
+    integral : ndarray of bool, shape (columns,)
+        True for integer columns.
     options : mapping
-        HiGHS's own options beside the seed, the threads and the time left.
+        Options of HiGHS in addition to seed, threads and time limit.
     request : Request
-        What is asked.
+        Options of the run.
     clock : Clock
-        Its laps ``"build"`` and ``"solve"`` are counted.
+        Clock of the run; counts ``"build"`` and ``"solve"``.
     prepare : callable
-        ``prepare(highs)`` hands over what else there is: a start, callbacks, a Hessian.
+        Function ``prepare(highs)`` that passes further data: a start, callbacks, a Hessian.
 
     Raises
     ------
     UnsupportedOption, InvalidData
-        HiGHS refuses an option, or the program; solved all the same, it would be the empty one.
+        HiGHS rejects an option or the program. Without the error it would solve an empty program.
     """
     import highspy
 
     highs = highspy.Highs()
-    given = {"output_flag": request.verbose, **options}
+    settings = {"output_flag": request.verbose, **options}
     if request.seed is not None:
-        given["random_seed"] = request.seed % (2**31)
+        settings["random_seed"] = request.seed % (2**31)
     if request.threads is not None:
-        # The scheduler is one for the process and keeps its number of threads.
+        # The scheduler is global to the process and keeps its number of threads.
         highspy.Highs.resetGlobalScheduler(True)
-        given["threads"] = request.threads
-    for name, value in given.items():
+        settings["threads"] = request.threads
+    for name, value in settings.items():
         if highs.setOptionValue(name, value) == highspy.HighsStatus.kError:
             raise UnsupportedOption(f"backend 'highs': HiGHS refuses {name} = {value!r}")
     matrix = program.matrix
-    # HiGHS was seen to leave a whole column that no row binds at 7.5, its bound.
-    whole, low, high = integral > 0, program.column_lower, program.column_upper
-    low = np.where(whole, np.ceil(low - ROUNDING), low)
-    high = np.where(whole, np.floor(high + ROUNDING), high)
+    # HiGHS left an integer column that no row limits at its bound of 7.5.
+    is_integer, low, high = integral > 0, program.column_lower, program.column_upper
+    low = np.where(is_integer, np.ceil(low - ROUNDING), low)
+    high = np.where(is_integer, np.floor(high + ROUNDING), high)
     passed = highs.passModel(
         program.size,
         program.row_count,
@@ -98,11 +98,11 @@ def run_highs(
 
 
 def meanings(request: Request) -> dict[Any, Meaning]:
-    """Return what each of HiGHS's statuses means."""
+    """Return the ending that each status of HiGHS means."""
     import highspy
 
     state: Any = highspy.HighsModelStatus
-    interrupted = Ended.STOPPED, limited(request.control)
+    interrupted = Ended.STOPPED, stop_reason(request.control)
     return {
         state.kOptimal: Ended.PROVEN,
         state.kInfeasible: Ended.INFEASIBLE,
@@ -114,6 +114,6 @@ def meanings(request: Request) -> dict[Any, Meaning]:
         state.kMemoryLimit: (Ended.STOPPED, Limit.MEMORY),
         state.kInterrupt: interrupted,
         state.kHighsInterrupt: interrupted,
-        # Only a cutoff makes these: nothing was found at or below it.
+        # Only a cutoff causes this status: no point at or below it exists.
         state.kObjectiveBound: Ended.INFEASIBLE,
     }

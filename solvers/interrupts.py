@@ -1,4 +1,4 @@
-"""Ctrl-C: the first one asks what runs to stop, the second one raises."""
+"""Ctrl-C handling: the first one requests a stop, the second one raises."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from typing import Any
 __all__ = ["on_interrupt"]
 
 
-#: What the first Ctrl-C calls, the innermost last.
+#: Stop functions that the first Ctrl-C calls, the innermost last.
 _stops: list[Callable[[], object]] = []
 _heard = False
 
 
 @contextmanager
 def on_interrupt(stop: Callable[[], object]) -> Iterator[None]:
-    """Let the first Ctrl-C call `stop` instead of raising; a second one raises as usual.
+    """Call `stop` on the first Ctrl-C instead of raising; a second Ctrl-C raises.
 
-    Within another one both are called. In threads, which hear no signals, and where the caller
-    handles them, nothing changes.
+    Nested blocks call all their functions. The handling does not change in threads other than the
+    main thread, which receive no signals, or if the caller has installed a handler.
 
     Parameters
     ----------
     stop : callable
-        Called within the handler, in the main thread: it must take no lock that this thread holds.
+        Function called within the signal handler, in the main thread. It must not take a lock
+        that this thread may hold.
     """
     global _heard
     if threading.current_thread() is not threading.main_thread():
@@ -34,7 +35,7 @@ def on_interrupt(stop: Callable[[], object]) -> Iterator[None]:
         return
     previous = signal.getsignal(signal.SIGINT)
     if previous is not _handle and previous is not signal.default_int_handler:
-        yield  # the caller has a way of its own to stop us
+        yield  # the caller's handler stops the run
         return
     if previous is not _handle:
         _heard = False

@@ -1,4 +1,4 @@
-"""Running jobs in worker processes that can be killed, whatever the native code in them does."""
+"""Execution of jobs in worker processes that can be killed regardless of the native code in them."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ from .solution import Incumbent, Solution
 
 __all__ = ["Worker", "in_worker"]
 
-#: Seconds that what only a first run needs (compilation) may take before the worker is killed.
+#: Seconds for work of the first run only (compilation) before the worker is killed.
 PREPARATION = 300.0
-#: Seconds between two looks at what a worker prints.
+#: Seconds between two reads of a worker's output.
 POLL = 0.2
-#: Seconds for a worker's keeper to kill what it kept.
+#: Seconds for a worker's supervisor to kill its processes.
 KILLED = 5.0
 
 log = logging.getLogger("crosstrack")
@@ -53,11 +53,11 @@ Listener = Callable[[Incumbent[Any]], None]
 
 
 class Worker:
-    """A process of its own session that runs one job after another.
+    """Process in a session of its own that runs one job at a time.
 
-    It is killed with everything that it started when a job passes its deadline, and replaced at the
-    next: on Linux wherever those processes have moved, elsewhere its process group. What it prints
-    goes to the log ``crosstrack.output``, and the end of that explains a crash.
+    If a job exceeds its deadline, the process is killed with its descendants (on Linux also those
+    outside its process group) and replaced for the next job. Its output goes to the logger
+    ``crosstrack.output``, and the last lines explain a crash.
     """
 
     def __init__(self) -> None:
@@ -70,15 +70,15 @@ class Worker:
         self._interrupt = threading.Event()
         self._closing = threading.RLock()
         self._channel: socket.socket | None = None
-        #: Answers what the running job asks of its model's hidden data.
+        #: Oracle that answers questions of the running job about hidden data.
         self._oracle: Callable[[Any], Any] | None = None
-        #: Native modules that backends have loaded in the process.
+        #: Native modules that backends have loaded into the process.
         self.loaded: set[str] = set()
-        #: The process and kind of job that it has been warmed up for.
+        #: Process identifier and kind of job that the worker has been warmed up for.
         self.warm: tuple[int | None, Any] = (None, None)
-        #: Bytes that its process and their children may hold in memory.
+        #: Memory limit in bytes of the process and its descendants.
         self._memory: float | None = None
-        #: When that is counted next, and what it was when it was too much.
+        #: Time of the next memory measurement, and the measurement that exceeded the limit.
         self._look = self._held = 0.0
 
     def __enter__(self) -> Self:
@@ -94,13 +94,13 @@ class Worker:
 
     @property
     def pid(self) -> int | None:
-        """The process that ends with the worker, None while there is none."""
+        """Identifier of the process whose end is the end of the worker; None without a process."""
         return None if self._process is None else self._process.pid
 
     def _start(self) -> None:
         self._errors = tempfile.TemporaryFile(prefix="crosstrack-worker-")  # noqa: SIM115 (closed with the worker)
         self._printed = Lines(self._errors.fileno())
-        # -P: a module in the working folder must not stand in for one of the standard library.
+        # -P: a module in the working folder must not replace one of the standard library.
         self._channel, theirs = socket.socketpair()
         command = [sys.executable, "-P", "-m", "crosstrack.solvers.worker", str(theirs.fileno())]
         with theirs:
@@ -128,7 +128,7 @@ class Worker:
         ).start()
 
     def close(self) -> None:
-        """Kill the process and everything it started; from any thread."""
+        """Kill the process and its descendants. Thread-safe."""
         with self._closing:
             self._close()
 
@@ -136,7 +136,7 @@ class Worker:
         process, self._process = self._process, None
         if process is not None:
             if sys.platform == "linux":
-                # Its keeper kills whatever there is, and ends last.
+                # The supervisor of the worker kills all descendants and ends last.
                 process.terminate()
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(KILLED)
@@ -160,13 +160,13 @@ class Worker:
 
     @property
     def interrupted(self) -> bool:
-        """Whether the running job has been asked to stop."""
+        """Whether a stop of the running job was requested."""
         return self._interrupt.is_set()
 
     def interrupt(self) -> None:
-        """Ask the running job to stop and to return its incumbent; from any thread."""
+        """Request that the running job stops and returns its incumbent. Thread-safe."""
         self._interrupt.set()
-        self._lines.put({"event": "interrupt"})  # wakes the thread that waits for the answer
+        self._lines.put({"event": "interrupt"})  # wakes the thread waiting for the answer
 
     def _send(self, verb: str, payload: Any) -> int:
         if self._process is None or self._process.poll() is not None:
@@ -178,19 +178,20 @@ class Worker:
         return self._number
 
     def _write(self, number: int, body: bytes | None) -> None:
-        """Send a job, or without one the word that job `number` is to stop."""
+        """Send a job. With `body` None, send the request to stop job `number`."""
         process = self._process
         if process is None or process.stdin is None:
             return  # closed by another thread
         # The path comes first: unpickling the rest may import what only the parent's path holds.
+        # The path comes first: unpickling the body may import modules found only on this path.
         message = pickle.dumps((list(sys.path), number, body))
-        # Its death, or that it was closed, is found when its answer is awaited.
+        # A dead or closed process is detected when its answer is awaited.
         with contextlib.suppress(BrokenPipeError, ValueError):
             process.stdin.write(struct.pack("<Q", len(message)) + message)
             process.stdin.flush()
 
     def _next(self, deadline: float) -> dict[str, Any] | None:
-        """Return the next event, None at the deadline; a dead process gives ``event: died``."""
+        """Return the next event; None at the deadline, ``event: died`` for a dead process."""
         while (left := deadline - time.monotonic()) > 0:
             try:
                 event = self._lines.get(timeout=min(left, POLL))
@@ -199,14 +200,14 @@ class Worker:
             with self._closing:
                 if self._printed is not None:
                     self._printed.forward(self._level)
-            # By the clock and not by silence: a backend may report without a pause.
+            # At fixed times instead of on silence, because a backend may report continuously.
             now = time.monotonic()
             if self._memory is not None and self.pid is not None and now >= self._look:
                 self._look = now + POLL
-                held = resident(self.pid)
-                if held > self._memory:
-                    self._held = held
-                    self.close()  # what it has told by now is still heard
+                size = resident(self.pid)
+                if size > self._memory:
+                    self._held = size
+                    self.close()  # events sent before are still read
             if event is None:
                 return {"event": "memory" if self._held else "died", "held": self._held}
             if event["event"] == "log":
@@ -215,20 +216,20 @@ class Worker:
                 return event
         return None
 
-    def _buried(self) -> str:
-        """Close what has died, and return how it died."""
+    def _close_dead(self) -> str:
+        """Close a dead process and return the cause of its death."""
         with self._closing:
-            cause = self._epitaph()
+            cause = self._cause_of_death()
             self._close()
         return cause
 
-    def _epitaph(self) -> str:
-        """Return how the process died, with the end of what it wrote to standard error."""
+    def _cause_of_death(self) -> str:
+        """Return the exit code or signal of the process, with its last lines of standard error."""
         if self._process is None or self._errors is None:
             return "worker closed"
         code = self._process.wait()
         how = f"exit code {code}"
-        number = -code if code < 0 else code - 128  # the second is how its keeper says it
+        number = -code if code < 0 else code - 128  # the supervisor reports a signal as 128 + n
         if number > 0:
             how = f"signal {number}"
             with contextlib.suppress(ValueError):
@@ -246,21 +247,29 @@ class Worker:
         deadline: float,
         memory_limit: float | None = None,
     ) -> Any:
-        """Return what `function` returns in the worker, as JSON carries it.
+        """Call `function` in the worker and return its result after a round trip through JSON.
+
+        Parameters
+        ----------
+        function, *arguments
+            Function and positional arguments, serialised with cloudpickle.
+        deadline : float
+            Seconds before the worker is killed.
+        memory_limit : float, optional
+            Memory limit in MiB; Linux only.
 
         Raises
         ------
         WorkerFailure
-            It raised, killed the worker, took more than `deadline` seconds, or held more than
-            `memory_limit` MiB. A
-            :class:`~crosstrack.errors.CrosstrackError` that it raised is raised here.
+            The function raised, crashed the worker, or exceeded a limit. A
+            :class:`~crosstrack.errors.CrosstrackError` of the function is raised unchanged.
         """
         self._limit_memory(memory_limit)
         number = self._send("call", (function, arguments))
         end = time.monotonic() + deadline
         while (event := self._next(end)) is not None:
             if event["event"] == "died":
-                raise WorkerFailure(self._buried())
+                raise WorkerFailure(self._close_dead())
             if event["event"] == "memory":
                 raise WorkerFailure(_too_large(event["held"], memory_limit))
             if event.get("number") == number:
@@ -271,7 +280,7 @@ class Worker:
         raise WorkerFailure(f"no answer within {deadline:g} s; the worker was killed")
 
     def _limit_memory(self, limit: float | None) -> None:
-        """Watch the memory of the process from now on; `limit` is in MiB."""
+        """Limit the memory of the process to `limit` MiB from now on; None for no limit."""
         if limit is not None:
             require_accounts()
         self._memory = None if limit is None else limit * MIB
@@ -280,16 +289,16 @@ class Worker:
     def solve(
         self, job: Job, *, grace: float = GRACE, listener: Listener | None = None
     ) -> Solution[Any]:
-        """Run `job` and return its solution; a crash or an overrun costs this job only.
+        """Run `job` and return its solution. A crash or a missed deadline affects this job only.
 
         Parameters
         ----------
         job : Job
-            The job, checked by the caller.
+            The job, validated by the caller.
         grace : float
-            Seconds beyond the time limit, start and build counted, before the worker is killed.
+            Seconds after the time limit, which includes start and build, before the worker is killed.
         listener : callable, optional
-            Called with every incumbent, in this thread.
+            Function called with every incumbent, in this thread.
         """
         try:
             return self._solve(job, grace, listener)
@@ -306,8 +315,8 @@ class Worker:
         assert isinstance(backend, Backend)
         hides = backend.hides(job.model)
         if hides and job.warm_start is not None:
-            warm_objective(job)  # the worker, which lacks the hidden data, cannot verify it
-        # What a backend must not see does not even reach its process: the plan is verified here.
+            warm_objective(job)  # the worker cannot verify it without the hidden data
+        # Hidden data are not sent to the process of the backend; the plan is verified here.
         sent = replace(job, model=job.model.blinded()) if hides else job
         self._oracle = job.model.oracle() if hides else None
         self._limit_memory(job.memory_limit)
@@ -315,17 +324,17 @@ class Worker:
         deadline = begin + job.time_limit + grace if job.time_limit is not None else float("inf")
         left = Claim(Termination.NO_SOLUTION)
         paused = 0.0
-        asked = False
+        stop_requested = False
         while True:
-            if self._interrupt.is_set() and not asked:
-                asked = True
+            if self._interrupt.is_set() and not stop_requested:
+                stop_requested = True
                 deadline = min(deadline, time.monotonic() + min(grace, 2 * PATIENCE))
                 self._write(number, None)
             event = self._next(deadline)
             if event is None:
                 self.close()
-                limit = Limit.INTERRUPTED if asked else Limit.TIME
-                why = "killed: did not stop when interrupted" if asked else (
+                limit = Limit.INTERRUPTED if stop_requested else Limit.TIME
+                why = "killed: did not stop when interrupted" if stop_requested else (
                     f"killed {time.monotonic() - begin - job.time_limit:.2g} s after its time limit "
                     f"of {job.time_limit:g} s"
                     if job.time_limit is not None else "killed"
@@ -333,7 +342,7 @@ class Worker:
                 return _salvage(job, replace(left, limit=limit), why, begin)
             kind = event["event"]
             if kind == "died":
-                why = self._buried()
+                why = self._close_dead()
                 return _salvage(job, replace(left, termination=Termination.FAILED), why, begin)
             if kind == "memory":
                 self.close()
@@ -341,25 +350,27 @@ class Worker:
                 return _salvage(job, replace(left, limit=Limit.MEMORY), why, begin)
             if event.get("number") != number:
                 continue
-            if kind == "preparing" and not asked:
+            if kind == "preparing" and not stop_requested:
                 paused, deadline = deadline - time.monotonic(), time.monotonic() + PREPARATION
-            elif kind == "prepared" and not asked:
+            elif kind == "prepared" and not stop_requested:
                 deadline = time.monotonic() + paused
             elif kind == "incumbent":
                 data = event["plan"]
                 plan = None if data is None else job.model.plan_from_data(data)
-                found = Incumbent(event["seconds"], event["objective"], plan, event["evaluations"])
+                incumbent = Incumbent(
+                    event["seconds"], event["objective"], plan, event["evaluations"]
+                )
                 left = replace(
                     left,
                     plan=left.plan if plan is None else plan,
-                    incumbents=(*left.incumbents, found),
+                    incumbents=(*left.incumbents, incumbent),
                 )
                 if listener is not None:
-                    listener(found)
-            elif kind == "started" and job.time_limit is not None and not asked:
-                # It gives up by itself, unless native code lets no other thread run.
-                waits = min(grace, backend.patience(job.target().kind) + PATIENCE)
-                deadline = min(deadline, time.monotonic() + job.time_limit + waits)
+                    listener(incumbent)
+            elif kind == "started" and job.time_limit is not None and not stop_requested:
+                # The backend stops by itself, unless native code blocks all threads.
+                extra = min(grace, backend.patience(job.target().kind) + PATIENCE)
+                deadline = min(deadline, time.monotonic() + job.time_limit + extra)
             elif kind == "bound":
                 left = replace(left, dual_bound=event["bound"])
             elif kind in ("claim", "solution"):
@@ -378,19 +389,19 @@ class Worker:
             elif kind == "error":
                 if event["last"]:
                     self.close()
-                known = raised(event)
-                if known is not None:
-                    raise known
+                error = raised(event)
+                if error is not None:
+                    raise error
                 why = f"{event['type']}: {event['message']}"
                 return _salvage(job, replace(left, termination=Termination.FAILED), why, begin)
 
 
-def _too_large(held: float, limit: float | None) -> str:
-    return f"killed: {held / MIB:.0f} MiB in memory, memory_limit is {limit:g} MiB"
+def _too_large(size: float, limit: float | None) -> str:
+    return f"killed: {size / MIB:.0f} MiB in memory, memory_limit is {limit:g} MiB"
 
 
 def _pump(stream: IO[bytes], lines: queue.SimpleQueue[dict[str, Any] | None]) -> None:
-    """Move the worker's lines into a queue; None marks its end."""
+    """Move the lines of a worker into a queue; None marks their end."""
     with contextlib.suppress(ValueError, OSError):  # the stream was closed with its worker
         for line in stream:
             try:
@@ -401,7 +412,7 @@ def _pump(stream: IO[bytes], lines: queue.SimpleQueue[dict[str, Any] | None]) ->
 
 
 def _salvage(job: Job, left: Claim, message: str, begin: float) -> Solution[Any]:
-    """Return what is `left` of a run whose worker is gone: its last incumbent, verified here."""
+    """Return the solution of a run whose worker is gone: its last incumbent, verified here."""
     target = job.target()
     return assemble(
         job,
@@ -419,8 +430,7 @@ _idle: list[Worker] = []
 _lock = threading.Lock()
 _MOST_IDLE = 2
 
-
-#: Processes of the one that this process was forked from.
+#: Workers of the process that this one was forked from.
 _parents: list[Worker] = []
 
 
@@ -432,9 +442,9 @@ def _close_idle() -> None:
 
 
 def _leave_idle() -> None:
-    """Neither use nor end what belongs to the parent; kept, for its pipes would be closed with it."""
+    """Detach the parent's workers after a fork; references are kept so that their pipes stay open."""
     global _lock
-    _lock = threading.Lock()  # a thread that was not forked may hold the other one
+    _lock = threading.Lock()  # a thread of the parent may hold the old lock
     _parents.extend(_idle)
     _idle.clear()
 
@@ -444,9 +454,10 @@ if hasattr(os, "register_at_fork"):
 
 
 def in_worker(job: Job, *, listener: Listener | None = None) -> Solution[Any]:
-    """Run `job`, checked and with its backend resolved, in a worker that is kept for the next.
+    """Run `job`, validated and with its backend resolved, in a worker that is reused for later jobs.
 
-    Ctrl-C asks the run for its incumbent; a second one kills it.
+    `listener` is called with every incumbent, in this thread. The first Ctrl-C requests the
+    incumbent, a second one kills the worker.
     """
     backend = job.backend
     assert isinstance(backend, Backend)
@@ -455,7 +466,7 @@ def in_worker(job: Job, *, listener: Listener | None = None) -> Solution[Any]:
         if fitting is not None:
             _idle.remove(fitting)
     worker = fitting or Worker()
-    # A queue, not a join: a join that Ctrl-C interrupts takes its thread for ended (CPython 3.11).
+    # A queue instead of a join: after an interrupted join, CPython 3.11 treats its thread as ended.
     box: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
     def work() -> None:

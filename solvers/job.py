@@ -1,4 +1,4 @@
-"""One run that is asked for: everything that decides its answer, checked before it starts."""
+"""Job: one run with all inputs that determine its answer, validated before it starts."""
 
 from __future__ import annotations
 
@@ -21,16 +21,27 @@ from .stopping import Criterion
 
 __all__ = ["GAP", "LEAST_MEMORY", "UNPOLISHED", "Job", "Target", "check_memory"]
 
-#: The relative gap that is asked of every exact backend unless another is given.
+#: Default relative gap of exact backends.
 GAP = 1e-6
-#: MiB below which no process of ours can run.
+#: Smallest memory limit in MiB, below which Python with NumPy cannot run.
 LEAST_MEMORY = 64.0
-#: What comparisons ask of every solver of quadratic programs: its own precision.
+#: Default options of solvers of quadratic programs in comparisons: the solver's own precision.
 UNPOLISHED: Mapping[str, Any] = {"polish": False}
 
 
 def check_memory(value: Any) -> float:
-    """Return a memory limit in MiB; raise :class:`UnsupportedOption` if a process needs more."""
+    """Return a memory limit in MiB.
+
+    Parameters
+    ----------
+    value : float
+        The limit in MiB.
+
+    Raises
+    ------
+    UnsupportedOption
+        The value is not a number or below ``LEAST_MEMORY``.
+    """
     number = check_number("memory_limit", value)
     if number < LEAST_MEMORY:
         raise UnsupportedOption(
@@ -42,7 +53,17 @@ def check_memory(value: Any) -> float:
 
 @dataclass(frozen=True)
 class Target:
-    """What a backend will be given: a model of its own, or a formulation of one."""
+    """Input of a backend: a model that it accepts, or a formulation of a model.
+
+    Parameters
+    ----------
+    backend : Backend
+        The backend.
+    model : Model
+        The model that is solved or formulated.
+    formulation : Formulation, optional
+        The formulation whose program is solved; None if the backend accepts the model itself.
+    """
 
     backend: Backend
     model: Model[Any]
@@ -50,18 +71,45 @@ class Target:
 
     @property
     def kind(self) -> type[Model[Any]]:
-        """The type of the problem that the backend is given."""
+        """Type of the problem that the backend receives."""
         return type(self.model) if self.formulation is None else self.formulation.program_type
 
 
 def _plain(limit: float | None) -> float | None:
-    """Return 5 for 5.0: they are one limit, and so one key in a record."""
+    """Return 5 for 5.0, so that equal limits have equal keys in a record."""
     return int(limit) if limit is not None and float(limit).is_integer() else limit
 
 
 @dataclass(frozen=True)
 class Job:
-    """A model, a backend and all options; :func:`crosstrack.solve` and ``compare`` say what they mean."""
+    """Model, backend and options of one run.
+
+    Parameters
+    ----------
+    model : Model
+        The model to solve.
+    backend : str or Backend
+        Name of a backend, a backend object, or ``"auto"``.
+    formulation, formulation_options, backend_options : optional
+    time_limit, memory_limit, evaluations, gap, tolerance : optional
+    seed, threads, stop, warm_start, starts, verbose : optional
+        As in :func:`crosstrack.solve`.
+    target_value : float, optional
+        The `target` of :func:`crosstrack.solve`.
+    compiled : bool
+        As in :func:`crosstrack.compare`.
+    repeat : int
+        Number of the repetition, from 0, which distinguishes equal jobs in a record.
+    counts_compilation : bool
+        Whether `time_limit` includes compilation.
+    has_fallback : bool
+        Whether time is reserved for another backend.
+
+    Raises
+    ------
+    UnsupportedOption
+        An option is outside its range.
+    """
 
     model: Model[Any]
     backend: str | Backend = "auto"
@@ -82,10 +130,10 @@ class Job:
     compiled: bool = False
     memory_limit: float | None = None
     repeat: int = 0
-    #: True if `time_limit` is wall-clock time with compiling, as in one call; comparisons leave the
-    #: seconds of compiling out, which only the first run of a backend has.
+    #: True if `time_limit` is wall-clock time including compilation, as in a single call. In
+    #: comparisons compilation is excluded, because only the first run of a backend compiles.
     counts_compilation: bool = False
-    #: True if another backend continues when this one has no plan, so that time is left for it.
+    #: True if another backend continues when this one has no plan, so that time is reserved.
     has_fallback: bool = False
 
     def __post_init__(self) -> None:
@@ -106,7 +154,7 @@ class Job:
                     f"{name} must be a whole number >= {lower}, got {show(value)}"
                 )
         if self.target_value is not None:
-            stopping.Target(self.target_value)  # raises for what is no number
+            stopping.Target(self.target_value)  # raises if it is not a number
         if not isinstance(self.verbose, bool):
             raise UnsupportedOption(f"verbose must be True or False, got {self.verbose!r}")
         if self.stop is not None and not isinstance(self.stop, Criterion):
@@ -123,14 +171,14 @@ class Job:
         return replace(self, backend=find_backend(self.backend, self.model))
 
     def target(self) -> Target:
-        """Return what the backend will be given; whatever it does not support raises here.
+        """Return the input of the backend; unsupported options raise.
 
         Raises
         ------
         BackendMissing
             The backend is not installed.
         UnsupportedOption, UnsupportedFormulation, UnknownName
-            Something asked for is not to be had; nothing is dropped in silence.
+            An option, name or formulation is not available.
         """
         backend = self.resolved().backend
         assert isinstance(backend, Backend)
@@ -144,15 +192,15 @@ class Job:
             ("target_value", Feature.INCUMBENTS),
             ("stop", Feature.INCUMBENTS),
         ):
-            asked = getattr(self, name)
-            if asked is None or feature in backend.features:
+            value = getattr(self, name)
+            if value is None or feature in backend.features:
                 continue
-            if name == "threads" and asked == 1 and backend.single_threaded:
+            if name == "threads" and value == 1 and backend.single_threaded:
                 continue
             if name == "seed" and backend.deterministic:
                 continue
             word = name.partition("_")[0]
-            raise UnsupportedOption(f"backend {backend.name!r} does not support {word}={asked!r}")
+            raise UnsupportedOption(f"backend {backend.name!r} does not support {word}={value!r}")
         usable = {Feature.WARM_START, Feature.CUTOFF} & backend.features
         if self.warm_start is not None and not usable:
             raise UnsupportedOption(f"backend {backend.name!r} takes no warm start")
@@ -175,7 +223,7 @@ class Job:
         if self.formulation is None and isinstance(model, backend.accepts):
             if self.formulation_options:
                 raise UnsupportedOption(
-                    f"backend {backend.name!r} takes model {model.kind!r} itself: it has no formulation_options"
+                    f"backend {backend.name!r} solves model {model.kind!r} itself: it has no formulation_options"
                 )
             return Target(backend, model, None)
         name = self.formulation or default_formulation(model, backend)
@@ -188,19 +236,17 @@ class Job:
             if isinstance(name, str) and name in step.formulations:
                 return
             step = step.lower()
-        type(self.model).formulation_type(name)  # raises UnknownName with what there is
+        type(self.model).formulation_type(name)  # raises UnknownName with the known names
 
     def _refusal(self, backend: Backend) -> str:
-        takes = backend.accepted_kinds()
+        kinds = backend.accepted_kinds()
         if self.formulation is not None and issubclass(type(self.model), backend.accepts):
-            return f"backend {backend.name!r} takes model {takes!r} itself, not its formulation {self.formulation!r}"
-        what = f"formulation {self.formulation!r} of model" if self.formulation else "model"
-        return (
-            f"backend {backend.name!r} accepts {takes!r}; it cannot take {what} {self.model.kind!r}"
-        )
+            return f"backend {backend.name!r} solves model {kinds!r} itself, not its formulation {self.formulation!r}"
+        subject = f"formulation {self.formulation!r} of model" if self.formulation else "model"
+        return f"backend {backend.name!r} accepts {kinds!r}; it cannot solve {subject} {self.model.kind!r}"
 
     def options(self) -> dict[str, Any]:
-        """Return everything asked of the run as JSON data, for the solution's record."""
+        """Return all options of the run as JSON data, for the record of the solution."""
         given = {
             "evaluations": self.evaluations,
             "target": self.target_value,
@@ -210,7 +256,7 @@ class Job:
             "repeat": self.repeat or None,
         }
         return {
-            # Written where given only, so that records of earlier versions keep their keys.
+            # Written only if given, so that records of earlier versions keep their keys.
             **{name: value for name, value in given.items() if value is not None},
             "time_limit": _plain(self.time_limit),
             "gap": GAP if self.gap is None else self.gap,
@@ -224,7 +270,7 @@ class Job:
         }
 
     def _files(self) -> dict[str, str]:
-        """Return the SHA-256 of every file that a backend option names, by the option."""
+        """Return the SHA-256 digest of every file that a backend option names, by option."""
         backend = self.backend
         options = backend.options if isinstance(backend, Backend) else {}
         return {
@@ -235,7 +281,7 @@ class Job:
 
     @property
     def criterion(self) -> Criterion | None:
-        """What stops the run beside its time limit."""
+        """Stopping criterion in addition to the time limit; None if there is none."""
         parts: list[Criterion] = [] if self.stop is None else [self.stop]
         if self.evaluations is not None:
             parts.append(stopping.Evaluations(self.evaluations))
@@ -245,11 +291,11 @@ class Job:
 
     @property
     def verification_tolerance(self) -> float:
-        """Largest violation accepted of a plan."""
+        """Largest accepted violation of a plan."""
         return TOLERANCE if self.tolerance is None else float(self.tolerance)
 
     def key(self) -> str:
-        """Return what identifies the job in a campaign's record: same key, same work."""
+        """Return the key that identifies the job in a record: equal keys mean equal work."""
         name = self.backend if isinstance(self.backend, str) else self.backend.name
         parts = [
             self.model.digest, name, self.formulation, dict(self.formulation_options), self.seed, self.options()

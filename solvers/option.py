@@ -1,4 +1,4 @@
-"""Options of a backend's own: declared, so that a wrong name or value is refused."""
+"""Declaration of backend options, so that wrong names and values raise."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ __all__ = ["Option"]
 
 @dataclass(frozen=True)
 class Option:
-    """One option of a backend's own.
+    """Option of a backend.
 
     Parameters
     ----------
     default : object
-        The value when nothing is given.
+        Default value.
     help : str
-        One sentence: what it does, and its unit.
+        Effect and unit in one sentence.
     kind : type
-        The type that a value must have (``float`` takes integers too).
+        Required type (``float`` accepts integers).
     choices : tuple
-        The values allowed; empty when any is.
+        Allowed values; empty for no restriction.
     lower, upper : float, optional
-        The closed range allowed, for numbers.
+        Closed range of allowed numbers.
     file : bool
-        Whether the value names a file that the answer depends on, such as the weights of a learned
-        policy. It must exist, and its SHA-256 is recorded with the answer. Training writes such a
-        file by a command of its own; a backend only reads it.
+        Whether the value is the name of a file that the answer depends on, such as the weights of
+        a learned policy. The file must exist. Its SHA-256 digest is recorded with the answer. A
+        backend only reads such a file; a separate command trains and writes it.
     """
 
     default: Any
@@ -45,7 +45,20 @@ class Option:
     file: bool = False
 
     def check(self, owner: str, name: str, value: Any) -> Any:
-        """Return `value` coerced to :attr:`kind`, or raise :class:`UnsupportedOption`."""
+        """Return `value` coerced to :attr:`kind`.
+
+        Parameters
+        ----------
+        owner, name : str
+            Names of the backend and the option, for messages.
+        value : object
+            The value.
+
+        Raises
+        ------
+        UnsupportedOption
+            The type or value is not allowed.
+        """
         owner, name = required("owner", owner, str), required("name", name, str)
         if value is None and self.default is None:
             return None
@@ -64,11 +77,11 @@ class Option:
                 f"{owner}: option {name!r} must be one of {allowed}, got {show(value)}"
             )
         if self.file and not Path(str(value)).is_file():
-            raise UnsupportedOption(f"{owner}: option {name!r}: there is no file {show(value)}")
+            raise UnsupportedOption(f"{owner}: option {name!r}: file {show(value)} does not exist")
         number: Any = value
-        low = self.lower is not None and not number >= self.lower
-        high = self.upper is not None and not number <= self.upper
-        if low or high:
+        below = self.lower is not None and not number >= self.lower
+        above = self.upper is not None and not number <= self.upper
+        if below or above:
             raise UnsupportedOption(
                 f"{owner}: option {name!r} must lie in [{self.lower}, {self.upper}], got {show(value)}"
             )

@@ -1,8 +1,8 @@
-"""Questions that a run in a worker asks of the data that is hidden from it, and their answers.
+"""Oracle channel: a run in a worker asks questions about hidden data, and the parent answers.
 
-A question is a header of two whole numbers, rows and columns, and the numbers of a table; an answer is
-the same, or the length of a JSON object that says why there is none. Nothing else is read, so neither
-end can make the other one run anything.
+A question is a header of two integers, rows and columns, followed by the numbers of a table. An
+answer has the same format, or is a JSON object with an error. Neither end reads anything else, so
+neither end can execute code in the other one.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ __all__ = ["Asking", "carried", "raised", "serve"]
 Floats = NDArray[np.float64]
 
 _HEADER = struct.Struct("<QQ")
-#: Stands for the number of rows where a text follows.
+#: Number of rows that marks an error text.
 _REFUSED = 2**64 - 1
-#: Numbers of one table at the most: 1 GB.
+#: Largest number of values in a table: 1 GB.
 _MOST = 2**27
 
 
 class Asking:
-    """The end of the worker: callable, as :attr:`~crosstrack.solvers.Control.oracle` is.
+    """Worker's end of the channel; callable like :attr:`~crosstrack.solvers.Control.oracle`.
 
     Parameters
     ----------
     channel : socket
-        To the process that has the hidden data.
+        Socket connected to the process that has the hidden data.
     """
 
     def __init__(self, channel: socket.socket) -> None:
@@ -47,7 +47,24 @@ class Asking:
         self._closed = False
 
     def __call__(self, questions: Floats) -> Floats:
-        """Return the answers; what there is none for raises here, as it did where the data is."""
+        """Return the answers. An error of the oracle is raised here.
+
+        Parameters
+        ----------
+        questions : ndarray, shape (m, n)
+            One question per row.
+
+        Returns
+        -------
+        ndarray, shape (m, k)
+
+        Raises
+        ------
+        HiddenData
+            The run has ended.
+        CrosstrackError
+            The error that the oracle raised.
+        """
         body = _packed(np.asarray(questions, np.float64))
         with self._lock:
             if self._closed:
@@ -60,9 +77,9 @@ class Asking:
         raise raised(reason) or InvalidData(reason["message"], field=reason["field"])
 
     def close(self) -> bool:
-        """Ask nothing more; return whether no answer is awaited, by a thread that was left behind.
+        """Refuse further questions and return True if no thread waits for an answer.
 
-        Else another job would be given that answer: the process must end.
+        If it returns False, the process must end, because the next job would receive that answer.
         """
         self._closed = True
         idle = self._lock.acquire(blocking=False)
@@ -72,7 +89,18 @@ class Asking:
 
 
 def carried(error: BaseException) -> dict[str, Any]:
-    """Return what of an exception goes to another process."""
+    """Return an exception as JSON data for another process, read by :func:`raised`.
+
+    Parameters
+    ----------
+    error : BaseException
+        The exception.
+
+    Returns
+    -------
+    dict
+        Its type, message and field.
+    """
     return {
         "type": type(error).__name__,
         "message": str(error),
@@ -81,7 +109,13 @@ def carried(error: BaseException) -> dict[str, Any]:
 
 
 def raised(data: Mapping[str, Any]) -> CrosstrackError | None:
-    """Return the exception of ours that :func:`carried` wrote, None where it is another's."""
+    """Return the :class:`CrosstrackError` written by :func:`carried`; None for other exceptions.
+
+    Parameters
+    ----------
+    data : mapping
+        Result of :func:`carried`.
+    """
     kind = getattr(errors, data["type"], None)
     if not isinstance(kind, type) or not issubclass(kind, CrosstrackError):
         return None
@@ -98,11 +132,11 @@ def serve(channel: socket.socket, oracle: Callable[[], Callable[[Any], Any] | No
     Parameters
     ----------
     channel : socket
-        To the worker.
+        Socket connected to the worker.
     oracle : callable
-        Returns what answers for the job that runs now.
+        Function without arguments that returns the oracle of the current job, or None.
     """
-    # Whatever ends this thread closes the channel, so that no worker waits for ever.
+    # If this thread ends, it closes the channel, so that the worker does not wait forever.
     with contextlib.suppress(OSError, EOFError), channel:
         while True:
             rows, columns = _HEADER.unpack(_read(channel, _HEADER.size))
@@ -113,7 +147,7 @@ def serve(channel: socket.socket, oracle: Callable[[], Callable[[Any], Any] | No
                     raise HiddenData("the model answers no questions during a run")
                 reply = _packed(np.asarray(answers(questions), np.float64))
             except BaseException as error:
-                # Even sys.exit() in a stranger's function ends the run alone.
+                # Even sys.exit() in a user's function ends the run only.
                 reply = _refusal(error)
             channel.sendall(reply)
 
@@ -139,7 +173,7 @@ def _table(channel: socket.socket, rows: int, columns: int) -> Floats:
 
 
 def _read(channel: socket.socket, size: int) -> bytes:
-    """Return the next `size` bytes; ``EOFError`` where the channel ends before."""
+    """Return the next `size` bytes; raise ``EOFError`` if the channel ends earlier."""
     parts = []
     while size:
         part = channel.recv(min(size, 2**20))

@@ -1,8 +1,8 @@
-"""What solvers print: taken from the file descriptors and given to the log ``crosstrack.output``.
+"""Output of solvers, captured from the file descriptors and sent to the logger ``crosstrack.output``.
 
-Native code prints past Python, to the file descriptor of standard output, where a program may be
-writing its own answer. Lines that a user asked for (``verbose=True``) are logged as ``INFO``, all
-others as ``DEBUG``.
+Native code bypasses Python and prints to the file descriptor of standard output, which the calling
+program may use for its own output. Lines requested by the user (``verbose=True``) are logged as
+``INFO``, all others as ``DEBUG``.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ _BLOCK = 1 << 16
 
 
 class Lines:
-    """The lines that others write to a file, logged as they come.
+    """Reader that logs the lines that others write to a file.
 
     Parameters
     ----------
     descriptor : int
-        The open file; its position stays as it is.
+        Descriptor of the open file. Its position is not changed.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -39,19 +39,19 @@ class Lines:
         self._at = 0
 
     def forward(self, level: int, *, rest: bool = False) -> None:
-        """Log the lines that are new, with `rest` also one without an end."""
+        """Log the new lines, and with `rest` also an incomplete last line."""
         if not log.isEnabledFor(level):
             return
-        # What is there now: one that prints without end must not keep its reader.
-        most = os.fstat(self._descriptor).st_size - self._at
-        while most > 0 and (block := os.pread(self._descriptor, min(_BLOCK, most), self._at)):
+        # Read only what exists now: a process that prints endlessly must not block the reader.
+        unread = os.fstat(self._descriptor).st_size - self._at
+        while unread > 0 and (block := os.pread(self._descriptor, min(_BLOCK, unread), self._at)):
             size = block.rfind(b"\n") + 1
             if not size:
                 if not rest and len(block) < _BLOCK:
                     return
                 size = len(block)
             self._at += size
-            most -= size
+            unread -= size
             for line in block[:size].decode(errors="replace").splitlines():
                 if line.strip():
                     log.log(level, "%s", line)
@@ -59,7 +59,7 @@ class Lines:
 
 @contextmanager
 def shown(verbose: bool) -> Iterator[None]:
-    """Let ``INFO`` lines pass, and show them on standard error where no handler is set up."""
+    """Let ``INFO`` lines pass, and show them on standard error if no handler is configured."""
     if not verbose:
         yield
         return
@@ -76,7 +76,10 @@ def shown(verbose: bool) -> Iterator[None]:
 
 
 def by_lines() -> None:
-    """Have this process, whose parent reads what it prints, write line by line: a crash loses none."""
+    """Write the output of this process, which its parent reads, line by line.
+
+    A crash then loses no complete line.
+    """
     global _read_by_parent
     _read_by_parent = True
     if isinstance(sys.stdout, io.TextIOWrapper):
@@ -86,25 +89,25 @@ def by_lines() -> None:
 
 
 def _native_stdout() -> tuple[ctypes.CDLL, ctypes.c_void_p]:
-    """Return the C library and its stream of standard output."""
+    """Return the C library and its ``FILE`` pointer of standard output."""
     system = ctypes.CDLL(None)
     name = "__stdoutp" if sys.platform == "darwin" else "stdout"
     return system, ctypes.c_void_p.in_dll(system, name)
 
 
 def flush_native() -> None:
-    """Write out what native code has printed and the C library still holds."""
+    """Flush the buffer of the C library for standard output."""
     system, stream = _native_stdout()
     system.fflush(stream)
 
 
 class Diverted:
-    """File descriptor 1 turned to another file, while Python's own ``sys.stdout`` keeps its place.
+    """Redirection of file descriptor 1; Python's ``sys.stdout`` keeps its target.
 
     Parameters
     ----------
     descriptor : int
-        Where native code then prints.
+        Descriptor that receives the output of native code.
 
     Raises
     ------
@@ -115,9 +118,9 @@ class Diverted:
     def __init__(self, descriptor: int) -> None:
         flush_native()
         self._place = os.dup(1)
-        # The same objects, for others hold them: handlers of logs, say.
+        # The stream objects are kept, because others, such as log handlers, refer to them.
         self._streams = []
-        for stream in {id(one): one for one in (sys.stdout, sys.__stdout__)}.values():
+        for stream in {id(item): item for item in (sys.stdout, sys.__stdout__)}.values():
             buffer: Any = getattr(stream, "buffer", None)
             raw = getattr(buffer, "raw", buffer)
             if isinstance(raw, io.FileIO) and not raw.closed and raw.fileno() == 1:
@@ -126,7 +129,7 @@ class Diverted:
         os.dup2(descriptor, 1)
 
     def end(self) -> None:
-        """Put everything back."""
+        """Restore file descriptor 1 and the streams."""
         flush_native()
         os.dup2(self._place, 1)
         for raw in self._streams:
@@ -135,12 +138,12 @@ class Diverted:
 
 
 class _Split:
-    """A standard output that logs what some threads write, and passes on what others do."""
+    """Standard output that logs the lines of some threads and passes on those of the others."""
 
     def __init__(self, target: Any, level: Callable[[], int]) -> None:
         self.target = target
         self._level = level
-        #: What each thread has written of a line without its end.
+        #: Incomplete line of each logged thread.
         self.threads: dict[int, str] = {}
 
     def __getattr__(self, name: str) -> Any:
@@ -165,10 +168,10 @@ class _Split:
 
 
 class _Capture:
-    """Where what is printed goes, shared by all runs that go on at the same time."""
+    """Redirection of standard output to the logger, shared by all concurrent runs."""
 
     def __init__(self) -> None:
-        import tempfile  # a tenth of the command line's start
+        import tempfile  # a tenth of the start time of the command line
 
         self.runs = 0
         self.level = logging.DEBUG
@@ -183,7 +186,7 @@ class _Capture:
         self._lines.forward(self.level)
 
     def close(self) -> None:
-        if sys.stdout is self.split:  # unless somebody has exchanged it meanwhile
+        if sys.stdout is self.split:  # unless it was replaced meanwhile
             sys.stdout = self.split.target
         self._diverted.end()
         self._lines.forward(self.level, rest=True)
@@ -197,19 +200,25 @@ _capture: _Capture | None = None
 
 @dataclass(frozen=True)
 class Printed:
-    """What a solver prints while it runs."""
+    """Captured output of a solver.
+
+    Parameters
+    ----------
+    shared : _Capture, optional
+        The redirection; None if nothing is captured.
+    """
 
     shared: _Capture | None
 
     def forward(self) -> None:
-        """Log what has been printed so far."""
+        """Log the output so far."""
         with _lock:
             if self.shared is not None and self.shared.runs:
                 self.shared.forward()
 
     @contextmanager
     def by_this_thread(self) -> Iterator[None]:
-        """Log also what this thread writes to Python's ``sys.stdout``, as some solvers do."""
+        """Also log the lines that this thread writes to Python's ``sys.stdout``, as some solvers do."""
         if self.shared is None:
             yield
             return
@@ -223,9 +232,15 @@ class Printed:
 
 @contextmanager
 def captured(verbose: bool, *, quiet: bool) -> Iterator[Printed]:
-    """Give what a solver prints meanwhile to the log.
+    """Log the output of a solver within the block.
 
-    Nothing is done for what is `quiet`, nor in a worker, whose parent reads what it prints.
+    Parameters
+    ----------
+    verbose : bool
+        Whether to log lines as ``INFO`` instead of ``DEBUG``.
+    quiet : bool
+        Whether the solver prints nothing, so that nothing is captured. In a worker nothing is
+        captured either, because the parent reads its output.
     """
     global _capture
     if quiet or _read_by_parent:
@@ -238,8 +253,8 @@ def captured(verbose: bool, *, quiet: bool) -> Iterator[Printed]:
             shared.runs += 1
             if verbose:
                 shared.level = logging.INFO
-        except OSError as error:  # standard output is closed, or there is no room for a file
-            log.debug("what solvers print is not captured: %s", error)
+        except OSError as error:  # standard output is closed, or the disk is full
+            log.debug("output of solvers is not captured: %s", error)
 
     try:
         yield Printed(shared)

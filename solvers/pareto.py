@@ -1,4 +1,4 @@
-"""The verb :func:`front`: what must be given of one objective for how much of another."""
+"""The verbs :func:`front` and :func:`sweep`: the trade-off between two objectives."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from .solution import Solution
 
 __all__ = ["front", "sweep"]
 
-#: Points of a front where no limits are given and the second objective is not whole, and the most
-#: that are allowed.
+#: Default number of runs without given limits, if the second objective is continuous, and the
+#: largest allowed number.
 POINTS, MOST = 10, 10_000
-#: By how much a limit is less than what the last plan has, relative to the first plan's: at first, and
-#: at the least. Halved where no plan is found.
+#: Decrease of the limit from one plan to the next, relative to the first plan's second objective:
+#: initial and smallest value. Halved if no plan is found.
 STEP, FINEST = 0.05, 1e-3
-#: A limit that binds nothing, for what must be known of all limited models before the first run.
+#: Limit that is never active, to check the limited models before the first run.
 _LOOSE = 1e100
 
 
@@ -58,58 +58,58 @@ def front(
     resume: bool = False,
     on_point: Callable[[Solution[Any]], None] | None = None,
 ) -> Front:
-    """Return the Pareto set of the model's objective and a second one that it declares.
+    """Return the Pareto front of the model's objective and a second objective.
 
-    The model is solved again and again with a limit on the second objective. Every plan is verified;
-    what another plan dominates is taken out. A point is proven where the backend proves the least
-    objective within its limit, as exact ones do.
+    The model is solved repeatedly with decreasing limits on the second objective. Every plan is
+    verified, and dominated plans are removed. A point is proven if the backend proves the minimal
+    objective within its limit, as exact backends do.
 
     Parameters
     ----------
     model : Model
-        What is asked; its type declares ``second_objectives``.
+        The model, whose type declares ``second_objectives``.
     second : str
-        The name of the second objective.
+        Name of the second objective.
     backend, formulation, formulation_options, gap, tolerance, seed, threads, backend_options, isolate
         As in :func:`crosstrack.solve`.
     limits : sequence of float, optional
-        Limits on the second objective. Without them the model is solved without any first, and each
-        limit is then a `step` less than what the last plan has, and half of that whenever no plan is
-        found.
+        Limits on the second objective. Without them, the first run has no limit. Each further
+        limit is a `step` below the second objective of the last plan; the step is halved
+        whenever no plan is found.
     points : int, optional
-        Runs at the most, where no limits are given. By default 10, and all that are needed where the
-        model declares that the second objective is whole.
+        Largest number of runs if `limits` is not given. Default: 10, or as many as necessary if
+        the model declares a discrete second objective.
     step : float, optional
-        Relative to what the first plan has of the second objective. What lies within a step may be
-        missed; a step of 1e-6 finds all there is, where the backend is exact and `points` are enough.
-        By default 0.05; a second objective that is whole descends one by one.
+        Step relative to the second objective of the first plan. Points within a step may be
+        missed. With an exact backend and enough `points`, a step of 1e-6 finds the whole front.
+        Default: 0.05; a discrete second objective decreases by its smallest difference.
     time_limit : float, optional
-        Seconds for each run.
+        Seconds per run.
     memory_limit : float, optional
-        MiB that each run may hold in memory, as in :func:`crosstrack.solve`.
+        Memory limit of each run in MiB, as in :func:`crosstrack.solve`.
     record : path-like, optional
-        A JSONL file to which each answer is added as soon as it is there.
+        Name of a JSONL file to which each answer is appended at once.
     resume : bool
-        Go on with a record that exists, and run only what it lacks.
+        Continue an existing record and run only the missing limits.
     on_point : callable, optional
-        Called with each :class:`~crosstrack.solvers.solution.Solution`.
+        Function called with each :class:`~crosstrack.solvers.solution.Solution`.
 
     Returns
     -------
     Front
-        The points, also of what was interrupted. ``crosstrack.plot(front)`` draws it.
+        The points; after Ctrl-C, those found so far. ``crosstrack.plot(front)`` draws it.
 
     Raises
     ------
     UnsupportedFormulation
-        The model declares no second objective, or the backend does not take its limit.
+        The model declares no second objective, or the backend does not support its limit.
     UnknownName
-        It declares none of this name.
+        The model declares no second objective of this name.
     InvalidData
-        Limits that are no finite numbers >= 0, or a record that exists or cannot be written.
+        A limit is not a finite number >= 0, or the record exists or cannot be written.
     UnsupportedOption
-        `resume` without a record, or an option that the backend does not take. What the backend does
-        not take raises before the first run.
+        `resume` is given without a record, or the backend does not support an option. Options are
+        checked before the first run.
 
     Examples
     --------
@@ -123,9 +123,9 @@ def front(
     model = as_model(model)
     field_name = _declared(model, second)
     least = model.second_steps.get(second, 0.0)
-    chosen = None if limits is None else _limits(limits, least)
+    limit_list = None if limits is None else _limits(limits, least)
     count = Optional(Whole(1, MOST)).coerce("points", points, {})
-    most = (MOST if least else POINTS) if count is None else count
+    run_limit = (MOST if least else POINTS) if count is None else count
     share = Optional(Real(lower=0, strict=True, upper=1)).coerce("step", step, {})
     width = (0.0 if least else STEP) if share is None else share
     ask = partial(
@@ -142,7 +142,7 @@ def front(
         label = model.name or model.kind
         return model.limited(second, limit).renamed(f"{label}, {second} <= {limit:.10g}")
 
-    for limit in (None, _LOOSE) if chosen is None else (chosen[0],):
+    for limit in (None, _LOOSE) if limit_list is None else (limit_list[0],):
         _taken(ask(model=limited(limit)))
 
     with _Runs(record, resume, isolate, on_point) as runs:
@@ -154,14 +154,14 @@ def front(
             return model.second_objective(second, solution.plan)
 
         tried: list[tuple[float | None, Solution[Any]]] = []
-        if chosen is not None:
-            for limit in chosen:
+        if limit_list is not None:
+            for limit in limit_list:
                 if runs.interrupted:
                     break
                 tried.append((limit, solve(limit)))
         else:
             tried.append((None, solve(None)))
-            _descend(tried, solve, value, most, width, least, runs)
+            _descend(tried, solve, value, run_limit, width, least, runs)
     found = [
         FrontPoint(float(s.primal_bound), value(s), limit, s, _proves(s, gap))
         for limit, s in tried
@@ -174,39 +174,40 @@ def _descend(
     tried: list[tuple[float | None, Solution[Any]]],
     solve: Callable[[float | None], Solution[Any]],
     value: Callable[[Solution[Any]], float],
-    most: int,
+    run_limit: int,
     width: float,
     least: float,
     runs: _Runs,
 ) -> None:
-    """Add runs under ever smaller limits to `tried`, which holds the one without.
+    """Append runs with decreasing limits to `tried`, which starts with the unlimited run.
 
-    What is a multiple of `least`, unless that is 0, has limits that are, and none below 0.
+    If the second objective is discrete, `least` is its smallest difference, and limits are
+    non-negative multiples of it. Otherwise `least` is 0.
     """
     first = tried[0][1]
     if first.plan is None:
         return
-    now = whole = value(first)
-    step, closed = width, -least or -math.inf
+    current = whole = value(first)
+    step, infeasible_limit = width, -least or -math.inf
     finest = min(FINEST, width)
-    while len(tried) < most and not runs.interrupted and 0 < whole < math.inf:
-        limit = _rounded(now - max(step * whole, least), least)
-        if closed < limit and limit >= 0:
+    while len(tried) < run_limit and not runs.interrupted and 0 < whole < math.inf:
+        limit = _rounded(current - max(step * whole, least), least)
+        if infeasible_limit < limit and limit >= 0:
             solution = solve(limit)
             tried.append((limit, solution))
             if solution.plan is not None:
-                # A plan that uses its tolerance up may have more than the limit.
-                now = min(limit, value(solution))
+                # The plan may exceed the limit by its tolerance.
+                current = min(limit, value(solution))
                 continue
-            closed = limit
-        # Below the least limit under which there was no plan there is none.
+            infeasible_limit = limit
+        # No plan exists below a limit for which none was found.
         step *= 0.5
-        if step < finest or now - least <= closed:
+        if step < finest or current - least <= infeasible_limit:
             return
 
 
 def _rounded(limit: float, least: float) -> float:
-    """Return the largest multiple of `least` up to `limit`, rounding aside; `limit` where it is 0."""
+    """Return the largest multiple of `least` up to `limit`, or `limit` if `least` is 0."""
     return least * math.floor(limit / least * (1 + EQUAL)) if least else limit
 
 
@@ -233,17 +234,17 @@ def sweep(
 ) -> Front:
     """Solve the model for each value of a field, and compare two objectives of the plans.
 
-    For a weight such as q of a fleet's deviation: the plans of some weights may be dominated by those
-    of others, which are named as such.
+    The field may be a weight, such as q in the deviation of a fleet. Plans of some values may be
+    dominated by plans of others, which the front marks.
 
     Parameters
     ----------
     model : Model
-        What is asked.
+        The model.
     name : str
-        The field that is varied.
+        Name of the field.
     values : sequence
-        Its values.
+        Values of the field.
     first, second : str
         Two of the model's ``second_objectives``.
     backend, formulation, time_limit, memory_limit, gap, tolerance, seed, threads, backend_options, isolate
@@ -254,17 +255,19 @@ def sweep(
     Returns
     -------
     Front
-        Points with `first` as their objective and the field's value as their limit.
+        Points with `first` as their objective and the value of the field as their limit.
 
     Raises
     ------
     UnsupportedFormulation, UnknownName, InvalidData
-        As :func:`front`; the model has no such field, or refuses a value.
+        As in :func:`front`; or the model has no such field, or rejects a value.
     """
     model = as_model(model)
-    for one in (first, second):
-        _declared(model, one)
-    fields = [one.name for one in dataclasses.fields(model) if one.init and one.name != "name"]
+    for objective in (first, second):
+        _declared(model, objective)
+    fields = [
+        entry.name for entry in dataclasses.fields(model) if entry.init and entry.name != "name"
+    ]
     if name not in fields:
         raise UnknownName(f"field of model {model.kind!r}", name, fields)
     label = model.name or model.kind
@@ -272,14 +275,14 @@ def sweep(
     jobs = []
     for value in _listed("values", values):
         changed: dict[str, Any] = {name: value, "name": f"{label}, {name} = {value}"}
-        asked = dataclasses.replace(model, **changed)
+        variant = dataclasses.replace(model, **changed)
         job = Job(
-            asked, backend, formulation, time_limit=time_limit, memory_limit=memory_limit, gap=gap, tolerance=tolerance, seed=seed,
+            variant, backend, formulation, time_limit=time_limit, memory_limit=memory_limit, gap=gap, tolerance=tolerance, seed=seed,
             threads=threads, backend_options=own, counts_compilation=True,
         )  # fmt: skip
         _taken(job)
         jobs.append((value, job))
-    found, answers = [], []
+    points, answers = [], []
     with _Runs(record, resume, isolate, on_point) as runs:
         for value, job in jobs:
             if runs.interrupted:
@@ -292,15 +295,15 @@ def sweep(
                     model.second_objective(second, solution.plan),
                 )
                 level = float(value) if isinstance(value, numbers.Real) else None
-                found.append(FrontPoint(*pair, level, solution, _proves(solution, gap)))
-    return gathered(model, second, name, found, answers, runs.interrupted, first)
+                points.append(FrontPoint(*pair, level, solution, _proves(solution, gap)))
+    return gathered(model, second, name, points, answers, runs.interrupted, first)
 
 
 @dataclass
 class _Runs:
-    """Runs one after another, each added to a record where there is one.
+    """Sequence of runs, each appended to the record if there is one.
 
-    The first Ctrl-C, also one between two runs, sets `interrupted` and ends the run at work.
+    The first Ctrl-C sets `interrupted` and stops the current run. It may also arrive between runs.
     """
 
     record: str | Path | None
@@ -312,7 +315,7 @@ class _Runs:
     def __enter__(self) -> _Runs:
         self.isolate = Optional(Flag()).coerce("isolate", self.isolate, {})
         if self.resume and self.record is None:
-            raise UnsupportedOption("resume needs a record to go on with")
+            raise UnsupportedOption("resume needs a record to continue")
         with contextlib.ExitStack() as stack:
             self._file = None
             if self.record is not None:
@@ -329,20 +332,20 @@ class _Runs:
 
     def solve(self, job: Job) -> Solution[Any]:
         job = job.resolved()
-        found = None if self._file is None else self._file.find(job, job.model)
-        if found is None:
-            found = run_job(job, self.isolate, None)
-            cut = found.limit is Limit.INTERRUPTED
-            self.interrupted |= cut
-            if self._file is not None and not cut:
-                self._file.add(job, found)
+        solution = None if self._file is None else self._file.find(job, job.model)
+        if solution is None:
+            solution = run_job(job, self.isolate, None)
+            is_cut = solution.limit is Limit.INTERRUPTED
+            self.interrupted |= is_cut
+            if self._file is not None and not is_cut:
+                self._file.add(job, solution)
         if self.listener is not None:
-            self.listener(found)
-        return found
+            self.listener(solution)
+        return solution
 
 
 def _declared(model: Model[Any], second: str) -> str:
-    """Return the field that limits the second objective of this name."""
+    """Return the name of the field that limits a second objective."""
     if not model.second_objectives:
         raise UnsupportedFormulation(f"model {model.kind!r} declares no second objective")
     if not isinstance(second, str) or second not in model.second_objectives:
@@ -353,7 +356,7 @@ def _declared(model: Model[Any], second: str) -> str:
 
 
 def _taken(job: Job) -> None:
-    """Raise where the backend does not take the job, which is better known before others have run."""
+    """Raise an error if the backend cannot run the job, before the first job starts."""
     target = job.resolved().target()
     reason = "" if target.formulation is not None else target.backend.refuses(target.model)
     if reason:
@@ -363,21 +366,21 @@ def _taken(job: Job) -> None:
 def _listed(name: str, values: Any) -> list[Any]:
     if isinstance(values, str | Mapping) or not isinstance(values, Iterable):
         raise InvalidData(f"{name} must be a list of numbers, got {show(values)}", field=name)
-    found = list(values)
-    if not 0 < len(found) <= MOST:
-        raise InvalidData(f"{name} must hold 1 … {MOST} entries, got {len(found)}", field=name)
-    return found
+    entries = list(values)
+    if not 0 < len(entries) <= MOST:
+        raise InvalidData(f"{name} must hold 1 … {MOST} entries, got {len(entries)}", field=name)
+    return entries
 
 
 def _limits(values: Any, least: float) -> list[float]:
-    """Return the limits from large to small, each once, as multiples of `least`."""
+    """Return the limits in decreasing order without duplicates, rounded to multiples of `least`."""
     listed = _listed("limits", values)
-    limits = {Real(lower=0).coerce(f"limits[{k}]", one, {}) for k, one in enumerate(listed)}
+    limits = {Real(lower=0).coerce(f"limits[{k}]", limit, {}) for k, limit in enumerate(listed)}
     return sorted({_rounded(limit, least) for limit in limits}, reverse=True)
 
 
 def _proves(solution: Solution[Any], gap: float | None) -> bool:
-    """Return whether the objective is proven to be the least, up to `gap`."""
+    """Return True if the objective is proven minimal up to `gap`."""
     if solution.termination is not Termination.OPTIMAL or solution.gap is None:
         return False
     return solution.gap <= (GAP if gap is None else gap) + EQUAL

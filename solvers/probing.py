@@ -1,4 +1,4 @@
-"""Which backends load: each is tried in a worker of its own."""
+"""Probing of backends: each is loaded in a worker of its own."""
 
 from __future__ import annotations
 
@@ -12,14 +12,23 @@ from .registry import BackendState
 
 __all__ = ["probe"]
 
-#: Seconds for a worker to start and to load a solver's library.
+#: Seconds for a worker to start and load the library of a solver.
 START = 60.0
 
 
 def probe(states: tuple[BackendState, ...]) -> tuple[BackendState, ...]:
-    """Load every installed backend in a worker of its own and return the states as found.
+    """Load every installed backend in a worker of its own and return the updated states.
 
-    A package that is there but does not load becomes ``"broken"`` with its cause.
+    Parameters
+    ----------
+    states : tuple of BackendState
+        States from :func:`backend_states`.
+
+    Returns
+    -------
+    tuple of BackendState
+        The same states; a backend that is installed but does not load is ``"broken"``, with the
+        cause.
     """
 
     def probed(state: BackendState) -> BackendState:
@@ -37,10 +46,10 @@ def probe(states: tuple[BackendState, ...]) -> tuple[BackendState, ...]:
 
 
 def _import_all(requires: tuple[str, ...]) -> str:
-    """Import what a backend needs; return why that fails, empty when it does not."""
+    """Import the packages that a backend requires; return the error, or an empty text."""
     for name in requires:
         try:
             importlib.import_module(name)
-        except Exception as error:  # whatever a broken library raises is the finding
+        except Exception as error:  # any error of a broken library is the result
             return f"{type(error).__name__}: {error}"
     return ""

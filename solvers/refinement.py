@@ -1,8 +1,8 @@
-"""Programs that grow: two strategies for models that ask for more than rows can say.
+"""Sequences of programs: two strategies for models that a single program cannot represent.
 
-A formulation whose programs are relaxations is tightened: rows are added where its solution breaks
-the model, and every bound of every program holds for the model. One whose programs are
-approximations is refined: each solution says where the next mesh must be finer, and nothing is
+If the programs of a formulation are relaxations, the formulation is tightened: rows are added that
+its solution violates, and every bound of every program is valid for the model. If the programs are
+approximations, the formulation is refined: each solution determines the next mesh, and nothing is
 proven.
 """
 
@@ -31,15 +31,34 @@ CLAIMS_NONE = (Termination.INFEASIBLE, Termination.UNBOUNDED)
 
 
 def proves(target: Target) -> bool:
-    """Return whether bounds and infeasibility of the program hold for the model, if they are right."""
+    """Return True if bounds and infeasibility of the program are valid for the model.
+
+    Parameters
+    ----------
+    target : Target
+        Backend and formulation of the run.
+    """
     relaxes = target.formulation is None or target.formulation.relaxes
     return target.backend.guarantee in PROVING and relaxes
 
 
 def proven_bound(problem: Any, answer: Answer) -> float | None:
-    """Return the lower bound that an answer proves: of its multipliers, else as it is claimed."""
+    """Return the lower bound that an answer proves, from its multipliers or else as claimed.
+
+    Parameters
+    ----------
+    problem : Model
+        The program or model that was solved.
+    answer : Answer
+        The answer of the backend.
+
+    Returns
+    -------
+    float or None
+        The bound; None if the answer has none.
+    """
     if answer.duals is not None and answer.point is not None:
-        # Imported here: it loads SciPy, which a native algorithm on a small problem does without.
+        # Imported here because it loads SciPy, which native algorithms may not need.
         from ..models.programs.base import Program
 
         if isinstance(problem, Program):
@@ -62,12 +81,12 @@ class _Totals:
         for part, seconds in answer.seconds.items():
             self.seconds[part] = self.seconds.get(part, 0.0) + seconds
         for name, count in answer.statistics.items():
-            # Counts add up; what is measured, a residual say, is the last one's.
+            # Integers are counts, which add up. Other values, such as residuals, are the last ones.
             former = self.counts.get(name, 0)
             whole = isinstance(count, int) and isinstance(former, int)
             self.counts[name] = count + former if whole else count
 
-    def on(self, answer: Answer) -> Answer:
+    def add_to(self, answer: Answer) -> Answer:
         """Return `answer` with the seconds and counts of all rounds."""
         if not self.rounds:
             return answer
@@ -76,19 +95,28 @@ class _Totals:
 
 
 def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
-    """Run the backend, and again on refined programs until the formulation is content.
+    """Run the backend on a sequence of programs until the formulation requests no refinement.
+
+    Parameters
+    ----------
+    run : Run
+        The run; its target changes to the last formulation.
+    problem : Model
+        The first program, or the model of a native algorithm.
+    request : Request
+        Options of the run.
 
     Returns
     -------
     Answer, object
-        The last answer, its seconds and counts summed over all programs, and the program answered.
+        The last answer, with seconds and counts summed over all programs, and its program.
     """
     totals = _Totals()
     deadline = None if request.time_limit is None else clock() + request.time_limit
 
-    def attend(program: Any, asked: Request) -> Answer:
+    def attend(program: Any, stage_request: Request) -> Answer:
         begin = clock()
-        answer = run.attend(program, asked)
+        answer = run.attend(program, stage_request)
         run.spent.append(clock() - begin)
         totals.add(answer)
         return answer
@@ -106,7 +134,7 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
             totals.counts[SECOND] = answer.statistics[SECOND]
         strategy = _tighten if formulation.relaxes else _approximate
         answer, problem = strategy(run, problem, request, answer, attend, left)
-    return totals.on(answer), problem
+    return totals.add_to(answer), problem
 
 
 Attend = Callable[[Any, Request], Answer]
@@ -114,7 +142,7 @@ Left = Callable[[], float | None]
 
 
 def _refined(run: Run, answer: Answer) -> Any:
-    """Return the refined formulation with its program built, None where nothing is missing."""
+    """Return the refined formulation with its program built; None if none is needed."""
     formulation = run.target.formulation
     assert formulation is not None
     with run.clock("refine"):
@@ -125,13 +153,13 @@ def _refined(run: Run, answer: Answer) -> Any:
 
 
 def _reached(request: Request, seconds: float | None) -> Limit | None:
-    """Return the limit that forbids another program, None while there may be one."""
+    """Return the limit that prevents another program; None if the run may continue."""
     if request.control.stopped:
         return request.control.reason
     return Limit.TIME if seconds is not None and seconds <= 0 else None
 
 
-#: Programs besides the last whose plans are verified, where none was good enough.
+#: Number of earlier programs whose plans are also verified if none was accurate enough.
 LOOKED = 2
 _BETWEEN = "stopped between two refinements of the program"
 
@@ -139,39 +167,39 @@ _BETWEEN = "stopped between two refinements of the program"
 def _tighten(
     run: Run, problem: Any, request: Request, answer: Answer, attend: Attend, left: Left
 ) -> tuple[Answer, Any]:
-    """Add to a relaxation what its solution breaks, until a solution is a plan of the model."""
+    """Add violated rows to a relaxation until its solution is a plan of the model."""
     bound = -np.inf
     while answer.point is not None:
         finer = _refined(run, answer)
         if finer is None:
             return answer, problem
         if proves(run.target):
-            found = proven_bound(problem, answer)
-            bound = max(bound, -np.inf if found is None else found)
+            proven = proven_bound(problem, answer)
+            bound = max(bound, -np.inf if proven is None else proven)
         solved = answer.termination is Termination.OPTIMAL
         seconds = left()
         limit = (answer.limit or _reached(request, seconds)) if solved else answer.limit
         if limit is not None or not solved:
-            # The point of a relaxation is no plan of the model.
+            # The point of a relaxation is not a plan of the model.
             message = _BETWEEN if solved else answer.message
             answer = Answer(Termination.NO_SOLUTION, limit, message=message)
             break
         run.target, problem = replace(run.target, formulation=finer), finer.program
         warm = None if request.warm_start is None else answer.point
         if warm is not None and not getattr(problem, "continuous", True):
-            # Rounding mends no point of whole numbers: the plan is a point of every program.
+            # The warm start is feasible for every program; a rounded fractional point is not.
             warm = finer.encode(run.job.warm_start)
         answer = attend(problem, replace(request, time_limit=seconds, warm_start=warm))
     if answer.termination not in CLAIMS_NONE and np.isfinite(bound):
-        known = -np.inf if answer.dual_bound is None else answer.dual_bound
-        answer = replace(answer, dual_bound=max(bound, known))
+        claimed = -np.inf if answer.dual_bound is None else answer.dual_bound
+        answer = replace(answer, dual_bound=max(bound, claimed))
     return answer, problem
 
 
 def _approximate(
     run: Run, problem: Any, request: Request, answer: Answer, attend: Attend, left: Left
 ) -> tuple[Answer, Any]:
-    """Solve finer and finer approximations, each from the last, until one is fine enough."""
+    """Solve finer and finer approximations, each from the last, until one is accurate enough."""
     rounds: list[_Round] = []
     ended, failure, settled = "", "", False
     confirmed: dict[str, Any] = {}
@@ -189,7 +217,7 @@ def _approximate(
         run.history = [dict(row) for row in formulation.history]
         if finer is None:
             break
-        # A point that is not quite optimal yet is as good a start as any.
+        # A point that is not yet optimal is an adequate start.
         limit: Limit | None = None if answer.limit is Limit.ITERATIONS else answer.limit
         seconds = left()
         limit = _reached(request, seconds) or limit
@@ -206,7 +234,7 @@ def _approximate(
         if answer.point is None or answer.termination not in CLAIMS_PLAN:
             ended = f"on the refined program {answer.termination}: {answer.message}".rstrip(": ")
     if ended:
-        # What a coarser program gave is still the best there is; verification judges it.
+        # The last coarser program has the best point so far, which verification judges.
         last = answer
         run.target, problem, answer = rounds[-1]
         answer = replace(answer, limit=last.limit, message=ended)
@@ -222,44 +250,45 @@ def _approximate(
     return replace(answer, statistics={**answer.statistics, **confirmed}), problem
 
 
-#: What was asked of whom, the program, and its answer.
+#: Target, program and answer of one round.
 _Round = tuple[Target, Any, Answer]
 
 
 def _best(
     run: Run, rounds: list[_Round], answer: Answer, problem: Any, settled: bool
 ) -> tuple[Answer, Any]:
-    """Return the round whose plan breaks the model least, the last where that verifies.
+    """Return the answer and program of the round whose plan violates the model least.
 
-    Looked at are the last, the last that was seen to verify, and those with the least errors.
+    Candidates are the last round, the last round that verified, and those with the smallest errors.
+    The last round is returned if it verifies.
     """
     last = len(rounds) - 1
     rows = run.history[: last + 1]
-    seen = [k for k in range(last) if rows[k].get("verified")][-1:]
-    known = [k for k in range(last) if rows[k].get("error") is not None]
-    nearest = sorted(known, key=lambda k: float(rows[k]["error"]))[:LOOKED]
-    found: list[tuple[float, int]] = []
+    verified = [k for k in range(last) if rows[k].get("verified")][-1:]
+    measured = [k for k in range(last) if rows[k].get("error") is not None]
+    nearest = sorted(measured, key=lambda k: float(rows[k]["error"]))[:LOOKED]
+    excesses: list[tuple[float, int]] = []
     with run.clock("refine"):
-        for k in (last, *seen, *nearest):
-            target, _, one = rounds[k]
+        for k in (last, *verified, *nearest):
+            target, _, candidate = rounds[k]
             assert target.formulation is not None
             try:
-                plan = target.formulation.decode(one.point)
-            except InvalidData:  # a point that stands for no plan is not the best
+                plan = target.formulation.decode(candidate.point)
+            except InvalidData:  # a point without a plan is not the best
                 continue
             checked = run.job.model.verify(plan, tolerance=run.job.verification_tolerance)
-            found.append((checked.excess, k))
+            excesses.append((checked.excess, k))
             if checked.excess <= 1.0:
                 break
-    # One that verifies is as good as another: the first looked at, which is the last solved.
-    chosen = min(found, key=lambda one: max(one[0], 1.0), default=(np.inf, last))[1]
-    words, limit = [answer.message], answer.limit
+    # Plans within the tolerance are equally good: take the first candidate, the last solved.
+    choice = min(excesses, key=lambda pair: max(pair[0], 1.0), default=(np.inf, last))[1]
+    remarks, limit = [answer.message], answer.limit
     if not settled and not answer.message:
-        words = [f"refinement did not settle: {rows[-1]['then']}"]
-    if chosen != last:
-        run.target, problem, answer = rounds[chosen]
+        remarks = [f"refinement did not settle: {rows[-1]['then']}"]
+    if choice != last:
+        run.target, problem, answer = rounds[choice]
         if not settled:
-            words.append(f"the plan is that of mesh {chosen + 1} of {len(rounds)}")
+            remarks.append(f"the plan is that of mesh {choice + 1} of {len(rounds)}")
     if not settled and answer.termination in CLAIMS_PLAN:
         answer = replace(answer, termination=Termination.FEASIBLE)
-    return replace(answer, limit=limit, message="; ".join(filter(None, words))), problem
+    return replace(answer, limit=limit, message="; ".join(filter(None, remarks))), problem

@@ -1,4 +1,4 @@
-"""Which backends there are: a static table, strangers' entry points, and a session's own."""
+"""Registry of backends: a static table, entry points of other packages, and the session's own."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ __all__ = [
 #: Entry-point group in which other distributions announce backends.
 GROUP = "crosstrack.backends"
 
-#: Solvers of programs, each kind in order of preference. They stand after the native algorithms of
-#: all problems: the first exact one that is installed and accepts a model is what ``"auto"`` takes.
+#: Solvers of programs, each kind in order of preference, after the native algorithms of all
+#: problems. ``"auto"`` selects the first installed exact backend that accepts the model.
 _SOLVERS: Mapping[str, str] = {
-    # Before HiGHS, whose quadratic solver is slower and was seen to fail on flat objectives.
+    # Before HiGHS, whose quadratic solver is slower and failed on flat objectives.
     "clarabel": ".solvers.qp.clarabel:Clarabel",
     "highs": ".solvers.mip.highs:Highs",
     "scip": ".solvers.mip.scip:Scip",
@@ -73,17 +73,16 @@ _session: list[Backend] = []
 
 
 def register_backend(backend: Backend | type[Backend]) -> Backend | type[Backend]:
-    """Make a backend known by its name in this session; usable as a class decorator.
+    """Register a backend by its name for this session. Usable as a class decorator.
 
-    Workers receive it with their jobs, so it needs no installation. A distribution announces its
-    backends in the entry-point group ``crosstrack.backends`` instead. A name belongs to the types
-    that the backend accepts: backends of different problems may share one. Registering a backend
-    again, as when a notebook's cell runs twice, replaces the former one of this session.
+    Workers receive the backend with their jobs, so it needs no installation. Backends that accept
+    different types may share a name. Registering a backend again replaces the previous one. A
+    distribution declares its backends in the entry-point group ``crosstrack.backends`` instead.
 
     Parameters
     ----------
     backend : Backend or type of Backend
-        The backend, or its class, which is called without arguments.
+        The backend, or its class, which is instantiated without arguments.
 
     Returns
     -------
@@ -93,7 +92,8 @@ def register_backend(backend: Backend | type[Backend]) -> Backend | type[Backend
     Raises
     ------
     InvalidData
-        It is no backend, or a backend of crosstrack with this name accepts the same models.
+        The object is not a backend, or a backend of crosstrack with this name accepts the same
+        models.
     """
     instance = backend() if isinstance(backend, type) else backend
     if not isinstance(instance, Backend):
@@ -123,13 +123,13 @@ def register_backend(backend: Backend | type[Backend]) -> Backend | type[Backend
 
 
 def _accepted_types(backend: Backend) -> tuple[type[Model[Any]], ...]:
-    """Return the types of problems that `backend` accepts."""
+    """Return the types that `backend` accepts as a tuple."""
     types = backend.accepts
     return types if isinstance(types, tuple) else (types,)
 
 
 def _shared(backend: Backend, other: Backend) -> str:
-    """Return the kind of a problem that both backends accept; empty if they accept none."""
+    """Return the kind of a problem that both backends accept; empty if they share none."""
     for one in _accepted_types(backend):
         for two in _accepted_types(other):
             if issubclass(one, two) or issubclass(two, one):
@@ -138,21 +138,21 @@ def _shared(backend: Backend, other: Backend) -> str:
 
 
 def _problem(backend: Backend) -> str:
-    """Return the problem whose models `backend` accepts itself; empty for programs or several."""
+    """Return the problem whose models `backend` accepts; empty for programs or several problems."""
     owners = {problem_of(getattr(kind, "kind", "")) for kind in _accepted_types(backend)}
     return owners.pop() if len(owners) == 1 else ""
 
 
 @dataclass(frozen=True)
 class _Declared:
-    """Where a backend is found: the problem whose native algorithm it is, if any, and its target."""
+    """Declaration of a backend: its name, the problem of a native algorithm, and its target."""
 
     name: str
     problem: str
     target: Any
 
     def load(self) -> Backend:
-        """Return the backend; ``BackendBroken`` with the cause where its code cannot be loaded."""
+        """Return the backend; raise ``BackendBroken`` with the cause if it cannot be loaded."""
         target = self.target
         where = target if isinstance(target, str) else getattr(target, "value", repr(target))
         try:
@@ -164,7 +164,7 @@ class _Declared:
             ) from error
         if not isinstance(instance, Backend):
             raise BackendBroken(
-                f"backend {self.name!r} is no Backend but {type(instance).__name__}"
+                f"backend {self.name!r} must be a Backend, got {type(instance).__name__}"
             )
         instance.problem = self.problem
         return instance
@@ -172,23 +172,24 @@ class _Declared:
 
 @cache
 def _installed() -> tuple[_Declared, ...]:
-    """Read once: looking through all installed distributions takes milliseconds."""
+    """Return the declared backends. Cached: reading all installed distributions takes milliseconds."""
     native = [
-        _Declared(name, problem, to) for problem, name, to in declared_in(__package__, "BACKENDS")
+        _Declared(name, problem, target)
+        for problem, name, target in declared_in(__package__, "BACKENDS")
     ]
-    ours = [_Declared(name, "", to) for name, to in _SOLVERS.items()]
-    taken = {one.name for one in ours}
+    ours = [_Declared(name, "", target) for name, target in _SOLVERS.items()]
+    taken = {entry.name for entry in ours}
     points = importlib.metadata.entry_points(group=GROUP)
-    theirs = {point.name: _Declared(point.name, "", point) for point in points}
-    for name in taken & set(theirs):
-        log.warning("backend %r of %s is left out: the name is taken", name, theirs[name].target)
-    return (*native, *ours, *(one for name, one in theirs.items() if name not in taken))
+    external = {point.name: _Declared(point.name, "", point) for point in points}
+    for name in taken & set(external):
+        log.warning("backend %r of %s is ignored: the name is taken", name, external[name].target)
+    return (*native, *ours, *(entry for name, entry in external.items() if name not in taken))
 
 
 def _declared(name: str | None = None) -> Sequence[_Declared]:
-    """Return all backends, or those called `name`, those of the session last."""
-    known = (*_installed(), *(_Declared(one.name, one.problem, one) for one in _session))
-    return known if name is None else [one for one in known if one.name == name]
+    """Return all backends, or those called `name`, with those of the session last."""
+    known = (*_installed(), *(_Declared(entry.name, entry.problem, entry) for entry in _session))
+    return known if name is None else [entry for entry in known if entry.name == name]
 
 
 def backend_names() -> tuple[str, ...]:
@@ -199,26 +200,26 @@ def backend_names() -> tuple[str, ...]:
 def find_backend(
     backend: str | Backend, model: Model[Any] | None = None, *, problem: str | None = None
 ) -> Backend:
-    """Return the backend called `backend`; a backend object is returned as it is.
+    """Return a backend by name; a backend object is returned unchanged.
 
     Parameters
     ----------
     backend : str or Backend
-        A name. Native algorithms of several problems may share one.
+        Name of the backend. Native algorithms of several problems may share a name.
     model : Model, optional
-        What it is to solve: among backends of one name, the one that accepts it is taken.
+        Model to solve. Selects the backend that accepts it if several share the name.
     problem : str, optional
-        Instead of a model, the problem (the name of its folders) whose native algorithm is meant;
-        the first backend of that name where it has none.
+        Name of a problem, instead of a model. Selects its native algorithm, or the first backend
+        of that name if the problem has none.
 
     Raises
     ------
     UnknownName
-        No backend bears the name.
+        No backend has the name.
     InvalidData
-        Several problems have a backend of that name, and no model says which is meant.
+        Several problems have a backend of that name, and no model is given.
     BackendBroken
-        Its own code cannot be loaded; the cause is named.
+        The code of the backend cannot be loaded; the message gives the cause.
     """
     if isinstance(backend, Backend):
         return backend
@@ -226,41 +227,55 @@ def find_backend(
         raise InvalidData(
             f"backend must be a name or a Backend, got {show(backend)}", field="backend"
         )
-    found = _declared(backend)
-    if not found:
+    matches = _declared(backend)
+    if not matches:
         raise UnknownName("backend", backend, backend_names())
     if problem is not None:
-        found = [one for one in found if one.problem == problem] or found[:1]
-    if len(found) == 1:
-        return found[0].load()
+        matches = [entry for entry in matches if entry.problem == problem] or matches[:1]
+    if len(matches) == 1:
+        return matches[0].load()
     if model is None:
         raise InvalidData(
             f"backend {backend!r} belongs to each of the problems "
-            f"{', '.join(one.problem or 'programs' for one in found)}: name it together with a model",
+            f"{', '.join(entry.problem or 'programs' for entry in matches)}: name it together with a model",
             field="backend",
         )
     loaded: list[Backend] = []
-    for one in found:
+    for entry in matches:
         try:
-            loaded.append(one.load())
-        except BackendBroken as error:  # another problem's fault must not stop this one
+            loaded.append(entry.load())
+        except (
+            BackendBroken
+        ) as error:  # a broken backend of another problem must not stop this entry
             log.warning("%s", error)
     if not loaded:
         raise BackendBroken(f"no backend {backend!r} can be loaded")
-    fits = [one for one in loaded if accepted(model, one, None) is not None]
-    for hidden in fits[1:]:
-        if not is_ours(hidden):
-            log.warning("backend name %r: %s is used, not %s", backend, fits[0], hidden)
-    return fits[0] if fits else loaded[0]
+    suitable = [candidate for candidate in loaded if accepted(model, candidate, None) is not None]
+    for other in suitable[1:]:
+        if not is_ours(other):
+            log.warning("backend name %r: %s is used, not %s", backend, suitable[0], other)
+    return suitable[0] if suitable else loaded[0]
 
 
 @dataclass(frozen=True)
 class BackendState:
-    """What is known of a backend without importing its solver.
+    """Description of a backend, available without importing its solver.
 
-    ``problem`` is the problem whose native algorithm it is, empty for a solver of programs. ``state`` is ``"installed"``, ``"missing"`` or ``"broken"``; ``cause`` says why it is not the
-    first. Whether an installed one really loads, with all that it ``requires``, is found in a worker
-    (:func:`crosstrack.solvers.probing.probe`).
+    Parameters
+    ----------
+    name : str
+        Name of the backend.
+    state : str
+        ``"installed"``, ``"missing"`` or ``"broken"``. Whether an installed backend really loads
+        is tested by :func:`crosstrack.solvers.probing.probe`.
+    cause : str
+        Reason if it is not installed, such as the command that installs it.
+    version : str, optional
+        Version of the solver.
+    accepts, guarantee, features, summary, problem, requires
+        As in :class:`Backend`.
+    options : mapping of str to str, optional
+        Help text of each option.
     """
 
     name: str
@@ -293,7 +308,7 @@ class BackendState:
 
 
 def backend_states() -> tuple[BackendState, ...]:
-    """Return the state of every backend; one that is missing or broken is a row, no exception."""
+    """Return the state of every backend. Missing and broken backends are included."""
     return tuple(map(_state, _declared()))
 
 
@@ -325,33 +340,34 @@ def _state(declared: _Declared) -> BackendState:
 
 
 def is_plain(backend: Backend) -> bool:
-    """Return whether `backend` is ours and loads no solver: it prints nothing, and does not crash."""
+    """Return True if `backend` belongs to crosstrack and loads no solver: it cannot print or crash."""
     return is_ours(backend) and not backend.requires and not backend.natives
 
 
 def is_ours(backend: Backend) -> bool:
-    """Return whether `backend` is part of crosstrack; what others wrote is not trusted with models."""
+    """Return True if `backend` belongs to crosstrack. Others may change the models they receive."""
     return type(backend).__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
 def rivals(backend: Backend) -> frozenset[str]:
-    """Return the native modules that break `backend` when they are loaded in its process."""
-    found: set[str] = set()
+    """Return the native modules that conflict with `backend` in one process."""
+    modules: set[str] = set()
     if backend.conflict_group:
         for declared in _declared():
             try:
                 other = declared.load()
             except BackendBroken:
-                continue  # what cannot be loaded cannot be in the way
+                continue  # a backend that cannot be loaded cannot conflict
             if other.conflict_group == backend.conflict_group:
-                found.update(other.natives)
-    return frozenset(found - set(backend.natives))
+                modules.update(other.natives)
+    return frozenset(modules - set(backend.natives))
 
 
 def accepted(model: Model[Any], backend: Backend, formulation: str | None) -> Model[Any] | None:
-    """Return the model along the chain of ``lower()`` that `backend` takes, None where there is none.
+    """Return the first model in the chain of ``lower()`` that `backend` accepts; None if there is none.
 
-    It takes a model of its own type, or one with a formulation of its program type.
+    A backend accepts a model of its type, or one that has `formulation` (None: any formulation) of
+    its program type.
     """
     step: Model[Any] | None = model
     while step is not None:
@@ -374,45 +390,45 @@ def _formulations(model: Model[Any], backend: Backend, formulation: str | None) 
 
 
 def default_formulation(model: Model[Any], backend: Backend) -> str:
-    """Return the formulation that `backend` takes when none is named: the model's own default first."""
+    """Return the formulation of `model` that `backend` solves, preferably the model's default."""
     names = _formulations(model, backend, None)
     return model.preferred_formulation if model.preferred_formulation in names else names[0]
 
 
 def _problems(model: Model[Any]) -> set[str]:
-    """Return the problems whose native algorithms may know `model` itself."""
+    """Return the problems whose native algorithms may accept `model` itself."""
     return {problem_of(getattr(base, "kind", "")) for base in type(model).__mro__} - {""}
 
 
 def _candidates(model: Model[Any]) -> Iterator[_Declared]:
-    """Yield the backends that may know `model` or what it lowers to, those of its own problem first.
+    """Yield the backends that may accept `model` or a lowered model, those of its problem first.
 
-    It is lowered when these are not enough: a general model may take longer to make than to solve.
+    The model is lowered only if more are needed, because building the general model can be slow.
     """
     own = _problems(model)
-    yield from (one for one in _declared() if one.problem in own)
+    yield from (entry for entry in _declared() if entry.problem in own)
     general, step = set(own), model.lower()
     while step is not None:
         general |= _problems(step)
         step = step.lower()
-    # Others' are not even loaded: they may bring libraries that this model does without.
+    # Backends of other problems are not loaded, because they may import further libraries.
     others = set(PROBLEMS) - general | own
-    yield from (one for one in _declared() if one.problem not in others)
+    yield from (entry for entry in _declared() if entry.problem not in others)
 
 
 def _loadable(model: Model[Any]) -> Iterator[Backend]:
-    """Yield the backends that are installed, can be loaded and may know `model`."""
+    """Yield the installed and loadable backends that may accept `model`."""
     for declared in _candidates(model):
         try:
             backend = declared.load()
         except BackendBroken:
-            continue  # a stranger's broken backend must not stop the others; lists show it
+            continue  # a broken external backend must not stop the others; lists show it
         if not backend.missing():
             yield backend
 
 
 def fitting(model: Model[Any]) -> tuple[str, ...]:
-    """Return the names of the installed backends that can take `model` by default."""
+    """Return the names of the installed backends that can solve `model` by default."""
     names = []
     programs: dict[tuple[str, str], Any] = {}
     for backend in _loadable(model):
@@ -434,7 +450,7 @@ def fitting(model: Model[Any]) -> tuple[str, ...]:
 
 
 def _takers(model: Model[Any], formulation: str | None) -> Iterator[tuple[Backend, Model[Any]]]:
-    """Yield the backends that ``"auto"`` may mean, in order, each with the model that it takes."""
+    """Yield the backends that ``"auto"`` may select, in order, with the model each one solves."""
     for backend in _loadable(model):
         step = accepted(model, backend, formulation)
         if step is None or backend.sees_hidden:
@@ -445,25 +461,25 @@ def _takers(model: Model[Any], formulation: str | None) -> Iterator[tuple[Backen
 
 
 def exact(model: Model[Any], formulation: str | None = None) -> Iterator[Backend]:
-    """Yield the exact backends that are installed and take `model`, the recommended one first."""
+    """Yield the installed exact backends that can solve `model`, the recommended one first."""
     for backend, _ in _takers(model, formulation):
         if backend.guarantee is Guarantee.EXACT:
             yield backend
 
 
 def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
-    """Return the backend that ``"auto"`` means for `model`.
+    """Return the backend that ``"auto"`` selects for `model`.
 
-    That is the model's preferred backend, or the first exact one that is installed, or one that
-    finds plans and proves bounds, or the one with the best guarantee. It raises
+    That is the model's preferred backend, else the first installed exact backend, else one that finds
+    plans and proves bounds, else the one with the best guarantee. It raises
     :class:`UnsupportedFormulation` if no installed backend accepts the model.
     """
     best: Backend | None = None
     order = [Guarantee.LOCAL, Guarantee.HEURISTIC, Guarantee.RELAXATION]
 
-    def rank(one: Backend) -> int:
-        finds = Feature.INCUMBENTS in one.features
-        return -1 if finds and one.guarantee in PROVING else order.index(one.guarantee)
+    def rank(candidate: Backend) -> int:
+        finds = Feature.INCUMBENTS in candidate.features
+        return -1 if finds and candidate.guarantee in PROVING else order.index(candidate.guarantee)
 
     if formulation is None and model.preferred_backend:
         for backend, step in _takers(model, None):

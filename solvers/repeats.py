@@ -1,4 +1,4 @@
-"""What repeated runs of one backend amount to: quartiles over seeds, and how many succeeded."""
+"""Statistics of repeated runs of one backend: quartiles over seeds, and success rates."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ Quartiles = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Spread:
-    """Several runs of one backend on one model, from different seeds.
+    """Statistics of several runs of one backend on one model with different seeds.
 
     Parameters
     ----------
     backend : str
         Name of the backend.
     formulation : str, optional
-        Name of the formulation it solved.
+        Name of the formulation.
     runs : int
-        How many runs there were.
+        Number of runs.
     successes : int
-        How many of them ended with a verified plan.
+        Number of runs with a verified plan.
     objective : tuple of float, optional
         First quartile, median and third quartile of the verified objectives; None without any.
     seconds : tuple of float
-        The same of the seconds of all runs, whether they succeeded or not.
+        The same quartiles of the seconds of all runs, with or without a plan.
     options : mapping
-        The backend's own options; what other options gave is another spread.
+        Options of the backend. Runs with other options belong to another spread.
     """
 
     backend: str
@@ -50,12 +50,12 @@ class Spread:
 
     @property
     def label(self) -> str:
-        """The backend with its formulation and options."""
+        """Name of the backend with its formulation and options."""
         return name_backend(self.backend, self.formulation, self.options)
 
     @property
     def success_rate(self) -> float:
-        """Share of the runs that ended with a verified plan."""
+        """Share of the runs with a verified plan, between 0 and 1."""
         return self.successes / self.runs
 
     def to_dict(self) -> dict[str, Any]:
@@ -66,15 +66,31 @@ class Spread:
 def name_backend(
     backend: str, formulation: str | None, options: Mapping[str, Any] | None = None
 ) -> str:
-    """Return what a backend is called beside others: with its formulation, and options of its own."""
+    """Return the name of a backend with its formulation and options, for tables.
+
+    Parameters
+    ----------
+    backend : str
+        Name of the backend.
+    formulation : str, optional
+        Name of the formulation.
+    options : mapping, optional
+        Options of the backend.
+    """
     name = backend + (f":{formulation}" if formulation else "")
     return " ".join([name, *(f"{key}={value}" for key, value in (options or {}).items())])
 
 
 def own_options(solution: Solution[Any]) -> dict[str, Any]:
-    """Return the backend's own options that were asked of a run, but for what all comparisons ask."""
-    found = solution.options.get("backend_options")
-    items = found.items() if isinstance(found, Mapping) else ()
+    """Return the backend options of a run, without the defaults of comparisons.
+
+    Parameters
+    ----------
+    solution : Solution
+        Result of the run.
+    """
+    options = solution.options.get("backend_options")
+    items = options.items() if isinstance(options, Mapping) else ()
     return {name: value for name, value in items if UNPOLISHED.get(name, ...) is not value}
 
 
@@ -85,28 +101,40 @@ def _quartiles(values: Sequence[float]) -> Quartiles:
 
 
 def spreads(solutions: Sequence[Solution[Any]]) -> tuple[Spread, ...]:
-    """Return the spread of every backend that ran more than once, in order of appearance."""
+    """Return the spread of every backend that ran more than once, in order of appearance.
+
+    Parameters
+    ----------
+    solutions : sequence of Solution
+        Results on one model.
+    """
     groups: dict[tuple[str, str | None, str], list[Solution[Any]]] = {}
     for solution in solutions:
-        asked = repr(own_options(solution))
-        groups.setdefault((solution.backend, solution.formulation, asked), []).append(solution)
-    found = []
+        options = repr(own_options(solution))
+        groups.setdefault((solution.backend, solution.formulation, options), []).append(solution)
+    result = []
     for (backend, formulation, _), runs in groups.items():
         if len(runs) > 1:
             values = [run.primal_bound for run in runs if run.primal_bound is not None]
             seconds = [run.seconds.get("solve", run.seconds.get("total", 0.0)) for run in runs]
             objective = _quartiles(values) if values else None
-            own = own_options(runs[0])
-            found.append(
+            backend_options = own_options(runs[0])
+            result.append(
                 Spread(
-                    backend, formulation, len(runs), len(values), objective, _quartiles(seconds), own
+                    backend, formulation, len(runs), len(values), objective, _quartiles(seconds), backend_options
                 )
             )  # fmt: skip
-    return tuple(found)
+    return tuple(result)
 
 
 def spreads_table(spreads: Sequence[Spread]) -> FittedTable:
-    """Return a table of repeated runs: successes, and quartiles of objective and seconds."""
+    """Return a table of repeated runs: successes, and quartiles of objective and seconds.
+
+    Parameters
+    ----------
+    spreads : sequence of Spread
+        One per row.
+    """
     rows = [
         (
             spread.label,

@@ -1,4 +1,4 @@
-"""Further starts for a local search that found nothing: they follow by themselves, and it is said."""
+"""Automatic restarts: random starts for a local search that found no plan from its guess."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .solution import Solution
 
 __all__ = ["start_again"]
 
-#: Drawn starts at most.
+#: Largest number of random starts.
 MORE = 4
-#: Seconds that they get in all where no limit is given, at least and as a multiple of the first's.
+#: Their total seconds without a time limit: at least, and as a multiple of the first run's.
 AT_LEAST, TIMES = 60.0, 4.0
 
 _NOTHING = (Termination.NO_SOLUTION, Termination.LOCALLY_INFEASIBLE, Termination.FAILED)
@@ -26,49 +26,49 @@ _NOTHING = (Termination.NO_SOLUTION, Termination.LOCALLY_INFEASIBLE, Termination
 def start_again(
     job: Job, first: Solution[Any], run: Callable[..., Solution[Any]], control: Control
 ) -> Solution[Any]:
-    """Return `first`, or what a drawn start gives where `first` is a failure of the guess.
+    """Return `first`, or the result of a random start if the guess led to no plan.
 
-    Only formulations that draw starts themselves have some, and only who asked for no seed, start or
-    warm start of his own gets them. The seed of the start that led somewhere is the solution's.
+    Only formulations that draw starts are restarted, and only if the job has no seed, no number of
+    starts and no warm start. The solution has the seed of the successful start.
 
     Parameters
     ----------
     job : Job
-        What was asked.
+        The job.
     first : Solution
-        What came of the guess.
+        Solution from the formulation's own guess.
     run : callable
-        ``(job, control=…) -> Solution``: runs one start.
+        Function ``(job, control=…) -> Solution`` that runs one start.
     control : Control
-        Stops the whole.
+        Control that can stop all starts.
     """
     formulation = job.target().formulation
     if formulation is None or not formulation.draws or wants_none(job):
         return first
     misled = first.plan is None and first.statistics.get("second look") == "better"
-    nothing = misled or first.termination in _NOTHING
-    if not nothing or first.limit not in (None, Limit.ITERATIONS):
+    failed = misled or first.termination in _NOTHING
+    if not failed or first.limit not in (None, Limit.ITERATIONS):
         return first
     begin, spent = time.perf_counter(), first.seconds.get("total", 0.0)
     whole = max(AT_LEAST, TIMES * spent) if job.time_limit is None else job.time_limit - spent
-    tried, found = 1, first
-    # A better optimum of a first mesh that came to nothing: seed 0 is the guess itself.
+    tried, result = 1, first
+    # If the second look misled the first run, seed 0 repeats the guess without it.
     for seed in range(0 if misled else 1, MORE + 1):
         left = whole - (time.perf_counter() - begin)
         if left <= 0.0 or control.stopped:
             break
         tried += 1
         with control.stage(left) as part:
-            # None of them may use up what the others need.
+            # Each start gets an equal share of the remaining seconds.
             share = left / (MORE + 1 - seed)
-            found = run(replace(job, seed=seed, time_limit=share), control=part)
-        if found.plan is not None or found.limit is Limit.INTERRUPTED:
+            result = run(replace(job, seed=seed, time_limit=share), control=part)
+        if result.plan is not None or result.limit is Limit.INTERRUPTED:
             break
-    best = first if found.plan is None else found
-    words = f"{tried} starts: from the guess {first.termination}"
-    if found.plan is not None:
-        words += f", from seed {found.seed} {found.termination}"
-    limit = found.limit if found.limit is Limit.INTERRUPTED else best.limit
-    message = "; ".join(filter(None, (best.message, words)))
+    best = first if result.plan is None else result
+    remark = f"{tried} starts: from the guess {first.termination}"
+    if result.plan is not None:
+        remark += f", from seed {result.seed} {result.termination}"
+    limit = result.limit if result.limit is Limit.INTERRUPTED else best.limit
+    message = "; ".join(filter(None, (best.message, remark)))
     statistics = {**best.statistics, "starts tried": tried}
     return replace(best, message=message, statistics=statistics, limit=limit)

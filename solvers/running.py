@@ -1,4 +1,4 @@
-"""One run of a backend: its clock, its incumbents, its thread."""
+"""Run of a backend: its clock, its incumbents, its thread."""
 
 from __future__ import annotations
 
@@ -28,38 +28,38 @@ __all__ = ["GRACE", "PATIENCE", "Listener", "Run", "processors"]
 
 log = logging.getLogger("crosstrack")
 
-#: Seconds that a run in a worker may take to stop once it has a plan, or Ctrl-C was pressed.
+#: Seconds that a run in a worker may take to stop once it has a plan or was interrupted.
 PATIENCE = 2.0
-#: Seconds between two looks at the criteria that stop a run.
+#: Seconds between two checks of the stopping criteria.
 POLL = 0.1
-#: Seconds beyond the limit after which an interpreted loop is ended that does not end by itself.
+#: Seconds after the limit before an interpreted loop that does not return is ended by an exception.
 STRETCH = 0.5
-#: Share of the time limit for the heuristic that an exact backend begins with.
+#: Share of the time limit for the heuristic that runs before an exact backend.
 STARTING = 0.3
 
 Listener = Callable[[Incumbent[Any]], None]
 
 
 def processors() -> int:
-    """Return how many processors this process may use: not all of the machine's may be its own."""
-    own = hasattr(os, "sched_getaffinity")
-    return len(os.sched_getaffinity(0)) if own else os.cpu_count() or 1
+    """Return the number of processors that this process may use, which may be fewer than exist."""
+    has_affinity = hasattr(os, "sched_getaffinity")
+    return len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
 
 
 @dataclass
 class Run:
-    """What happens during one job.
+    """State of one job while it runs.
 
     Parameters
     ----------
     job : Job
-        What is asked.
+        The job.
     target : Target
-        What the backend is given; the formulation changes as it is refined.
+        Input of the backend. Its formulation changes during refinement.
     listener : callable, optional
-        Called with every incumbent, in the caller's thread.
+        Function called with every incumbent, in the caller's thread.
     limit : jit.Limit, optional
-        Wall-clock limit that compiling must keep.
+        Wall-clock limit for compilation.
     """
 
     job: Job
@@ -70,16 +70,17 @@ class Run:
     incumbents: list[Incumbent[Any]] = field(default_factory=list)
     last_point: Any = None
     #: Objective of the starter's plan; worse plans of the backend are no incumbents.
+    #: Objective of the starter's plan; worse plans of the backend are not incumbents.
     start_objective: float = math.inf
-    #: Seconds of each program's solution, where a formulation is refined.
+    #: Seconds per program of a formulation that is refined.
     spent: list[float] = field(default_factory=list)
-    #: What is told of each of them.
+    #: Report of the formulation per program.
     history: list[dict[str, Any]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     @contextmanager
     def clock(self, part: str) -> Iterator[None]:
-        """Count the seconds of what happens inside as `part`, without what is compiled there."""
+        """Add the seconds of the block to `part`, without the time of compilation."""
         begin = clock()
         try:
             yield
@@ -87,16 +88,16 @@ class Run:
             self.seconds[part] = self.seconds.get(part, 0.0) + clock() - begin
 
     def decode(self, point: Any) -> Any:
-        """Return the plan of a backend's point."""
+        """Return the plan that belongs to the point of a backend."""
         formulation = self.target.formulation
         return point if formulation is None else formulation.decode(point)
 
-    def hear(self, seconds: float, objective: float, point: Any, evaluations: int | None) -> None:
-        """Keep an incumbent and pass it to the listener."""
+    def accept(self, seconds: float, objective: float, point: Any, evaluations: int | None) -> None:
+        """Store an incumbent and pass it to the listener."""
         if objective > self.start_objective:
             return
         self.last_point = point
-        self.limit.interpretation_end = self.limit.end  # no other backend need go on
+        self.limit.interpretation_end = self.limit.end  # no other backend needs to continue
         plan = None
         if self.listener is not None:
             try:
@@ -112,13 +113,13 @@ class Run:
             self.listener(incumbent)
 
     def _patience(self, control: Control) -> float:
-        """Return the seconds that a run may take to stop."""
-        most = self.target.backend.patience(self.target.kind)
-        waits = control.reason is not Limit.INTERRUPTED and self.last_point is None
-        return most if control.patience is None or waits else min(control.patience, most)
+        """Return the seconds that the run may take to stop."""
+        longest = self.target.backend.patience(self.target.kind)
+        is_patient = control.reason is not Limit.INTERRUPTED and self.last_point is None
+        return longest if control.patience is None or is_patient else min(control.patience, longest)
 
     def _run(self, problem: Any, request: Request) -> Answer:
-        """Run the backend, after its starter if it has one and the time is limited."""
+        """Run the backend, after its starter if it has one and there is a time limit."""
         backend = self.target.backend
         name = backend.starter(problem) if request.time_limit is not None else ""
         if not name or request.warm_start is not None:
@@ -127,7 +128,7 @@ class Run:
         heuristic = find_backend(name, problem)
         try:
             first = request.within(heuristic, problem, time_limit=STARTING * request.time_limit)
-        except jit.OutOfTime:  # the backend may still return a plan that takes no search
+        except jit.OutOfTime:  # the backend may still return a plan without a search
             return backend.run(problem, request)
         checked = None if first.point is None else problem.verify(first.point)
         if checked is None or not checked.ok or checked.within_tolerance:
@@ -147,9 +148,22 @@ class Run:
         return replace(answer, statistics=counts)
 
     def attend(self, problem: Any, request: Request) -> Answer:
-        """Run the backend in a thread, so that this one can hear incumbents, the clock and Ctrl-C.
+        """Run the backend in a thread, so that this one can handle incumbents, the clock and Ctrl-C.
 
-        One that is brief runs in this thread, and is heard when it has ended.
+        A brief run uses this thread; its incumbents are handled when it has ended.
+
+        Parameters
+        ----------
+        problem : Model
+            The program, or the model of a native algorithm.
+        request : Request
+            Options of the run.
+
+        Returns
+        -------
+        Answer
+            ``FAILED`` with the message of the exception if the backend raised one. Exceptions of type
+            :class:`CrosstrackError` are raised again.
         """
         control, backend = request.control, self.target.backend
         brief = backend.is_brief(problem)
@@ -159,9 +173,7 @@ class Run:
             try:
                 with printed.by_this_thread(), jit.within(self.limit):
                     box.append(self._run(problem, request))
-            except (
-                BaseException
-            ) as error:  # handed to the waiting thread, which raises or records it
+            except BaseException as error:  # the waiting thread raises or records it
                 box.append(error)
             finally:
                 control.events.put(None)
@@ -177,7 +189,7 @@ class Run:
             else:
                 thread.start()
             given_up = False
-            stop_seen: float | None = None
+            stop_time: float | None = None
             try:
                 while True:
                     try:
@@ -188,8 +200,8 @@ class Run:
                         if self.limit.is_interpreted_too_long:
                             control.stop(Limit.TIME)
                         if control.stopped:
-                            stop_seen = stop_seen or time.perf_counter()
-                            late = time.perf_counter() - stop_seen
+                            stop_time = stop_time or time.perf_counter()
+                            late = time.perf_counter() - stop_time
                             given_up = late > self._patience(control)
                             if late > STRETCH and thread.ident is not None and not brief:
                                 jit.end_interpretation(thread.ident)
@@ -198,21 +210,21 @@ class Run:
                         continue
                     if event is None:
                         break
-                    self.hear(*event)
+                    self.accept(*event)
             except BaseException:
-                # A listener that raises, or a second Ctrl-C, must not leave the backend running.
+                # An exception of the listener or a second Ctrl-C must not leave the backend running.
                 control.stop(Limit.INTERRUPTED)
                 raise
             finally:
                 control.disarm()
         if given_up:
             control.abandon()
-            log.info("backend %s does not stop; its thread is left behind", backend.name)
+            log.info("backend %s does not stop; its thread is abandoned", backend.name)
             return Answer(
                 Termination.NO_SOLUTION,
                 control.reason,
                 dual_bound=control.bound,
-                message="did not stop when asked; given up",
+                message="did not stop in time; given up",
             )
         if not brief:
             thread.join()

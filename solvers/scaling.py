@@ -1,8 +1,8 @@
-"""A linear or quadratic program in the units of its data, where those are far from 1.
+"""Scaling of linear and quadratic programs whose data differ from 1 by orders of magnitude.
 
-A solver's tolerances are absolute: thresholds of 1e-9 are nothing to it, and data of 1e9 were seen to
-be claimed infeasible. Rows, continuous columns and the objective are scaled by powers of two, which
-change no digit, one factor a block; what lies in :data:`PLAIN` is left as it is.
+The tolerances of solvers are absolute. They ignore thresholds of 1e-9, and claimed programs with data
+of 1e9 infeasible. Rows, continuous columns and the objective are scaled by powers of two, which are
+exact, with one factor per block. Magnitudes within :data:`PLAIN` are not scaled.
 """
 
 from __future__ import annotations
@@ -24,13 +24,26 @@ __all__ = ["PLAIN", "Scaling", "common"]
 
 Vector = NDArray[np.float64]
 
-#: Magnitudes that solvers take as they are.
+#: Range of magnitudes that solvers handle without scaling.
 PLAIN = (1e-1, 1e8)
 
 
 @dataclass(frozen=True)
 class Scaling:
-    """`program` is the given one in ``x / columns``, its rows times `rows`, its objective / `unit`."""
+    """A program in scaled units, and the factors of the scaling.
+
+    Parameters
+    ----------
+    program : MixedIntegerProgram or QuadraticProgram
+        The scaled program in the variables ``x / columns``, with its rows times `rows` and its
+        objective divided by `unit`.
+    columns : ndarray, shape (columns,)
+        Units of the columns, powers of two.
+    rows : ndarray, shape (rows,)
+        Factors of the rows, powers of two.
+    unit : float
+        Unit of the objective, a power of two.
+    """
 
     program: MixedIntegerProgram | QuadraticProgram
     columns: Vector
@@ -39,27 +52,32 @@ class Scaling:
 
     @classmethod
     def of(cls, program: MixedIntegerProgram | QuadraticProgram) -> Scaling | None:
-        """Return the scaling of `program`, None where its data are of common size."""
+        """Return the scaling of `program`; None if its data need no scaling."""
         integral = np.zeros(program.size, bool)
         if isinstance(program, MixedIntegerProgram):
             integral = program.integral
         entries = abs(program.matrix)
         bounds = _largest(program.row_lower, program.row_upper)
         whole = entries @ sp.diags_array(integral.astype(float))
-        # What the continuous columns of a row are held against.
+        # Magnitude of the right-hand side for the continuous columns of each row.
         constants = np.maximum(bounds, whole.max(axis=1).toarray().ravel() if whole.nnz else 0.0)
-        # Bounds that are what rounding left of 0 say nothing of a size.
+        # Bounds that are only rounding errors of 0 have no magnitude.
         constants[constants <= ROUNDING * constants.max(initial=0.0)] = 0.0
         row = np.repeat(np.arange(program.row_count), np.diff(entries.indptr))
-        held = constants[row] > 0
-        own = _largest(program.column_lower, program.column_upper)
-        wanted = np.concatenate([constants[row[held]] / entries.data[held], own[own > 0]])
-        place = np.concatenate([entries.indices[held], np.flatnonzero(own)])
+        is_scaled = constants[row] > 0
+        bounds_of_columns = _largest(program.column_lower, program.column_upper)
+        magnitudes = np.concatenate(
+            [
+                constants[row[is_scaled]] / entries.data[is_scaled],
+                bounds_of_columns[bounds_of_columns > 0],
+            ]
+        )
+        place = np.concatenate([entries.indices[is_scaled], np.flatnonzero(bounds_of_columns)])
         columns = np.ones(program.size)
         for block in program._columns:
             here = (place >= block.start) & (place < block.start + block.size)
             if not integral[block.slice].any() and here.any():
-                columns[block.slice] = common(float(np.median(wanted[here])))
+                columns[block.slice] = common(float(np.median(magnitudes[here])))
         plain = (columns == 1.0).all()
         sized = entries if plain else entries @ sp.diags_array(columns)
         largest = sized.max(axis=1).toarray().ravel() if sized.nnz else np.zeros(program.row_count)
@@ -91,7 +109,15 @@ class Scaling:
         return cls(scaled, columns, rows, unit)
 
     def request(self, request: Request, control: Any) -> Request:
-        """Return `request` in the units of the scaled program."""
+        """Return `request` in the units of the scaled program.
+
+        Parameters
+        ----------
+        request : Request
+            Request for the given program.
+        control : Control
+            Control of the stage that solves the scaled program.
+        """
         warm, cutoff = request.warm_start, request.cutoff
         return replace(
             request,
@@ -101,7 +127,15 @@ class Scaling:
         )
 
     def answered(self, request: Request, run: Callable[[Any, Request], Answer]) -> Answer:
-        """Return the answer of `run` on the scaled program in the units of the given one."""
+        """Run a backend on the scaled program and return its answer in the given units.
+
+        Parameters
+        ----------
+        request : Request
+            Request for the given program. Its control receives incumbents and bounds in given units.
+        run : callable
+            Function ``(program, request) -> Answer``.
+        """
 
         def report(objective: float, point: Any) -> None:
             request.control.incumbent(*self.lifted(objective, point))
@@ -113,11 +147,11 @@ class Scaling:
             return self.answer(run(self.program, self.request(request, control)))
 
     def lifted(self, objective: float, point: Any) -> tuple[float, Any]:
-        """Return objective and point in the units of the given program."""
+        """Return objective and point in the given units."""
         return objective * self.unit, np.asarray(point) * self.columns
 
     def answer(self, answer: Answer) -> Answer:
-        """Return `answer` in the units of the given program."""
+        """Return `answer` in the given units."""
         primal, dual, duals = answer.primal_bound, answer.dual_bound, answer.duals
         return replace(
             answer,
@@ -129,23 +163,29 @@ class Scaling:
 
 
 def _largest(lower: Vector, upper: Vector) -> Vector:
-    """Return the larger size of two bounds, 0 for what is infinite."""
+    """Return the larger magnitude of two bounds, 0 for infinite ones."""
     sizes = [np.where(np.isfinite(bound), np.abs(bound), 0.0) for bound in (lower, upper)]
     return np.maximum(*sizes)
 
 
-def _by_block(blocks: Iterable[Block], wanted: Vector, counts: NDArray[np.bool_]) -> Vector:
-    """Return one power of two a block: the median of what is wanted, of the entries that count."""
-    found = np.ones(wanted.size)
+def _by_block(blocks: Iterable[Block], factors: Vector, counts: NDArray[np.bool_]) -> Vector:
+    """Return one power of two per block: the median of the given factors, over the selected rows."""
+    powers = np.ones(factors.size)
     for block in blocks:
-        take = wanted[block.slice][counts[block.slice]]
-        if take.size:
-            found[block.slice] = 1.0 / common(1.0 / float(np.median(take)))
-    return found
+        chosen = factors[block.slice][counts[block.slice]]
+        if chosen.size:
+            powers[block.slice] = 1.0 / common(1.0 / float(np.median(chosen)))
+    return powers
 
 
 def common(magnitude: float) -> float:
-    """Return 1 for a magnitude that solvers take as it is, else the power of two next to it."""
+    """Return 1 for a magnitude within :data:`PLAIN`, else the nearest power of two.
+
+    Parameters
+    ----------
+    magnitude : float
+        A positive number.
+    """
     if PLAIN[0] <= magnitude <= PLAIN[1]:
         return 1.0
     return float(2.0 ** np.clip(np.round(np.log2(magnitude)), -500, 500))

@@ -1,4 +1,4 @@
-"""Running the jobs of a comparison: threads or an executor, each job in a worker of its own."""
+"""Scheduling of the jobs of a comparison: threads or an executor, each job in a worker process."""
 
 from __future__ import annotations
 
@@ -32,40 +32,62 @@ __all__ = ["Task", "close_kept", "failed", "run_by_pool", "run_by_threads", "run
 
 log = logging.getLogger("crosstrack")
 
-#: Seconds of a run that warms a process up.
+#: Seconds of a run that warms up a process.
 WARM = 2.0
-#: Workers that wait for a next job of their backend in a process of an executor.
+#: Largest number of idle workers in a process of an executor.
 KEPT = 4
-#: Seconds between two looks at how many jobs an executor runs at the same time.
+#: Seconds between two reads of the number of jobs that an executor runs in parallel.
 LOOK = 1.0
-#: How a worker says that somebody else has killed it.
+#: Message of a worker that was killed from outside, for example for lack of memory.
 KILLED = "worker died: signal 9"
 
 
 @dataclass
 class Task:
-    """One job of a comparison, with the place of its answer."""
+    """One job of a comparison, with the position of its answer.
+
+    Parameters
+    ----------
+    row, column, turn : int
+        Numbers of the model, the backend and the repetition.
+    job : Job
+        The job.
+    refusal : CrosstrackError, optional
+        Reason why the backend cannot run the job.
+    warm_up : bool
+        Whether a new process runs the job once without a record before the recorded run.
+    lost : bool
+        Whether the executor lost the job.
+    """
 
     row: int
     column: int
     turn: int
     job: Job
     refusal: CrosstrackError | None = None
-    #: Whether a process that has not run such a job yet runs it once unrecorded.
     warm_up: bool = False
-    #: Whether its executor lost it.
     lost: bool = False
 
 
 def _refused(task: Task) -> Solution[Any]:
-    """Return the row of a backend that cannot run the job at all."""
+    """Return the failed solution of a job that the backend cannot run."""
     return failed(task.job, f"{type(task.refusal).__name__}: {task.refusal}")
 
 
 def failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
-    """Return the solution of a job that did not run to an answer."""
+    """Return a failed solution for a job that did not run.
+
+    Parameters
+    ----------
+    job : Job
+        The job.
+    message : str
+        Reason of the failure.
+    seconds : float
+        Seconds until the failure.
+    """
     formulation = job.formulation
-    with contextlib.suppress(CrosstrackError):  # which is what the row says
+    with contextlib.suppress(CrosstrackError):  # the message reports it
         written = job.target().formulation
         formulation = written.name if written is not None else formulation
     broken = Claim(
@@ -80,24 +102,24 @@ def failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
 def _run(worker: Worker, job: Job, grace: float, warm_up: bool = False) -> Solution[Any]:
     begin = time.monotonic()
     try:
-        for again in (True, False):
+        for may_repeat in (True, False):
             if warm_up:
                 _warm(worker, job, grace)
             warm = worker.warm[0] is not None and worker.warm[0] == worker.pid
-            where = environment(job, warm=warm)
+            machine = environment(job, warm=warm)
             begin = time.monotonic()
             solution = worker.solve(job, grace=grace)
-            if not (again and KILLED in solution.message):
-                break  # killed by somebody else, and so worth a second process
-        return replace(solution, environment=where)
-    except Exception as error:  # whatever one row meets, the others go on
+            if not (may_repeat and KILLED in solution.message):
+                break  # a process killed from outside gets a second attempt
+        return replace(solution, environment=machine)
+    except Exception as error:  # a failure of one row must not affect the others
         if not isinstance(error, CrosstrackError):
             log.error("%s could not be run", job.backend, exc_info=error)
         return failed(job, f"{type(error).__name__}: {error}", time.monotonic() - begin)
 
 
 def _warm(worker: Worker, job: Job, grace: float) -> None:
-    """Let the worker's process run `job` shortly, unless it has run one of its kind."""
+    """Run `job` briefly in the worker's process unless it has run a job of that kind."""
     kind = (job.model.kind, job.formulation)
     if worker.warm != (worker.pid, kind):
         limit = WARM if job.time_limit is None else min(WARM, job.time_limit)
@@ -115,11 +137,29 @@ def run_by_threads(
     finished: Finished,
     started: Callable[[Task], None] | None = None,
 ) -> bool:
-    """Run the tasks in threads that drive workers; return whether Ctrl-C ended it.
+    """Run tasks in threads that drive worker processes.
 
-    A worker serves one backend only, and lives while that backend has jobs left.
+    A worker serves one backend only, and lives as long as that backend has jobs left.
+
+    Parameters
+    ----------
+    tasks : deque of Task
+        The tasks; emptied.
+    count : int
+        Number of threads.
+    grace : float
+        Seconds after the time limit before a worker is killed.
+    finished : callable
+        Function called with each task and its solution, in this thread.
+    started : callable, optional
+        Function called with each task before it starts.
+
+    Returns
+    -------
+    bool
+        True if Ctrl-C ended the run.
     """
-    # None for each thread that has ended.
+    # None marks the end of a thread.
     results: queue.SimpleQueue[tuple[Task, Solution[Any] | BaseException] | None]
     results = queue.SimpleQueue()
     lock = threading.Lock()
@@ -202,24 +242,31 @@ def run_by_threads(
 
 
 def run_together(jobs: Sequence[Job]) -> list[Solution[Any]]:
-    """Run jobs of one backend side by side, in as many processes as there are processors.
+    """Run jobs of one backend in parallel, in as many processes as there are processors.
 
-    Their time limit counts for all of them together. After Ctrl-C those that were not begun are left
-    out.
+    Parameters
+    ----------
+    jobs : sequence of Job
+        The jobs. Their time limit, if any, is shared by all of them.
+
+    Returns
+    -------
+    list of Solution
+        In the order of the jobs; after Ctrl-C, without the jobs that had not started.
     """
     count = min(processors(), len(jobs))
     rounds = -(-len(jobs) // count)
-    found: dict[int, Solution[Any]] = {}
+    solutions: dict[int, Solution[Any]] = {}
     tasks: deque[Task] = deque()
     for turn, job in enumerate(jobs):
         limit = None if job.time_limit is None else job.time_limit / rounds
         tasks.append(Task(0, 0, turn, replace(job, time_limit=limit)))
 
     def finished(task: Task, solution: Solution[Any]) -> None:
-        found[task.turn] = solution
+        solutions[task.turn] = solution
 
     run_by_threads(tasks, count, GRACE, finished)
-    return [found[turn] for turn in sorted(found)]
+    return [solutions[turn] for turn in sorted(solutions)]
 
 
 def run_by_pool(
@@ -230,10 +277,29 @@ def run_by_pool(
     started: Callable[[Task], None] | None = None,
     room: Callable[[], int | None] | None = None,
 ) -> bool:
-    """Run the tasks in an executor whose tasks only launch workers; return whether Ctrl-C ended it.
+    """Run tasks in an executor whose own tasks only launch worker processes.
 
-    `room` says how many run at the same time: no more are handed over, so that what is handed over
-    runs, and what waits is not lost with an executor that breaks. Where that is not known, all are.
+    Parameters
+    ----------
+    tasks : deque of Task
+        The tasks; emptied.
+    pool : concurrent.futures.Executor
+        The executor.
+    grace : float
+        Seconds after the time limit before a worker is killed.
+    finished : callable
+        Function called with each task and its solution.
+    started : callable, optional
+        Function called with each task when it is submitted.
+    room : callable, optional
+        Function that returns how many tasks the executor runs in parallel; None if unknown. No
+        more tasks are submitted, so that waiting tasks survive a broken executor. If it is
+        unknown, all tasks are submitted at once.
+
+    Returns
+    -------
+    bool
+        True if Ctrl-C ended the run.
     """
     room = room or (lambda: getattr(pool, "_max_workers", None))
     futures: dict[Future[bytes], Task] = {}
@@ -245,9 +311,9 @@ def run_by_pool(
             worker.interrupt()
 
     def lose(task: Task, error: BaseException) -> None:
-        """Give the task a row of its own, and no other; a record does not hold it."""
+        """Finish a lost task with a failed solution, which is not recorded."""
         log.error("the executor lost a task: %s: %s", type(error).__name__, error)
-        log.debug("where", exc_info=error)
+        log.debug("traceback", exc_info=error)
         task.lost = True
         finished(task, failed(task.job, f"executor: {type(error).__name__}: {error}"))
 
@@ -257,7 +323,7 @@ def run_by_pool(
             return
         try:
             future = pool.submit(_launch, cloudpickle.dumps((task.job, grace, task.warm_up)))
-        except Exception as error:  # it is broken, or was shut down; each library has its own
+        except Exception as error:  # broken or shut down; exceptions differ between libraries
             lose(task, error)
             return
         futures[future] = task
@@ -266,17 +332,17 @@ def run_by_pool(
 
     with on_interrupt(interrupt), contextlib.ExitStack() as stack:
         stack.callback(close_kept)
-        looked, most = 0.0, room()
+        read_time, limit = 0.0, room()
         while (tasks and not interrupted) or futures:
-            if most is not None and time.monotonic() > looked + LOOK:
-                looked, most = time.monotonic(), room()
-            while tasks and not interrupted and (most is None or len(futures) < max(most, 1)):
+            if limit is not None and time.monotonic() > read_time + LOOK:
+                read_time, limit = time.monotonic(), room()
+            while tasks and not interrupted and (limit is None or len(futures) < max(limit, 1)):
                 submit(tasks.popleft())
             if interrupted:
                 futures = {f: task for f, task in futures.items() if not f.cancel()}
                 if time.monotonic() - interrupted[0] > 3 * PATIENCE:
-                    break  # it runs elsewhere, where nobody was told
-            # Polled, for executors of other libraries do not fit concurrent.futures.wait.
+                    break  # the workers run on other machines, which the interrupt does not reach
+            # Polled, because futures of other libraries do not work with concurrent.futures.wait.
             done = [future for future in futures if future.done()]
             if not done:
                 time.sleep(0.02)
@@ -294,7 +360,7 @@ def run_by_pool(
 
 
 def _launch(request: bytes) -> bytes:
-    """Run one job in a worker; executed inside an executor's process or thread."""
+    """Run one job in a worker and return its pickled solution; called in an executor's process."""
     job, grace, warm_up = cloudpickle.loads(request)
     backend = find_backend(job.backend)
     name = backend.problem, backend.name
@@ -319,14 +385,14 @@ def _launch(request: bytes) -> bytes:
 
 
 def close_kept() -> None:
-    """Close the workers of this process that wait for a next job of an executor."""
+    """Close the idle workers of this process that wait for jobs of an executor."""
     with _keeping:
         waiting = [_kept.pop(name) for name in list(_kept)]
     for worker in waiting:
         worker.close()
 
 
-#: The workers that an executor's threads in this process have launched, and by backend those that wait.
+#: Workers that executor threads of this process have launched, and idle workers by backend.
 _launched: set[Worker] = set()
 _kept: dict[tuple[str, str], Worker] = {}
 _keeping = threading.Lock()
@@ -336,9 +402,9 @@ _parents: list[Worker] = []
 
 
 def _leave_kept() -> None:
-    """Neither use nor end what belongs to the parent; kept, for its pipes would be closed with it."""
+    """Detach the parent's workers after a fork; references are kept so that their pipes stay open."""
     global _keeping
-    _keeping = threading.Lock()  # a thread that was not forked may hold the other one
+    _keeping = threading.Lock()  # a thread of the parent may hold the old lock
     _parents.extend([*_kept.values(), *_launched])
     _kept.clear()
     _launched.clear()

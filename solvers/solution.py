@@ -1,4 +1,4 @@
-"""What :func:`crosstrack.solve` returns: a plan, what was proven about it, and how it came about."""
+"""Result of :func:`crosstrack.solve`: a verified plan, its bounds, and a record of the run."""
 
 from __future__ import annotations
 
@@ -32,15 +32,27 @@ __all__ = ["NOTHING", "Incumbent", "Solution", "relative_gap", "without_rounding
 
 PlanT = TypeVar("PlanT")
 
-#: Difference between objective and bound, in the objective's unit, that rounding explains.
+#: Difference between objective and bound, in the unit of the objective, that is due to rounding.
 NOTHING = 1e-9
 
 
 def relative_gap(primal: float | None, dual: float | None) -> float | None:
-    """Return ``max(0, primal - dual) / max(|primal|, |dual|, 1e-10)``, None without both bounds.
+    """Return the relative gap ``max(0, primal - dual) / max(|primal|, |dual|, 1e-10)``.
 
-    The one formula for the gap, whatever a solver's own may be; 0 means proven optimal. What
-    rounding explains (1e-12) is 0.
+    This formula is used for all solvers, whatever their own definition. A gap of 0 means proven
+    optimal. Gaps up to 1e-12 are due to rounding and returned as 0.
+
+    Parameters
+    ----------
+    primal : float, optional
+        Objective of a plan.
+    dual : float, optional
+        Lower bound on the objective.
+
+    Returns
+    -------
+    float or None
+        None if a bound is missing or not finite.
     """
     for name, bound in (("primal", primal), ("dual", dual)):
         if bound is not None and not isinstance(bound, float):
@@ -52,11 +64,19 @@ def relative_gap(primal: float | None, dual: float | None) -> float | None:
 
 
 def without_rounding(dual: float, verification: Verification, tolerance: float) -> float:
-    """Return `dual`, or the verified objective where the bound stands above it by rounding alone.
+    """Return `dual`, or the verified objective if the bound exceeds it by rounding only.
 
-    Rounding is a solver's too, which keeps rows and multipliers to `tolerance`: a share of the
-    objective as large, and never more than 1e-6. What is more stays: the two contradict one another,
-    which must be seen.
+    Rounding includes that of a solver, which satisfies rows and multipliers up to `tolerance`: the
+    same share of the objective, at most 1e-6. A larger excess is a contradiction and is kept.
+
+    Parameters
+    ----------
+    dual : float
+        Lower bound.
+    verification : Verification
+        Verification of the plan.
+    tolerance : float
+        Tolerance of the run.
     """
     primal = verification.objective
     if primal is None:
@@ -67,7 +87,7 @@ def without_rounding(dual: float, verification: Verification, tolerance: float) 
 
 
 _WORD, _NUMBER, _TABLE = Text(), Optional(Real()), Table()
-#: What a stored solution holds, as :meth:`Solution.to_dict` writes it.
+#: Schema of a stored solution, as written by :meth:`Solution.to_dict`.
 _RECORD: dict[str, Spec] = {
     **dict.fromkeys(("model", "instance", "digest", "backend", "version", "message"), _WORD),
     **dict.fromkeys(("formulation", "backend_version"), Optional(_WORD)),
@@ -89,8 +109,7 @@ _RECORD: dict[str, Spec] = {
     "seed": Optional(Whole()),
     "duals": Optional(Array(("rows",))),
 }
-#: What stands for an entry that is absent: earlier versions did not write it, or who keeps records small
-#: has left out what says nothing.
+#: Values of absent entries: earlier versions did not write them, and small records omit empty ones.
 _ABSENT: dict[str, Any] = {
     **dict.fromkeys(("problem", "message"), ""),
     **dict.fromkeys(("guarantee", "formulation", "backend_version", "limit", "dual_bound"), None),
@@ -109,18 +128,18 @@ _INCUMBENT: dict[str, Spec] = {
 
 @dataclass(frozen=True)
 class Incumbent(Generic[PlanT]):
-    """A better plan met on the way.
+    """Improved plan reported during a run.
 
     Parameters
     ----------
     seconds : float
-        Since the start of the run.
+        Seconds since the start of the run.
     objective : float
-        As the backend claims it.
+        Objective as claimed by the backend.
     plan : PlanT, optional
-        The plan, where it could be decoded.
+        The plan if it could be decoded.
     evaluations : int, optional
-        Of the objective, up to this plan, where the backend counts them.
+        Evaluations of the objective up to this plan, if the backend counts them.
     """
 
     seconds: float
@@ -131,72 +150,72 @@ class Incumbent(Generic[PlanT]):
 
 @dataclass(frozen=True, eq=False)
 class Solution(Generic[PlanT]):
-    """One answer of one backend, verified.
+    """Verified answer of one backend.
 
     Parameters
     ----------
     model : str
-        The model's kind.
+        Kind of the model.
     instance : str
-        The model's name.
+        Name of the model.
     digest : str
-        The model's digest.
+        Digest of the model.
     backend : str
         Name of the backend.
     formulation : str, optional
         Name of the formulation; None for a native algorithm.
     problem : str
-        The problem whose native algorithm the backend is; empty for a solver of programs.
+        Problem of a native algorithm; empty for a solver of programs.
     guarantee : Guarantee, optional
-        What the backend's answers prove; None in records of versions that did not say.
+        Strength of the backend's claims; None in records of versions that did not store it.
     termination : Termination
-        How the run ended.
+        Status of the answer.
     limit : Limit, optional
-        The limit that ended it.
+        Limit that ended the run.
     primal_bound : float, optional
-        The verified objective of `plan`.
+        Verified objective of `plan`.
     dual_bound : float, optional
-        Lower bound on every plan's objective, of an exact backend or a relaxation.
+        Lower bound on the objective of every plan, from an exact backend or a relaxation.
     plan : PlanT, optional
-        The plan; only ever one that passed verification.
+        The plan. It has passed verification.
     verification : Verification, optional
-        What the independent check measured; for a rejected plan, why.
+        Result of the verification; for a rejected plan, the reason.
     seconds : mapping
-        ``total`` is the whole call as the caller waited for it: compiling, the start of a worker,
-        the building of programs and the verification included. The others are parts of it:
-        ``compile`` where loops were compiled, ``build``, ``solve``, ``decode``, ``verify``,
-        ``refine``. Parts of several starts are added up.
+        ``total`` is the wall-clock time of the call, including compilation, the start of a worker,
+        the building of programs and the verification. The others are parts of it: ``compile`` if
+        loops were compiled, ``build``, ``solve``, ``decode``, ``verify``, ``refine``. The parts of
+        several starts are summed.
     incumbents : tuple of Incumbent
-        Better plans over time.
+        Improved plans in the order of their discovery.
     backend_version, version : str
         Versions of the solver and of crosstrack.
     options : mapping
-        Everything that was asked of the run.
+        All options of the run.
     formulation_options : mapping
         Options of the formulation.
     seed : int, optional
-        The seed given.
+        Random seed of the run.
     statistics : mapping
-        Counts of the backend's own.
+        Counts and measurements of the backend.
     message : str
-        What a person should know.
+        Remarks for the user.
     rejected_plan : object, optional
-        JSON data of a plan that failed verification.
+        JSON data of the plan that failed verification.
     starts : tuple of Solution
-        All results of a multistart, this best one included.
+        All results of a multistart, including this one, the best.
     duals : ndarray, optional
-        Row multipliers of a continuous program, signed as
-        :meth:`crosstrack.models.programs.linear.MixedIntegerProgram.dual_bound` wants them.
+        Row multipliers of a continuous program, with the signs of
+        :meth:`crosstrack.models.programs.linear.MixedIntegerProgram.dual_bound`.
     history : tuple of mapping
-        A row for each program that was solved, where the formulation refines its program and tells of
-        it: for a mesh its intervals, nodes, error, objective, seconds, and what was done then and why.
+        One row per program if the formulation is refined: for a mesh its intervals, nodes, error,
+        objective, seconds, and the next step with its reason.
     environment : mapping
-        Where it ran, for what several backends are compared on: machine, system, processor and how many
-        there are, memory (GiB), versions, threads asked for, the system's load when it began, and
-        whether the process was warm.
+        Machine of the run, for comparisons: machine, system, processor and number of processors,
+        memory (GiB), versions, requested threads, system load at the start, and whether the
+        process was warm.
     stored_plan : object
-        The plan as JSON data, or a function that returns it: a long plan is many small lists, which
-        nobody should wait for who does not ask.
+        The plan as JSON data, or a function that returns it. Conversion is deferred because a long
+        plan consists of many small lists.
     """
 
     model: str
@@ -230,27 +249,27 @@ class Solution(Generic[PlanT]):
 
     @cached_property
     def plan_data(self) -> Any:
-        """The plan as JSON data, None without one."""
+        """Plan as JSON data; None without a plan."""
         return self.stored_plan() if callable(self.stored_plan) else self.stored_plan
 
     @property
     def gap(self) -> float | None:
-        """Relative gap between the bounds, by :func:`relative_gap`."""
+        """Relative gap between the bounds, see :func:`relative_gap`."""
         return relative_gap(self.primal_bound, self.dual_bound)
 
     @property
     def verified(self) -> bool:
-        """Whether there is a plan (which is always a verified one)."""
+        """Whether the solution has a plan, which is always verified."""
         return self.plan is not None
 
     def lasting(self, seconds: float) -> Solution[PlanT]:
-        """Return the solution of a call that took so many seconds in all."""
-        found = copy.copy(self)
-        object.__setattr__(found, "seconds", {**self.seconds, "total": seconds})
-        return found
+        """Return the solution with `seconds` as its total time."""
+        solution = copy.copy(self)
+        object.__setattr__(solution, "seconds", {**self.seconds, "total": seconds})
+        return solution
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the solution as JSON data, keyed by the fields' names."""
+        """Return the solution as JSON data, keyed by the names of the fields."""
         return {
             "model": self.model,
             "instance": self.instance,
@@ -285,51 +304,77 @@ class Solution(Generic[PlanT]):
             "rejected_plan": self.rejected_plan,
             "starts": [start.to_dict() for start in self.starts],
             "duals": None if self.duals is None else self.duals.tolist(),
-            # Written where there is one, so that records of earlier versions keep their keys.
+            # Written only if not empty, so that records of earlier versions keep their keys.
             **({"history": [dict(row) for row in self.history]} if self.history else {}),
             **({"environment": dict(self.environment)} if self.environment else {}),
         }
 
     def to_json(self, *, indent: int | None = None) -> str:
-        """Return the solution as JSON."""
+        """Return the solution as a JSON text.
+
+        Parameters
+        ----------
+        indent : int, optional
+            Spaces per level; None for a single line.
+        """
         return json.dumps(self.to_dict(), indent=indent, allow_nan=False, ensure_ascii=False)
 
     @classmethod
     def from_dict(
         cls, data: Mapping[str, Any], model: Model[PlanT] | None = None
     ) -> Solution[PlanT]:
-        """Return the solution that :meth:`to_dict` wrote.
+        """Return the solution written by :meth:`to_dict`.
 
-        The plan comes back as an object where `model` is given, and only as :attr:`plan_data`
-        otherwise. What the data claims stands, its verification too: :meth:`load` and
-        :func:`crosstrack.verify` look at the plan anew.
+        The content is not verified again, unlike with :meth:`load` and :func:`crosstrack.verify`.
+
+        Parameters
+        ----------
+        data : mapping
+            JSON data.
+        model : Model, optional
+            The model of the solution. With it, :attr:`plan` is restored; without it, only
+            :attr:`plan_data` is available.
+
+        Raises
+        ------
+        InvalidData
+            The data are invalid, or belong to another model.
         """
         if model is not None:
             model = as_model(model)
-        found = recorded("a solution", data, _RECORD, _ABSENT)
-        if model is not None and found["digest"] != model.digest:
+        fields = recorded("a solution", data, _RECORD, _ABSENT)
+        if model is not None and fields["digest"] != model.digest:
             raise InvalidData(
-                f"the solution is for digest {found['digest'][:12]}, the model has {model.digest[:12]}",
+                f"the solution is for digest {fields['digest'][:12]}, the model has {model.digest[:12]}",
                 field="digest",
             )
-        plan, checked = found["plan"], found["verification"]
+        plan, verification = fields["plan"], fields["verification"]
         return cls(
             **{
-                **found,
+                **fields,
                 "plan": None if model is None or plan is None else model.plan_from_data(plan),
                 "stored_plan": plan,
-                "verification": None if checked is None else Verification.from_dict(checked),
+                "verification": None
+                if verification is None
+                else Verification.from_dict(verification),
                 "incumbents": tuple(
-                    Incumbent(**recorded("an incumbent", one, _INCUMBENT, {"evaluations": None}))
-                    for one in found["incumbents"]
+                    Incumbent(
+                        **recorded("an incumbent", incumbent, _INCUMBENT, {"evaluations": None})
+                    )
+                    for incumbent in fields["incumbents"]
                 ),
-                "starts": tuple(cls.from_dict(start, model) for start in found["starts"]),
-                "history": tuple(found["history"]),
+                "starts": tuple(cls.from_dict(start, model) for start in fields["starts"]),
+                "history": tuple(fields["history"]),
             }
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the solution as JSON, in one step; return the path.
+        """Write the solution as JSON and return the path. The file is replaced atomically.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Name of the file.
 
         Raises
         ------
@@ -346,40 +391,42 @@ class Solution(Generic[PlanT]):
         *,
         tolerance: float = TOLERANCE,
     ) -> Solution[PlanT]:
-        """Return the solution that :meth:`save` wrote.
+        """Return the solution written by :meth:`save`.
 
         Parameters
         ----------
         path : str or path-like
-            The file.
+            Name of the file.
         model : Model, optional
-            What it is a solution of. The plan comes back as an object then, and is verified anew;
-            without it there is only :attr:`plan_data`, which nobody has looked at.
+            The model of the solution. With it, the plan is restored and verified. Without it, only
+            :attr:`plan_data` is available, which is not verified.
         tolerance : float
-            Largest violation accepted, relative to the scale that each check names. It is yours to
-            say: what the file was solved with does not count.
+            Largest accepted violation, relative to the scale that each check names. The tolerance
+            stored in the file is not used.
 
         Raises
         ------
         InvalidData
-            The file cannot be read, is for another model, or claims what does not hold.
+            The file cannot be read, belongs to another model, or contains a false claim.
         """
-        found = cls.from_dict(parse_json(read_text(path)), model)
-        if model is None or found.plan is None:
-            return found
-        checked = model.verify(found.plan, tolerance=tolerance)
-        claimed, value = found.primal_bound, checked.objective
-        if not checked.ok or value is None:
-            raise InvalidData(f"{path}: the plan does not hold: {checked.summary()}", field="plan")
-        if claimed is None or abs(claimed - value) > ROUNDING * max(abs(value), checked.scale):
+        solution = cls.from_dict(parse_json(read_text(path)), model)
+        if model is None or solution.plan is None:
+            return solution
+        verification = model.verify(solution.plan, tolerance=tolerance)
+        claimed, value = solution.primal_bound, verification.objective
+        if not verification.ok or value is None:
+            raise InvalidData(
+                f"{path}: the plan does not hold: {verification.summary()}", field="plan"
+            )
+        if claimed is None or abs(claimed - value) > ROUNDING * max(abs(value), verification.scale):
             raise InvalidData(
                 f"{path}: claims the objective {claimed!r}, its plan has {value!r}",
                 field="primal_bound",
             )
-        return replace(found, verification=checked)
+        return replace(solution, verification=verification)
 
     def parts(self) -> list[Any]:
-        """Return what to print: a table of the answer, the plan, its checks, and the message."""
+        """Return the printable parts: a table of the answer, the plan, its checks, and the message."""
         return [
             solutions_table([self], self.instance),
             *([f"plan: {self.plan}{self._remark(' ({})')}"] if self.plan is not None else []),
@@ -388,18 +435,18 @@ class Solution(Generic[PlanT]):
         ]
 
     def summary(self) -> str:
-        """Return the answer, the plan and every check as text."""
+        """Return the answer, the plan and all checks as text."""
         return render(*self.parts())
 
     def to_frame(self) -> DataFrame:
-        """Return the answer as a pandas frame of one row; needs pandas."""
+        """Return the answer as a pandas data frame with one row. Requires pandas."""
         return frame([self])
 
     def _repr_html_(self) -> str:
         return markup(*self.parts())
 
     def _remark(self, form: str) -> str:
-        """Return what the model's type says of the plan in short, put into `form`."""
+        """Return the model's short remark on the plan, inserted into `form`; empty without one."""
         remark = "" if self.plan is None else model_type(self.model).remark(self.plan)
         return form.format(remark) if remark else ""
 

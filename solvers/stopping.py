@@ -1,7 +1,7 @@
-"""When a run stops: criteria that compose.
+"""Composable stopping criteria.
 
-``Seconds(60) | Target(120.0)`` stops at the first of both, ``Evaluations(5000) & Stalled(2.0)`` when
-both hold. The same shape as PyVRP's ``stop`` package (Wouda, Lan and Kool, doi
+``Seconds(60) | Target(120.0)`` stops if one of them is reached, ``Evaluations(5000) & Stalled(2.0)``
+if both are. The design follows PyVRP's ``stop`` package (Wouda, Lan and Kool, doi
 10.1287/ijoc.2023.0055).
 """
 
@@ -30,18 +30,18 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is.
+    """Progress of a run, as seen by the stopping criteria.
 
     Parameters
     ----------
     seconds : float
-        Since its start.
+        Seconds since the start.
     evaluations : int
-        Evaluations of the objective so far, where the backend counts them.
+        Evaluations of the objective so far, if the backend counts them.
     best : float
-        The best objective met, infinity before the first plan.
+        Best objective so far; infinity before the first plan.
     stalled : float
-        Seconds since the best objective last became better, or since the start.
+        Seconds since the last improvement, or since the start.
     """
 
     seconds: float
@@ -51,11 +51,17 @@ class Progress:
 
 
 class Criterion(ABC):
-    """A reason to stop, looked at after every evaluation and incumbent and several times a second."""
+    """Stopping criterion, checked after every evaluation and incumbent, and every 0.1 s."""
 
     @abstractmethod
     def reached(self, progress: Progress) -> Limit | None:
-        """Return the limit that is reached, None while the run may go on."""
+        """Return the limit if it is reached; None while the run may continue.
+
+        Parameters
+        ----------
+        progress : Progress
+            Progress of the run.
+        """
 
     def __or__(self, other: Criterion) -> AnyOf:
         return AnyOf((self, other))
@@ -65,23 +71,29 @@ class Criterion(ABC):
 
 
 def _number(name: str, value: Any, lower: float, strict: bool) -> None:
-    good = isinstance(value, int | float) and not isinstance(value, bool)
-    # What is no number compares with nothing.
-    if not good or not (value > lower if strict else value >= lower):
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    # NaN fails every comparison.
+    if not is_number or not (value > lower if strict else value >= lower):
         raise UnsupportedOption(
             f"{name} must be a number {'>' if strict else '>='} {lower:g}, got {show(value)}"
         )
 
 
 def _criteria(value: Any) -> None:
-    known = isinstance(value, tuple) and value
-    if not known or not all(isinstance(one, Criterion) for one in value):
+    is_tuple = isinstance(value, tuple) and value
+    if not is_tuple or not all(isinstance(criterion, Criterion) for criterion in value):
         raise UnsupportedOption(f"criteria must be a tuple of Criterion, got {show(value)}")
 
 
 @dataclass(frozen=True)
 class Seconds(Criterion):
-    """Stop after `limit` seconds."""
+    """Criterion that stops a run after `limit` seconds.
+
+    Parameters
+    ----------
+    limit : float
+        Seconds since the start, > 0.
+    """
 
     limit: float
 
@@ -94,7 +106,13 @@ class Seconds(Criterion):
 
 @dataclass(frozen=True)
 class Evaluations(Criterion):
-    """Stop after `limit` evaluations of the objective."""
+    """Criterion that stops a run after `limit` evaluations of the objective.
+
+    Parameters
+    ----------
+    limit : int
+        Number of evaluations, >= 1.
+    """
 
     limit: int
 
@@ -107,7 +125,13 @@ class Evaluations(Criterion):
 
 @dataclass(frozen=True)
 class Target(Criterion):
-    """Stop at a plan whose objective is at most `value`."""
+    """Criterion that stops a run at a plan with an objective of at most `value`.
+
+    Parameters
+    ----------
+    value : float
+        Objective that is good enough.
+    """
 
     value: float
 
@@ -120,7 +144,13 @@ class Target(Criterion):
 
 @dataclass(frozen=True)
 class Stalled(Criterion):
-    """Stop when no better plan has come for `limit` seconds."""
+    """Criterion that stops a run without improvement for `limit` seconds.
+
+    Parameters
+    ----------
+    limit : float
+        Seconds since the last improvement, > 0.
+    """
 
     limit: float
 
@@ -133,7 +163,13 @@ class Stalled(Criterion):
 
 @dataclass(frozen=True)
 class AnyOf(Criterion):
-    """Stop at the first of several criteria; its limit is named."""
+    """Criterion that stops a run if one of several criteria is reached; names its limit.
+
+    Parameters
+    ----------
+    criteria : tuple of Criterion
+        The criteria.
+    """
 
     criteria: tuple[Criterion, ...]
 
@@ -141,13 +177,19 @@ class AnyOf(Criterion):
         _criteria(self.criteria)
 
     def reached(self, progress: Progress) -> Limit | None:
-        found = (one.reached(progress) for one in self.criteria)
-        return next((limit for limit in found if limit is not None), None)
+        limits = (criterion.reached(progress) for criterion in self.criteria)
+        return next((limit for limit in limits if limit is not None), None)
 
 
 @dataclass(frozen=True)
 class AllOf(Criterion):
-    """Stop when all of several criteria hold; the limit of the last one is named."""
+    """Criterion that stops a run if all of several criteria are reached; names the last limit.
+
+    Parameters
+    ----------
+    criteria : tuple of Criterion
+        The criteria.
+    """
 
     criteria: tuple[Criterion, ...]
 
@@ -155,5 +197,5 @@ class AllOf(Criterion):
         _criteria(self.criteria)
 
     def reached(self, progress: Progress) -> Limit | None:
-        found = [one.reached(progress) for one in self.criteria]
-        return found[-1] if found and None not in found else None
+        limits = [criterion.reached(progress) for criterion in self.criteria]
+        return limits[-1] if limits and None not in limits else None

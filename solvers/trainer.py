@@ -1,4 +1,4 @@
-"""What a problem declares of something that can be trained, and what trains it."""
+"""Declaration of trainings by a problem, and base class of the trainers."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ Arrays = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class Course:
-    """What one training is asked for.
+    """Settings of one training.
 
     Parameters
     ----------
     seed : int
-        Of all that is drawn: the same course gives the same weights, on one kind of machine.
+        Random seed. The same course gives the same weights on one kind of machine.
     epochs : int
-        How many are planned.
+        Number of planned epochs.
     options : mapping
-        The training's own, checked, defaults filled in.
+        Options of the training, validated, with defaults filled in.
     examples : object
-        What draws the examples to learn from, see :func:`train`.
+        Source of training examples, see :func:`train`.
     """
 
     seed: int
@@ -43,59 +43,66 @@ class Course:
 
 
 class Trainer(ABC):
-    """What learns, epoch by epoch; all it knows is in its state."""
+    """Base class of trainers, which train epoch by epoch and keep everything in their state."""
 
     @abstractmethod
     def run_epoch(self, number: int, tick: Callable[[], None]) -> Mapping[str, float]:
-        """Learn for one epoch, and return its figures; ``"score"`` says which epoch is the best.
+        """Train for one epoch and return its measures.
 
         Parameters
         ----------
         number : int
-            0 and so on. All that an epoch draws follows from the seed and this number.
+            Number of the epoch, from 0. Random numbers of an epoch depend on the seed and this
+            number only.
         tick : callable
-            To be called between batches; raises where the time is used up.
+            Function to call between batches. It raises an exception if the time is used up.
+
+        Returns
+        -------
+        mapping of str to float
+            Measures. ``"score"`` selects the best epoch; higher is better.
         """
 
     @abstractmethod
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return everything that a later epoch depends on."""
+        """Return the arrays that later epochs depend on."""
 
     @abstractmethod
     def restore(self, state: Arrays) -> None:
-        """Go on from a state; ``InvalidData`` where it is of another network."""
+        """Continue from a state of :meth:`state`; raise ``InvalidData`` if it does not fit."""
 
     @abstractmethod
     def weights(self) -> Weights:
-        """Return the weights as they are, without saying how they were made."""
+        """Return the current weights without information about their origin."""
 
 
 @dataclass(frozen=True)
 class Training:
-    """What can be trained, and how.
+    """Declaration of a training.
 
     Parameters
     ----------
     name : str
-        The name people type, that of the backend.
+        Name that users pass, equal to that of the backend.
     summary : str
-        One line for lists.
+        Description of one line for lists.
     run : str or callable
         ``"module:function"`` or a function that returns the :class:`Trainer` of a :class:`Course`.
     epochs : int
-        How many by default.
+        Default number of epochs.
     minutes : float
-        About how long these take on one core.
+        Approximate minutes for this number of epochs on one core.
     options : mapping of str to Option
-        The training's own options.
+        Options of this training.
     dtype : {"float32", "float16"}
-        What the weights are stored as.
+        Type of the stored weights.
     requires : tuple of str
-        Import names of the packages it needs.
+        Import names of the required packages.
     extra : str
-        The extra that brings them.
+        Extra that installs the packages.
     use : str
-        How ``crosstrack solve`` is told to read the weights, ``{name}`` and ``{path}`` filled in.
+        Arguments with which ``crosstrack solve`` reads the weights; ``{name}`` and ``{path}`` are
+        replaced.
     """
 
     name: str
@@ -110,7 +117,7 @@ class Training:
     use: str = "--backend {name} --option weights={path}"
 
     def require(self) -> None:
-        """Raise :class:`~crosstrack.errors.BackendMissing`, saying what to install, unless all is there."""
+        """Raise :class:`~crosstrack.errors.BackendMissing` if a required package is missing."""
         missing = [name for name in self.requires if importlib.util.find_spec(name) is None]
         if missing:
             raise BackendMissing(
@@ -119,7 +126,18 @@ class Training:
             )
 
     def checked_options(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return all options with `given` filled in; raise on an unknown name or value."""
+        """Return all options of this training, with `given` validated and defaults filled in.
+
+        Parameters
+        ----------
+        given : mapping of str to object
+            Values by option name.
+
+        Raises
+        ------
+        UnsupportedOption
+            A name is unknown or a value is not allowed.
+        """
         owner = f"training {self.name!r}"
         for name in given:
             if name not in self.options:
@@ -135,7 +153,7 @@ class Training:
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Let PyTorch compute with one thread, so that sums have one order: same seed, same bits."""
+    """Restrict PyTorch to one thread, so that sums have a fixed order and a seed fixes all bits."""
     import torch
 
     before = torch.get_num_threads()

@@ -1,7 +1,7 @@
-"""Training of what learns: a command of its own, with checkpoints, and files of weights as its result.
+"""Training of learned backends: a separate command with checkpoints that writes files of weights.
 
-A backend never trains: its option ``weights`` names a file, and by default the one that is shipped.
-A problem declares what can be trained in the table ``TRAININGS`` of its folder.
+A backend never trains. Its option ``weights`` names a file, by default the one in the package. A
+problem declares its trainings in the table ``TRAININGS`` of its folder.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Epoch:
-    """How far a training is.
+    """Progress of a training after an epoch.
 
     Parameters
     ----------
     number, epochs : int
-        Epochs done, and planned.
+        Number of finished and of planned epochs.
     figures : mapping of str to float
-        Of the latest epoch.
+        Measures of the last epoch.
     seconds : float
-        Since the training began or was resumed.
+        Seconds since the training was started or resumed.
     best : bool
-        Whether its weights are the best so far.
+        Whether the weights of this epoch are the best so far.
     """
 
     number: int
@@ -62,24 +62,24 @@ class Epoch:
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training came to.
+    """Result of a training.
 
     Parameters
     ----------
     name : str
-        What was trained.
+        Name of the training.
     path : Path, optional
-        The file of weights; None where no epoch was finished.
+        File of weights; None if no epoch was finished.
     epochs : int
-        Epochs done, those before it was resumed included.
+        Number of finished epochs, including those before it was resumed.
     score : float
-        Of the best of them, NaN where there is none.
+        Score of the best epoch; NaN if no epoch was finished.
     seconds : float
-        Of this call.
+        Seconds of this call.
     ended : str
         ``"finished"``, ``"time"`` or ``"interrupted"``.
     figures : tuple of mapping
-        Of the epochs of this call.
+        Measures of the epochs of this call.
     """
 
     name: str
@@ -91,7 +91,7 @@ class Trained:
     figures: tuple[Mapping[str, float], ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON data; what is no finite number is None."""
+        """Return the result as JSON data, with None for values that are not finite."""
 
         def finite(value: float) -> float | None:
             return float(value) if np.isfinite(value) else None
@@ -103,32 +103,49 @@ class Trained:
             "score": finite(self.score),
             "seconds": self.seconds,
             "ended": self.ended,
-            "figures": [{k: finite(v) for k, v in one.items()} for one in self.figures],
+            "figures": [{k: finite(v) for k, v in epoch.items()} for epoch in self.figures],
         }
 
 
 class _TimeUsedUp(Exception):
-    """The time limit is reached in the middle of an epoch, which is dropped."""
+    """The time limit was reached during an epoch, which is discarded."""
 
 
 def trainings() -> dict[str, Training]:
-    """Return what can be trained by name; what cannot be loaded is logged."""
+    """Return the trainings by name; a training that cannot be loaded is logged."""
     return dict(loadable(__package__, "TRAININGS"))
 
 
 def find_training(name: str | Training) -> Training:
-    """Return the training called `name`; ``UnknownName`` where there is none."""
+    """Return the training called `name`.
+
+    Parameters
+    ----------
+    name : str or Training
+        Name; a :class:`Training` is returned unchanged.
+
+    Raises
+    ------
+    UnknownName
+        No training has the name.
+    """
     if isinstance(name, Training):
         return name
     known = table(__package__, "TRAININGS")
     if name not in known:
         raise UnknownName("training", name, known)
-    found: Training = resolve(known[name])
-    return found
+    training: Training = resolve(known[name])
+    return training
 
 
 def checkpoint_path(path: Path) -> Path:
-    """Return where the checkpoint of a file of weights lies."""
+    """Return the path of the checkpoint that belongs to a file of weights.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the file of weights.
+    """
     return path.with_name(f"{path.name}.checkpoint.npz")
 
 
@@ -146,40 +163,46 @@ def train(
 ) -> Trained:
     """Train, and write the weights of the best epoch to a file.
 
-    A checkpoint beside the file, ``<file>.checkpoint.npz``, is written after each epoch: with `resume`
-    the training goes on from there, and ends with the same weights as one that was never interrupted.
-    Ctrl-C and the time limit drop the epoch that runs, and keep checkpoint and weights.
+    A checkpoint, ``<file>.checkpoint.npz``, is written after each epoch. With `resume`, training
+    continues from it and gives the same weights as an uninterrupted training. Ctrl-C and the time
+    limit discard the current epoch and keep checkpoint and weights.
 
     Parameters
     ----------
     name : str or Training
-        What to train.
+        Name of the training.
     path : path-like
-        The file of weights; its name ends in ``.npz``.
+        Name of the file of weights, ending in ``.npz``.
     examples : callable, optional
-        What draws the examples to learn from. A problem declares its own in the table ``EXAMPLES`` of
-        its folder in ``instances``, from where the command line takes it.
+        Source of training examples. A problem declares it in the table ``EXAMPLES`` of its folder
+        in ``instances``, from which the command line takes it.
     seed : int
-        Of all that is drawn, >= 0.
+        Random seed, >= 0.
     epochs : int, optional
-        How many; by default the training's own number.
+        Number of epochs. Default: that of the training.
     time_limit : float, optional
-        Seconds.
+        Time limit in seconds.
     resume : bool
-        Whether to go on from the checkpoint; where there is none, the training begins.
+        Whether to continue from the checkpoint. Without a checkpoint, training starts from the
+        beginning.
     on_progress : callable, optional
-        Told an :class:`Epoch` after each one.
+        Function called with an :class:`Epoch` after each epoch.
     options : mapping, optional
-        The training's own.
+        Options of the training.
+
+    Returns
+    -------
+    Trained
+        The file, the score and the measures of the epochs.
 
     Raises
     ------
     BackendMissing
         A package is not installed.
     InvalidData
-        The file cannot be written, or the checkpoint is one of another course, which is named.
+        The file cannot be written, or the checkpoint belongs to other settings.
     UnsupportedOption
-        An option is unknown, or its value not allowed.
+        An option is unknown, or its value is not allowed.
     """
     training = find_training(name)
     file = writable(as_path(path), (".npz",))
@@ -213,7 +236,7 @@ def _whole(name: str, value: Any, least: int) -> int:
 
 
 class _Work:
-    """A training as it goes on."""
+    """State of a running training."""
 
     def __init__(self, training: Training, course: Course, file: Path, resume: bool) -> None:
         self.began = time.perf_counter()
@@ -232,7 +255,7 @@ class _Work:
             self._restore()
 
     def run(self, time_limit: float | None, on_progress: Callable[[Epoch], None] | None) -> str:
-        """Train until the end, the time limit or Ctrl-C, and return which it was."""
+        """Train until the end, the time limit or Ctrl-C; return the reason for the end."""
 
         def tick() -> None:
             if time_limit is not None and time.perf_counter() - self.began > time_limit:
@@ -252,10 +275,10 @@ class _Work:
     def _finish(
         self, figures: Mapping[str, float], on_progress: Callable[[Epoch], None] | None
     ) -> None:
-        """Note an epoch: what is better is written, and so is the checkpoint."""
+        """Record an epoch: write improved weights and the checkpoint."""
         self.done += 1
         self.figures.append(figures)
-        # Of equal scores the later: it has learned for longer.
+        # Of equal scores the later epoch is kept, because it has trained for longer.
         better = self.best is None or not figures["score"] < self.score
         if better:
             self.best, self.score = self.trainer.weights(), float(figures["score"])
@@ -267,7 +290,7 @@ class _Work:
             on_progress(Epoch(self.done, self.course.epochs, figures, seconds, better))
 
     def _write(self) -> None:
-        """Write the best weights, and in the file how they were made."""
+        """Write the best weights to the file, with their origin."""
         assert self.best is not None
         known = self.training.options
         chosen = [
@@ -288,8 +311,8 @@ class _Work:
 
     def _save(self) -> None:
         assert self.best is not None
-        state = {f"state.{name}": one for name, one in self.trainer.state().items()}
-        best = {f"best.{name}": one for name, one in self.best.arrays.items()}
+        state = {f"state.{name}": array for name, array in self.trainer.state().items()}
+        best = {f"best.{name}": array for name, array in self.best.arrays.items()}
         about = {
             "checkpoint": self.settings, "done": self.done, "best_epoch": self.best_epoch,
             "score": self.score,
@@ -309,24 +332,24 @@ class _Work:
         for name in sorted({*saved, *self.settings}):
             if saved.get(name) != self.settings.get(name):
                 raise InvalidData(
-                    f"{self.checkpoint}: {name} must be {show(self.settings.get(name))} as asked, got "
-                    f"{show(saved.get(name))}: resume with the checkpoint's own, or begin anew without",
+                    f"{self.checkpoint}: {name} must be {show(self.settings.get(name))}, got "
+                    f"{show(saved.get(name))}: resume with the checkpoint's value, or do not resume",
                     field=name,
                 )
         parts: dict[str, dict[str, NDArray[Any]]] = {"state": {}, "best": {}}
-        for key, one in arrays.items():
+        for key, array in arrays.items():
             part, _, name = key.partition(".")
-            parts.setdefault(part, {})[name] = one
+            parts.setdefault(part, {})[name] = array
         fresh = self.trainer.weights()
         self.best = Weights(fresh.kind, parts["best"], fresh.architecture)
-        self.best.fit({name: one.shape for name, one in fresh.arrays.items()})
+        self.best.fit({name: array.shape for name, array in fresh.arrays.items()})
         self.trainer.restore(parts["state"])
         self.done, self.best_epoch, self.score = done, best, score
         self._write()
 
 
 def _title(examples: Any) -> str | None:
-    """Return a name for what draws examples, so that a checkpoint of another one is refused."""
+    """Return a name for the source of examples, by which a checkpoint of another one is detected."""
     if examples is None:
         return None
     return str(getattr(examples, "__qualname__", type(examples).__qualname__))

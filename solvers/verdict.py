@@ -1,4 +1,4 @@
-"""Do the answers on one model agree? Interval logic over verified plans and exact bounds."""
+"""Verdict on the answers to one model, by interval logic over verified plans and proven bounds."""
 
 from __future__ import annotations
 
@@ -24,40 +24,39 @@ if TYPE_CHECKING:
 __all__ = ["Outcome", "Verdict", "judge"]
 
 
-#: Checks within tolerance that a note still spells out one by one.
+#: Number of checks within tolerance up to which a note describes each of them.
 MANY = 2
-#: Excess over the best plan, in tolerances, above which a search counts as stopped at a worse point.
+#: Excess over the best plan, in tolerances, above which a note reports that a search stopped early.
 WORSE = 20.0
-#: Excess of the default backend's plan over another, relative, above which the verdict names it.
+#: Relative excess of the default backend's plan above which the verdict reports it.
 CLEARLY = 0.05
 
 
 class Outcome(StrEnum):
-    """What a set of answers amounts to."""
+    """Result of comparing a set of answers."""
 
-    #: A verified plan and a proof meet, infeasibility is proven, or estimates agree.
+    #: A verified plan and a proof agree, infeasibility is proven, or estimates agree.
     AGREED = "AGREED"
-    #: No verified plan, or no proof that it is the best.
+    #: There is no verified plan, or no proof that the best one is optimal.
     INCONCLUSIVE = "INCONCLUSIVE"
-    #: A proof speaks against a verified plan: one of the two backends is wrong.
+    #: A proof contradicts a verified plan: one of the two backends is wrong.
     CONTRADICTION = "CONTRADICTION"
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one model.
+    """Verdict on the answers to one model.
 
     Parameters
     ----------
     instance : str
-        The model's name, or the start of its digest.
+        Name of the model, or the start of its digest.
     outcome : Outcome
-        Agreed: a verified plan and an exact proof meet, or infeasibility is proven, and nothing
-        speaks against it.
+        The outcome.
     evidence : str
-        Why, with the two backends of a contradiction.
+        Reason of the outcome; for a contradiction, with both backends.
     notes : tuple of str
-        What a reader should know besides: plans that depend on a tolerance, backends that failed.
+        Further remarks, such as plans that depend on a tolerance, and failed backends.
     solutions : tuple of Solution
         The answers.
     """
@@ -70,7 +69,7 @@ class Verdict:
 
     @property
     def best(self) -> Solution[Any] | None:
-        """The best verified answer that depends on no tolerance (any verified one failing that)."""
+        """Best verified answer, preferably one that does not depend on a tolerance; None without any."""
         ranked = sorted(
             (s for s in self.solutions if s.stored_plan is not None and s.primal_bound is not None),
             key=lambda s: (not _clean(s), s.primal_bound),
@@ -79,7 +78,7 @@ class Verdict:
 
     @property
     def spreads(self) -> tuple[Spread, ...]:
-        """Quartiles and successes of every backend that ran more than once."""
+        """Quartiles and success rates of every backend that ran more than once."""
         return spreads(self.solutions)
 
     def to_dict(self) -> dict[str, Any]:
@@ -95,7 +94,7 @@ class Verdict:
         }
 
     def parts(self) -> list[Any]:
-        """Return what to print: a table of the answers, the verdict and its notes."""
+        """Return the printable parts: a table of the answers, the verdict and its notes."""
         lines = [f"{self.outcome}: {self.evidence}", *(f"  note: {note}" for note in self.notes)]
         repeated = self.spreads
         return [
@@ -109,7 +108,7 @@ class Verdict:
         return render(*self.parts(), width=140)
 
     def to_frame(self) -> DataFrame:
-        """Return the answers as a pandas frame, one a row; needs pandas."""
+        """Return the answers as a pandas data frame with one row per answer. Requires pandas."""
         return frame(self.solutions)
 
     def __str__(self) -> str:
@@ -128,13 +127,13 @@ def _who(solution: Solution[Any]) -> str:
 
 
 def _guarantee(solution: Solution[Any], model: Model[Any] | None) -> Guarantee | None:
-    """Return what the backend of a solution proves; records of earlier versions do not say."""
+    """Return the guarantee of a solution's backend, which records of earlier versions do not store."""
     if solution.guarantee is not None:
         return solution.guarantee
     try:
         return find_backend(solution.backend, model).guarantee
     except CrosstrackError:
-        return None  # a record of a backend that is not here any more proves nothing
+        return None  # a backend that is no longer installed proves nothing
 
 
 def judge(
@@ -142,21 +141,22 @@ def judge(
 ) -> Verdict:
     """Return the verdict on the answers to one model.
 
-    Every verified plan that violates nothing by more than rounding bounds the optimum from above;
-    every bound of an exact backend or of a relaxation claims to bound it from below. A claim above a
-    plan is a contradiction, as is a claim of infeasibility beside a plan. A plan that is only within
-    tolerance contradicts nobody, and the notes name the threshold it depends on; one whose objective
-    is sampled contradicts nobody inside its spread. Where nobody proves a bound, plans agree when
-    the model's own distance between them is within its :attr:`~crosstrack.models.Model.agreement`.
+    Every verified plan without violations beyond rounding is an upper bound on the optimum. Every
+    bound of an exact backend or a relaxation is a claimed lower bound. A claim above a plan is a
+    contradiction, as is a claim of infeasibility if there is a plan. A plan that satisfies its
+    checks only within tolerance contradicts no claim, and a note names the check. A plan with a
+    sampled objective contradicts no claim within its spread. If no backend proves a bound, plans
+    agree if the model's distance between them is at most its
+    :attr:`~crosstrack.models.Model.agreement`.
 
     Parameters
     ----------
     instance : str
-        How to call the model.
+        Name for the model in the verdict.
     solutions : sequence of Solution
-        The answers, plans verified.
+        The answers, with verified plans.
     model : Model, optional
-        What was asked; without it plans are not compared with one another.
+        The model. Without it, plans are not compared with each other.
     """
     kinds = {id(s): _guarantee(s, model) for s in solutions}
     plans = [s for s in solutions if s.stored_plan is not None and s.primal_bound is not None]
@@ -178,7 +178,7 @@ def judge(
     def verdict(outcome: Outcome, evidence: str) -> Verdict:
         return Verdict(instance, outcome, evidence + warning, tuple(notes), tuple(solutions))
 
-    # Contradictions first: one is enough.
+    # Contradictions first, because a single one decides.
     if clean and empty:
         return verdict(
             Outcome.CONTRADICTION,
@@ -228,17 +228,17 @@ def judge(
             f"best plan {best.primal_bound:.10g} ({_who(best)}), but no exact bound",
         )
     if plans:
-        least = min(plans, key=lambda s: s.primal_bound)  # type: ignore[arg-type, return-value]
+        lowest = min(plans, key=lambda s: s.primal_bound)  # type: ignore[arg-type, return-value]
         return verdict(
             Outcome.INCONCLUSIVE,
-            f"the only plans depend on a tolerance: best {least.primal_bound:.10g} ({_who(least)}), "
+            f"the only plans depend on a tolerance: best {lowest.primal_bound:.10g} ({_who(lowest)}), "
             "no exact bound",
         )
     return verdict(Outcome.INCONCLUSIVE, "no verified plan and no proof of infeasibility")
 
 
 def _default_is_worse(model: Model[Any] | None, clean: Sequence[Solution[Any]]) -> str:
-    """Return a clause if the recommended backend's plan is clearly worse than another one."""
+    """Return a clause if the plan of the recommended backend is clearly worse than another one."""
     # The objective of an estimate does not rank estimates by their distance to the truth.
     if model is None or model.agreement is not None or len(clean) < 2:
         return ""
@@ -246,20 +246,18 @@ def _default_is_worse(model: Model[Any] | None, clean: Sequence[Solution[Any]]) 
         default = recommended(model).name
     except CrosstrackError:
         return ""
-    own = [s for s in clean if s.backend == default]
+    of_default = [s for s in clean if s.backend == default]
     best = min(clean, key=_value)
-    if not own or best.backend == default:
+    if not of_default or best.backend == default:
         return ""
-    mine = min(own, key=_value)
-    more = _value(mine) - _value(best)
-    more -= 0.0 if mine.verification is None else mine.verification.spread
+    default_plan = min(of_default, key=_value)
+    excess = _value(default_plan) - _value(best)
+    excess -= 0.0 if default_plan.verification is None else default_plan.verification.spread
     size = max(_scale(best), abs(_value(best)))
-    if more <= CLEARLY * size:
+    if excess <= CLEARLY * size:
         return ""
-    far = f"{100.0 * more / size:.0f} %" if size > 0 else f"{more:.3g}"
-    return (
-        f"; the default backend {_who(mine)} has {_value(mine):.10g}, {far} worse than {_who(best)}"
-    )
+    text = f"{100.0 * excess / size:.0f} %" if size > 0 else f"{excess:.3g}"
+    return f"; the default backend {_who(default_plan)} has {_value(default_plan):.10g}, {text} worse than {_who(best)}"
 
 
 def _value(solution: Solution[Any]) -> float:
@@ -269,23 +267,23 @@ def _value(solution: Solution[Any]) -> float:
 def _agreement(
     plans: Sequence[Solution[Any]], model: Model[Any] | None
 ) -> tuple[Outcome, str] | None:
-    """Return whether plans of different backends agree, None where the model cannot say."""
+    """Return the outcome for plans of different backends; None if the model defines no agreement."""
     if model is None or model.agreement is None:
         return None
     first = {_who(s): s for s in reversed(plans) if s.plan is not None}
     pairs = list(itertools.combinations(first.values(), 2))
     if not pairs:
         return None
-    far, one, other = max(
-        ((model.distance(a.plan, b.plan), a, b) for a, b in pairs), key=lambda found: found[0]
+    difference, left, right = max(
+        ((model.distance(a.plan, b.plan), a, b) for a, b in pairs), key=lambda entry: entry[0]
     )
-    if far <= model.agreement:
+    if difference <= model.agreement:
         return Outcome.AGREED, (
-            f"plans of {_names(list(first.values()))} agree within {far:.3g} (allowed "
+            f"plans of {_names(list(first.values()))} agree within {difference:.3g} (allowed "
             f"{model.agreement:g}): agreement, not optimality"
         )
     return Outcome.INCONCLUSIVE, (
-        f"plans of {_who(one)} and {_who(other)} differ by {far:.3g} (allowed {model.agreement:g}), "
+        f"plans of {_who(left)} and {_who(right)} differ by {difference:.3g} (allowed {model.agreement:g}), "
         "and no bound says which is right"
     )
 
@@ -295,7 +293,7 @@ def _names(solutions: Sequence[Solution[Any]]) -> str:
 
 
 def _slack(plan: Solution[Any], bound: Solution[Any]) -> float:
-    """Return how far a bound may stand above a plan: its gap and tolerance, and the plan's spread."""
+    """Return how far a bound may exceed a plan: its gap and tolerance, and the plan's spread."""
     gap = max(float(bound.options.get("gap") or 0.0), ROUNDING)
     tolerance = float(bound.options.get("tolerance") or 0.0)
     spread = 0.0 if plan.verification is None else plan.verification.spread
@@ -304,7 +302,7 @@ def _slack(plan: Solution[Any], bound: Solution[Any]) -> float:
 
 
 def _scale(plan: Solution[Any]) -> float:
-    """Return what differences of objectives are held against where the objectives are less."""
+    """Return the smallest scale of the objective, for relative differences of small objectives."""
     return 1.0 if plan.verification is None else plan.verification.scale
 
 
@@ -330,23 +328,23 @@ def _notes(
         elif solution.termination in (Termination.FAILED, Termination.REJECTED):
             notes.append(f"{_who(solution)}: {solution.termination}: {solution.message}")
     best = min(clean or plans, key=lambda s: s.primal_bound, default=None)  # type: ignore[arg-type, return-value]
-    least: dict[str, Solution[Any]] = {}
+    lowest: dict[str, Solution[Any]] = {}
     for solution in searches:
-        held = least.setdefault(_who(solution), solution)
-        if (solution.primal_bound or 0.0) < (held.primal_bound or 0.0):
-            least[_who(solution)] = solution
-    for solution in least.values():
+        former = lowest.setdefault(_who(solution), solution)
+        if (solution.primal_bound or 0.0) < (former.primal_bound or 0.0):
+            lowest[_who(solution)] = solution
+    for solution in lowest.values():
         if best is None:
             continue
-        # A local search may be content far from the optimum; its own success says nothing of that.
+        # A local search may stop far from the optimum without noticing it.
         assert solution.primal_bound is not None and best.primal_bound is not None
-        more = solution.primal_bound - best.primal_bound
+        excess = solution.primal_bound - best.primal_bound
         size = max(_scale(best), abs(best.primal_bound))
-        more -= 0.0 if solution.verification is None else solution.verification.spread
-        if more > WORSE * max(float(solution.options.get("tolerance") or 0.0), ROUNDING) * size:
-            far = f"{100.0 * more / size:.2g} %" if size > 0 else f"{more:.3g}"
+        excess -= 0.0 if solution.verification is None else solution.verification.spread
+        if excess > WORSE * max(float(solution.options.get("tolerance") or 0.0), ROUNDING) * size:
+            text = f"{100.0 * excess / size:.2g} %" if size > 0 else f"{excess:.3g}"
             notes.append(
                 f"{_who(solution)}: stopped at a worse point, {solution.primal_bound:.10g}: "
-                f"{far} above {best.primal_bound:.10g} of {_who(best)}"
+                f"{text} above {best.primal_bound:.10g} of {_who(best)}"
             )
     return notes

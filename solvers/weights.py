@@ -1,7 +1,7 @@
-"""Files of weights: arrays by name and one text that says what they are; reading one runs no code.
+"""Files of weights: named arrays and a JSON description. Reading one executes no code.
 
-A file is a NumPy archive (``.npz``). Beside the arrays it holds the text ``about``, a JSON object with
-the kind of the network, its architecture, and how the weights came about.
+A file is a NumPy archive (``.npz``). In addition to the arrays it contains the text ``about``, a JSON
+object with the kind of the network, its architecture and the origin of the weights.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from ..files import as_path, write_bytes
 
 __all__ = ["Weights", "read_arrays", "read_weights", "write_arrays", "write_weights"]
 
-#: Bytes that the arrays of a file may take, unpacked.
+#: Largest size of the unpacked arrays of a file, in bytes.
 MOST = 256 << 20
-#: The entry of an archive that holds its text.
+#: Name of the archive's entry with the JSON text.
 _ABOUT = "about"
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -34,18 +34,18 @@ Arrays = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class Weights:
-    """The weights of a network.
+    """Weights of a network.
 
     Parameters
     ----------
     kind : str
-        Which network they are of, such as ``"small-vin"``.
+        Kind of the network, such as ``"small-vin"``.
     arrays : mapping of str to ndarray
-        By the names of the network's parameters.
+        Arrays by the names of the network's parameters.
     architecture : mapping
-        The sizes that the network is built with.
+        Sizes from which the network is built.
     made : mapping
-        How they came about: seed, epochs, what was learned from, the command.
+        Origin: seed, epochs, training examples, command.
     """
 
     kind: str
@@ -54,44 +54,44 @@ class Weights:
     made: Mapping[str, Any] = field(default_factory=dict)
 
     def fit(self, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, NDArray[np.float32]]:
-        """Return the arrays as float32 after a check of names, shapes, types and values.
+        """Return the arrays as float32 after checking their names, shapes and types.
 
         Parameters
         ----------
         shapes : mapping of str to tuple of int
-            What the network has.
+            Shapes of the network's parameters.
 
         Raises
         ------
         InvalidData
-            Naming the array and what is allowed.
+            An array is missing, unknown, or has another shape or type.
         """
         for name in sorted({*shapes, *self.arrays}):
             if name not in self.arrays or name not in shapes:
                 fault = "is missing" if name in shapes else "belongs to no part of the network"
                 raise InvalidData(f"weights of {self.kind}: {show(name)} {fault}", field=name)
-            found = self.arrays[name]
-            if found.shape != tuple(shapes[name]):
+            array = self.arrays[name]
+            if array.shape != tuple(shapes[name]):
                 raise InvalidData(
                     f"weights of {self.kind}: {name} must have shape {tuple(shapes[name])}, got "
-                    f"{found.shape}",
+                    f"{array.shape}",
                     field=name,
                 )
-            if found.dtype.kind != "f":
+            if array.dtype.kind != "f":
                 raise InvalidData(
-                    f"weights of {self.kind}: {name} must hold floating-point numbers, got {found.dtype}",
+                    f"weights of {self.kind}: {name} must hold floating-point numbers, got {array.dtype}",
                     field=name,
                 )
         return {name: np.ascontiguousarray(self.arrays[name], np.float32) for name in shapes}
 
     def require_finite(self) -> None:
-        """Raise ``InvalidData``, naming array and place, where a weight is infinite or no number."""
-        for name, found in self.arrays.items():
-            wrong = ~np.isfinite(found)
-            if wrong.any():
-                at = tuple(np.argwhere(wrong)[0].tolist())
+        """Raise ``InvalidData`` if a weight is infinite or NaN; the message gives array and index."""
+        for name, array in self.arrays.items():
+            invalid = ~np.isfinite(array)
+            if invalid.any():
+                index = tuple(np.argwhere(invalid)[0].tolist())
                 raise InvalidData(
-                    f"weights of {self.kind}: {name}{list(at)} must be finite, got {found[at]}",
+                    f"weights of {self.kind}: {name}{list(index)} must be finite, got {array[index]}",
                     field=name,
                 )
 
@@ -99,13 +99,23 @@ class Weights:
 def write_weights(
     path: str | os.PathLike[str], weights: Weights, *, dtype: str = "float32"
 ) -> None:
-    """Write `weights` in one step, as ``float32`` or ``float16``."""
+    """Write weights to a file, which is replaced atomically.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Name of the file.
+    weights : Weights
+        The weights.
+    dtype : {"float32", "float16"}
+        Type of the stored arrays.
+    """
     about = {
         "kind": weights.kind,
         "architecture": dict(weights.architecture),
         "made": dict(weights.made),
     }
-    arrays = {name: np.asarray(one, dtype) for name, one in weights.arrays.items()}
+    arrays = {name: np.asarray(array, dtype) for name, array in weights.arrays.items()}
     write_arrays(path, arrays, about)
 
 
@@ -115,20 +125,20 @@ def read_weights(path: str | os.PathLike[str], kind: str) -> Weights:
     Parameters
     ----------
     path : str or path-like
-        What :func:`write_weights` wrote, or a stranger.
+        Name of a file, written by :func:`write_weights` or from another source.
     kind : str
-        The network that they must be of.
+        Required kind of the network.
 
     Raises
     ------
     InvalidData
-        The file cannot be read, is no archive of arrays, or holds another network's weights; or a
-        weight is infinite or no number.
+        The file cannot be read, is not an archive of arrays, or contains weights of another
+        network or weights that are not finite.
     """
     arrays, about = read_arrays(path)
-    found = about.get("kind")
-    if found != kind:
-        raise InvalidData(f"{path}: must hold the weights of {kind}, got {show(found)}")
+    stored_kind = about.get("kind")
+    if stored_kind != kind:
+        raise InvalidData(f"{path}: must hold the weights of {kind}, got {show(stored_kind)}")
     parts = {name: about.get(name) for name in ("architecture", "made")}
     for name, part in parts.items():
         if not isinstance(part, dict):
@@ -140,33 +150,54 @@ def read_weights(path: str | os.PathLike[str], kind: str) -> Weights:
                 f"{show(size)}"
             )
     weights = Weights(kind, arrays, parts["architecture"] or {}, parts["made"] or {})
-    for name, one in arrays.items():
-        if one.dtype not in (np.float16, np.float32):
+    for name, array in arrays.items():
+        if array.dtype not in (np.float16, np.float32):
             raise InvalidData(
-                f"{path}: {name} must hold float16 or float32, got {one.dtype}", field=name
+                f"{path}: {name} must hold float16 or float32, got {array.dtype}", field=name
             )
     weights.require_finite()
     return weights
 
 
 def write_arrays(path: str | os.PathLike[str], arrays: Arrays, about: Mapping[str, Any]) -> None:
-    """Write arrays and one JSON object in one step."""
+    """Write arrays and a JSON object to a file, which is replaced atomically.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Name of the file.
+    arrays : mapping of str to ndarray
+        The arrays.
+    about : mapping
+        JSON data.
+    """
     text = np.array(json.dumps(about, sort_keys=True, ensure_ascii=True))
     raw = io.BytesIO()
-    named = {_ABOUT: text, **{f"array.{name}": one for name, one in arrays.items()}}
+    named = {_ABOUT: text, **{f"array.{name}": array for name, array in arrays.items()}}
     np.savez_compressed(raw, allow_pickle=False, **named)
     write_bytes(path, raw.getvalue())
 
 
 def read_arrays(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Return the arrays and the JSON object of a file; ``InvalidData`` where it is no such file."""
+    """Return the arrays and the JSON object of a file.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Name of the file.
+
+    Raises
+    ------
+    InvalidData
+        The file cannot be read, is too large, or was not written by :func:`write_arrays`.
+    """
     file = as_path(path)
     try:
         with file.open("rb") as stream:
             _require_small(file, stream)
             with np.load(stream, allow_pickle=False) as archive:
-                found = {name: archive[name] for name in archive.files}
-        about = json.loads(str(found.pop(_ABOUT)))
+                entries = {name: archive[name] for name in archive.files}
+        about = json.loads(str(entries.pop(_ABOUT)))
         if not isinstance(about, dict):
             raise ValueError(f"{_ABOUT} must be an object")
     except FileNotFoundError:
@@ -178,16 +209,16 @@ def read_arrays(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], 
         *(MemoryError, AttributeError, TypeError, zipfile.BadZipFile, zlib.error),
     ) as error:
         raise InvalidData(f"{file}: is no file of weights: {error}") from None
-    for name in found:
+    for name in entries:
         if not name.startswith("array."):
-            raise InvalidData(f"{file}: holds {show(name)}, which is no array of weights")
-    return {name.removeprefix("array."): one for name, one in found.items()}, about
+            raise InvalidData(f"{file}: holds {show(name)}, which is not an array of weights")
+    return {name.removeprefix("array."): array for name, array in entries.items()}, about
 
 
 def _require_small(file: os.PathLike[str], stream: Any) -> None:
-    """Raise where an archive would unpack to more than :data:`MOST` bytes."""
+    """Raise ``InvalidData`` if an archive would unpack to more than :data:`MOST` bytes."""
     with zipfile.ZipFile(stream) as archive:
-        size = math.fsum(one.file_size for one in archive.infolist())
+        size = math.fsum(entry.file_size for entry in archive.infolist())
     if size > MOST:
         raise InvalidData(f"{file}: holds more than {MOST} bytes of arrays")
     stream.seek(0)

@@ -1,15 +1,16 @@
-"""A worker process: jobs in by cloudpickle, JSON lines out. ``python -m crosstrack.solvers.worker``.
+"""Worker process: jobs in by cloudpickle, JSON lines out. ``python -m crosstrack.solvers.worker``.
 
-Each message in is eight bytes of length and a pickle of ``(path, number, (verb, payload))``, the
-inner pair pickled by itself; without a pair it asks job `number` to stop. Each line out is an object
-with ``event``: ``ready``, ``started``, ``preparing``, ``prepared``, ``incumbent``, ``bound``, ``log``,
-``solution``, ``claim``, ``result`` or ``error``. Whatever native code prints goes to standard error, so that it
-cannot garble the lines. What a run asks of data that is hidden from it goes through a socket, whose
-number is the argument (:mod:`crosstrack.solvers.oracles`). The worker ends when its input does, even in the middle of a run.
+Each input message has eight bytes of length and a pickle of ``(path, number, (verb, payload))``, with
+the inner pair pickled separately. Without a pair, the message requests that job `number` stops. Each
+output line is an object with ``event``: ``ready``, ``started``, ``preparing``, ``prepared``,
+``incumbent``, ``bound``, ``log``, ``solution``, ``claim``, ``result`` or ``error``. Output of native
+code goes to standard error, so that it cannot corrupt the lines. Questions about hidden data go
+through a socket whose descriptor is the argument (:mod:`crosstrack.solvers.oracles`). The worker ends
+when its input ends, even during a run.
 
-On Linux a keeper stands between the worker and its parent. Processes that a backend starts become
-the keeper's children when their own parents die, whatever session they have moved to; when the worker
-ends, or the parent is gone, the keeper kills them all before it ends itself.
+On Linux a supervisor runs between the worker and its parent. Processes started by a backend become
+children of the supervisor when their own parents die, regardless of their session. When the worker
+ends or the parent is gone, the supervisor kills them all and then ends.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from .output import by_lines, flush_native, shown
 
 __all__ = ["main"]
 
-#: Of Linux's ``prctl``: what it does to this process.
+#: Options of Linux's ``prctl`` for this process.
 _DIE_WITH_PARENT, _ADOPT_ORPHANS = 1, 36
 
 
@@ -50,22 +51,22 @@ def _read(stream: BinaryIO) -> bytes | None:
 
 
 def main() -> None:
-    """Serve jobs until the input ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # stop requests come with the jobs
+    """Run jobs until the input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # stop requests arrive with the jobs
     if sys.platform == "linux":
-        _keep()
+        _supervise()
     _serve()
 
 
-def _keep() -> None:
-    """Return in a child process; in this one, end with it, and with all that either has started."""
+def _supervise() -> None:
+    """Return in a child process. This process ends with it and kills all descendants of both."""
     system = ctypes.CDLL(None).prctl
     system(_ADOPT_ORPHANS, 1, 0, 0, 0)
-    keeper = os.getpid()
+    supervisor = os.getpid()
     worker = os.fork()
     if not worker:
         system(_DIE_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
-        if os.getppid() != keeper:
+        if os.getppid() != supervisor:
             os._exit(1)
         return
 
@@ -74,7 +75,7 @@ def _keep() -> None:
 
     def watch() -> None:
         parent = select.poll()
-        parent.register(0, 0)  # its hang-up only; what it writes is the worker's
+        parent.register(0, 0)  # for a hang-up only; the worker reads the input
         parent.poll()
         kill()
 
@@ -82,12 +83,12 @@ def _keep() -> None:
     threading.Thread(target=watch, daemon=True).start()
     ended, status = 0, 0
     while ended != worker:
-        ended, status = os.wait()  # orphans, too, have to be waited for
+        ended, status = os.wait()  # orphans must be waited for, too
     _end(status)
 
 
 def _end(status: int) -> NoReturn:
-    """Kill all children, and those that come to this process as they die; exit as the worker did."""
+    """Kill all children and the orphans they leave; exit with the code of the worker."""
     while True:
         for child in _children():
             os.kill(child, signal.SIGKILL)
@@ -100,22 +101,22 @@ def _end(status: int) -> NoReturn:
 
 
 def _children() -> list[int]:
-    """Return the children of this process."""
-    found = []
+    """Return the identifiers of this process's children."""
+    identifiers = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
                 state = (entry / "stat").read_text("utf-8", "replace")
             except OSError:
                 continue  # it has ended meanwhile
-            # The name in parentheses may hold anything; the parent is the second word after it.
+            # The name in parentheses may contain anything. The parent is the second word after it.
             if int(state.rpartition(")")[2].split()[1]) == os.getpid():
-                found.append(int(entry.name))
-    return found
+                identifiers.append(int(entry.name))
+    return identifiers
 
 
 class _Stops:
-    """Which job runs, and which are to be stopped."""
+    """Number and control of the current job, and the last stop request."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -124,22 +125,22 @@ class _Stops:
         self._trusted = True
 
     def begin(self, number: int, control: Any, trusted: bool) -> None:
-        """Have `control` hear what is asked of job `number`, even if it was asked already."""
+        """Connect `control` to the stop requests for job `number`, including earlier ones."""
         with self._lock:
             self._number, self._control, self._trusted = number, control, trusted
         self.ask(self._asked)
 
     @property
     def last(self) -> bool:
-        """Whether the job must be the last of this process.
+        """Whether the process must end after this job.
 
-        What was given up runs on in a thread, and what others wrote may have bent the classes that
-        judge.
+        An abandoned run continues in a thread, and an external backend may have changed the classes
+        that judge.
         """
         return not self._trusted or (self._control is not None and self._control.abandoned)
 
     def ask(self, number: int) -> None:
-        """Stop job `number`, now or when it begins."""
+        """Stop job `number`, now or when it starts."""
         from .enums import Limit
 
         with self._lock:
@@ -149,7 +150,7 @@ class _Stops:
 
 
 class _Send(logging.Handler):
-    """Writes the lines out; as a handler, what is logged."""
+    """Writer of the output lines, and log handler that sends log records."""
 
     def __init__(self, lines: Any) -> None:
         super().__init__()
@@ -161,7 +162,7 @@ class _Send(logging.Handler):
             self._lines.flush()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Send what is logged to the parent, whose handlers decide who reads it."""
+        """Send a log record to the parent, whose handlers process it."""
         text = record.getMessage()
         if record.exc_info:
             text += "\n" + "".join(traceback.format_exception(*record.exc_info)).rstrip()
@@ -169,7 +170,7 @@ class _Send(logging.Handler):
 
 
 def _serve() -> None:
-    """Run one job after another."""
+    """Run jobs one after another."""
     send = _Send(os.fdopen(os.dup(1), "w", encoding="utf-8"))
     os.dup2(2, 1)
     by_lines()
@@ -187,7 +188,7 @@ def _serve() -> None:
                 stops.ask(number)
             else:
                 jobs.put((number, path, body))
-        # The parent is gone or wants no more: nobody is left to hear an answer.
+        # The parent is gone or needs no more answers.
         os._exit(0)
 
     threading.Thread(target=listen, name="crosstrack-listen", daemon=True).start()
@@ -226,7 +227,7 @@ def _solve(number: int, payload: Any, send: Any, stops: _Stops, channel: socket.
 
     job, sent = payload
     if job.counts_compilation and job.time_limit is not None:
-        # One clock for all processes of a machine: the limit includes the start of this one.
+        # The clock is shared by all processes of a machine: the limit includes the start of this one.
         spent = min(max(time.monotonic() - sent, 0.0), job.time_limit)
         job = replace(job, time_limit=max(job.time_limit - spent, 1e-3))
     model = job.model
@@ -240,7 +241,7 @@ def _solve(number: int, payload: Any, send: Any, stops: _Stops, channel: socket.
     stops.begin(number, control, ours)
     send({"event": "started", "number": number})
 
-    def heard(incumbent: Any) -> None:
+    def forward(incumbent: Any) -> None:
         plan = None if incumbent.plan is None else model.plan_to_data(incumbent.plan)
         send(
             {
@@ -256,18 +257,18 @@ def _solve(number: int, payload: Any, send: Any, stops: _Stops, channel: socket.
     def preparing(begins: bool) -> None:
         send({"event": "preparing" if begins else "prepared", "number": number})
 
-    how: dict[str, Any] = {"listener": heard, "on_prepare": preparing, "control": control}
+    hooks: dict[str, Any] = {"listener": forward, "on_prepare": preparing, "control": control}
     try:
         with shown(job.verbose):
-            # The parent judges the plans of what others wrote.
+            # The parent judges the plans of external backends.
             if model.is_blinded or (job.starts == 1 and not ours):
-                message = {"event": "claim", "claim": claim_to_data(job, claim(job, **how))}
+                message = {"event": "claim", "claim": claim_to_data(job, claim(job, **hooks))}
             else:
-                message = {"event": "solution", "solution": execute(job, **how).to_dict()}
+                message = {"event": "solution", "solution": execute(job, **hooks).to_dict()}
     finally:
         if asking is not None and not asking.close():
             control.abandon()
-    # A line without its end, which nobody would read after the answer.
+    # An incomplete line would not be read after the answer.
     sys.stdout.flush()
     flush_native()
     send({**message, "number": number, "last": stops.last})

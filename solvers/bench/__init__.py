@@ -1,4 +1,4 @@
-"""Campaigns: many instances, backends and seeds from one file, their records, and what they amount to."""
+"""Benchmark campaigns: instances, backends and seeds from a file, their records and statistics."""
 
 from __future__ import annotations
 

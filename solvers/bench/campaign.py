@@ -1,4 +1,4 @@
-"""A campaign as a TOML file declares it: which backends run on which instances, and how."""
+"""Campaign declared in a TOML file: which backends run on which instances, with which options."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from ..scheduling import Task
 
 __all__ = ["Campaign", "Set"]
 
-#: Jobs of a campaign at most: more is a mistake in the file.
+#: Largest number of jobs of a campaign. A larger number is an error in the file.
 MOST = 1_000_000
 
 
 def _near(name: str, known: Iterable[str]) -> str:
-    """Return ``", did you mean …?"``, or nothing where no known name is near."""
+    """Return ``", did you mean …?"``, or an empty text if no known name is similar."""
     words = suggestion(name, known).strip()
     return f", {words}" if words else ""
 
 
 @dataclass(frozen=True)
 class _List(Spec):
-    """A list of at least `least` entries, each as `spec` says, as a tuple."""
+    """Specification of a list of at least `least` entries, each of type `spec`, coerced to a tuple."""
 
     spec: Spec
     least: int = 0
@@ -55,20 +55,22 @@ class _List(Spec):
         if not isinstance(value, list | tuple) or len(value) < self.least:
             least = f" of at least {self.least}" if self.least else ""
             raise InvalidData(f"{name} must be a list{least}, got {show(value)}", field=name)
-        return tuple(self.spec.coerce(f"{name}[{k}]", one, sizes) for k, one in enumerate(value))
+        return tuple(
+            self.spec.coerce(f"{name}[{k}]", entry, sizes) for k, entry in enumerate(value)
+        )
 
 
 @dataclass(frozen=True)
 class _Pair(Spec):
-    """Two globs: of instances, and of backends."""
+    """Specification of a pair of glob patterns (instance, backend)."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> tuple[str, str]:
         if not isinstance(value, list | tuple) or len(value) != 2:
             raise InvalidData(
-                f"{name} must be a pair of globs, of instances and of backends, got {show(value)}",
+                f"{name} must be a pair of globs (instance, backend), got {show(value)}",
                 field=name,
             )
-        first, second = (Text().coerce(name, one, sizes) for one in value)
+        first, second = (Text().coerce(name, entry, sizes) for entry in value)
         return first, second
 
 
@@ -92,39 +94,40 @@ _SPECS: dict[str, Spec] = {
 
 @dataclass(frozen=True)
 class Set:
-    """Jobs that are asked for alike: every backend on every instance.
+    """Jobs with the same options: every backend on every instance.
 
     Parameters
     ----------
     instances : tuple of str
         Globs over the names of the catalogue, such as ``"error-correction/*"``, or files below the
-        campaign's folder, such as ``"./mine/*.json"``.
+        folder of the campaign, such as ``"./mine/*.json"``.
     backends : tuple of str
-        Names or globs of installed backends, ``"name:formulation"`` for one on a certain formulation,
-        ``"auto"`` for the recommended one; ``"*"`` are all that accept an instance by default.
+        Names or globs of installed backends. ``"name:formulation"`` selects a formulation, ``"auto"``
+        the recommended backend, and ``"*"`` all that accept an instance by default.
     exclude : tuple of (str, str)
-        Globs of instances and of backends, or of ``"name:formulation"``, that do not run together.
+        Pairs of globs, (instance, backend) or (instance, ``"name:formulation"``), that do not run.
     formulations : tuple of str
-        Backends that take programs run on each that the model has; without any, on the default.
+        Backends for programs run on each of these that the model has. Default: the model's default
+        formulation.
     seeds : tuple of int
-        Backends that draw run from each.
+        Seeds of the randomised backends. Others run once.
     repeats : int
-        How often every job runs: medians of seconds want several.
+        Number of runs of every job. Several runs make the median seconds more reliable.
     time_limit : float, optional
-        Seconds for each job, the building of the program included.
+        Seconds per job, including the time to build the program.
     memory_limit : float, optional
-        MiB that the process of a job and all its children may hold in memory, at least 64.
+        Memory limit of each job in MiB, including child processes, at least 64.
     gap, tolerance : float
-        The same for all: the relative gap at which an exact backend may stop, and the largest violation
-        that our own verification accepts.
+        Relative gap at which exact backends may stop, and largest accepted violation in the
+        verification.
     threads : int, optional
-        For the backends that have the feature.
+        Number of threads, for backends that support it.
     compiled : bool
-        Compile the loops of our own algorithms, which is not part of the seconds measured.
+        Compile the loops of the native algorithms. Compilation is not part of the measured seconds.
     warm_up : bool
-        Let each process run a first job of its kind unrecorded, so that imports are not measured.
+        Let each process run its first job once without a record, so that imports are not measured.
     backend_options : mapping of str to mapping
-        Own options by the backend's name.
+        Options by name of the backend.
     """
 
     instances: tuple[str, ...]
@@ -143,13 +146,13 @@ class Set:
     backend_options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            value = _SPECS[one.name].coerce(one.name, getattr(self, one.name), {})
-            object.__setattr__(self, one.name, value)
+        for item in fields(self):
+            value = _SPECS[item.name].coerce(item.name, getattr(self, item.name), {})
+            object.__setattr__(self, item.name, value)
         installed = {state.name for state in backend_states() if state.state == "installed"}
-        for asked in self.backends:
-            name = asked.partition(":")[0]
-            if name != "auto" and not any(fnmatchcase(one, name) for one in installed):
+        for entry in self.backends:
+            name = entry.partition(":")[0]
+            if name != "auto" and not any(fnmatchcase(other, name) for other in installed):
                 raise UnknownName("backend in backends", name, sorted(installed))
         for name, options in self.backend_options.items():
             if name not in installed:
@@ -157,27 +160,28 @@ class Set:
             Table().coerce(f"backend_options.{name}", options, {})
 
     def excluding(self, instance: str, *names: str) -> set[tuple[str, str]]:
-        """Return the exclusions of an instance with a backend, by any of its names; none: they run."""
+        """Return the exclusions that match an instance and any of the names of a backend."""
         return {
-            (one, two)
-            for one, two in self.exclude
-            if fnmatchcase(instance, one) and any(fnmatchcase(name, two) for name in names)
+            (of_instance, of_backend)
+            for of_instance, of_backend in self.exclude
+            if fnmatchcase(instance, of_instance)
+            and any(fnmatchcase(name, of_backend) for name in names)
         }
 
     def asked(self, model: Model[Any]) -> Iterator[tuple[str, Backend, str | None]]:
-        """Yield the backends that run on `model` with the entry that asks for them, and their formulation."""
+        """Yield (entry of `backends`, backend, formulation) for each run on `model`."""
         usual = fitting(model)
         for entry in self.backends:
             name, _, formulation = entry.partition(":")
             if name == "auto":
                 chosen = [recommended(model, formulation or None).name]
             else:
-                # One that is named may need a formulation of its own, or cannot take the model at all.
+                # A named backend may need an explicit formulation, or may not accept the model at all.
                 names = usual if any(sign in name for sign in "*?[") else (name,)
-                chosen = [one for one in names if fnmatchcase(one, name)]
-            for one in chosen:
-                for backend, how in self._formulated(model, one, formulation):
-                    yield entry, backend, how
+                chosen = [candidate for candidate in names if fnmatchcase(candidate, name)]
+            for candidate in chosen:
+                for backend, selected in self._formulated(model, candidate, formulation):
+                    yield entry, backend, selected
 
     def _formulated(
         self, model: Model[Any], name: str, formulation: str
@@ -186,28 +190,28 @@ class Set:
             backend = find_backend(name, model)
         except UnknownName:
             return  # the algorithm of another problem
-        wanted: list[str | None] = [formulation] if formulation else [*self.formulations]
+        names: list[str | None] = [formulation] if formulation else [*self.formulations]
         if not formulation and isinstance(model, backend.accepts):
-            wanted = []  # it takes the model itself
-        for one in wanted or [None]:
-            if accepted(model, backend, one) is not None:
-                yield backend, one
+            names = []  # it solves the model itself
+        for candidate in names or [None]:
+            if accepted(model, backend, candidate) is not None:
+                yield backend, candidate
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """What a campaign runs.
+    """Campaign: sets of jobs.
 
     Parameters
     ----------
     sets : tuple of Set
-        Jobs that are asked for alike, in their order.
+        Sets of jobs, in the order of their runs.
     title : str
-        For people.
+        Title of the report.
     folder : str
-        Where the files lie that its sets name.
+        Folder of the files that the sets name.
     file : str
-        The campaign's own, which messages name; empty where there is none.
+        Name of the campaign's file, for messages; empty without a file.
     """
 
     sets: tuple[Set, ...]
@@ -219,18 +223,23 @@ class Campaign:
     def read(cls, path: str | os.PathLike[str]) -> Campaign:
         """Return the campaign in a TOML file.
 
-        The keys are the fields of :class:`Set`, and ``title``. Tables ``[[set]]`` hold what differs: each
-        makes a set of its own, with what stands above them where it says nothing itself.
+        Keys are the fields of :class:`Set`, and ``title``. Each table ``[[set]]`` declares a set; keys
+        above the tables are its defaults.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Name of the file.
 
         Raises
         ------
         InvalidData
-            Naming the file and the key at fault, or the line where it is no TOML.
+            The file is not TOML, or a key is invalid. The message names the file and the key or line.
         """
         file = as_path(path)
         try:
             data = tomllib.loads(read_text(file))
-        except (ValueError, RecursionError) as error:  # ValueError: a number of too many digits
+        except (ValueError, RecursionError) as error:  # ValueError: a number with too many digits
             if isinstance(error, InvalidData):
                 raise
             raise InvalidData(f"{file} is no TOML: {error}") from None
@@ -239,43 +248,48 @@ class Campaign:
             sets = data.pop("set", [{}])
             if not isinstance(sets, list) or not sets:
                 raise InvalidData(f"set must be tables [[set]], got {show(sets)}", field="set")
-            made = []
-            for own in sets:
-                whole = {**data, **Table().coerce("set", own, {})}
-                for key in whole:
+            declared = []
+            for entry in sets:
+                merged = {**data, **Table().coerce("set", entry, {})}
+                for key in merged:
                     if key not in _SPECS:
                         raise InvalidData(f"unknown key {key!r}{_near(key, _SPECS)}", field=key)
-                if "instances" not in whole:
+                if "instances" not in merged:
                     raise InvalidData("key 'instances' is missing", field="instances")
-                made.append(Set(**whole))
-            return cls(tuple(made), title, str(file.resolve().parent), str(file))
+                declared.append(Set(**merged))
+            return cls(tuple(declared), title, str(file.resolve().parent), str(file))
         except (InvalidData, UnknownName) as error:
             raise InvalidData(f"{file}: {error}", field=getattr(error, "field", None)) from None
 
     def models(self, part: Set) -> Iterator[Model[Any]]:
-        """Yield the instances of a set, each once.
+        """Yield the instances of a set without duplicates.
+
+        Parameters
+        ----------
+        part : Set
+            The set.
 
         Raises
         ------
         InvalidData
-            A glob matches nothing, or leads out of the campaign's folder.
+            A glob matches nothing, or leads out of the folder of the campaign.
         """
         seen: set[str] = set()
         for pattern in part.instances:
-            found = list(self._matching(pattern))
-            if not found:
-                near = _near(pattern, [one.name for one in entries()])
+            sources = list(self._matching(pattern))
+            if not sources:
+                near = _near(pattern, [item.name for item in entries()])
                 raise InvalidData(
                     f"instances: {show(pattern)} matches nothing{near}", field="instances"
                 )
-            for source in found:
+            for source in sources:
                 if str(source) not in seen:
                     seen.add(str(source))
                     yield load(source)
 
     def _matching(self, pattern: str) -> Iterator[str | Path]:
         if not pattern.startswith(".") and Path(pattern).suffix != ".json":
-            yield from (one.name for one in entries() if fnmatchcase(one.name, pattern))
+            yield from (item.name for item in entries() if fnmatchcase(item.name, pattern))
             return
         root = Path(self.folder).resolve()
         if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
@@ -290,9 +304,9 @@ class Campaign:
             ValueError,
             IndexError,
             AttributeError,
-        ) as error:  # as systems and versions refuse it
+        ) as error:  # exceptions differ between systems and Python versions
             raise InvalidData(
-                f"instances: {show(pattern)} is no pattern of files: {getattr(error, 'strerror', None) or error}",
+                f"instances: {show(pattern)} is not a file pattern: {getattr(error, 'strerror', None) or error}",
                 field="instances",
             ) from None
         for file in files:
@@ -305,13 +319,13 @@ class Campaign:
 
     @cached_property
     def tasks(self) -> tuple[Task, ...]:
-        """Every job, in order: by set, instance, backend, seed and repeat.
+        """All jobs, ordered by set, instance, backend, seed and repeat.
 
         Raises
         ------
         InvalidData, UnsupportedOption
-            Nothing is to be run, a backend that is named accepts no instance, or an exclusion or a
-            formulation fits nothing.
+            There is no job, a named backend accepts no instance, or an exclusion or a formulation
+            matches nothing.
         """
         try:
             return tuple(self._tasks())
@@ -321,21 +335,21 @@ class Campaign:
             raise InvalidData(f"{self.file}: {error}", field=error.field) from None
 
     def _tasks(self) -> list[Task]:
-        found: list[Task] = []
-        #: What sets ask for twice runs once.
-        asked_for: set[str] = set()
+        tasks: list[Task] = []
+        #: Keys of the jobs, because a job in several sets runs once.
+        keys: set[str] = set()
         columns: dict[tuple[str, str], int] = {}
-        away = [one.name for one in backend_states() if one.state != "installed"]
-        # What is not installed here may be elsewhere, and be excluded there.
+        missing = [state.name for state in backend_states() if state.state != "installed"]
+        # A backend that is missing here may be installed, and excluded, on another machine.
         unused = {
-            one
+            pair
             for part in self.sets
-            for one in part.exclude
-            if not any(fnmatchcase(name, one[1].partition(":")[0]) for name in away)
+            for pair in part.exclude
+            if not any(fnmatchcase(name, pair[1].partition(":")[0]) for name in missing)
         }
         row = 0
         for part in self.sets:
-            met: set[str] = set()
+            matched: set[str] = set()
             known: set[str] = set()
             for model in self.models(part):
                 name = model.name or model.digest[:12]
@@ -346,49 +360,49 @@ class Campaign:
                     step = step.lower()
                 seen: set[tuple[str, str | None]] = set()
                 for entry, backend, formulation in part.asked(model):
-                    met.add(entry)
+                    matched.add(entry)
                     resolved = _resolved(model, backend, formulation)
                     if (backend.name, resolved) in seen:
                         continue
                     seen.add((backend.name, resolved))
-                    if out := part.excluding(name, backend.name, f"{backend.name}:{resolved}"):
-                        unused -= out
+                    if excluded := part.excluding(name, backend.name, f"{backend.name}:{resolved}"):
+                        unused -= excluded
                         continue
                     column = columns.setdefault((backend.problem, backend.name), len(columns))
                     draws = Feature.SEED in backend.features
                     seeds = part.seeds[: None if draws else 1]
-                    if len(found) + len(seeds) * part.repeats > MOST:
+                    if len(tasks) + len(seeds) * part.repeats > MOST:
                         raise InvalidData(
-                            f"a campaign may have {MOST} jobs at most", field="instances"
+                            f"a campaign may have at most {MOST} jobs", field="instances"
                         )
                     for seed, repeat in product(seeds, range(part.repeats)):
-                        # Counted over the formulations as well: a backend's column is one.
+                        # Counted over all formulations, because a backend has a single column.
                         turn = turns[column] = turns.get(column, -1) + 1
                         place = (row, column, turn)
                         task = self._task(place, part, model, backend, formulation, seed, repeat)
-                        if (key := task.job.key()) not in asked_for:
-                            asked_for.add(key)
-                            found.append(task)
+                        if (key := task.job.key()) not in keys:
+                            keys.add(key)
+                            tasks.append(task)
                 row += 1
-            for one in part.formulations:
-                if one not in known:
+            for formulation_name in part.formulations:
+                if formulation_name not in known:
                     raise InvalidData(
-                        f"formulations: none of the instances has {one!r}{_near(one, known)}",
+                        f"formulations: none of the instances has {formulation_name!r}{_near(formulation_name, known)}",
                         field="formulations",
                     )
-            for asked in part.backends:
-                if asked not in met:
+            for entry in part.backends:
+                if entry not in matched:
                     raise InvalidData(
-                        f"backends: {asked!r} accepts none of the instances", field="backends"
+                        f"backends: {entry!r} accepts none of the instances", field="backends"
                     )
         if unused:
             raise InvalidData(
                 f"exclude: {show(list(min(unused)))} excludes nothing that would run",
                 field="exclude",
             )
-        if not found:
+        if not tasks:
             raise InvalidData("exclude: everything is excluded", field="exclude")
-        return found
+        return tasks
 
     def _task(
         self, place: tuple[int, int, int], part: Set, model: Model[Any], backend: Backend,
@@ -407,7 +421,7 @@ class Campaign:
 
 
 def _resolved(model: Model[Any], backend: Backend, formulation: str | None) -> str | None:
-    """Return the formulation that `backend` takes, None where it takes a model itself."""
+    """Return the formulation that `backend` solves; None if it accepts a model itself."""
     step = accepted(model, backend, formulation)
     if formulation is not None or step is None or isinstance(step, backend.accepts):
         return formulation

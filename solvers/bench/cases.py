@@ -1,4 +1,4 @@
-"""One instance of a report: its answers, its verdict, bounds over time, repeats and a picture."""
+"""One instance of a report: answers, verdict, bounds over time, repeated runs and a picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .statistics import RankTest
 
 __all__ = ["OUTCOMES", "Case", "describe_instance"]
 
-#: How outcomes are called on the page, with the class of their colour and a sign beside it.
+#: Word, CSS class and sign of each outcome on the page.
 OUTCOMES = {
     Outcome.AGREED: ("agree", "good", "✓"),
     Outcome.CONTRADICTION: ("contradict", "bad", "✗"),
@@ -28,7 +28,17 @@ OUTCOMES = {
 
 
 class Case(NamedTuple):
-    """One instance with its answers and the verdict on them."""
+    """One instance with its answers and the verdict on them.
+
+    Parameters
+    ----------
+    kind, name : str
+        Kind of the model, and name of the instance on the page.
+    solutions : sequence of Solution
+        The answers.
+    verdict : Verdict
+        The verdict.
+    """
 
     kind: str
     name: str
@@ -37,15 +47,25 @@ class Case(NamedTuple):
 
 
 def describe_instance(case: Case, load: Load | None, instances: int) -> str:
-    """Return what unfolds for an instance: verdict, notes, bounds over time, picture."""
+    """Return the HTML details of an instance: verdict, notes, bounds over time and picture.
+
+    Parameters
+    ----------
+    case : Case
+        The instance.
+    load : callable, optional
+        Function that returns an instance by its name; None for no picture.
+    instances : int
+        Number of instances on the page.
+    """
     word, look, sign = OUTCOMES[case.verdict.outcome]
     notes = "".join(f"<li>{escape(note)}</li>" for note in case.verdict.notes)
-    image, what = draw_plan(case.verdict.best, load, instances)
+    image, caption = draw_plan(case.verdict.best, load, instances)
     shown = (
-        f'<figure><img src="{image}" alt="{escape(what)}" loading="lazy"><figcaption>{escape(what)}.'
+        f'<figure><img src="{image}" alt="{escape(caption)}" loading="lazy"><figcaption>{escape(caption)}.'
         "</figcaption></figure>"
         if image
-        else f"<p class='soft'>{escape(what)}</p>"
+        else f"<p class='soft'>{escape(caption)}</p>"
     )
     return (
         f'<details data-instance="{escape(case.name)}">'
@@ -60,7 +80,7 @@ def describe_instance(case: Case, load: Load | None, instances: int) -> str:
 
 
 def _repeats(case: Case) -> str:
-    """Return a table of what ran more than once: quartiles over its runs."""
+    """Return a table of repeated runs with their quartiles, empty without any."""
     quartiles = ("first quartile", "median", "third quartile")
     heads = [("Backend", False), ("With a plan", False)]
     heads += [(f"Objective, {word}", True) for word in quartiles]
@@ -82,7 +102,7 @@ def _repeats(case: Case) -> str:
 
 
 def _tested(spread: Spread, best: str, tests: dict[str, RankTest]) -> list[str]:
-    """Return the cells of the test of a backend's seeds against those of the best one."""
+    """Return the cells of the test of a backend's seeds against those of the best backend."""
     label = spread.label
     if label in tests:
         return tested(tests[label])
@@ -91,27 +111,27 @@ def _tested(spread: Spread, best: str, tests: dict[str, RankTest]) -> list[str]:
 
 
 def _progress(case: Case) -> str:
-    """Return the objective over time of every backend's median run, and the best bound."""
+    """Return a chart of the objective over time of every backend's median run, and the best bound."""
     runs: dict[str, list[Solution[Any]]] = {}
     for s in case.solutions:
         if s.stored_plan is not None and s.primal_bound is not None:
             runs.setdefault(who(s), []).append(s)
     series = []
-    for label, own in runs.items():
-        run = sorted(own, key=lambda s: s.primal_bound)[(len(own) - 1) // 2]  # type: ignore[arg-type, return-value]
+    for label, runs_of_label in runs.items():
+        run = sorted(runs_of_label, key=lambda s: s.primal_bound)[(len(runs_of_label) - 1) // 2]  # type: ignore[arg-type, return-value]
         series.append(Series(label, _steps(run)))
     if not series:
         return ""
     bounds = [s.dual_bound for s in case.solutions if s.dual_bound is not None]
     note = (
-        "The objective of the best plan so far, over the seconds since the start; less is better. "
+        "The objective of the best plan so far, over the seconds since the start; lower is better. "
     )
     if len(case.solutions) > len({who(s) for s in case.solutions}):
-        note += "Of several runs of a backend the one with the median result is drawn. "
+        note += "If a backend has several runs, the one with the median result is drawn. "
     if bounds:
-        first = min(x for one in series for x, _ in one.points)
+        first = min(x for entry in series for x, _ in entry.points)
         series.insert(0, Series("best bound", [(first, max(bounds))], lone=True))
-        note += "The thick line is the best proven bound: no plan lies below it."
+        note += "The thick line is the best proven bound: no plan is below it."
     drawn = draw_steps(
         series, title=f"Objective over time on {case.name}", across="seconds", up="objective",
         seconds=True,
@@ -120,12 +140,12 @@ def _progress(case: Case) -> str:
 
 
 def _steps(run: Solution[Any]) -> list[tuple[float, float]]:
-    """Return the points of a run: improvements by time, and the verified objective at the end."""
-    least = 1e-6
-    found: list[tuple[float, float]] = []
-    for one in sorted(run.incumbents, key=lambda one: one.seconds):
-        if not found or one.objective < found[-1][1]:
-            found.append((max(one.seconds, least), one.objective))
+    """Return (seconds, objective) of the improvements of a run, ending with the verified objective."""
+    shortest = 1e-6
+    points: list[tuple[float, float]] = []
+    for incumbent in sorted(run.incumbents, key=lambda item: item.seconds):
+        if not points or incumbent.objective < points[-1][1]:
+            points.append((max(incumbent.seconds, shortest), incumbent.objective))
     assert run.primal_bound is not None
-    end = max(measured_seconds(run) or 0.0, found[-1][0] if found else least)
-    return [*found, (end, run.primal_bound)]
+    end = max(measured_seconds(run) or 0.0, points[-1][0] if points else shortest)
+    return [*points, (end, run.primal_bound)]

@@ -1,4 +1,4 @@
-"""Step charts as inline SVG that reads in light, in dark, in print and without colour."""
+"""Step charts as inline SVG that is legible in light and dark mode, in print and without colour."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ..report.tables import seconds_text
 
 __all__ = ["Series", "draw_steps"]
 
-#: Dashes and markers (paths of 8 units about the origin). Their counts share no factor, so that 42
-#: series differ by the pair of them; colours repeat after 6 and are never needed.
+#: Dash patterns and markers (paths of 8 units around the origin). Their counts are coprime, so that
+#: 42 series differ by the pair of them. Colours repeat after 6 and are not needed to tell series apart.
 _DASHES = ("", "7 3", "2 3", "9 3 2 3", "4 2", "12 4", "9 3 2 3 2 3")
 _MARKERS = (
     "M-4 0a4 4 0 1 0 8 0a4 4 0 1 0 -8 0Z",
@@ -26,23 +26,23 @@ _MARKERS = (
 _WIDE, _TALL = 760, 300
 _LEFT, _TOP, _RIGHT, _BOTTOM = 70, 12, 240, 46
 _LINE = 15
-#: Points of a series that are drawn at the most.
+#: Largest number of points drawn per series.
 _MOST = 80
-#: Characters of a label that fit beside the chart.
+#: Largest number of characters of a label.
 _LABEL = 30
 
 
 class Series(NamedTuple):
-    """A step function: from each point to the right until the next one.
+    """Step function, constant from each point to the next one on its right.
 
     Parameters
     ----------
     label : str
-        Written beside its end.
+        Label at its right end.
     points : sequence of (float, float)
-        Finite, by increasing abscissa.
+        Finite points by increasing abscissa.
     lone : bool
-        Whether it is a bound: a line without markers.
+        Whether it is a bound, drawn without markers.
     """
 
     label: str
@@ -59,31 +59,36 @@ def draw_steps(
     share: bool = False,
     seconds: bool = False,
 ) -> str:
-    """Return step functions over a logarithmic axis as an SVG element.
+    """Return an SVG element with step functions over a logarithmic axis.
 
     Parameters
     ----------
     series : sequence of Series
-        What to draw; abscissae must be above 0.
+        Step functions with abscissae > 0.
     title : str
-        What it shows, for who cannot see it.
+        Text alternative of the chart.
     across, up : str
-        What the axes measure.
+        Labels of the axes.
     share : bool
         Whether ordinates are shares from 0 to 1.
     seconds : bool
         Whether abscissae are seconds.
+
+    Returns
+    -------
+    str
+        Empty if there is no point, or if the range of ordinates exceeds floating point.
     """
-    drawn = [one._replace(points=_thin(one.points)) for one in series if one.points]
+    drawn = [item._replace(points=_thin(item.points)) for item in series if item.points]
     if not drawn:
         return ""
-    xs = [x for one in drawn for x, _ in one.points]
+    xs = [x for item in drawn for x, _ in item.points]
     low, high = math.log10(min(xs)), math.log10(max(xs))
     if high - low < 0.3:
         low, high = low - 0.15, high + 0.15
-    ys = [y for one in drawn for _, y in one.points]
+    ys = [y for item in drawn for _, y in item.points]
     if not math.isfinite(2 * (max(ys) - min(ys))):
-        return ""  # farther apart than numbers reach
+        return ""  # the range exceeds floating point
     base, top = (0.0, 1.0) if share else _range(min(ys), max(ys))
     tall = max(_TALL, _TOP + _BOTTOM + _LINE * len(drawn))
     right, foot = _WIDE - _RIGHT, tall - _BOTTOM
@@ -112,23 +117,23 @@ def draw_steps(
         f"{escape(up)}</text>"
     )
     ends = []
-    for index, one in enumerate(drawn):
-        places = [place(x, y) for x, y in one.points]
+    for index, item in enumerate(drawn):
+        places = [place(x, y) for x, y in item.points]
         path = f"M{places[0][0]:.1f} {places[0][1]:.1f}"
         path += "".join(f"H{x:.1f}V{y:.1f}" for x, y in places[1:]) + f"H{right}"
-        look = f'class="s{index % 6}{" bound" if one.lone else ""}"'
-        dash = "" if one.lone else _DASHES[index % len(_DASHES)]
-        mark = "" if one.lone else _MARKERS[index % len(_MARKERS)]
+        look = f'class="s{index % 6}{" bound" if item.lone else ""}"'
+        dash = "" if item.lone else _DASHES[index % len(_DASHES)]
+        mark = "" if item.lone else _MARKERS[index % len(_MARKERS)]
         parts.append(
             f'<g {look} data-dash="{dash}" data-marker="{index % len(_MARKERS)}">'
-            f"<title>{escape(one.label)}</title>"
+            f"<title>{escape(item.label)}</title>"
         )
         parts.append(f'<path class="line" stroke-dasharray="{dash or "none"}" d="{path}"/>')
         if mark:
             spots = sorted({0, len(places) // 2, len(places) - 1})
             parts += [_mark(mark, *places[spot]) for spot in spots]
         parts.append("</g>")
-        ends.append((places[-1][1], index, mark, one.label))
+        ends.append((places[-1][1], index, mark, item.label))
     parts += _labels(sorted(ends), right, foot, drawn)
     return "".join(parts) + "</svg>"
 
@@ -136,7 +141,7 @@ def draw_steps(
 def _labels(
     ends: Sequence[tuple[float, int, str, str]], right: float, foot: float, drawn: Sequence[Series]
 ) -> list[str]:
-    """Return the labels beside the ends of the lines, moved apart where they would meet."""
+    """Return the labels at the ends of the lines, shifted so that they do not overlap."""
     heights = [end[0] for end in ends]
     for i in range(1, len(heights)):
         heights[i] = max(heights[i], heights[i - 1] + _LINE)
@@ -166,17 +171,17 @@ def _mark(path: str, x: float, y: float) -> str:
 
 
 def _thin(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return at most `_MOST` points, the first and the last among them."""
+    """Return at most `_MOST` points, including the first and the last."""
     if len(points) <= _MOST:
         return list(points)
     return [points[round(i * (len(points) - 1) / (_MOST - 1))] for i in range(_MOST)]
 
 
 def _range(low: float, high: float) -> tuple[float, float]:
-    """Return a range of ordinates with a margin, of some height also where all are the same."""
-    # Less than this share of the magnitude, and the labels of the axis would read alike.
-    least = 1e-5 * max(abs(low), abs(high)) or 1.0
-    margin = max(0.06 * (high - low), least)
+    """Return the range of ordinates with a margin, of positive height even if all are equal."""
+    # With a smaller height, the labels of the axis would be equal.
+    smallest = 1e-5 * max(abs(low), abs(high)) or 1.0
+    margin = max(0.06 * (high - low), smallest)
     return low - margin, high + margin
 
 
@@ -185,24 +190,24 @@ def _shares() -> list[tuple[float, str]]:
 
 
 def _ticks(base: float, top: float) -> list[tuple[float, str]]:
-    """Return round values between two numbers, each with digits enough to tell it from the next."""
+    """Return round values between two numbers, with enough digits to distinguish them."""
     raw = (top - base) / 5
     power = math.floor(math.log10(raw))
     step = min(f * 10.0**power for f in (1, 2, 5, 10) if f * 10.0**power >= raw)
     values = [i * step for i in range(math.ceil(base / step), math.floor(top / step) + 1)]
-    most = max(map(abs, values), default=1.0)
-    if most < 1e9 and step > 1e-5:
+    largest = max(map(abs, values), default=1.0)
+    if largest < 1e9 and step > 1e-5:
         digits = max(0, -math.floor(math.log10(step)))
         return [(value, f"{value:.{digits}f}") for value in values]
-    digits = max(1, math.ceil(math.log10(most / step)) + 1) if most else 1
+    digits = max(1, math.ceil(math.log10(largest / step)) + 1) if largest else 1
     return [(value, f"{value:.{digits}g}") for value in values]
 
 
 def _powers(low: float, high: float) -> list[float]:
-    """Return round numbers between two powers of ten, 8 at the most."""
+    """Return at most 8 round numbers between two powers of ten."""
     factors = (1, 2, 5) if high - low < 2 else (1,)
     span = range(math.floor(low), math.ceil(high) + 1)
-    found = [
+    values = [
         f * 10.0**p for p in span for f in factors if low - 1e-9 <= math.log10(f) + p <= high + 1e-9
     ]
-    return found[:: -(-len(found) // 8)] if found else [10**low]
+    return values[:: -(-len(values) // 8)] if values else [10**low]

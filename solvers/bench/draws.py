@@ -1,4 +1,4 @@
-"""Searches that draw or count evaluations, on one problem: tests of ranks and data profiles."""
+"""Comparison of randomised searches on one problem: rank tests and data profiles."""
 
 from __future__ import annotations
 
@@ -16,59 +16,72 @@ from .statistics import FEWEST, RankTest, compare_pairs, compare_seeds, correct_
 
 __all__ = ["ACCURACY", "compare_on_instance", "compare_with_leader", "profile_evaluations"]
 
-#: How much of the way from the first to the best value is left where a data profile calls an
-#: instance solved; Moré and Wild draw 1e-1 to 1e-5.
+#: Accuracy of a solved instance in a data profile: the share of the distance from the first to the
+#: best value that may remain. Moré and Wild use 1e-1 to 1e-5.
 ACCURACY = 1e-3
-#: What no plan counts as, where the worst plan is 1.
+#: Value of a run without a plan, on a scale with 1 for the worst plan.
 NOTHING = 2.0
 
 
 def compare_with_leader(
     verdicts: Sequence[Verdict], standings: Sequence[Standing]
 ) -> dict[str, RankTest]:
-    """Return whether the leading backend's plans are better than those of each other one.
+    """Test whether the plans of the leading backend are better than those of each other backend.
 
-    Wilcoxon's test over the instances that both ran on, corrected by Holm's method for all pairs of backends,
-    since which of them leads is read off the same runs. Of each the median over its seeds of the objective
-    counts, as a share of the way from the best plan to the worst one of that instance: shares neither
-    depend on units nor on where zero is. A plan that is as good as the best, to the gap and tolerance asked
-    for, counts as 0, and no plan as 2.
+    Wilcoxon's signed-rank test over the instances that both ran on, corrected by Holm's method for
+    all pairs of backends, because the leader is determined from the same runs. Each value is a
+    median over seeds of the objective, scaled to 0 for the best plan of the instance and 1 for the
+    worst one, which is independent of units and origin. A plan as good as the best, up to gap and
+    tolerance, is 0; a run without a plan is 2.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        One per instance.
+    standings : sequence of Standing
+        The backends, the leader first.
 
     Returns
     -------
     mapping of str to RankTest
-        By backend; "less" says that the leading one is better. Empty where nothing draws.
+        Tests by backend. "less" means that the leader is better. Empty without randomised runs.
     """
-    able = [one.label for one in standings if one.solved]
-    several = any(len(own) > 1 for one in verdicts for own in _by_backend(one).values())
-    if len(able) < 2 or not several:
+    labels = [standing.label for standing in standings if standing.solved]
+    several = any(len(runs) > 1 for verdict in verdicts for runs in _by_backend(verdict).values())
+    if len(labels) < 2 or not several:
         return {}
     shares: dict[str, dict[int, float]] = {}
     for index, verdict in enumerate(verdicts):
         for label, values in _shares(verdict).items():
             shares.setdefault(label, {})[index] = median(values)
-    found = {}
-    for one, other in combinations(able, 2):
-        both = sorted(shares[one].keys() & shares[other].keys())
+    tests = {}
+    for left, right in combinations(labels, 2):
+        both = sorted(shares[left].keys() & shares[right].keys())
         if both:
-            found[one, other] = compare_pairs(
-                [shares[one][index] for index in both], [shares[other][index] for index in both]
+            tests[left, right] = compare_pairs(
+                [shares[left][index] for index in both], [shares[right][index] for index in both]
             )
-    return {other: test for (one, other), test in correct_tests(found).items() if one == able[0]}
+    leader = labels[0]
+    return {right: test for (left, right), test in correct_tests(tests).items() if left == leader}
 
 
 def compare_on_instance(verdict: Verdict) -> tuple[str, dict[str, RankTest]]:
-    """Return which backend is best on one instance, and whether its runs differ from those of the others.
+    """Test whether the runs of the best backend on one instance differ from those of the others.
 
-    Mann and Whitney's test of the objectives, a value a seed, corrected by Holm's method for all pairs of
-    backends on this instance; a run without a plan is worse than any with one.
+    Mann and Whitney's test of the objectives, one value per seed, corrected by Holm's method for all
+    pairs of backends on this instance. A run without a plan is worse than every run with one.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        The answers on the instance.
 
     Returns
     -------
     best : str
-        The backend with the least median; "" where no two have runs enough.
+        Backend with the lowest median; empty if fewer than two backends have enough runs.
     tests : mapping of str to RankTest
-        By backend; "less" says that the best one is better.
+        Tests by backend. "less" means that the best backend is better.
     """
     values = {
         label: [math.inf if (f := _objective(s)) is None else f for s in own]
@@ -79,20 +92,30 @@ def compare_on_instance(verdict: Verdict) -> tuple[str, dict[str, RankTest]]:
         return "", {}
     order = sorted(values, key=lambda label: (median(values[label]), label))
     pairs = {
-        (one, other): compare_seeds(values[one], values[other])
-        for one, other in combinations(order, 2)
+        (left, right): compare_seeds(values[left], values[right])
+        for left, right in combinations(order, 2)
     }
     tests = correct_tests(pairs)
-    return order[0], {other: test for (one, other), test in tests.items() if one == order[0]}
+    return order[0], {right: test for (left, right), test in tests.items() if left == order[0]}
 
 
 def profile_evaluations(verdicts: Sequence[Verdict]) -> Profile:
     r"""Return data profiles of the backends that count evaluations of the objective.
 
-    An instance is solved from the first plan on with
-    :math:`f \le f_L + \tau (f_0 - f_L)`, where :math:`f_L` is the best value of all runs, :math:`f_0`
-    the worst first one, and :math:`\tau` is :data:`ACCURACY`. Of several seeds the median counts. A run
-    that ends without a verified plan solves nothing, and no value counts below what was verified at its end.
+    An instance is solved by the first plan with :math:`f \le f_L + \tau (f_0 - f_L)`, with the best
+    value :math:`f_L` of all runs, the worst first value :math:`f_0`, and :math:`\tau` equal to
+    :data:`ACCURACY`. The median over seeds is used. A run without a verified plan solves no
+    instance, and claimed values below its verified objective are raised to it.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        One per instance.
+
+    Returns
+    -------
+    mapping of str to (ndarray, ndarray)
+        Profiles by backend, see :func:`data_profile`.
 
     References
     ----------
@@ -104,19 +127,26 @@ def profile_evaluations(verdicts: Sequence[Verdict]) -> Profile:
         {label: [_course(s) for s in own] for label, own in _by_backend(verdict).items()}
         for verdict in verdicts
     ]
-    counting = {label for found in courses for label, runs in found.items() if any(map(bool, runs))}
-    for verdict, found in zip(verdicts, courses, strict=True):
-        begun = [run[0][0] for runs in found.values() for run in runs if run]
-        known = {_variables(s) for own in _by_backend(verdict).values() for s in own if _course(s)}
-        if verdict.best is None or len(known) != 1 or not (size := known.pop()):
+    counting = {
+        label
+        for runs_by_label in courses
+        for label, runs in runs_by_label.items()
+        if any(map(bool, runs))
+    }
+    for verdict, runs_by_label in zip(verdicts, courses, strict=True):
+        first_values = [run[0][0] for runs in runs_by_label.values() for run in runs if run]
+        variables = {
+            _variables(s) for own in _by_backend(verdict).values() for s in own if _course(s)
+        }
+        if verdict.best is None or len(variables) != 1 or not (size := variables.pop()):
             continue
-        least = verdict.best.primal_bound
-        assert least is not None
-        goal = least + ACCURACY * (max(begun) - least)
-        for label, runs in found.items():
+        lowest = verdict.best.primal_bound
+        assert lowest is not None
+        goal = lowest + ACCURACY * (max(first_values) - lowest)
+        for label, runs in runs_by_label.items():
             if label in counting:
-                met = [next((n for f, n in run if f <= goal), math.inf) for run in runs]
-                needed.setdefault(label, {})[len(sizes)] = median(met)
+                solved_at = [next((n for f, n in run if f <= goal), math.inf) for run in runs]
+                needed.setdefault(label, {})[len(sizes)] = median(solved_at)
         sizes.append(size)
     if not needed:
         return {}
@@ -130,39 +160,40 @@ def profile_evaluations(verdicts: Sequence[Verdict]) -> Profile:
 
 
 def _variables(solution: Solution[Any]) -> int:
-    """Return the number of variables as the run counts them, 0 where it says nothing of the kind."""
+    """Return the number of variables that the run reports, 0 if it reports none."""
     count = solution.statistics.get("variables")
     return count if isinstance(count, int) and count > 0 else 0
 
 
 def _course(solution: Solution[Any]) -> list[tuple[float, float]]:
-    """Return the better plans of a run that was verified, with their evaluations, where these were counted."""
+    """Return (objective, evaluations) of the incumbents of a verified run, if it counted them."""
     last = _objective(solution)
     if last is None:
         return []
     return [
-        (max(one.objective, last), float(one.evaluations))
-        for one in solution.incumbents
-        if one.evaluations
+        (max(incumbent.objective, last), float(incumbent.evaluations))
+        for incumbent in solution.incumbents
+        if incumbent.evaluations
     ]
 
 
 def _shares(verdict: Verdict) -> dict[str, list[float]]:
-    """Return by backend, a value a run, how far from the best plan to the worst one its plan is."""
+    """Return one value per run and backend: 0 for the best plan, 1 for the worst one."""
     runs = _by_backend(verdict)
     best = verdict.best
     if best is None or best.primal_bound is None:
         return {label: [NOTHING] * len(own) for label, own in runs.items()}
-    least = best.primal_bound
-    most = max(f for own in runs.values() for s in own if (f := _objective(s)) is not None)
+    lowest = best.primal_bound
+    highest = max(f for own in runs.values() for s in own if (f := _objective(s)) is not None)
 
     def share(solution: Solution[Any]) -> float:
         value = _objective(solution)
         if value is None:
             return NOTHING
-        if value - least <= slack(solution, best):
+        if value - lowest <= slack(solution, best):
             return 0.0
-        return (value / 2 - least / 2) / (most / 2 - least / 2)  # of halves: the way may overflow
+        # Of halves, because the difference may overflow.
+        return (value / 2 - lowest / 2) / (highest / 2 - lowest / 2)
 
     return {label: [share(s) for s in own] for label, own in runs.items()}
 
@@ -172,7 +203,7 @@ def _objective(solution: Solution[Any]) -> float | None:
 
 
 def _by_backend(verdict: Verdict) -> dict[str, list[Solution[Any]]]:
-    """Return the runs of each backend but for references, one a seed: repeats of a seed give the same plan."""
+    """Return one run per backend and seed, without references: repeats of a seed give equal plans."""
     groups: dict[str, dict[int | None, Solution[Any]]] = {}
     for solution in verdict.solutions:
         if is_reference(solution):

@@ -1,4 +1,4 @@
-"""The pieces of HTML that a report is made of; whatever comes from outside is escaped."""
+"""HTML elements of a report. Text from outside is escaped."""
 
 from __future__ import annotations
 
@@ -15,34 +15,45 @@ __all__ = ["cell", "choices", "count_cell", "ended", "figure", "many", "numeric"
 
 
 def many(number: int, noun: str) -> str:
-    """Return a number of things in words."""
+    """Return a number with its noun, in the plural unless it is 1."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def choices(values: Iterable[str]) -> str:
-    """Return the options of a list to choose from."""
-    # With a value of its own: what is shown loses spaces.
+    """Return the HTML options of a selection list."""
+    # With an explicit value, because the displayed text loses spaces.
     return "".join(f'<option value="{escape(v)}">{escape(v)}</option>' for v in values)
 
 
 def cell(text: str, *, long: bool = False) -> str:
-    """Return a cell of text; a `long` one is wrapped."""
+    """Return a table cell with text; a `long` one is wrapped."""
     return f"<td class='long'>{escape(text)}</td>" if long else f"<td>{escape(text)}</td>"
 
 
 def numeric(value: float | None, text: str) -> str:
-    """Return a cell that sorts by `value`; one without is last."""
+    """Return a table cell that is sorted by `value`; cells without a value come last."""
     known = value is not None and math.isfinite(value)
     return f'<td class="n" data-v="{float(value) if known else ""}">{escape(text)}</td>'  # type: ignore[arg-type]
 
 
 def count_cell(value: int) -> str:
-    """Return a cell that holds a count."""
+    """Return a table cell with a count."""
     return numeric(value, f"{value:,}")
 
 
 def tested(test: RankTest) -> list[str]:
-    """Return the cells of a test whether a first backend's plans are better: in words, p and effect."""
+    """Return the cells of a test whether a first backend is better: answer, p-value and effect.
+
+    Parameters
+    ----------
+    test : RankTest
+        The test.
+
+    Returns
+    -------
+    list of str
+        Three table cells.
+    """
     if test.p_value is None:
         return [
             cell(f"{many(test.runs, 'value')}: too few to tell"),
@@ -65,7 +76,21 @@ def table(
     *,
     tall: bool = False,
 ) -> str:
-    """Return a table in a box that scrolls; a row is its cells, or its attributes and its cells."""
+    """Return a sortable table in a box that scrolls.
+
+    Parameters
+    ----------
+    heads : iterable of (str, bool)
+        Headers, and whether the column holds numbers.
+    rows : iterable
+        The cells of each row, or a pair of HTML attributes and cells.
+    look : str
+        CSS class.
+    label : str
+        Text alternative.
+    tall : bool
+        Whether the box has a limited height.
+    """
     top = "".join(
         f'<th scope="col" aria-sort="none"{" class=n" if right else ""}>'
         f'<button type="button">{escape(head)}</button></th>'
@@ -82,14 +107,14 @@ def table(
 
 
 def figure(drawn: str, note: str) -> str:
-    """Return a drawing in a box that scrolls, with what it shows below."""
+    """Return a drawing in a box that scrolls, with a caption."""
     return (
         f'<figure><div class="scroll">{drawn}</div><figcaption>{escape(note)}</figcaption></figure>'
     )
 
 
 def ended(s: Solution[Any]) -> str:
-    """Return how a run ended, in words."""
+    """Return the termination and limit of a run as text."""
     text = str(s.termination).replace("_", " ")
     if s.limit is None:
         return text

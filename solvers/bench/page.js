@@ -1,6 +1,6 @@
 "use strict";
 (() => {
-  // More rows than this are laid out on demand only: ten thousand would take a second.
+  // More rows than this are laid out on demand only, because ten thousand take a second.
   const MOST = 200;
   const words = new Intl.Collator("en", { numeric: true, sensitivity: "base" });
   const count = (number) => number.toLocaleString("en");
@@ -26,16 +26,16 @@
       ended: row.dataset.ended,
     }));
     const box = table.closest("[data-table]");
-    const said = box && box.querySelector("[data-shown]");
+    const status = box && box.querySelector("[data-shown]");
     const more = box && box.querySelector("[data-more]");
     let all = !box;
     let matching = rows;
 
     const show = () => {
       const shown = all ? matching : matching.slice(0, MOST);
-      body.replaceChildren(...shown.map((one) => one.row));
+      body.replaceChildren(...shown.map((entry) => entry.row));
       if (!box) return;
-      said.textContent = `${count(shown.length)} of ${count(rows.length)} rows shown`;
+      status.textContent = `${count(shown.length)} of ${count(rows.length)} rows shown`;
       more.hidden = shown.length === matching.length;
       more.textContent = `Show all ${count(matching.length)}`;
     };
@@ -75,17 +75,17 @@
   const filter = () => {
     const text = form.elements.text.value.trim().toLowerCase();
     const [problem, backend, ended] = ["problem", "backend", "ended"].map((name) => form.elements[name].value);
-    let found = 0;
-    for (const one of answers) {
-      const wanted = !problem || one.problem === problem;
-      one.section.hidden = !wanted;
-      const rows = one.table.filter((row) => wanted && row.text.includes(text)
+    let matches = 0;
+    for (const answer of answers) {
+      const visible = !problem || answer.problem === problem;
+      answer.section.hidden = !visible;
+      const rows = answer.table.filter((row) => visible && row.text.includes(text)
         && (!backend || row.backend === backend) && (!ended || row.ended === ended));
       const named = new Set(rows.map((row) => row.values[0]));
-      for (const instance of one.instances) instance.hidden = !named.has(instance.dataset.instance);
-      found += rows.length;
+      for (const instance of answer.instances) instance.hidden = !named.has(instance.dataset.instance);
+      matches += rows.length;
     }
-    output.textContent = `${count(found)} of ${total} match`;
+    output.textContent = `${count(matches)} of ${total} match`;
   };
   form.addEventListener("input", filter);
   form.addEventListener("submit", (event) => event.preventDefault());

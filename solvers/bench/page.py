@@ -1,4 +1,4 @@
-"""The report of a campaign: one HTML file that needs no network."""
+"""Report of a campaign as one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ if TYPE_CHECKING:
 
 __all__ = ["write_page"]
 
-#: Heads of the tables of answers, and whether the column holds numbers.
+#: Headers of the tables of answers, and whether the column holds numbers.
 _HEADS = (
     ("Instance", False), ("Backend", False), ("Ended", False), ("Solved", False),
     ("Objective", True), ("Bound", True), ("Gap", True), ("Solving took", True), ("Building took", True),
     ("Seed", True), ("Repeat", True), ("Message", False),
 )  # fmt: skip
-#: What stands for a leader where there can be none.
+#: Text in place of a leader for problems without one.
 _APART = "none: each backend estimates something else"
-#: How reasons end for which an answer is not wrong, but not good enough either.
+#: Endings of the reasons for which an answer is not wrong, but not good enough.
 _SHORT = ("above best", "no plan", REFERENCE, TOO_LATE)
-#: Characters of a message that are shown in a table.
+#: Largest number of characters of a message in a table.
 _MESSAGE = 300
-#: Options that the command of a contradiction repeats, by the flag.
+#: Options that the command for a contradiction repeats, by flag.
 _FLAGS = {
     "--time-limit": "time_limit", "--gap": "gap", "--tolerance": "tolerance",
     "--threads": "threads", "--evaluations": "evaluations", "--target": "target",
@@ -62,27 +62,28 @@ def write_page(
     command: str = "",
     load: Load | None = None,
 ) -> Path:
-    """Write the report of a campaign as one HTML file that needs no network; return the path.
+    """Write the report of a campaign as one self-contained HTML file.
 
     Parameters
     ----------
     records : Records or Comparison
         The answers.
     path : str or path-like
-        The file, ``.html`` or ``.htm``.
+        Name of the file, ending in ``.html`` or ``.htm``.
     title : str
-        The page's title; that of the records where it is empty.
+        Title of the page. Default: title of the records.
     command : str
-        The command that repeats the campaign, shown at the foot.
+        Command that repeats the campaign, shown at the foot of the page.
     load : callable, optional
-        What finds an instance by its name: with it the best plan of every instance is drawn. Names are those
-        in the record: :func:`crosstrack.load` opens a file where one names a file, which a stranger's
-        record must not. An instance whose digest is not the record's is not drawn.
+        Function that returns an instance by its name. With it, the best plan of every instance is
+        drawn if the digest of the instance is that of the record. Names come from the record.
+        :func:`crosstrack.load` also opens files by name, so do not pass it for records from
+        untrusted sources.
 
     Returns
     -------
     Path
-        Of the file.
+        Path of the file.
 
     Raises
     ------
@@ -115,7 +116,7 @@ def _page(records: Records, title: str, command: str, load: Load | None) -> str:
         contents=_contents(kinds),
         leading=_leading(kinds, cases, standings),
         contradictions="".join(map(_contradiction, wrong))
-        or "<p>None: no proof speaks against any verified plan.</p>",
+        or "<p>None: no proof contradicts a verified plan.</p>",
         measured=describe_conditions(records),
         problems=choices(kinds),
         backends=choices(sorted({s.backend for s in solutions})),
@@ -128,8 +129,8 @@ def _page(records: Records, title: str, command: str, load: Load | None) -> str:
 
 def _cases(records: Records) -> list[Case]:
     """Return the answers by instance, with the verdict on each."""
-    # One model may have several names: the first counts. What shares a name but not its data is told apart.
-    firsts = [one.solutions[0] for one in records.verdicts]
+    # A model may have several names: the first is used. Equal names of different data get the digest.
+    firsts = [verdict.solutions[0] for verdict in records.verdicts]
     shared = Counter((first.model, first.instance) for first in firsts)
     cases = []
     for first, verdict in zip(firsts, records.verdicts, strict=True):
@@ -141,7 +142,7 @@ def _cases(records: Records) -> list[Case]:
 
 
 def _verdict(cases: Sequence[Case], solutions: Sequence[Solution[Any]]) -> str:
-    """Return the verdict in words."""
+    """Return the verdict as a sentence."""
     counts = {outcome: sum(c.verdict.outcome is outcome for c in cases) for outcome in OUTCOMES}
     backends = len({s.backend for s in solutions})
     agreed, wrong, undecided = counts.values()
@@ -150,8 +151,8 @@ def _verdict(cases: Sequence[Case], solutions: Sequence[Solution[Any]]) -> str:
         f"{many(len(cases), 'instance')} of {many(len({c.kind for c in cases}), 'problem')}. "
         f"On {agreed:,} the answers <span class='good'>agree</span>, on {wrong:,} they "
         f"<span class='bad'>contradict</span> one another, and {undecided:,} "
-        f"{'is' if undecided == 1 else 'are'} <span class='open'>open</span>: nothing speaks against the "
-        "best plan, but nobody proved that there is no better one."
+        f"{'is' if undecided == 1 else 'are'} <span class='open'>open</span>: nothing contradicts the "
+        "best plan, but its optimality is not proven."
     )
 
 
@@ -164,7 +165,7 @@ def _contents(kinds: Sequence[str]) -> str:
 def _leading(
     kinds: Sequence[str], cases: Sequence[Case], standings: dict[str, list[Standing]]
 ) -> str:
-    """Return the table of problems: their verdicts and who leads."""
+    """Return the table of problems: their verdicts and leading backends."""
     rows = []
     for kind in kinds:
         own = [case for case in cases if case.kind == kind]
@@ -182,14 +183,14 @@ def _leading(
 
 
 def _leader(standings: Sequence[Standing]) -> str:
-    """Return who leads a problem, in words and numbers."""
-    able = [one for one in standings if one.solved]
+    """Return the leading backends of a problem with their results, as text."""
+    able = [standing for standing in standings if standing.solved]
     if not able:
         return "no backend solved an instance"
     words = [
-        f"{one.label}: solved {one.solved:,} of {many(one.of, 'instance')}, typically in "
-        f"{seconds_text(one.typical)}"
-        for one in able[:2]
+        f"{standing.label}: solved {standing.solved:,} of {many(standing.of, 'instance')}, typically in "
+        f"{seconds_text(standing.typical)}"
+        for standing in able[:2]
     ]
     return words[0] + (f"; next {words[1]}" if len(words) > 1 else "; no other solved any")
 
@@ -200,18 +201,20 @@ def _problem(
     """Return the section of one problem."""
     own = [case for case in cases if case.kind == kind]
     anchor = f"p-{sorted({case.kind for case in cases}).index(kind)}"
-    why = {id(s): reason for one in standings for s, reason in one.answers}
+    why = {id(s): reason for standing in standings for s, reason in standing.answers}
     rows = [_answer(case, s, why.get(id(s), REFERENCE)) for case in own for s in case.solutions]
     used = [i for i in range(len(_HEADS)) if any(not c[i].endswith("></td>") for _, c in rows)]
     rows = [(attributes, [cells[i] for i in used]) for attributes, cells in rows]
-    curves = [Series(one.label, one.profile) for one in standings if one.profile]
+    curves = [
+        Series(standing.label, standing.profile) for standing in standings if standing.profile
+    ]
     profile = draw_steps(
         curves, title=f"Performance profile of {kind}", share=True,
         across="times as long as the fastest on the same instance", up="instances solved",
     )  # fmt: skip
     note = (
-        "Performance profile (Dolan and Moré 2002). A line tells the share of all instances that a "
-        "backend solved within so many times the seconds of the fastest backend on each. Far left: how "
+        "Performance profile (Dolan and Moré 2002). A line shows the share of all instances that a "
+        "backend solved within a multiple of the seconds of the fastest backend on each. Far left: how "
         "often it was the fastest. Far right: how much it solved at all. Higher is better."
     )
     return (
@@ -230,9 +233,9 @@ def _problem(
 
 
 def _evaluations(kind: str, own: Sequence[Case]) -> str:
-    """Return the data profile of what counts evaluations, "" where nothing does."""
-    found = profile_evaluations([case.verdict for case in own])
-    far = max((float(places[-1]) for places, _ in found.values()), default=0.0)
+    """Return the data profile of the backends that count evaluations, empty without any."""
+    profiles = profile_evaluations([case.verdict for case in own])
+    far = max((float(places[-1]) for places, _ in profiles.values()), default=0.0)
     curves = [
         Series(
             label,
@@ -241,7 +244,7 @@ def _evaluations(kind: str, own: Sequence[Case]) -> str:
                 (far, float(shares[-1])),
             ],
         )
-        for label, (places, shares) in found.items()
+        for label, (places, shares) in profiles.items()
         if shares[-1]
     ]
     drawn = draw_steps(
@@ -249,28 +252,28 @@ def _evaluations(kind: str, own: Sequence[Case]) -> str:
         across="evaluations per (variables + 1)", up="instances solved",
     )  # fmt: skip
     note = (
-        "Data profile (Moré and Wild 2009). A line tells the share of all instances that a backend solved "
-        "within so many evaluations of the objective, divided by the number of variables and one. Solved "
-        f"is here: {ACCURACY:g} of the way from the worst first value to the best one is left. Higher is "
-        "better."
+        "Data profile (Moré and Wild 2009). A line shows the share of all instances that a backend solved "
+        "within a number of evaluations of the objective, divided by the number of variables plus one. An "
+        f"instance is solved when {ACCURACY:g} of the distance from the worst first value to the best one "
+        "remains. Higher is better."
     )
     return figure(drawn, note) if drawn else ""
 
 
 def _ranks(verdicts: Sequence[Verdict], standings: Sequence[Standing]) -> str:
-    """Return the tests of the leading backend against each other one, "" where nothing draws."""
+    """Return the tests of the leading backend against the others, empty without randomised runs."""
     tests = compare_with_leader(verdicts, standings)
     if not tests:
         return ""
-    leader = next(one.label for one in standings if one.solved)
+    leader = next(standing.label for standing in standings if standing.solved)
     rows = [[cell(label), *tested(test), count_cell(test.runs)] for label, test in tests.items()]
     heads = [("Compared with", False), ("Better plans", False), ("p", True), ("Effect", True)]
     heads += [("Instances of both", True)]
     return (
-        f"<h4>Are the plans of {escape(leader)} better, or is it luck?</h4>"
-        "<p class='note'>Some of these backends draw. Wilcoxon's test over the instances that both ran on, "
-        "of the medians over seeds, with p corrected by Holm's method for all pairs of backends. Effect: how "
-        "much more often, by ranks, the plan of the leading backend is the better one, from −1 to 1.</p>"
+        f"<h4>Are the plans of {escape(leader)} better, or is it chance?</h4>"
+        "<p class='note'>Some of these backends are randomised. Wilcoxon's test over the instances that both "
+        "ran on, of the medians over seeds, with p corrected by Holm's method for all pairs of backends. "
+        "Effect: how much more often, by ranks, the plan of the leading backend is better, from −1 to 1.</p>"
         + table(heads, rows, "plain", f"Tests of {leader} against the others")
     )
 
@@ -294,27 +297,30 @@ def _standing(standings: Sequence[Standing]) -> str:
     ]
     rows = [
         [
-            cell(one.label),
-            *map(count_cell, (one.runs, one.instances, one.solved)),
-            _interval(one),
-            *map(count_cell, (one.proven, one.best, one.fastest)),
-            numeric(one.typical, seconds_text(one.typical)),
-            numeric(one.median, seconds_text(one.median)),
-            numeric(one.integral, "" if one.integral is None else f"{100 * one.integral:.3g} %"),
+            cell(standing.label),
+            *map(count_cell, (standing.runs, standing.instances, standing.solved)),
+            _interval(standing),
+            *map(count_cell, (standing.proven, standing.best, standing.fastest)),
+            numeric(standing.typical, seconds_text(standing.typical)),
+            numeric(standing.median, seconds_text(standing.median)),
+            numeric(
+                standing.integral,
+                "" if standing.integral is None else f"{100 * standing.integral:.3g} %",
+            ),
         ]
-        for one in standings
+        for standing in standings
     ]
     return table(heads, rows, "plain", "Backends, the leading one first")
 
 
-def _interval(one: Standing) -> str:
-    """Return the cell of the rate of instances solved, by Wilson's interval."""
-    low, high = success_interval(one.solved, one.of)
-    return numeric(one.solved / one.of, f"{100 * low:.0f} to {100 * high:.0f} %")
+def _interval(standing: Standing) -> str:
+    """Return the cell with Wilson's interval of the rate of solved instances."""
+    low, high = success_interval(standing.solved, standing.of)
+    return numeric(standing.solved / standing.of, f"{100 * low:.0f} to {100 * high:.0f} %")
 
 
 def _answer(case: Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
-    """Return the attributes and the cells of an answer's row."""
+    """Return the attributes and the cells of the row of an answer."""
     repeat = s.options.get("repeat")
     gap = "" if s.gap is None else f"{s.gap:.1e}" if s.gap else "0"
     solve, build = s.seconds.get("solve"), s.seconds.get("build")
@@ -337,7 +343,7 @@ def _answer(case: Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
 
 
 def _contradiction(case: Case) -> str:
-    """Return a contradiction with its evidence and the command that repeats it."""
+    """Return a contradiction with its evidence and the command that reproduces it."""
     words = case.verdict.evidence.replace(",", " ").split()
     named = [s for s in case.solutions if _asked(s) in words] or case.solutions
     rows = []
@@ -349,7 +355,7 @@ def _contradiction(case: Case) -> str:
         cells = [who(s), proves, ended(s), number(s.primal_bound), number(s.dual_bound)]
         rows.append([*map(cell, cells), cell(state, long=True)])
     heads = ("Backend", "Guarantee", "Ended", "Objective", "Bound", "Checks of its plan")
-    asked = named[0].options
+    given = named[0].options
     line = [
         "crosstrack",
         "compare",
@@ -357,23 +363,23 @@ def _contradiction(case: Case) -> str:
         "--backends",
         ",".join(dict.fromkeys(map(_asked, named))),
     ]
-    own = {s.backend: found for s in named if (found := s.options.get("backend_options"))}
-    options = f" with <code>backend_options={escape(repr(own))}</code> in Python" if own else ""
+    own = {s.backend: options for s in named if (options := s.options.get("backend_options"))}
+    hint = f" with <code>backend_options={escape(repr(own))}</code> in Python" if own else ""
     for flag, option in _FLAGS.items():
-        if asked.get(option) is not None:
-            line += [flag, str(asked[option])]
+        if given.get(option) is not None:
+            line += [flag, str(given[option])]
     if named[0].seed is not None:
         line += ["--seed", str(named[0].seed)]
     return (
         f"<h3>{escape(case.name)}</h3><p><span class='bad'>✗ contradict</span>: "
         f"{escape(case.verdict.evidence)}.</p>"
         + table([(head, False) for head in heads], rows, "plain", f"Evidence on {case.name}")
-        + f"<p>To see it again{options}:</p><pre>{escape(shlex.join(line))}</pre>"
+        + f"<p>To reproduce it{hint}:</p><pre>{escape(shlex.join(line))}</pre>"
     )
 
 
 def _asked(solution: Solution[Any]) -> str:
-    """Return what the command line calls the backend of an answer."""
+    """Return the name of an answer's backend on the command line."""
     return name_backend(solution.backend, solution.formulation)
 
 

@@ -1,4 +1,4 @@
-"""A small picture of the best plan of an instance, where the instance is at hand."""
+"""Small picture of the best plan of an instance, if the instance is available."""
 
 from __future__ import annotations
 
@@ -18,51 +18,58 @@ __all__ = ["Load", "draw_plan"]
 
 log = logging.getLogger("crosstrack")
 
-#: What finds an instance by its name, such as :func:`crosstrack.load`.
+#: Function that returns an instance by its name, such as :func:`crosstrack.load`.
 Load = Callable[[str], Model[Any]]
 
-#: Width of a picture (pixels) where there are few, where there are many, and how many are few.
+#: Width of a picture (pixels) with few pictures, with many, and the largest number that is few.
 _WIDE, _SMALL, _FEW = 900, 600, 40
-#: WebP's quality, from 0 to 100: lines stay legible, and a picture takes some 10 kB.
+#: WebP quality, from 0 to 100: lines stay legible at about 10 kB per picture.
 _QUALITY = 25
 
 
 def draw_plan(best: Solution[Any] | None, load: Load | None, instances: int = 1) -> tuple[str, str]:
-    """Return a data URI of the best plan's picture and what it shows, or "" and why there is none.
+    """Draw the best plan of an instance.
 
     Parameters
     ----------
     best : Solution, optional
-        The best answer on the instance, None where none has a plan.
+        Best answer on the instance; None if no answer has a plan.
     load : callable, optional
-        What finds the instance by its name; a model of another digest is not drawn on.
+        Function that returns the instance by its name. A model with another digest is not drawn.
     instances : int
-        How many pictures there are in all; many are smaller.
+        Number of pictures on the page; with many, each is smaller.
+
+    Returns
+    -------
+    uri : str
+        Data URI of the picture; empty if it cannot be drawn.
+    text : str
+        Caption, or the reason for the missing picture.
     """
     if best is None:
         return "", "No picture: no backend found a plan that passed the check."
     if best.stored_plan == LEFT_OUT:
-        return "", "No picture: there was a plan, which the record leaves out."
+        return "", "No picture: the record omits the plan."
     if load is None:
-        return "", "No picture: the page was made without a way to load instances."
+        return "", "No picture: the page was made without loading instances."
     try:
         model = load(best.instance)
-    except Exception as error:  # the name is a stranger's, and so may be what loads it
+    except Exception as error:  # names and loaders may come from other packages
         return "", f"No picture: the instance cannot be loaded by its name: {error}"
     if model.digest != best.digest:
         return "", (
             f"No picture: the instance of this name has other data today (digest {model.digest[:12]}, "
             f"in the record {best.digest[:12]})."
         )
-    asked = best.options.get("tolerance") or TOLERANCE
+    tolerance = best.options.get("tolerance") or TOLERANCE
     try:
         known = "tolerance" in picture_options(model.kind)
-        figure = plot(model, best.plan_data, **({"tolerance": asked} if known else {}))
+        figure = plot(model, best.plan_data, **({"tolerance": tolerance} if known else {}))
         out = io.BytesIO()
         wide = _WIDE if instances <= _FEW else _SMALL
         dpi = wide / figure.get_size_inches()[0]
         figure.savefig(out, format="webp", dpi=dpi, pil_kwargs={"quality": _QUALITY})
-    except Exception as error:  # a picture, which may be a stranger's, must not stop the page
+    except Exception as error:  # an error of a picture must not stop the page
         log.warning("picture of %r: %s", best.instance, error)
         return "", f"No picture: {error}"
     return (

@@ -1,4 +1,4 @@
-"""Profiles: on which share of the instances a backend is within a factor, or a budget, of the best."""
+"""Performance and data profiles: share of instances solved within a factor or a budget."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Profile", "data_profile", "performance_profile"]
 
 Floats = NDArray[np.float64]
 
-#: By backend the places where its share rises, ascending, and the shares from there on.
+#: For each backend the abscissae at which its share rises, ascending, and the shares from there on.
 Profile = dict[str, tuple[Floats, Floats]]
 
 
@@ -22,15 +22,15 @@ def performance_profile(measures: Mapping[str, Sequence[float]]) -> Profile:
     r"""Return performance profiles.
 
     :math:`\rho_s(\tau)` is the share of the instances on which backend :math:`s` needs at most
-    :math:`\tau` times what the best backend on that instance needs. At 1 it is the share on which it is the
-    best, ties included; in the limit the share that it solves at all. An instance that nobody solves
-    counts in every denominator.
+    :math:`\tau` times the measure of the best backend on that instance. At 1 it is the share on which
+    it is the best, including ties; in the limit, the share it solves at all. Instances that no
+    backend solves count in every denominator.
 
     Parameters
     ----------
     measures : mapping of str to sequence of float
-        By backend a measure > 0 an instance, such as seconds, in the same order of instances; inf where
-        it failed.
+        One measure > 0 per instance and backend, such as seconds, with the instances in the same
+        order; inf for a failure.
 
     Returns
     -------
@@ -58,24 +58,29 @@ def performance_profile(measures: Mapping[str, Sequence[float]]) -> Profile:
 
 
 def data_profile(evaluations: Mapping[str, Sequence[float]], dimensions: Sequence[int]) -> Profile:
-    r"""Return data profiles.
+    r"""Return data profiles of derivative-free searches.
 
     :math:`d_s(\kappa)` is the share of the instances that backend :math:`s` solves within
-    :math:`\kappa (n_p + 1)` evaluations of the objective, where :math:`n_p` is the number of variables:
-    :math:`\kappa` counts what a gradient by differences costs.
+    :math:`\kappa (n_p + 1)` evaluations of the objective with :math:`n_p` variables. One unit of
+    :math:`\kappa` is the cost of a gradient by finite differences.
 
     Parameters
     ----------
     evaluations : mapping of str to sequence of float
-        By backend the evaluations until an instance was solved, > 0, in the same order of instances; inf
-        where it was not.
+        Evaluations > 0 until the instance was solved, per instance and backend, with the instances
+        in the same order; inf for a failure.
     dimensions : sequence of int
-        The number of variables of each instance, >= 1.
+        Number of variables of each instance, >= 1.
 
     Returns
     -------
     mapping of str to (ndarray, ndarray)
         :math:`\kappa`, ascending from 0, and the shares from there on.
+
+    Raises
+    ------
+    InvalidData
+        As in :func:`performance_profile`, or `dimensions` has another length or values below 1.
 
     References
     ----------
@@ -86,10 +91,10 @@ def data_profile(evaluations: Mapping[str, Sequence[float]], dimensions: Sequenc
     try:
         sizes = np.asarray(dimensions, float)
     except (TypeError, ValueError):
-        sizes = np.empty(())  # as many as for no list of instances
+        sizes = np.empty(())  # a shape that fits no list of instances
     if sizes.shape != table.shape[1:] or not (sizes >= 1).all():
         raise InvalidData(
-            f"dimensions must be {table.shape[1]} whole numbers >= 1, one an instance",
+            f"dimensions must be {table.shape[1]} whole numbers >= 1, one per instance",
             field="dimensions",
         )
     return {
@@ -98,11 +103,11 @@ def data_profile(evaluations: Mapping[str, Sequence[float]], dimensions: Sequenc
 
 
 def _steps(places: Floats, begin: float) -> tuple[Floats, Floats]:
-    """Return where the share of places passed rises, from `begin` on, and the shares."""
+    """Return the abscissae at which the share rises, starting with `begin`, and the shares."""
     finite = np.sort(places[np.isfinite(places)])
-    at = np.unique(np.append(finite, begin))
-    shares = np.searchsorted(finite, at, side="right") / max(places.size, 1)
-    return at, shares
+    steps = np.unique(np.append(finite, begin))
+    shares = np.searchsorted(finite, steps, side="right") / max(places.size, 1)
+    return steps, shares
 
 
 def _table(measures: Mapping[str, Sequence[float]]) -> Floats:
@@ -115,9 +120,9 @@ def _table(measures: Mapping[str, Sequence[float]]) -> Floats:
     if not rows or any(row.ndim != 1 or row.shape != rows[0].shape for row in rows):
         sizes = [row.size for row in rows]
         raise InvalidData(
-            f"measures must be as many for each backend, got {sizes}", field="measures"
+            f"measures must be equally many for each backend, got {sizes}", field="measures"
         )
     table = np.array(rows)
-    if not (table > 0).all():  # NaN neither
+    if not (table > 0).all():  # rejects NaN, too
         raise InvalidData("measures must be > 0, inf where a backend failed", field="measures")
     return table

@@ -1,4 +1,4 @@
-"""The records of a campaign: every answer as it was written, and what they amount to."""
+"""Records of a campaign: all answers, verdicts and standings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .standing import Standing, rank, standings_table, who
 
 __all__ = ["Records", "read_records"]
 
-#: Bytes that a record may hold: about a million short answers.
+#: Largest size of a record in bytes: about a million short answers.
 LARGEST = 4 << 30
 
 
@@ -30,11 +30,11 @@ class Records:
     Parameters
     ----------
     solutions : tuple of Solution
-        Every answer, by instance in the order of the first answers.
+        All answers, by instance in the order of the first answers.
     title : str
-        For people.
+        Title of the report.
     interrupted : bool
-        Whether Ctrl-C ended the campaign; what had been finished is there.
+        Whether Ctrl-C ended the campaign. Finished answers are included.
     """
 
     solutions: tuple[Solution[Any], ...]
@@ -43,41 +43,40 @@ class Records:
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """A verdict an instance: the answers to one model, whatever formulation, seed or limit."""
-        return tuple(judge(found[0].instance, found) for found in self.by_instance.values())
+        """One verdict per instance: on the answers to one model with any formulation, seed or limit."""
+        return tuple(judge(answers[0].instance, answers) for answers in self.by_instance.values())
 
     @cached_property
     def by_instance(self) -> dict[str, tuple[Solution[Any], ...]]:
-        """The answers by the digest of the model that they answer."""
+        """Answers by digest of the model."""
         groups: dict[str, list[Solution[Any]]] = {}
-        for one in self.solutions:
-            groups.setdefault(one.digest, []).append(one)
-        return {digest: tuple(found) for digest, found in groups.items()}
+        for solution in self.solutions:
+            groups.setdefault(solution.digest, []).append(solution)
+        return {digest: tuple(answers) for digest, answers in groups.items()}
 
     @cached_property
     def standings(self) -> dict[str, list[Standing]]:
-        """How the backends stand, by kind of model; the leading one first."""
-        kinds = sorted({one.solutions[0].model for one in self.verdicts})
+        """Standings of the backends by kind of model, the leading one first."""
+        kinds = sorted({verdict.solutions[0].model for verdict in self.verdicts})
         return {
-            kind: rank([one for one in self.verdicts if one.solutions[0].model == kind])
-            for kind in kinds
+            kind: rank([v for v in self.verdicts if v.solutions[0].model == kind]) for kind in kinds
         }
 
     @cached_property
     def uneven(self) -> tuple[str, ...]:
-        """Instances whose answers were asked for under different limits of time or tolerances."""
+        """Instances whose answers have different time limits or tolerances."""
         return tuple(
-            one.instance
-            for one in self.verdicts
+            verdict.instance
+            for verdict in self.verdicts
             if any(
-                len({s.options.get(name) for s in one.solutions}) > 1
+                len({s.options.get(name) for s in verdict.solutions}) > 1
                 for name in ("time_limit", "tolerance")
             )
         )
 
     @property
     def outcome(self) -> Outcome:
-        """The worst of the verdicts: one contradiction makes it a contradiction."""
+        """Worst outcome of all verdicts, so a single contradiction decides."""
         outcomes = {verdict.outcome for verdict in self.verdicts}
         for outcome in (Outcome.CONTRADICTION, Outcome.INCONCLUSIVE):
             if outcome in outcomes:
@@ -85,25 +84,25 @@ class Records:
         return Outcome.AGREED if outcomes and not self.interrupted else Outcome.INCONCLUSIVE
 
     def among(self, *backends: str) -> Records:
-        """Return the answers of some backends alone, on the instances that all of them ran on.
+        """Return the answers of some backends on the instances that all of them ran on.
 
         Parameters
         ----------
         *backends : str
-            Names; ``"name:formulation"`` where one of several formulations is meant.
+            Names, or ``"name:formulation"`` for one of several formulations.
 
         Raises
         ------
         InvalidData
-            The records have no answer of one of them, or there is no instance of all.
+            The records have no answer of one of them, or no instance that all of them ran on.
         """
         ran: dict[str, set[str]] = {name: set() for name in backends}
-        for one in self.solutions:
-            for name in {one.backend, who(one)} & ran.keys():
-                ran[name].add(one.digest)
+        for solution in self.solutions:
+            for name in {solution.backend, who(solution)} & ran.keys():
+                ran[name].add(solution.digest)
         for name, digests in ran.items():
             if not digests:
-                known = sorted({who(one) for one in self.solutions})
+                known = sorted({who(solution) for solution in self.solutions})
                 raise InvalidData(
                     f"backends: the records have no answer of {show(name)}; they have {', '.join(known)}",
                     field="backends",
@@ -114,15 +113,15 @@ class Records:
                 f"backends: no instance was run by all of {', '.join(backends) or 'none'}",
                 field="backends",
             )
-        kept = [
-            one
-            for one in self.solutions
-            if one.digest in shared and {one.backend, who(one)} & ran.keys()
+        selected = [
+            solution
+            for solution in self.solutions
+            if solution.digest in shared and {solution.backend, who(solution)} & ran.keys()
         ]
-        return replace(self, solutions=tuple(kept))
+        return replace(self, solutions=tuple(selected))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return verdicts and standings as JSON data, without the answers, which the record holds."""
+        """Return verdicts and standings as JSON data, without the answers."""
         return {
             "title": self.title,
             "verdict": str(self.outcome),
@@ -131,60 +130,69 @@ class Records:
             "answers": len(self.solutions),
             "instances": [
                 {
-                    "instance": one.instance,
-                    "verdict": str(one.outcome),
-                    "evidence": one.evidence,
-                    "notes": list(one.notes),
+                    "instance": item.instance,
+                    "verdict": str(item.outcome),
+                    "evidence": item.evidence,
+                    "notes": list(item.notes),
                 }
-                for one in self.verdicts
+                for item in self.verdicts
             ],
             "problems": [
-                {"problem": kind, "backends": [one.to_dict() for one in standings]}
+                {"problem": kind, "backends": [standing.to_dict() for standing in standings]}
                 for kind, standings in self.standings.items()
             ],
         }
 
     def parts(self) -> list[Any]:
-        """Return what to print: who leads each problem, the verdicts counted, each contradiction."""
-        counts = Counter(one.outcome for one in self.verdicts)
-        words = ", ".join(f"{counts[one]} {one}" for one in Outcome if counts[one])
+        """Return the printable parts: leaders per problem, counts of verdicts, contradictions."""
+        counts = Counter(item.outcome for item in self.verdicts)
+        words = ", ".join(f"{counts[item]} {item}" for item in Outcome if counts[item])
         lines = [
             f"{many(len(self.solutions), 'answer')} on {many(len(self.verdicts), 'instance')}: {words}"
         ]
         lines += [
-            f"{one.outcome}: {one.instance}: {one.evidence}"
-            for one in self.verdicts
-            if one.outcome is Outcome.CONTRADICTION
+            f"{item.outcome}: {item.instance}: {item.evidence}"
+            for item in self.verdicts
+            if item.outcome is Outcome.CONTRADICTION
         ]
         if self.uneven:
             lines.append(
-                f"not asked for alike, so that seconds do not compare: {len(self.uneven)} of the instances, "
+                f"unequal options, so that seconds are not comparable: {len(self.uneven)} of the instances, "
                 f"such as {self.uneven[0]}"
             )
         if self.interrupted:
-            lines.append("interrupted: what is missing was not run")
+            lines.append("interrupted: missing answers were not run")
         return [standings_table(self.standings), "\n".join(lines)]
 
 
 def read_records(path: str | os.PathLike[str], *, title: str = "") -> Records:
-    """Return the records in a JSON-lines file that a campaign or ``compare(record=…)`` wrote.
+    """Return the records in a JSON-lines file of a campaign or of ``compare(record=…)``.
 
-    A last line that was cut off in the middle is left out; where a job was run again, its last answer counts.
+    A truncated last line is ignored. If a job was run again, its last answer is used.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Name of the file.
+    title : str
+        Title of the report. Default: name of the file.
 
     Raises
     ------
     InvalidData
-        The file cannot be read, or a line is no answer; the message names it.
+        The file cannot be read, or a line is not an answer; the message gives its number.
     """
     file = as_path(path)
     content = read_bytes(file, LARGEST)
     if len(content) > LARGEST:
         raise InvalidData(f"{file}: holds more than {LARGEST} bytes")
-    found: dict[Any, Solution[Any]] = {}
+    solutions: dict[Any, Solution[Any]] = {}
     for number, data in lines_of(content, file)[0]:
         key = data.get("key")
         try:
-            found[key if isinstance(key, str) else number] = Solution.from_dict(data)
+            solutions[key if isinstance(key, str) else number] = Solution.from_dict(data)
         except CrosstrackError as error:
-            raise InvalidData(f"{file}, line {number}: no answer of a campaign: {error}") from None
-    return Records(tuple(found.values()), title or file.stem)
+            raise InvalidData(
+                f"{file}, line {number}: not an answer of a campaign: {error}"
+            ) from None
+    return Records(tuple(solutions.values()), title or file.stem)

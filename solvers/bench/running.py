@@ -1,4 +1,4 @@
-"""Running a campaign: in one process or several, on a cluster, and on from where it stopped."""
+"""Run of a campaign: in worker processes or on a cluster, with resumption."""
 
 from __future__ import annotations
 
@@ -23,26 +23,28 @@ from .records import Records
 
 __all__ = ["Progress", "bench"]
 
-#: Jobs of a backend whose seconds say what its others will take.
+#: Finished jobs of a backend from which the seconds of the others are estimated.
 TOLD = 3
 
 
 @dataclass
 class Progress:
-    """How far a campaign is.
+    """Progress of a campaign.
 
     Parameters
     ----------
     workers : int
-        Jobs that run at the same time.
+        Number of jobs that run in parallel.
     total, recorded : int
-        Jobs that the record lacks, and jobs that it holds.
+        Number of jobs to run, and of jobs already in the record.
     waiting, running : mapping of int to Task
-        What has not begun, and what runs, as far as this process knows.
+        Jobs that wait and jobs that run, as far as this process knows.
     done, failed : int
-        What has ended, and how much of that failed or was rejected.
+        Number of finished jobs, and how many of these failed or were rejected.
     last : Solution, optional
-        The answer that came last.
+        Latest answer.
+    spent : dict of tuple to list of float
+        Seconds of finished jobs by backend and kind of model.
     """
 
     workers: int
@@ -53,29 +55,30 @@ class Progress:
     done: int = 0
     failed: int = 0
     last: Solution[Any] | None = None
-    #: Seconds of what has ended, by backend and kind of model.
     spent: dict[tuple[str, str], list[float]] = field(default_factory=dict)
 
     @property
     def left(self) -> tuple[float | None, bool]:
-        """Seconds left, None where nothing limits them, and whether they are a sum of limits alone.
+        """Estimated seconds left, and whether they are a sum of time limits alone.
 
-        A job is taken to last as long as the median of those of its backend on models of its kind,
-        where three of them have ended, and else as long as it may.
+        Estimates use the median of at least three finished jobs of the same backend on models of the
+        same kind, else the time limit. The seconds are None if a waiting job has no time limit.
         """
         usual = {
-            kind: statistics.median(told) for kind, told in self.spent.items() if len(told) >= TOLD
+            kind: statistics.median(times)
+            for kind, times in self.spent.items()
+            if len(times) >= TOLD
         }
-        seconds, bound = 0.0, True
+        seconds, only_limits = 0.0, True
         for task in (*self.waiting.values(), *self.running.values()):
-            told = usual.get(_kind(task))
-            if told is not None:
-                seconds, bound = seconds + told, False
+            estimate = usual.get(_kind(task))
+            if estimate is not None:
+                seconds, only_limits = seconds + estimate, False
             elif task.refusal is None:
                 if task.job.time_limit is None:
                     return None, True
                 seconds += task.job.time_limit
-        return seconds / self.workers, bound
+        return seconds / self.workers, only_limits
 
     def __str__(self) -> str:
         names = ", ".join(f"{t.job.model.name} {_backend(t)}" for t in self.running.values())
@@ -99,7 +102,7 @@ def _kind(task: Task) -> tuple[str, str]:
 
 
 def _span(seconds: float) -> str:
-    """Return a length of time in words, rounded up to what matters."""
+    """Return a duration as rounded text with its unit."""
     minutes = seconds / 60
     if minutes < 2:
         return f"{seconds:.0f} s"
@@ -119,37 +122,42 @@ def bench(
 ) -> Records:
     """Run a campaign and return its records.
 
-    Every job has a process of its own, which is killed when it passes its limits. Its answer is written
-    to `record` at once; a job whose process was killed by somebody else is run once more. The same
-    campaign gives the same records on one worker, several, and a cluster, but for seconds and what
-    depends on them: what ends at a limit of time.
+    Every job has a worker process, which is killed if it exceeds its limits. Its answer is appended
+    to `record` at once. A job whose process was killed from outside runs once more. The records do
+    not depend on the number and place of the workers, except for seconds and for answers that end
+    at a time limit.
 
     Parameters
     ----------
     campaign : Campaign or path-like
-        The campaign, or its TOML file.
+        The campaign, or the name of its TOML file.
     record : path-like
-        The JSON-lines file that receives every answer.
+        Name of the JSON-lines file that receives every answer.
     resume : bool
-        Go on with a record that exists, running only what it lacks.
+        Continue an existing record and run only the missing jobs.
     retry : bool
-        With `resume`, run what failed again as well: a licence or a library may be there now.
+        With `resume`, also run failed jobs again, for example after installing a licence.
     workers : int
-        Jobs at the same time, where there is no cluster.
+        Number of jobs that run in parallel without a cluster.
     cluster : str, optional
-        Address of a Dask scheduler, such as ``"tcp://10.0.0.1:8786"``, whose workers see this package;
-        needs the extra ``cluster``.
+        Address of a Dask scheduler, such as ``"tcp://10.0.0.1:8786"``, whose workers can import this
+        package. Requires the extra ``cluster``.
     pool : concurrent.futures.Executor, optional
-        Any other place that launches the jobs.
+        Other executor that launches the jobs.
     on_progress : callable, optional
-        Called with a :class:`Progress` when a job begins or ends, by one thread at a time.
+        Function called with a :class:`Progress` when a job starts or ends, by one thread at a time.
+
+    Returns
+    -------
+    Records
+        All answers, including recorded ones.
 
     Raises
     ------
     InvalidData
-        The campaign's file, or the record, is not what it should be.
+        The file of the campaign or the record is invalid.
     UnsupportedOption
-        An option has a value that is not allowed.
+        The value of an option is not allowed.
     BackendMissing
         The extra ``cluster`` is not installed.
     """
@@ -159,34 +167,34 @@ def bench(
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
         raise UnsupportedOption(f"workers must be a whole number >= 1, got {show(workers)}")
     if cluster is not None and (pool is not None or not isinstance(cluster, str)):
-        raise UnsupportedOption("cluster must be an address, and there may be no pool beside it")
+        raise UnsupportedOption("cluster must be an address, and excludes pool")
     if retry and not resume:
-        raise UnsupportedOption("retry needs resume: without it there is nothing that failed")
+        raise UnsupportedOption("retry needs resume: without it no failed job is known")
     pool = checked_pool(pool)
     tasks = campaign.tasks
-    news, turn = Progress(workers), threading.RLock()
+    state, turn = Progress(workers), threading.RLock()
 
     def started(task: Task) -> None:
         with turn:  # called by the threads that run the jobs
-            news.waiting.pop(id(task), None)
-            news.running[id(task)] = task
+            state.waiting.pop(id(task), None)
+            state.running[id(task)] = task
             if on_progress is not None:
-                on_progress(news)
+                on_progress(state)
 
     def finished(task: Task, solution: Solution[Any]) -> None:
         with turn:
-            news.waiting.pop(id(task), None)
-            news.running.pop(id(task), None)
-            news.spent.setdefault(_kind(task), []).append(solution.seconds.get("total", 0.0))
-            news.done += 1
-            news.failed += solution.termination in (Termination.FAILED, Termination.REJECTED)
-            news.last = solution
+            state.waiting.pop(id(task), None)
+            state.running.pop(id(task), None)
+            state.spent.setdefault(_kind(task), []).append(solution.seconds.get("total", 0.0))
+            state.done += 1
+            state.failed += solution.termination in (Termination.FAILED, Termination.REJECTED)
+            state.last = solution
             if on_progress is not None:
-                on_progress(news)
+                on_progress(state)
 
     def begun(waiting: Sequence[Task]) -> None:
-        news.waiting = {id(task): task for task in waiting}
-        news.recorded, news.total = len(tasks) - len(waiting), len(waiting)
+        state.waiting = {id(task): task for task in waiting}
+        state.recorded, state.total = len(tasks) - len(waiting), len(waiting)
 
     with ExitStack() as stack:
         client = None
@@ -196,33 +204,33 @@ def bench(
             stack.callback(_tidy, client)
 
         def room() -> int | None:
-            """Return how many jobs run at the same time, and note it; None where it is not known."""
+            """Update and return the number of jobs that run in parallel; None if it is unknown."""
             if client is None:
-                most = getattr(pool, "_max_workers", None)
+                count = getattr(pool, "_max_workers", None)
             else:
-                most = news.workers
-                with contextlib.suppress(Exception):  # whatever it says when its scheduler is away
-                    most = sum(client.nthreads().values())
-            news.workers = news.workers if most is None else max(most, 1)
-            return most
+                count = state.workers
+                with contextlib.suppress(Exception):  # a lost scheduler can raise any exception
+                    count = sum(client.nthreads().values())
+            state.workers = state.workers if count is None else max(count, 1)
+            return count
 
         answers, interrupted = run_tasks(
             tasks, record=record, resume=resume, retry=retry, workers=workers, pool=pool, room=room,
             begun=begun, started=started, finished=finished,
         )  # fmt: skip
-    found = [answers[place] for place in sorted(answers)]
-    kept = tuple(one for one in found if one.limit is not Limit.INTERRUPTED)
-    return Records(kept, campaign.title, interrupted)
+    finished_answers = [answers[place] for place in sorted(answers)]
+    complete = tuple(s for s in finished_answers if s.limit is not Limit.INTERRUPTED)
+    return Records(complete, campaign.title, interrupted)
 
 
 def _tidy(client: Any) -> None:
-    """Close the processes that wait on a cluster for a next job."""
-    with contextlib.suppress(Exception):  # a cluster that is away takes them with it
+    """Close the idle worker processes on a cluster."""
+    with contextlib.suppress(Exception):  # a lost cluster has no processes left
         client.run(close_kept)
 
 
 def _connected(address: str) -> Any:
-    """Return the client of a Dask scheduler, a context."""
+    """Return the client of a Dask scheduler, a context manager."""
     try:
         from distributed import Client
     except ImportError:

@@ -1,4 +1,4 @@
-"""How backends stand on one problem: what they solved, how fast, and their profiles."""
+"""Standings of the backends on one problem: solved instances, seconds and profiles."""
 
 from __future__ import annotations
 
@@ -28,41 +28,42 @@ __all__ = [
     "REFERENCE", "TOO_LATE", "Standing", "are_rivals", "is_reference", "measured_seconds", "rank", "slack", "who",
 ]  # fmt: skip
 
-#: Why an answer of a backend that sees hidden data is not counted.
+#: Reason why an answer of a backend that sees hidden data is not ranked.
 REFERENCE = "reference: sees hidden data"
-#: Why an answer as good as the best is not counted.
-TOO_LATE = "past its limit of time"
-#: What says that there is no better answer.
+#: Reason why an answer as good as the best is not solved.
+TOO_LATE = "past its time limit"
+#: Terminations that prove that no better answer exists.
 _PROOFS = (Termination.OPTIMAL, Termination.INFEASIBLE, Termination.UNBOUNDED)
-#: Seconds of a run as a share of its limit above which it did not keep to it.
+#: Share of the time limit above which a run has exceeded it.
 LATE = 1.1
-#: Seconds of a run at the least: no clock resolves less.
+#: Smallest seconds of a run, the resolution of a clock.
 _LEAST = 1e-6
-#: Share of the objective above the best from which no percentage is told.
+#: Relative excess over the best objective above which no percentage is given.
 _FAR = 9.95
 
 
 class Standing(NamedTuple):
-    """One backend, with its formulation, on the instances of one problem.
+    """Results of one backend, with its formulation, on the instances of one problem.
 
     Parameters
     ----------
     label : str
-        The backend with its formulation.
+        Backend with its formulation.
     runs, instances, of : int
-        How many runs there were, on how many instances, and how many instances there are.
+        Number of runs, of instances with runs, and of all instances.
     solved, proven, best, fastest : int
-        How many instances more than half of the runs solved, on how many a run proved its answer, on
-        how many a run's plan is the best of all, and on how many it was fastest.
+        Number of instances that more than half of the runs solved, that have a run with a proven
+        answer, that have a run with the best plan of all, and on which the backend was fastest.
     typical, median : float
-        Shifted geometric mean of the seconds over all instances, and their median over its own.
+        Shifted geometric mean of the seconds over all instances, and median over the instances with
+        runs.
     integral : float, optional
-        Mean over all instances of the primal integral, as a share of the limit of time, in [0, 1]; None
-        where no instance has a plan.
+        Mean over all instances of the primal integral, as a share of the time limit, in [0, 1]; None
+        if no instance has a plan.
     profile : sequence of (float, float)
-        Its performance profile.
+        Performance profile.
     answers : sequence of (Solution, str)
-        Its answers, each with why it is not solved, "" where it is.
+        Answers, each with the reason why it is not solved, empty if it is.
     """
 
     label: str
@@ -80,7 +81,7 @@ class Standing(NamedTuple):
     answers: Sequence[tuple[Solution[Any], str]]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON data, seconds in seconds, without the answers."""
+        """Return the results as JSON data, without the answers."""
         low, high = success_interval(self.solved, self.of)
         return {
             "backend": self.label,
@@ -100,20 +101,20 @@ class Standing(NamedTuple):
 
 
 def standings_table(standings: Mapping[str, Sequence[Standing]], most: int = 3) -> FittedTable:
-    """Return a table of the backends that lead each problem, `most` of each."""
+    """Return a table of the best `most` backends of each problem."""
     rows = [
         (
             kind if place == 0 else "",
-            one.label,
-            f"{one.solved} of {one.of}",
-            one.proven,
-            one.best,
-            one.fastest,
-            seconds_text(one.typical),
-            "" if one.integral is None else f"{100 * one.integral:.3g} %",
+            standing.label,
+            f"{standing.solved} of {standing.of}",
+            standing.proven,
+            standing.best,
+            standing.fastest,
+            seconds_text(standing.typical),
+            "" if standing.integral is None else f"{100 * standing.integral:.3g} %",
         )
-        for kind, found in standings.items()
-        for place, one in enumerate(found[:most])
+        for kind, ranked in standings.items()
+        for place, standing in enumerate(ranked[:most])
     ]
     columns = (
         "problem",
@@ -129,14 +130,19 @@ def standings_table(standings: Mapping[str, Sequence[Standing]], most: int = 3) 
 
 
 def who(solution: Solution[Any]) -> str:
-    """Return the backend with its formulation, and the options of its own that were set."""
+    """Return the name of the backend with its formulation and its options."""
     return name_backend(solution.backend, solution.formulation, own_options(solution))
 
 
 def measured_seconds(solution: Solution[Any]) -> float | None:
-    """Return the seconds that count: of building and solving, or of the whole call where they are not known.
+    """Return the seconds to build and solve, or of the whole call if the parts are unknown.
 
-    What a native algorithm prepares is part of its solving, so the program of a solver counts as well.
+    Building is included because native algorithms do their preparation while solving.
+
+    Parameters
+    ----------
+    solution : Solution
+        The answer.
     """
     parts = solution.seconds
     if "solve" not in parts:
@@ -145,12 +151,18 @@ def measured_seconds(solution: Solution[Any]) -> float | None:
 
 
 def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
-    """Return how every backend stands on the instances of one problem, the leading one first.
+    """Return the standings of all backends on the instances of one problem, the leading one first.
 
-    What sees hidden data, such as an oracle, is a reference and no rival: it is left out. Where backends
-    answer different questions, each verified plan counts as solved, and none as the best. Most solved
-    first, then the least typical seconds. Repeats of a seed count as their median, and so do the seeds of an
-    instance; what is not solved, or not run, counts as the largest limit of time.
+    They are sorted by the number of solved instances, then by typical seconds. Backends that see
+    hidden data, such as an oracle, are references and are omitted. If backends answer different
+    questions, each verified plan is solved, and none is the best. The median over repeats, and then
+    over seeds, represents an instance. An instance that is not solved, or not run, has the largest
+    time limit.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        One per instance.
     """
     verdicts = [fair for verdict in verdicts if (fair := _without_references(verdict)).solutions]
     if not verdicts:
@@ -162,41 +174,43 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
     fastest: Counter[str] = Counter()
     proven: Counter[str] = Counter()
     integrals: dict[str, dict[int, float]] = {}
-    #: What a failure counts as on each instance, for those that did not run as well.
+    #: Seconds of a failure on each instance, also for backends that did not run on it.
     limits: list[float] = []
     for index, verdict in enumerate(verdicts):
-        least = verdict.best
-        took: dict[str, float] = {}
-        top = math.inf if least is None else _value(least) + ROUNDING * _size(least)
+        best_answer = verdict.best
+        seconds: dict[str, float] = {}
+        top = (
+            math.inf if best_answer is None else _value(best_answer) + ROUNDING * _size(best_answer)
+        )
         for label in dict.fromkeys(map(who, verdict.solutions)):
             own = [
-                (s, _failure(s, verdict, s if alone else least))
+                (s, _failure(s, verdict, s if alone else best_answer))
                 for s in verdict.solutions
                 if who(s) == label
             ]
             answers.setdefault(label, []).extend(own)
-            took[label] = max(_usual(own), _LEAST)
+            seconds[label] = max(_usual(own), _LEAST)
             proven[label] += any(not why and s.termination in _PROOFS for s, why in own)
-            if least is not None and not alone:
+            if best_answer is not None and not alone:
                 best[label] += any(
                     not why and s.primal_bound is not None and s.primal_bound <= top
                     for s, why in own
                 )
-            measures.setdefault(label, {})[index] = took[label]
-        first = min(took.values())
-        fastest.update(label for label, value in took.items() if value == first < math.inf)
+            measures.setdefault(label, {})[index] = seconds[label]
+        first = min(seconds.values())
+        fastest.update(label for label, value in seconds.items() if value == first < math.inf)
         allowed = [float(s.options.get("time_limit") or 0.0) for s in verdict.solutions]
         spent = [measured_seconds(s) or 0.0 for s in verdict.solutions]
         limits.append(max(*allowed, _LEAST) if any(allowed) else max(*spent, _LEAST))
-        if least is not None:
-            for label in took:
+        if best_answer is not None:
+            for label in seconds:
                 runs = [
-                    _integral(s, s if alone else least, limits[-1])
+                    _integral(s, s if alone else best_answer, limits[-1])
                     for s in verdict.solutions
                     if who(s) == label
                 ]
                 integrals.setdefault(label, {})[index] = median(runs)
-    # What a backend did not run counts as not solved: nobody gains by staying away.
+    # An instance without a run is not solved, so that omitting it is no advantage.
     profiles = performance_profile(
         {
             label: [own.get(index, math.inf) for index in range(len(verdicts))]
@@ -204,24 +218,24 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
         }
     )
     far = max(float(places[-1]) for places, _ in profiles.values())
-    found: list[Standing] = []
+    standings: list[Standing] = []
     planned = {index for own in integrals.values() for index in own}
     for label, own in answers.items():
-        ran = measures[label]
-        times = [min(ran.get(index, math.inf), limit) for index, limit in enumerate(limits)]
-        found.append(
+        measured = measures[label]
+        times = [min(measured.get(index, math.inf), limit) for index, limit in enumerate(limits)]
+        standings.append(
             Standing(
-                label, len(own), len(ran), len(verdicts), sum(map(math.isfinite, ran.values())),
+                label, len(own), len(measured), len(verdicts), sum(map(math.isfinite, measured.values())),
                 proven[label], best[label], fastest[label], shifted_geometric_mean(times),
-                median(times[index] for index in ran),
+                median(times[index] for index in measured),
                 mean(integrals.get(label, {}).get(i, 1.0) for i in planned) if planned else None, _points(*profiles[label], far), own,
             )
         )  # fmt: skip
-    return sorted(found, key=lambda one: (-one.solved, one.typical))
+    return sorted(standings, key=lambda standing: (-standing.solved, standing.typical))
 
 
 def are_rivals(kind: str) -> bool:
-    """Return whether all backends for a kind of model answer one question; where it is unknown, they do."""
+    """Return True if all backends for a kind of model answer the same question, or if it is unknown."""
     try:
         return bool(model_type(kind).rivals)
     except CrosstrackError:
@@ -229,7 +243,7 @@ def are_rivals(kind: str) -> bool:
 
 
 def is_reference(solution: Solution[Any]) -> bool:
-    """Return whether an answer's backend sees what its model hides; one that is not installed does not."""
+    """Return True if the backend of an answer sees hidden data; False if it is not installed."""
     try:
         return find_backend(solution.backend, problem=solution.problem or None).sees_hidden
     except CrosstrackError:
@@ -237,85 +251,92 @@ def is_reference(solution: Solution[Any]) -> bool:
 
 
 def _without_references(verdict: Verdict) -> Verdict:
-    """Return the verdict on the backends that see no more than a model shows."""
-    fair = [one for one in verdict.solutions if not is_reference(one)]
+    """Return the verdict on the backends that do not see hidden data."""
+    fair = [solution for solution in verdict.solutions if not is_reference(solution)]
     return verdict if len(fair) == len(verdict.solutions) else judge(verdict.instance, fair)
 
 
-def _integral(solution: Solution[Any], least: Solution[Any], limit: float) -> float:
-    """Return the primal integral of a run as a share of the limit of time; `least` is the best one."""
+def _integral(solution: Solution[Any], best_answer: Solution[Any], limit: float) -> float:
+    """Return the primal integral of a run as a share of the time limit."""
     if solution.stored_plan is None or solution.primal_bound is None:
         return 1.0
-    scale = 1.0 if least.verification is None else least.verification.scale
+    scale = 1.0 if best_answer.verification is None else best_answer.verification.scale
     ended = min(measured_seconds(solution) or 0.0, limit)
-    # What is claimed on the way counts as far as it does not fall below what was verified.
+    # Claimed objectives are raised to the verified one.
     course = [(i.seconds, max(i.objective, solution.primal_bound)) for i in solution.incumbents]
     course.append((ended, solution.primal_bound))
-    return primal_integral(course, _value(least), limit, scale) / limit
+    return primal_integral(course, _value(best_answer), limit, scale) / limit
 
 
-def _value(least: Solution[Any]) -> float:
-    assert least.primal_bound is not None
-    return least.primal_bound
+def _value(best_answer: Solution[Any]) -> float:
+    assert best_answer.primal_bound is not None
+    return best_answer.primal_bound
 
 
-def _size(least: Solution[Any]) -> float:
-    """Return what differences to the best objective are relative to."""
-    scale = 1.0 if least.verification is None else least.verification.scale
-    return max(abs(_value(least)), scale)
+def _size(best_answer: Solution[Any]) -> float:
+    """Return the magnitude to which differences from the best objective are relative."""
+    scale = 1.0 if best_answer.verification is None else best_answer.verification.scale
+    return max(abs(_value(best_answer)), scale)
 
 
-def slack(solution: Solution[Any], least: Solution[Any]) -> float:
-    """Return by how much an answer may be above the best plan `least` and be as good.
+def slack(solution: Solution[Any], best_answer: Solution[Any]) -> float:
+    """Return the excess over the best plan up to which an answer is as good as the best.
 
-    As verdicts do: relative to the objective or to its scale, beside what sampling explains.
+    As in verdicts, it is relative to the objective or its scale, plus the spread of sampling.
+
+    Parameters
+    ----------
+    solution : Solution
+        The answer, whose gap and tolerance are used.
+    best_answer : Solution
+        The best answer.
     """
-    spread = 0.0 if least.verification is None else least.verification.spread
-    asked = sum(float(solution.options.get(name) or 0.0) for name in ("gap", "tolerance"))
-    return max(asked, ROUNDING) * _size(least) + spread
+    spread = 0.0 if best_answer.verification is None else best_answer.verification.spread
+    accepted = sum(float(solution.options.get(name) or 0.0) for name in ("gap", "tolerance"))
+    return max(accepted, ROUNDING) * _size(best_answer) + spread
 
 
 def _usual(own: Sequence[tuple[Solution[Any], str]]) -> float:
-    """Return the median over seeds of the median over the repeats of each; inf where that failed."""
+    """Return the median over seeds of the median over repeats; inf for a failure."""
     seeds: dict[int | None, list[float]] = {}
     for solution, why in own:
         seconds = math.inf if why else measured_seconds(solution) or 0.0
         seeds.setdefault(solution.seed, []).append(seconds)
-    return median(median(one) for one in seeds.values())
+    return median(median(times) for times in seeds.values())
 
 
-def _failure(solution: Solution[Any], verdict: Verdict, least: Solution[Any] | None) -> str:
-    """Return why an answer is not solved, "" where it is; `least` is the best one."""
+def _failure(solution: Solution[Any], verdict: Verdict, best_answer: Solution[Any] | None) -> str:
+    """Return the reason why an answer is not solved, empty if it is."""
     if solution.termination in (Termination.FAILED, Termination.REJECTED):
         return str(solution.termination)
     wrong = verdict.outcome is Outcome.CONTRADICTION
     claims = (Termination.INFEASIBLE, Termination.UNBOUNDED)
-    if least is None or least.primal_bound is None:
+    if best_answer is None or best_answer.primal_bound is None:
         if solution.termination not in claims or verdict.outcome is Outcome.INCONCLUSIVE:
             return "no plan"
-        # Agreed is one claim; the other is wrong.
+        # The verdict agrees on one of the two claims; the other is wrong.
         agreed = verdict.evidence.startswith(str(solution.termination))
         return "" if agreed and not wrong else "contradicted"
-    size, near = _size(least), slack(solution, least)
+    size, accepted = _size(best_answer), slack(solution, best_answer)
     if wrong and solution.dual_bound is not None:
-        if solution.dual_bound > least.primal_bound + near:
+        if solution.dual_bound > best_answer.primal_bound + accepted:
             return "wrong bound"
     if wrong and solution.termination in claims:
         return f"wrong: {solution.termination}"
     if solution.stored_plan is None or solution.primal_bound is None:
         return "no plan"
-    worse = solution.primal_bound - least.primal_bound
-    if worse <= near:
+    excess = solution.primal_bound - best_answer.primal_bound
+    if excess <= accepted:
         limit = float(solution.options.get("time_limit") or math.inf)
         return TOO_LATE if (measured_seconds(solution) or 0.0) > LATE * limit else ""
-    size = abs(least.primal_bound) or size
-    return f"{100 * worse / size:.2g} % above best" if worse < _FAR * size else "far above best"
+    size = abs(best_answer.primal_bound) or size
+    return f"{100 * excess / size:.2g} % above best" if excess < _FAR * size else "far above best"
 
 
 def _points(
     places: NDArray[np.float64], shares: NDArray[np.float64], far: float
 ) -> list[tuple[float, float]]:
-    """Return a profile as points that end at `far`, none where nothing was solved."""
+    """Return a profile as points that end at `far`; empty if no instance was solved."""
     if not shares[-1]:
         return []
     return list(zip([*places.tolist(), far], [*shares.tolist(), float(shares[-1])], strict=True))

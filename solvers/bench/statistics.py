@@ -1,4 +1,4 @@
-"""What runs amount to: means that bear failures, integrals over time, and tests of ranks."""
+"""Statistics of runs: means that tolerate failures, integrals over time, and rank tests."""
 
 from __future__ import annotations
 
@@ -25,32 +25,33 @@ __all__ = [
 ]
 
 _Key = TypeVar("_Key")
-#: Numbers, one a run or an instance.
+#: Numbers, one per run or instance.
 _Column = Sequence[float] | NDArray[np.float64]
 
-#: Values of each side at least before a difference is tested, and pairs that differ: fewer say next to
-#: nothing, and with five pairs no p-value is below :data:`LEVEL`.
+#: Smallest number of values of each side for a test, and smallest number of differing pairs. Smaller
+#: samples have little power; with five pairs no p-value is below :data:`LEVEL`.
 FEWEST, FEWEST_PAIRS = 5, 6
-#: Numbers from which differences are taken of shares of the largest.
+#: Magnitude above which differences are computed of values divided by the largest, to avoid overflow.
 LARGE = 1e300
-#: What p must be below for a difference to be called one.
+#: Significance level.
 LEVEL = 0.05
-#: Pairs up to which all signs are counted, and sizes of two samples, multiplied, up to which all ranks are.
+#: Largest number of pairs for the exact signed-rank test, and largest product of two sample sizes for
+#: the exact rank test.
 EXACT, EXACT_PRODUCT = 12, 2500
 
 
 def shifted_geometric_mean(values: Sequence[float], shift: float = 1.0) -> float:
     r"""Return the shifted geometric mean of times.
 
-    :math:`\bigl(\prod_i (t_i + s)\bigr)^{1/n} - s`: neither the longest runs nor those below the
-    resolution of a clock decide it. A run that failed counts as its limit of time.
+    :math:`\bigl(\prod_i (t_i + s)\bigr)^{1/n} - s`. Neither the longest runs nor those below the
+    resolution of a clock dominate it. Enter a failed run with its time limit.
 
     Parameters
     ----------
     values : sequence of float
         Times, >= 0 (s).
     shift : float
-        :math:`s \ge 0` (s); the mean is geometric at 0 and tends to the arithmetic one as it grows.
+        :math:`s \ge 0` (s). The mean is geometric for 0 and tends to the arithmetic mean as it grows.
 
     Returns
     -------
@@ -60,7 +61,7 @@ def shifted_geometric_mean(values: Sequence[float], shift: float = 1.0) -> float
     Raises
     ------
     InvalidData
-        There is no value, or one is negative or not finite.
+        There is no value, or a value is negative or not finite.
 
     References
     ----------
@@ -71,20 +72,35 @@ def shifted_geometric_mean(values: Sequence[float], shift: float = 1.0) -> float
         raise InvalidData(f"values must be >= 0, got {times.min():g}", field="values")
     if shift == 0 and not times.all():
         return 0.0
-    most = float(times.max())
-    if shift and shift >= most:
-        # In terms of the shift: no digit of the times is lost beside it.
+    longest = float(times.max())
+    if shift and shift >= longest:
+        # In units of the shift, so that no digit of the times is lost.
         return float(shift * np.expm1(np.log1p(times / shift).mean()))
-    # In terms of the largest, so that no product leaves the range of floats.
-    large = most + shift
-    mean = float((np.log(times + shift) - math.log(large)).mean())
-    return max(large * math.expm1(mean) + (large - shift), 0.0)
+    # In units of the largest, so that no product overflows.
+    largest = longest + shift
+    mean = float((np.log(times + shift) - math.log(largest)).mean())
+    return max(largest * math.expm1(mean) + (largest - shift), 0.0)
 
 
 def success_interval(successes: int, runs: int) -> tuple[float, float]:
-    """Return the interval of a rate of success with a confidence of 95 %.
+    """Return the 95 % confidence interval of a success rate.
 
-    Wilson's, which stays within [0, 1] and says something where all or none succeeded.
+    Wilson's interval stays within [0, 1] and is informative even if all or no runs succeeded.
+
+    Parameters
+    ----------
+    successes, runs : int
+        Number of successes and of runs, 0 <= `successes` <= `runs`, `runs` >= 1.
+
+    Returns
+    -------
+    low, high : float
+        Ends of the interval.
+
+    Raises
+    ------
+    InvalidData
+        The numbers are not integers in this range.
 
     References
     ----------
@@ -94,27 +110,36 @@ def success_interval(successes: int, runs: int) -> tuple[float, float]:
     from scipy.stats import binomtest
 
     successes, runs = (
-        Whole().coerce(*one, {}) for one in (("successes", successes), ("runs", runs))
+        Whole().coerce(*pair, {}) for pair in (("successes", successes), ("runs", runs))
     )
     if not 0 <= successes <= runs or runs < 1:
         raise InvalidData(
             f"successes must be 0 to runs, and runs >= 1, got {successes} of {runs}", field="runs"
         )
-    found = binomtest(successes, runs).proportion_ci(method="wilson")
-    return float(found.low), float(found.high)
+    interval = binomtest(successes, runs).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def primal_gap(objective: float | None, best: float, scale: float = 0.0) -> float:
-    r"""Return how far an objective is from the best one known, in [0, 1].
+    r"""Return the relative distance of an objective from the best known one, in [0, 1].
 
-    :math:`|f - f^*| / \max(|f|, |f^*|, s)`, at most 1; 0 where both are 0, 1 without a plan and, for
-    :math:`s = 0`, where the two have different signs. A scale :math:`s` is what a value near zero is
-    measured against; the source has none.
+    :math:`|f - f^*| / \max(|f|, |f^*|, s)`, at most 1. It is 0 if both are 0. It is 1 without a
+    plan, and if the signs differ and :math:`s = 0`. The scale :math:`s`, which the reference does
+    not have, is the magnitude to which values near zero are compared.
+
+    Parameters
+    ----------
+    objective : float, optional
+        Objective of a plan; None or not finite without one.
+    best : float
+        Best known objective.
+    scale : float
+        Scale :math:`s \ge 0` of the objective.
 
     Raises
     ------
     InvalidData
-        The best one is not finite, or the scale is not >= 0 and finite.
+        `best` is not finite, or `scale` is negative or not finite.
 
     References
     ----------
@@ -133,59 +158,59 @@ def primal_integral(
 ) -> float:
     """Return the integral of the primal gap over time.
 
-    Less is better: it is the time to the best plan known if there is nothing before it, and `limit` where
-    there is no plan at all.
+    Lower is better. It equals the time until the best known plan if this is the first plan, and
+    `limit` if there is no plan.
 
     Parameters
     ----------
     incumbents : sequence of (float, float)
-        Seconds and objective of every better plan, in their order.
+        Seconds and objective of every improvement, in any order.
     best : float
-        The best objective known.
+        Best known objective.
     limit : float
-        Until when the run is looked at (s), > 0.
+        End of the integration (s), > 0.
     scale : float
         As in :func:`primal_gap`.
 
     Returns
     -------
     float
-        Between 0 and `limit` (s).
+        Value between 0 and `limit` (s).
 
     References
     ----------
     T. Berthold: Measuring the impact of primal heuristics, Operations Research Letters 41, 2013, (3).
     """
     limit = Real(0.0, strict=True).coerce("limit", limit, {})
-    total, since, gap, least = 0.0, 0.0, 1.0, math.inf
+    total, start, gap, lowest = 0.0, 0.0, 1.0, math.inf
     course = Array(("plans", 2), infinity=1).coerce(
         "incumbents", [*incumbents] or np.empty((0, 2)), {}
     )
     for seconds, objective in sorted(map(tuple, course.tolist())):
         if seconds >= limit:
             break
-        if objective < least:
-            total += gap * max(seconds - since, 0.0)
-            since, gap, least = max(seconds, since), primal_gap(objective, best, scale), objective
-    return total + gap * (limit - since)
+        if objective < lowest:
+            total += gap * max(seconds - start, 0.0)
+            start, gap, lowest = max(seconds, start), primal_gap(objective, best, scale), objective
+    return total + gap * (limit - start)
 
 
 @dataclass(frozen=True)
 class RankTest:
-    """A test of whether one of two samples tends to be less than the other.
+    """Test whether the values of one sample tend to be lower than those of another.
 
     Parameters
     ----------
     method : str
-        Which test.
+        Name of the test.
     p_value : float, optional
-        Probability of ranks at least as different if there were no difference; corrected for the number of
-        pairs where there are several. None where there is too little to test.
+        Probability of ranks at least as different without a true difference, corrected for the
+        number of pairs if there are several. None if there are too few values.
     effect : float
-        Probability that a run of the first is less than one of the second, less the opposite, in
-        [-1, 1]: Cliff's delta, and the rank-biserial correlation for pairs.
+        Probability that a value of the first sample is lower than one of the second, minus the
+        opposite, in [-1, 1]: Cliff's delta, or the rank-biserial correlation for pairs.
     runs : int
-        Values of each side, the fewer ones; where they are too few, the pairs that differ.
+        Number of values of the smaller sample; with too few pairs, the number of differing pairs.
     """
 
     method: str
@@ -203,118 +228,140 @@ class RankTest:
 
 
 def compare_seeds(first: _Column, second: _Column) -> RankTest:
-    """Return whether two backends that draw differ on one instance: a value a seed.
+    """Test whether two randomised backends differ on one instance, with one value per seed.
 
     Parameters
     ----------
     first, second : sequence of float
-        What less of is better, such as objectives; inf where a run failed.
+        Values of which lower is better, such as objectives; inf for a failed run.
+
+    Returns
+    -------
+    RankTest
+        Two-sided Mann-Whitney test.
 
     References
     ----------
-    H. B. Mann, D. R. Whitney, Annals of Mathematical Statistics 18, 1947; exact without ties up to
-    :data:`EXACT_PRODUCT`, otherwise with the normal approximation corrected for ties.
+    H. B. Mann, D. R. Whitney, Annals of Mathematical Statistics 18, 1947. The test is exact without
+    ties up to :data:`EXACT_PRODUCT`, and uses the normal approximation with ties correction otherwise.
     """
     from scipy.stats import mannwhitneyu
 
-    one, two = _ranked("first", first), _ranked("second", second)
-    less, more = np.less.outer(one, two).mean(), np.greater.outer(one, two).mean()
-    runs, effect = min(one.size, two.size), float(less - more)
+    left, right = _ranked("first", first), _ranked("second", second)
+    less, more = np.less.outer(left, right).mean(), np.greater.outer(left, right).mean()
+    runs, effect = min(left.size, right.size), float(less - more)
     if runs < FEWEST:
         return RankTest("Mann-Whitney", None, effect, runs)
-    if np.unique(np.concatenate([one, two])).size == 1:
+    if np.unique(np.concatenate([left, right])).size == 1:
         return RankTest("Mann-Whitney", 1.0, 0.0, runs)
-    apart = np.unique(np.concatenate([one, two])).size == one.size + two.size
-    method = "exact" if apart and one.size * two.size <= EXACT_PRODUCT else "asymptotic"
-    p_value = float(mannwhitneyu(one, two, method=method).pvalue)
+    is_distinct = np.unique(np.concatenate([left, right])).size == left.size + right.size
+    method = "exact" if is_distinct and left.size * right.size <= EXACT_PRODUCT else "asymptotic"
+    p_value = float(mannwhitneyu(left, right, method=method).pvalue)
     return RankTest("Mann-Whitney", p_value, effect, runs)
 
 
 def compare_pairs(first: _Column, second: _Column) -> RankTest:
-    """Return whether two backends differ over instances: a pair of values an instance.
+    """Test whether two backends differ over instances, with one pair of values per instance.
 
     Parameters
     ----------
     first, second : sequence of float
-        As many of both, on the same scale for all instances, such as primal gaps or logarithms of
-        seconds; finite.
+        Equally many finite values, on the same scale for all instances, such as primal gaps or
+        logarithms of seconds.
+
+    Returns
+    -------
+    RankTest
+        Two-sided Wilcoxon signed-rank test.
 
     References
     ----------
-    F. Wilcoxon, Biometrics Bulletin 1, 1945: equal pairs are left out. Exact, ties included, up to
-    :data:`EXACT` pairs that differ; with the normal approximation beyond.
+    F. Wilcoxon, Biometrics Bulletin 1, 1945. Equal pairs are omitted. The test is exact, including
+    ties, up to :data:`EXACT` differing pairs, and uses the normal approximation otherwise.
     """
     from scipy.stats import PermutationMethod, wilcoxon
 
-    one, two = _numbers("first", first), _numbers("second", second)
-    if one.size != two.size:
+    left, right = _numbers("first", first), _numbers("second", second)
+    if left.size != right.size:
         raise InvalidData(
-            f"second must have {one.size} values, as many as first, got {two.size}", field="second"
+            f"second must have {left.size} values, as many as first, got {right.size}",
+            field="second",
         )
-    most = max(float(np.abs(one).max()), float(np.abs(two).max()), 1.0)
-    apart = one / most - two / most if most > LARGE else one - two  # which must not overflow
-    moved = apart[apart != 0]
-    if moved.size < FEWEST_PAIRS:
-        p_value = 1.0 if one.size >= FEWEST_PAIRS and not moved.size else None
-        runs = one.size if p_value else moved.size
-        return RankTest("Wilcoxon", p_value, _biserial(apart), int(runs))
+    largest = max(float(np.abs(left).max()), float(np.abs(right).max()), 1.0)
+    # Divided by the largest if the differences could overflow.
+    differences = left / largest - right / largest if largest > LARGE else left - right
+    nonzero = differences[differences != 0]
+    if nonzero.size < FEWEST_PAIRS:
+        p_value = 1.0 if left.size >= FEWEST_PAIRS and not nonzero.size else None
+        runs = left.size if p_value else nonzero.size
+        return RankTest("Wilcoxon", p_value, _biserial(differences), int(runs))
     every = PermutationMethod(n_resamples=2 ** (EXACT + 1), rng=np.random.default_rng(0))
-    found = wilcoxon(moved, method=every if moved.size <= EXACT else "approx")
-    return RankTest("Wilcoxon", float(found.pvalue), _biserial(apart), int(one.size))
+    result = wilcoxon(nonzero, method=every if nonzero.size <= EXACT else "approx")
+    return RankTest("Wilcoxon", float(result.pvalue), _biserial(differences), int(left.size))
 
 
 def correct_tests(tests: Mapping[_Key, RankTest]) -> dict[_Key, RankTest]:
-    """Return tests with p-values corrected for their number.
+    """Return tests with p-values corrected for their number by Holm's method.
 
-    By Holm's method: the chance of a single false difference among all of them stays below what is asked.
+    The probability of any false difference among them stays below the significance level.
+
+    Parameters
+    ----------
+    tests : mapping of object to RankTest
+        The tests.
+
+    Returns
+    -------
+    dict of object to RankTest
+        The same tests with corrected p-values.
 
     References
     ----------
     S. Holm: A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics 6,
     1979.
     """
-    found = dict(tests)
+    corrected = dict(tests)
     tested = sorted(
         (name for name, test in tests.items() if test.p_value is not None),
         key=lambda name: tests[name].p_value or 0.0,
     )
-    least = 0.0
+    lower = 0.0
     for k, name in enumerate(tested):
         test = tests[name]
-        least = max(least, min(1.0, (len(tested) - k) * (test.p_value or 0.0)))
-        found[name] = RankTest(f"{test.method}, Holm", least, test.effect, test.runs)
-    return found
+        lower = max(lower, min(1.0, (len(tested) - k) * (test.p_value or 0.0)))
+        corrected[name] = RankTest(f"{test.method}, Holm", lower, test.effect, test.runs)
+    return corrected
 
 
-def _biserial(apart: np.ndarray[Any, Any]) -> float:
-    """Return the rank-biserial correlation: positive where the first of each pair is less."""
+def _biserial(differences: np.ndarray[Any, Any]) -> float:
+    """Return the rank-biserial correlation, positive if the first value of the pairs is lower."""
     from scipy.stats import rankdata
 
-    moved = apart[apart != 0]
-    if not moved.size:
+    nonzero = differences[differences != 0]
+    if not nonzero.size:
         return 0.0
-    ranks = rankdata(np.abs(moved))
-    return float((ranks[moved < 0].sum() - ranks[moved > 0].sum()) / ranks.sum())
+    ranks = rankdata(np.abs(nonzero))
+    return float((ranks[nonzero < 0].sum() - ranks[nonzero > 0].sum()) / ranks.sum())
 
 
 def _ranked(name: str, values: _Column) -> np.ndarray[Any, Any]:
-    """Return numbers that may be infinite, for ranks bear that."""
+    """Return numbers that may be infinite, as ranks allow it."""
     try:
-        found = np.asarray(values, float)
+        numbers = np.asarray(values, float)
     except (TypeError, ValueError):
-        found = np.empty(0)
-    if found.ndim != 1 or not found.size or np.isnan(found).any():
+        numbers = np.empty(0)
+    if numbers.ndim != 1 or not numbers.size or np.isnan(numbers).any():
         raise InvalidData(f"{name} must be a list of numbers, got {show(values)}", field=name)
-    return found
+    return numbers
 
 
 def _least(name: str, value: float) -> float:
-    """Return a finite number that is not negative."""
+    """Return a finite, non-negative number."""
     return float(Real(0.0).coerce(name, value, {}))
 
 
 def _numbers(name: str, values: _Column) -> np.ndarray[Any, Any]:
-    found = _ranked(name, values)
-    if not np.isfinite(found).all():
+    numbers = _ranked(name, values)
+    if not np.isfinite(numbers).all():
         raise InvalidData(f"{name} must be finite, got {show(values)}", field=name)
-    return found
+    return numbers

@@ -1,8 +1,8 @@
-"""A suite that ships: small programs with known answers, which every backend is tried on.
+"""Conformance suite: small programs with known answers for testing backends.
 
-``run_suite(backends)`` runs each backend in a worker of its own and returns the matrix backend ×
-case; a stranger's backend is tried in the same way as ours. ``run_case(backend, name)`` runs one
-case in this process. A feature that a backend does not declare makes its cases ``unsupported``.
+``run_suite(backends)`` runs each backend in a worker process and returns the matrix of backends and
+cases, for backends of this package and of others alike. ``run_case(backend, name)`` runs one case in
+this process. Cases that need a feature which a backend does not declare are ``unsupported``.
 """
 
 from .cases import Case, Expectation, Run

@@ -1,4 +1,4 @@
-"""What a conformance case is, and how an answer is judged: by computing again, not by trust."""
+"""Conformance cases, and the judgement of an answer by recomputation."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ __all__ = [
     "unsolvable",
 ]
 
-#: Relative slack of every comparison with a known value: solvers work to 1e-6 at best.
+#: Relative slack of comparisons with a known value. Solvers reach 1e-6 at best.
 SLACK = 1e-6
-#: The same for a bound and a point that a limit left unfinished: it holds to the tolerance only, and
-#: its objective gains the violations times their multipliers (measured: up to 8e-6).
+#: The same for a bound and a point of an unfinished run. The point satisfies its rows only up to the
+#: tolerance, so its objective gains the violations times their multipliers (up to 8e-6).
 UNFINISHED = 1e-4
-#: Seconds that a solver may need beyond its time limit or a stop, on a busy machine.
+#: Seconds that a solver may need after its time limit or a stop request, on a busy machine.
 GRACE = 3.0
 
-#: Largest reduced cost, relative to the objective's gradient, that a local optimum may leave.
+#: Largest reduced cost of a local optimum, relative to the gradient of the objective.
 STATIONARY = 1e-3
-#: How a run ends that claims an optimum.
+#: Terminations that claim an optimum.
 _OPTIMAL = (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL)
 
 Vector = NDArray[np.float64]
@@ -47,29 +47,29 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """What is known of a case.
+    """Known facts about a case.
 
     Parameters
     ----------
     termination : tuple of Termination
-        The right ends.
+        Correct terminations.
     objective : float, optional
-        The optimum, where it is known and exists.
+        Optimal objective, if it is known and exists.
     best_known, floor : float, optional
-        For programs nobody solves: the objective of a plan that exists, which no dual bound may
-        exceed, and a proven lower bound, below which no plan may lie.
+        For programs without a known optimum: the objective of a known plan, which no dual bound may
+        exceed, and a proven lower bound on the objective of all plans.
     point : tuple of float, optional
-        The optimal column vector, where it is the only one.
+        Optimal column vector, if it is unique.
     duals : tuple of float, optional
-        The row multipliers, where they are the only ones.
+        Row multipliers, if they are unique.
     limit : Limit, optional
-        The limit that must be named.
+        Limit that must be named.
     through : bool
-        Whether a fast solver may be through before the limit: it then names none.
+        Whether a fast solver may finish before the limit, which it then must not name.
     any_limit : bool
-        Whether a limit on iterations may be named whatever else is expected.
+        Whether a limit on iterations is also accepted.
     objectives : tuple of float
-        The objectives of all local optima, where there are several.
+        Objectives of all local optima, if there are several.
     slack : float
         Relative slack of comparisons with the known objective.
     """
@@ -89,22 +89,22 @@ class Expectation:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One run of a backend on a case, with what was seen from outside.
+    """One run of a backend on a case, with external measurements.
 
     Parameters
     ----------
     answer : Answer
-        What the backend returned.
+        Answer of the backend.
     request : Request
-        What it was asked.
+        The request.
     features : frozenset of Feature
-        What it declares.
+        Features that the backend declares.
     incumbents : tuple of (float, float, object)
-        Seconds, objective and point of each incumbent reported.
+        Seconds, objective and point of each reported incumbent.
     seconds, cpu : float
         Wall-clock and processor time of the run.
     others : tuple of Answer
-        The answers to the case's other requests, one each.
+        Answers to the further requests of the case.
     """
 
     answer: Answer
@@ -118,28 +118,28 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A small program of which everything that matters is known.
+    """Small program with known properties.
 
     Parameters
     ----------
     name : str
-        What it tries.
+        Property that is tested.
     program : BlockProgram
-        What is asked; its type decides which backends the case is for.
+        The program, whose type determines the backends that run the case.
     expectation : Expectation
-        What is known.
+        Known facts.
     needs : frozenset of Feature
-        Features without which the case says nothing of a backend.
+        Features that a backend must declare for the case to apply.
     arguments : mapping
         Arguments of the :class:`Request`.
     stop_after : float, optional
-        Seconds after which the control asks the run to stop; 0 stops it before it starts.
+        Seconds after which the control requests a stop; 0 requests it before the start.
     others : tuple of mapping
-        What further requests change, each asked after the first; nothing, to ask the same again.
+        Changed arguments of further requests; an empty mapping repeats the first one.
     further : callable, optional
-        ``further(case, run)`` judges what only this case looks at.
+        Function ``further(case, run)`` with a judgement specific to this case.
     duals : bool
-        Whether the multipliers of a backend that declares ``DUALS`` are judged as well.
+        Whether to judge the multipliers of backends that declare ``DUALS``.
     """
 
     name: str
@@ -153,7 +153,13 @@ class Case:
     duals: bool = False
 
     def judge(self, run: Run) -> str | None:
-        """Return why `run` fails the case, None when it passes."""
+        """Return the reason why `run` fails the case; None if it passes.
+
+        Parameters
+        ----------
+        run : Run
+            A run of this case.
+        """
         for judge in (_termination, _point, _bounds, _duals, _time):
             reason = judge(self, run)
             if reason is not None:
@@ -189,17 +195,17 @@ def _point(case: Case, run: Run) -> str | None:
     point = np.asarray(answer.point, float)
     if point.shape != (case.program.size,):
         return f"the point has shape {point.shape}, expected ({case.program.size},)"
-    found = case.program.verify(point, tolerance=run.request.tolerance)
-    if not found.ok or found.objective is None:
-        return f"the point fails verification: {found.summary()}"
-    value = found.objective
+    verification = case.program.verify(point, tolerance=run.request.tolerance)
+    if not verification.ok or verification.objective is None:
+        return f"the point fails verification: {verification.summary()}"
+    value = verification.objective
     if abs(value - answer.primal_bound) > _slack(value):
         return f"claims the objective {answer.primal_bound!r}, its point has {value!r}"
-    least = expected.objective if expected.objective is not None else expected.floor
+    lower = expected.objective if expected.objective is not None else expected.floor
     ended = answer.termination in _OPTIMAL
     slack = expected.slack if ended else max(UNFINISHED, expected.slack)
-    if least is not None and value < least - _slack(least, slack):
-        return f"the point has the objective {value!r}, below the proven bound {least!r}"
+    if lower is not None and value < lower - _slack(lower, slack):
+        return f"the point has the objective {value!r}, below the proven bound {lower!r}"
     if not ended:
         return None
     local = answer.termination is Termination.LOCALLY_OPTIMAL
@@ -207,7 +213,9 @@ def _point(case: Case, run: Run) -> str | None:
     if not optima and expected.objective is not None:
         optima = (expected.objective,)
     gap = run.request.gap * abs(value)
-    if optima and not any(abs(value - one) <= gap + _slack(one, expected.slack) for one in optima):
+    if optima and not any(
+        abs(value - known) <= gap + _slack(known, expected.slack) for known in optima
+    ):
         return f"called {value!r} {answer.termination}, known are {list(optima)}"
     if expected.point is not None and not _near(case.program, point, expected):
         return f"found {point.tolist()}, the only optimum is {list(expected.point)}"
@@ -215,9 +223,9 @@ def _point(case: Case, run: Run) -> str | None:
 
 
 def _near(program: BlockProgram, point: Vector, expected: Expectation) -> bool:
-    """Whether `point` is the one expected, as far as its objective's slack decides it."""
+    """Return True if `point` is the expected one, within the precision that the objective's slack allows."""
     size = program.column_scale if isinstance(program, NonlinearProgram) else 1.0
-    # Where the objective is known to s, a point of a curved one is known to the root of s.
+    # If a curved objective is known up to s, its optimal point is known up to sqrt(s).
     flat = isinstance(program, RowProgram) and not isinstance(program, ConicProgram)
     allowed = 1e-5 if flat else max(np.sqrt(expected.slack), 1e-5)
     return bool((np.abs(point - np.asarray(expected.point)) <= allowed * size).all())
@@ -229,7 +237,7 @@ def _bounds(case: Case, run: Run) -> str | None:
     known = expected.objective if expected.objective is not None else expected.best_known
     if bound is not None:
         if not np.isfinite(bound):
-            return f"the dual bound is {bound!r}; None says that there is none"
+            return f"the dual bound is {bound!r}; use None for no bound"
         if Feature.DUAL_BOUND not in run.features:
             return "claims a dual bound without declaring the feature"
         if answer.termination in (Termination.INFEASIBLE, Termination.UNBOUNDED):
@@ -238,12 +246,12 @@ def _bounds(case: Case, run: Run) -> str | None:
             return f"claims the dual bound {bound!r}, yet a plan has {known!r}"
     proven = proven_bound(case.program, answer)
     if proven is not None and answer.point is not None:
-        found = case.program.verify(
+        verification = case.program.verify(
             np.asarray(answer.point, float), tolerance=run.request.tolerance
         )
-        left = without_rounding(proven, found, run.request.tolerance)
-        if found.objective is not None and left > found.objective:
-            return f"proves the bound {proven!r}, above its own point's {found.objective!r}"
+        rounded = without_rounding(proven, verification, run.request.tolerance)
+        if verification.objective is not None and rounded > verification.objective:
+            return f"proves the bound {proven!r}, above its own point's {verification.objective!r}"
     if answer.termination is Termination.OPTIMAL and Feature.DUAL_BOUND in run.features:
         if bound is None or answer.primal_bound is None:
             return "ended optimal without a dual bound"
@@ -280,7 +288,7 @@ def _duals(case: Case, run: Run) -> str | None:
 def _multipliers(
     program: NonlinearProgram, duals: Vector, answer: Answer, expected: Expectation
 ) -> str | None:
-    """Return what is wrong with the multipliers of a local optimum."""
+    """Return the fault of the multipliers of a local optimum; None if they are correct."""
     point = np.asarray(answer.point, float)
     unit = float(np.abs(program.gradient(point) * program.column_scale).max(initial=0.0))
     left = program.stationarity(point, duals) / max(1.0, unit / program.objective_scale)
@@ -292,7 +300,7 @@ def _multipliers(
         idle = np.where(duals == 0, 0.0, np.abs(duals) * slack) / program.objective_scale
     if not (idle <= STATIONARY).all():
         row = program.row_name(int(idle.argmax()))
-        return f"the dual of {row} is not zero, or of the wrong sign, where the row does not bind"
+        return f"the dual of {row} is nonzero or has the wrong sign although the row does not bind"
     if expected.duals is not None:
         sizes = program.row_scale / program.objective_scale
         if not (np.abs(duals - np.asarray(expected.duals)) * sizes <= STATIONARY).all():
@@ -313,7 +321,15 @@ def optimum(
     point: tuple[float, ...] | None = None,
     duals: tuple[float, ...] | None = None,
 ) -> Expectation:
-    """Return what is expected where the optimum is known and must be proven."""
+    """Return the expectation of a known optimum that must be proven.
+
+    Parameters
+    ----------
+    objective : float
+        Optimal objective.
+    point, duals : tuple of float, optional
+        Optimal point and multipliers, if they are unique.
+    """
     return Expectation((Termination.OPTIMAL,), objective, point=point, duals=duals)
 
 
@@ -325,7 +341,15 @@ def bounds(
     lower: ArrayLike,
     upper: ArrayLike,
 ) -> dict[str, Any]:
-    """Return the bounds of a program by the names of its fields; those given once count for all."""
+    """Return the bounds of a program by field name, with scalars broadcast.
+
+    Parameters
+    ----------
+    rows, columns : int
+        Numbers of rows and columns.
+    row_lower, row_upper, lower, upper : array_like
+        Bounds of rows and columns; a scalar applies to all.
+    """
     given = {
         "row_lower": (row_lower, rows),
         "row_upper": (row_upper, rows),
@@ -338,9 +362,9 @@ def bounds(
     }
 
 
-#: Programs by name, each with what is known of it.
+#: Programs with their expectations, by name.
 Table = Mapping[str, tuple[BlockProgram, Expectation]]
-#: The feature without which a backend does not take an argument of the request.
+#: Feature that a backend needs to accept an argument of the request.
 _NEEDS = {
     "cutoff": Feature.CUTOFF,
     "gap": Feature.GAP,
@@ -350,14 +374,36 @@ _NEEDS = {
 
 
 def tabled(kind: str, table: Table, **others: Any) -> list[Case]:
-    """Return a case for each entry of `table`, its name after `kind`, with `others` of its fields."""
+    """Return one case per entry of `table`.
+
+    Parameters
+    ----------
+    kind : str
+        Prefix of the names.
+    table : mapping of str to (BlockProgram, Expectation)
+        The programs.
+    **others
+        Further fields of :class:`Case`.
+    """
     return [Case(f"{kind}{name}", *known, **others) for name, known in table.items()]
 
 
 def ended(
     kind: str, programs: Mapping[str, BlockProgram], *termination: Termination, **known: Any
 ) -> list[Case]:
-    """Return a case for each of `programs`, of which the right ends are known, and `known`."""
+    """Return one case per program, with common correct terminations.
+
+    Parameters
+    ----------
+    kind : str
+        Prefix of the names.
+    programs : mapping of str to BlockProgram
+        The programs.
+    *termination : Termination
+        Correct terminations.
+    **known
+        Further fields of :class:`Expectation`.
+    """
     expected = Expectation(termination, **known)
     return tabled(kind, {name: (program, expected) for name, program in programs.items()})
 
@@ -365,7 +411,15 @@ def ended(
 def unsolvable(
     kind: str, infeasible: Mapping[str, BlockProgram], unbounded: Mapping[str, BlockProgram]
 ) -> list[Case]:
-    """Return a case for each program, which must be proven to have no solution."""
+    """Return one case per program, which must be proven infeasible or unbounded.
+
+    Parameters
+    ----------
+    kind : str
+        Prefix of the names.
+    infeasible, unbounded : mapping of str to BlockProgram
+        The programs.
+    """
     return [
         *ended(kind, infeasible, Termination.INFEASIBLE),
         *ended(kind, unbounded, Termination.UNBOUNDED),
@@ -379,7 +433,21 @@ def asked_for(
     requests: Mapping[str, Mapping[str, Any]],
     **others: Any,
 ) -> list[Case]:
-    """Return a case for each of `requests`: by name, the arguments with which `program` is asked."""
+    """Return one case per request for the same program.
+
+    Parameters
+    ----------
+    kind : str
+        Prefix of the names.
+    program : BlockProgram
+        The program.
+    known : Expectation
+        Known facts.
+    requests : mapping of str to mapping
+        Arguments of the requests, by name.
+    **others
+        Further fields of :class:`Case`.
+    """
     return [
         Case(
             f"{kind}{name}",

@@ -1,4 +1,4 @@
-"""Conformance cases: conic programs with known value, and such as have none."""
+"""Conformance cases: conic programs with known optimum, infeasible and unbounded ones."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ INF = np.inf
 ROOT = float(np.sqrt(2.0))
 
 BALL, EXP, PSD = ConeKind.SECOND_ORDER, ConeKind.EXPONENTIAL, ConeKind.SEMIDEFINITE
-#: A kind, the coefficients of its rows and their constants.
+#: Kind of a cone, coefficients of its rows, and their constants.
 Cone = tuple[ConeKind, Any, Sequence[float]]
 
 
@@ -35,16 +35,16 @@ def conic(cost: Sequence[float], cones: Sequence[Cone], **others: Any) -> ConicP
     cones : sequence of (ConeKind, array, sequence of float)
         Kind, coefficients of the rows, and their constants.
     **others
-        As of :func:`~crosstrack.solvers.conformance.quadratic.quadratic`, with ``hessian`` and
+        As in :func:`~crosstrack.solvers.conformance.quadratic.quadratic`, with ``hessian`` and
         ``matrix`` by name.
     """
     size = len(cost)
     hessian = others.pop("hessian", np.zeros(size))
     program = quadratic(hessian, cost, others.pop("matrix", ()), **others)
-    blocks, at = [], 0
+    blocks, start = [], 0
     for number, (kind, _, offset) in enumerate(cones):
-        blocks.append(ConeBlock(f"cone {number}", "", at, len(offset), kind=kind))
-        at += len(offset)
+        blocks.append(ConeBlock(f"cone {number}", "", start, len(offset), kind=kind))
+        start += len(offset)
     rows = [np.reshape(np.asarray(m, float), (len(offset), size)) for _, m, offset in cones]
     return ConicProgram(
         cone_matrix=sp.csr_array(np.vstack([np.zeros((0, size)), *rows])),
@@ -55,7 +55,7 @@ def conic(cost: Sequence[float], cones: Sequence[Cone], **others: Any) -> ConicP
 
 
 def conic_cases() -> tuple[Case, ...]:
-    """Return the cases; each that has an optimum comes a second time, for its duals."""
+    """Return the cases. Cases with an optimum are repeated for backends with duals."""
     primal = tabled("conic: ", {**_balls(), **_other_cones(), **_delicate()})
     dual = [
         replace(case, name=f"{case.name}, duals", needs=frozenset({Feature.DUALS}))
@@ -81,7 +81,7 @@ def _balls() -> Table:
             conic([-3, -4], [(BALL, DISC[1], [2, 0, 0])], hessian=[1, 1]),
             optimum(-8, (1.2, 1.6), (3, -1.8, -2.4)),
         ),
-        # The columns are the centre and the radius.
+        # The columns are the coordinates of the centre and the radius.
         "smallest enclosing ball": (
             conic(
                 [0, 0, 1],
@@ -92,7 +92,7 @@ def _balls() -> Table:
             ),
             optimum(2, (2, 0, 2)),
         ),
-        # The columns are the point within the disc around (5, 3), and the lengths of both legs.
+        # The columns are a point in the disc around (5, 3) and the lengths of both legs.
         "shortest path by way of a disc": (
             conic(
                 [0, 0, 1, 1],
@@ -174,7 +174,7 @@ def _other_cones() -> Table:
 
 
 def _entropy(size: int) -> ConicProgram:
-    """Return the greatest entropy of `size` shares; the columns are its terms, then the shares."""
+    """Return the program of maximal entropy of `size` shares; its columns are the terms, then the shares."""
     unit = np.eye(2 * size)
     none = np.zeros(2 * size)
     cones: list[Cone] = [(EXP, [unit[k], unit[size + k], none], [0, 0, 1]) for k in range(size)]
@@ -183,7 +183,7 @@ def _entropy(size: int) -> ConicProgram:
 
 
 def _correlation(cost: Sequence[float], **others: Any) -> ConicProgram:
-    """Return a program over the three entries off the diagonal of a correlation matrix."""
+    """Return a program over the three off-diagonal entries of a correlation matrix."""
     rows = np.zeros((6, 3))
     rows[[1, 3, 4], [0, 1, 2]] = ROOT
     return conic(cost, [(PSD, rows, [1, 0, 1, 0, 0, 1])], **others)
@@ -217,9 +217,9 @@ def _delicate() -> Table:
 
 
 def _path(centers: Sequence[tuple[float, float]], radius: float) -> ConicProgram:
-    """Return the shortest path from the first to the last point, by way of discs in between.
+    """Return the shortest path from the first to the last point through discs around the others.
 
-    The columns are the points in between, and then the lengths of the legs.
+    The columns are the points in the discs, and then the lengths of the legs.
     """
     stops, legs = len(centers) - 2, len(centers) - 1
     size = 2 * stops + legs
@@ -264,7 +264,7 @@ def _unsolvable() -> list[Case]:
         "along a matrix": conic([-1, -1], [(PSD, [[1, 0], [0, 0], [0, 1]], [0, ROOT, 0])]),
         "where the objective is flat": conic([0, -1], [HYPERBOLA], hessian=[1, 0]),
     }  # fmt: skip
-    # It falls like a logarithm: nothing proves it, and no point is the best.
+    # The objective decreases like a logarithm: no ray proves it, and no point is optimal.
     slow = {"along a logarithm": conic([-1, 0], [(EXP, [[1, 0], [0, 0], [0, 1]], [0, 1, 0])])}
     unproven = (Termination.FEASIBLE, Termination.NO_SOLUTION, Termination.FAILED)
     return [
@@ -275,9 +275,9 @@ def _unsolvable() -> list[Case]:
 
 
 def _weak() -> list[Case]:
-    """Return programs whose rows and cones come as near as one likes, and never meet.
+    """Return weakly infeasible programs, whose rows and cones have distance 0 but no common point.
 
-    No ray proves it, and no point is one. The last has points, but no best one.
+    No ray proves the infeasibility. The last program has feasible points but attains no optimum.
     """
     none = (Termination.NO_SOLUTION, Termination.FAILED)
     zero: dict[str, Any] = {"matrix": [[1, 0]], "row_lower": 0, "row_upper": 0}

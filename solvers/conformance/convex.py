@@ -1,4 +1,4 @@
-"""Larger convex programs with known optima, by construction: the data are made for the solution."""
+"""Larger convex programs whose data are constructed from a known optimum."""
 
 from __future__ import annotations
 
@@ -27,15 +27,26 @@ Posed = tuple[QuadraticProgram | ConicProgram, Vector]
 def certified(
     hessian: Any, matrix: Any, point: Vector, duals: Vector, reduced: Vector, room: float = 1.0
 ) -> QuadraticProgram:
-    """Return a program that `point` with the multipliers `duals` and `reduced` solves.
+    """Return a program with a given optimal point and given multipliers.
 
-    A bound stands at the point where a multiplier pulls, and `room` away where none does; the cost is
-    what makes the gradient of the Lagrangian vanish.
+    Parameters
+    ----------
+    hessian, matrix : array_like
+        Hessian and row coefficients.
+    point : ndarray, shape (columns,)
+        Optimal point.
+    duals : ndarray, shape (rows,)
+        Multipliers of the rows.
+    reduced : ndarray, shape (columns,)
+        Reduced costs.
+    room : float
+        Distance from the point to bounds that do not bind. Bounds with a multiplier are at the
+        point. The cost makes the gradient of the Lagrangian vanish.
     """
     value = matrix @ point
 
-    def bounds(at: Vector, pull: Vector) -> tuple[Vector, Vector]:
-        return np.where(pull > 0, at, at - room), np.where(pull < 0, at, at + room)
+    def bounds(centre: Vector, pull: Vector) -> tuple[Vector, Vector]:
+        return np.where(pull > 0, centre, centre - room), np.where(pull < 0, centre, centre + room)
 
     row_lower, row_upper = bounds(value, duals)
     column_lower, column_upper = bounds(point, reduced)
@@ -56,17 +67,20 @@ def _drawn(count: int, seed: int) -> Vector:
 
 
 def portfolio() -> tuple[QuadraticProgram, Vector, Vector]:
-    """Shares of 200 assets under ten risk factors: they sum to one, sectors are limited."""
+    """Return a portfolio of 200 assets under ten risk factors with its optimum and multipliers.
+
+    The shares sum to one, and those of each sector are limited.
+    """
     size, factors, sectors = 200, 10, 8
     loads = _drawn(size * factors, 1).reshape(size, factors)
     hessian = loads @ loads.T + np.diag(0.05 + 0.05 * np.abs(_drawn(size, 2)))
     matrix = np.vstack(
         [np.ones(size), np.arange(size)[None, :] % sectors == np.arange(sectors)[:, None]]
     ).astype(float)
-    held = np.arange(size) % 5 == 0
-    point = np.where(held, 0.01 + 0.01 * np.abs(_drawn(size, 3)), 0.0)
-    # What is not held would cost more than it yields; two sectors are at their limits.
-    reduced = np.where(held, 0.0, 0.1 + np.abs(_drawn(size, 4)))
+    chosen = np.arange(size) % 5 == 0
+    point = np.where(chosen, 0.01 + 0.01 * np.abs(_drawn(size, 3)), 0.0)
+    # Assets outside the portfolio cost more than they yield; two sectors are at their limits.
+    reduced = np.where(chosen, 0.0, 0.1 + np.abs(_drawn(size, 4)))
     duals = np.zeros(1 + sectors)
     duals[0], duals[1], duals[5] = 0.7, -0.3, 0.4
     program = certified(hessian, sp.csr_array(matrix), point, duals, reduced)
@@ -77,7 +91,10 @@ def portfolio() -> tuple[QuadraticProgram, Vector, Vector]:
 
 
 def horizon() -> tuple[QuadraticProgram, Vector, Vector]:
-    """Forty steps of a double integrator: states and one control, bounds on both."""
+    """Return forty steps of a double integrator with its optimum and multipliers.
+
+    Each step has two states and one control, with bounds on both.
+    """
     steps, each = 40, 3
     step = 0.1
     size = steps * each
@@ -87,7 +104,7 @@ def horizon() -> tuple[QuadraticProgram, Vector, Vector]:
             (((1, 0, 1.0), (0, 0, -1.0), (0, 1, -step)), ((1, 1, 1.0), (0, 1, -1.0), (0, 2, -step)))
         ):
             for later, entry, value in terms:
-                # The columns of step k hold its control and the state that follows.
+                # The columns of step k are its control and the next state.
                 column = (k + later - 1) * each + entry if entry < 2 else k * each + 2
                 if column >= 0:
                     matrix[2 * k + row, column] = value
@@ -116,17 +133,17 @@ def horizon() -> tuple[QuadraticProgram, Vector, Vector]:
 
 
 def quadratic_limit_cases() -> tuple[Case, ...]:
-    """Return the cases; columns and rows are dense, so that most solvers need more than a moment."""
+    """Return the cases. Columns and rows are dense, so that most solvers need some time."""
     return _cases("quadratic", _quadratic(400, 200), _quadratic(60, 30))
 
 
 def conic_limit_cases() -> tuple[Case, ...]:
-    """Return the cases; columns, cones, and rows of a cone are dense as well."""
+    """Return the cases. Columns, cones and the rows of a cone are dense."""
     return _cases("conic", _conic(160, 40, 16), _conic(24, 6, 8))
 
 
 def _cases(kind: str, large: Posed, small: Posed) -> tuple[Case, ...]:
-    """Return the cases of a program that takes a while and of one that every solver shall finish."""
+    """Return the cases of a program that takes some time and of one that every solver must finish."""
     program, start = large
     best = program.objective(start)
     timed = timed_cases(
@@ -144,7 +161,7 @@ def _cases(kind: str, large: Posed, small: Posed) -> tuple[Case, ...]:
 
 
 def _quadratic(size: int, rows: int) -> tuple[QuadraticProgram, Vector]:
-    """Return a dense program with its optimum; its data are sines, which no library can change."""
+    """Return a dense program with its optimum. Its data are sines, independent of library versions."""
     k, row = np.arange(size), np.arange(rows)[:, None]
     root = np.sin(1.0 + (k[:, None] * 7919 + k[None, : size // 2] * 104729) % 10007)
     hessian = root @ root.T + np.eye(size)
@@ -158,7 +175,7 @@ def _quadratic(size: int, rows: int) -> tuple[QuadraticProgram, Vector]:
 
 
 def _conic(size: int, count: int, dimension: int) -> tuple[ConicProgram, Vector]:
-    """Return a dense program with its optimum; its data are sines, which no library can change.
+    """Return a dense program with its optimum. Its data are sines, independent of library versions.
 
     Every other cone binds at the optimum, with multipliers that cancel the rows: ``(r, y)`` and
     ``(r, -y)`` with ``r = |y|``.

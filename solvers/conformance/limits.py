@@ -1,4 +1,4 @@
-"""Conformance cases: a program nobody finishes, for limits, stops, gaps and warm starts."""
+"""Conformance cases: a program that no solver finishes, for limits, stops, gaps and warm starts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = [
     "timed_cases",
 ]
 
-#: The best plan of a long search, its objective, and the bound that search proved.
+#: Best plan of a long search, its objective, and the proven lower bound.
 _BEST = (
     0, 1, 2, 5, 9, 12, 13, 14, 16, 17, 21, 22, 23, 24, 25, 26, 31, 32, 33, 39, 44, 46, 48, 50, 52,
     54, 55, 57, 59, 60, 61, 62, 64, 65, 66, 67, 68, 71, 72, 73, 74, 81, 86, 88, 89,
@@ -43,26 +43,28 @@ def timed_cases(
     stop_after: float,
     any_limit: bool = False,
 ) -> tuple[Case, ...]:
-    """Return what every kind of program is tried on: limits of time, stops, and a warm start kept.
+    """Return the cases for time limits, stop requests and keeping a warm start.
 
     Parameters
     ----------
     kind : str
-        What the names of the cases begin with.
+        Prefix of the names.
     program : BlockProgram
-        What takes longer than `seconds`.
-    start : ndarray
-        The best point known, from which the last run starts.
+        Program that takes longer than `seconds`.
+    start : ndarray, shape (columns,)
+        Best known point, from which the last run starts.
     ends : tuple of Termination
-        How a fast solver may end that is through before the limit.
-    best_known, floor, any_limit
-        As of :class:`Expectation`; the last is for the runs that begin.
+        Terminations of a fast solver that finishes before the limit.
+    best_known, floor : float
+        As in :class:`Expectation`.
     seconds : float
-        The limit of time.
+        Time limit.
     stop_after : float
-        Seconds until a stop.
+        Seconds until the stop request.
+    any_limit : bool
+        As in :class:`Expectation`, for runs that start.
     """
-    # A solver that found nothing in time has kept the rules: not the start, but the limit, is tried.
+    # A run without a point is accepted: these cases test the limit, not the search.
     stopped = (Termination.FEASIBLE, Termination.NO_SOLUTION)
     cut = Expectation(stopped, best_known=best_known, floor=floor)
     begun = replace(cut, termination=(*ends, *stopped), through=bool(ends), any_limit=any_limit)
@@ -97,7 +99,7 @@ def timed_cases(
 
 
 def no_worse(case: Case, run: Run) -> str | None:
-    """Return how a run that started from the best point known ended with a worse one."""
+    """Return the fault of a run that started from the best known point and ended with a worse one."""
     best, value = case.expectation.best_known, run.answer.primal_bound
     if best is not None and (value is None or value > best + 1e-6 * abs(best) + 1e-9):
         return f"started from a point of {best!r}, ended with {value!r}"
@@ -164,7 +166,15 @@ def limit_cases() -> tuple[Case, ...]:
 
 
 def hard_knapsack(size: int = 90, rows: int = 12) -> MixedIntegerProgram:
-    """Return a knapsack in `rows` dimensions, from a generator that no library can change."""
+    """Return a knapsack with `rows` constraints, from a generator independent of library versions.
+
+    Parameters
+    ----------
+    size : int
+        Number of items.
+    rows : int
+        Number of constraints.
+    """
     draw = numbers(1)
     weights = np.array([[10 + next(draw) % 991 for _ in range(size)] for _ in range(rows)], float)
     cost = -np.round(weights.mean(axis=0)) - np.array([next(draw) % 500 for _ in range(size)])
@@ -178,7 +188,13 @@ def hard_knapsack(size: int = 90, rows: int = 12) -> MixedIntegerProgram:
 
 
 def numbers(seed: int) -> Iterator[int]:
-    """Yield the numbers of a generator that no library can change."""
+    """Yield pseudo-random integers, independent of library versions.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the linear congruential generator.
+    """
     while True:
         seed = (seed * 1103515245 + 12345) % 2**31
         yield seed >> 16
@@ -195,11 +211,11 @@ def _monotone(case: Case, run: Run) -> str | None:
         return "reported no incumbents"
     best = np.inf
     for seconds, objective, point in run.incumbents:
-        found = case.program.verify(np.asarray(point, float))
-        if not found.ok or found.objective is None:
-            return f"the incumbent at {seconds:.3f} s fails verification: {found.summary()}"
-        if abs(found.objective - objective) > 1e-6 * max(1.0, abs(objective)):
-            return f"an incumbent claims {objective!r} and has {found.objective!r}"
+        verification = case.program.verify(np.asarray(point, float))
+        if not verification.ok or verification.objective is None:
+            return f"the incumbent at {seconds:.3f} s fails verification: {verification.summary()}"
+        if abs(verification.objective - objective) > 1e-6 * max(1.0, abs(objective)):
+            return f"an incumbent claims {objective!r} and has {verification.objective!r}"
         if not objective < best:
             return f"an incumbent of {objective!r} follows one of {best!r}"
         if not 0 <= seconds <= run.seconds + GRACE:
@@ -220,7 +236,7 @@ def _one_core(case: Case, run: Run) -> str | None:
 
 
 def same_seed_same_answer(case: Case, run: Run) -> str | None:
-    """Return how the answers to one request, asked again, differ."""
+    """Return the difference between the answers to two equal requests; None if they agree."""
     first, second = run.answer, run.others[0]
     if first.point is None or second.point is None:
         return "has no two points to compare"
@@ -232,7 +248,7 @@ def same_seed_same_answer(case: Case, run: Run) -> str | None:
 
 
 def seeds_differ(case: Case, run: Run) -> str | None:
-    """Return that a seed changes nothing, neither the point nor a count, where it is declared."""
+    """Return a fault if no seed changes the point or the statistics of a backend with seeds."""
     first = run.answer
     if all(
         np.array_equal(first.point, other.point)

@@ -1,4 +1,4 @@
-"""Conformance cases: linear programs with known value, primal and dual."""
+"""Conformance cases: linear programs with known optimum, point and multipliers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def program(
     integral: ArrayLike = False,
     offset: float = 0.0,
 ) -> MixedIntegerProgram:
-    """Return a program from dense data; bounds and kinds given once count for all."""
+    """Return a program from dense data, with scalar bounds and kinds broadcast."""
     costs = np.asarray(cost, float)
     rows = np.asarray(matrix, float).reshape(-1, costs.size) if costs.size else np.asarray(matrix)
 
@@ -41,7 +41,7 @@ def program(
 
 
 def linear_cases() -> tuple[Case, ...]:
-    """Return the cases; the duals of each that has an optimum are judged as well."""
+    """Return the cases. The multipliers of solvable programs are judged as well."""
     return (*tabled("linear: ", _solvable(), duals=True), *_unsolvable())
 
 

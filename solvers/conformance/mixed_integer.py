@@ -1,4 +1,4 @@
-"""Conformance cases: mixed-integer programs with known value, and what makes solvers stumble."""
+"""Conformance cases: mixed-integer programs with known optimum, including typical pitfalls."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .linear import program
 __all__ = ["integer_cases"]
 
 INF = np.inf
-#: A program of whole columns alone.
+#: Function that makes a program with integer columns only.
 whole = partial(program, integral=True)
 
 
@@ -79,7 +79,7 @@ def _solvable() -> list[Case]:
     mixed = {
         "facility location": (
             program(
-                # Two sites (open at 4 and 3), three customers of demand 1, served in part.
+                # Two sites (opening costs 4 and 3) and three customers of demand 1, served in parts.
                 [4, 3, 1, 2, 3, 3, 2, 1],
                 [
                     [0, 0, 1, 0, 0, 1, 0, 0],
@@ -147,8 +147,8 @@ def _knapsack(offset: float = 0.0) -> MixedIntegerProgram:
 
 
 def _switch() -> MixedIntegerProgram:
-    # x <= 10**6 * open and x >= 1/2: open = 5e-7 is "whole" to a solver's usual tolerance, and
-    # half a million times cheaper than the truth.
+    # x <= 10**6 * open and x >= 1/2: open = 5e-7 is integer within a solver's usual tolerance, and
+    # its objective is half a million times lower than the optimum.
     return program(
         [1, 0], [[1e6, -1]], row_lower=[0], lower=[0, 0.5], upper=[1, 10], integral=[True, False]
     )
@@ -168,7 +168,7 @@ def _unsolvable() -> list[Case]:
         "integer: no whole number within the bounds": whole(
             [1, 1], [[1, 1]], row_lower=[0], lower=[0.3, 0], upper=[0.7, 4]
         ),
-        # The first row is even on the left and odd on the right.
+        # The first row is even on the left-hand side and odd on the right-hand side.
         "integer: infeasible by search": whole(
             [1] * 5, [[2, 4, 6, 8, 10], [1, -1, 1, -1, 1]], [21, -3], [21, 3], upper=4
         ),
@@ -191,16 +191,18 @@ def _unsolvable() -> list[Case]:
 
 
 def _cutoffs() -> list[Case]:
-    found = Expectation((Termination.OPTIMAL,), 985, point=(0, 1, 1, 1, 1))
-    nothing = Expectation((Termination.NO_SOLUTION,), 985)
+    solved = Expectation((Termination.OPTIMAL,), 985, point=(0, 1, 1, 1, 1))
+    below_optimum = Expectation((Termination.NO_SOLUTION,), 985)
     requests = {"at the optimum": {"cutoff": 985.0}, "above the optimum": {"cutoff": 987.5}}
-    below = {"nothing below": {"cutoff": 984.5}}
+    requests_below = {"nothing below": {"cutoff": 984.5}}
     linear = program([1, 1], [[1, 1]], row_lower=[5], offset=10)
-    none = Expectation((Termination.NO_SOLUTION,), 15)
+    linear_bound = Expectation((Termination.NO_SOLUTION,), 15)
     return [
-        *asked_for("cutoff: ", _knapsack(1000), found, requests),
-        *asked_for("cutoff: ", _knapsack(1000), nothing, below, further=_cutoff_is_bound),
-        *asked_for("cutoff: ", linear, none, {"linear program": {"cutoff": 14.0}}),
+        *asked_for("cutoff: ", _knapsack(1000), solved, requests),
+        *asked_for(
+            "cutoff: ", _knapsack(1000), below_optimum, requests_below, further=_cutoff_is_bound
+        ),
+        *asked_for("cutoff: ", linear, linear_bound, {"linear program": {"cutoff": 14.0}}),
     ]
 
 

@@ -1,6 +1,6 @@
 """Conformance cases: small nonlinear programs with known local optima and multipliers.
 
-Those called HS and a number are problems of W. Hock and K. Schittkowski, *Test Examples for Nonlinear
+Names of HS and a number refer to W. Hock and K. Schittkowski, *Test Examples for Nonlinear
 Programming Codes*, Springer, 1981. Importing this module does not load CasADi; building a case does.
 """
 
@@ -26,7 +26,7 @@ INF = np.inf
 
 
 def nonlinear_cases() -> tuple[Case, ...]:
-    """Return the cases; the multipliers of each whose multipliers are known are judged as well."""
+    """Return the cases. Known multipliers are judged as well."""
     table = {**_classic(), **_plain(), **_scaled(), **hard_cases()}
     primal = [*tabled("nonlinear: ", table), chain_case()]
     judged = [
@@ -37,17 +37,17 @@ def nonlinear_cases() -> tuple[Case, ...]:
 
 
 def rosenbrock(x: Any) -> Any:
-    """Return Rosenbrock's function of the first two columns."""
+    """Return the Rosenbrock function of the first two columns."""
     return 100 * (x[1] - x[0] ** 2) ** 2 + (1 - x[0]) ** 2
 
 
 def hs71(x: Any) -> tuple[Any, list[Any]]:
-    """Return objective and rows of HS071."""
+    """Return the objective and the rows of HS071."""
     product, squares = x[0] * x[1] * x[2] * x[3], x[0] ** 2 + x[1] ** 2 + x[2] ** 2 + x[3] ** 2
     return x[0] * x[3] * (x[0] + x[1] + x[2]) + x[2], [product, squares]
 
 
-#: HS071: the optimum, its point and its multipliers.
+#: HS071: optimal objective, point and multipliers.
 HS71 = (
     17.0140172891563,
     (1.0, 4.742999637264417, 3.8211499841848737, 1.3794082931726723),
@@ -230,11 +230,11 @@ def _hills() -> tuple[NonlinearProgram, Expectation]:
 
 
 def _scaled() -> Table:
-    """Return HS071 in units that make its columns, rows and objective large and small."""
+    """Return HS071 in units that make its columns, rows and objective very large or small."""
     units = np.array([1e-4, 1e3, 1.0, 1e5])
 
     def posed(x: Any) -> tuple[Any, list[Any]]:
-        f, rows = hs71([x[at] / units[at] for at in range(4)])
+        f, rows = hs71([x[k] / units[k] for k in range(4)])
         return 1e4 * f, [1e-3 * rows[0], 1e3 * rows[1]]
 
     return {

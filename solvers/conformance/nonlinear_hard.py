@@ -16,7 +16,7 @@ INF = np.inf
 
 
 def hard_cases() -> Table:
-    """Return the cases where multipliers are not unique, or do not exist."""
+    """Return the cases with multipliers that are not unique or do not exist."""
 
     def round_(x: Any) -> Any:
         return x[0] ** 2 + x[1] ** 2
@@ -47,7 +47,7 @@ def hard_cases() -> Table:
             ),
             known(0.0, (1, 1), slack=1e-5),
         ),
-        # At either optimum the row's gradient is that of a bound; the row has no inside.
+        # At both optima the gradient of the row is that of a bound; the row has no interior.
         "one of two columns is zero": (
             nonlinear(
                 lambda x: ((x[0] - 1) ** 2 + (x[1] - 1) ** 2, [x[0] * x[1]]),
@@ -57,8 +57,8 @@ def hard_cases() -> Table:
             ),
             Expectation((*ENDS, Termination.FEASIBLE), 1.0, slack=1e-2, any_limit=True),
         ),
-        # Kuhn and Tucker's cusp: at the optimum (1, 0) no multipliers exist. Where 1e-6 are
-        # allowed the cusp reaches to 1.01.
+        # Kuhn and Tucker's cusp: no multipliers exist at the optimum (1, 0). With a tolerance of
+        # 1e-6, the cusp reaches to 1.01.
         "a cusp without multipliers": (
             nonlinear(
                 lambda x: (-x[0], [(1 - x[0]) ** 3 - x[1]]), [0.2, 0.3], row_lower=0, lower=0
@@ -74,7 +74,7 @@ def hard_cases() -> Table:
 
 
 def unsolvable_cases() -> list[Case]:
-    """Return the cases without a plan, and those without an optimum."""
+    """Return the infeasible and the unbounded cases."""
 
     def disk(x: Any) -> tuple[Any, list[Any]]:
         return x[0], [x[0] ** 2 + x[1] ** 2, x[0] + x[1]]

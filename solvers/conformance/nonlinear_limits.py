@@ -1,4 +1,4 @@
-"""Conformance cases: nonlinear programs that take a while, for limits and stops, and a larger one."""
+"""Conformance cases: a larger nonlinear program, and one that takes time for limits and stops."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from .nonlinear_posing import ENDS, nonlinear
 
 __all__ = ["chain_case", "nonlinear_limit_cases"]
 
-#: Columns of the valley that takes a while: a search follows its bends one after the other.
+#: Columns of the chained Rosenbrock function; a search follows its bends one after the other.
 SIZE = 200
-#: Steps of the pendulum.
+#: Time steps of the pendulum.
 STEPS = 160
 
 
 def nonlinear_limit_cases() -> tuple[Case, ...]:
-    """Return the cases."""
+    """Return the cases for limits and stop requests."""
     valley = nonlinear(_valley, np.tile([-1.2, 1.0], SIZE // 2), lower=-10, upper=10)
     best = np.ones(SIZE)
-    # Every seed leads to a local optimum; the best there is has the objective 0.
+    # All seeds lead to local optima; the best one has the objective 0.
     *cases, kept = timed_cases(
         "nonlinear, ",
         valley,
@@ -35,34 +35,34 @@ def nonlinear_limit_cases() -> tuple[Case, ...]:
         stop_after=0.05,
         any_limit=True,
     )
-    # Without time the start is all there is.
+    # Without time, the start is the only point.
     arguments = {"time_limit": 0.0, "warm_start": best}
     none = cases[1].expectation
     return (*cases, replace(kept, expectation=none, arguments=arguments))
 
 
 def _valley(x: Any) -> tuple[Any, list[Any]]:
-    """Return the chained function of Rosenbrock."""
+    """Return the chained Rosenbrock function."""
     import casadi
 
     return 100 * casadi.sumsqr(x[1:] - x[:-1] ** 2) + casadi.sumsqr(1 - x[:-1]), []
 
 
 def chain_case() -> Case:
-    """Return a pendulum of 480 columns, made around its solution.
+    """Return a pendulum of 480 columns, constructed from its solution.
 
-    Angle, speed and torque of each step, ``a' = a + h v`` and ``v' = v + h (u - sin a)``; the
-    objective is the squared distance from where its gradient at the solution is what the
-    multipliers chosen explain. They are small, so that the solution is a strict local optimum.
+    Each step has an angle, a speed and a torque, ``a' = a + h v`` and ``v' = v + h (u - sin a)``. The
+    objective is the squared distance from a centre, chosen such that the given multipliers satisfy
+    the first-order conditions. They are small, so that the solution is a strict local optimum.
     """
     import casadi
 
     k, h = np.arange(STEPS), 0.05
     torque = np.clip(0.8 * np.sin(k * h * 1.3) + 0.3 * np.cos(k * h * 2.9), -0.7, 0.7)
     angle, speed = np.zeros(STEPS), np.zeros(STEPS)
-    for at in range(STEPS - 1):
-        angle[at + 1] = angle[at] + h * speed[at]
-        speed[at + 1] = speed[at] + h * (torque[at] - np.sin(angle[at]))
+    for step in range(STEPS - 1):
+        angle[step + 1] = angle[step] + h * speed[step]
+        speed[step + 1] = speed[step] + h * (torque[step] - np.sin(angle[step]))
     point = np.concatenate([angle, speed, torque])
     duals = 0.2 * np.concatenate([np.sin(1 + 0.1 * k[1:]), np.cos(2 + 0.07 * k[1:])])
     reduced = np.zeros(point.size)

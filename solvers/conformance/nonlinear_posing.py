@@ -1,4 +1,4 @@
-"""How the nonlinear conformance cases are written down: expressions of columns, and what is known."""
+"""Tools to state the nonlinear conformance cases: programs from expressions, and expectations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .cases import Expectation, bounds
 
 __all__ = ["ENDS", "known", "nonlinear"]
 
-#: How a search that finds a local optimum may end; a global solver proves it the best.
+#: Terminations of a search that finds a local optimum; a global solver proves it optimal.
 ENDS = (Termination.LOCALLY_OPTIMAL, Termination.OPTIMAL)
 
 
@@ -28,9 +28,18 @@ def nonlinear(
     upper: ArrayLike = np.inf,
     **fields: Any,
 ) -> NonlinearProgram:
-    """Return the program that `pose` states: it gives the objective and the rows of symbols x.
+    """Return the program with the objective and rows that `pose` returns for symbols x.
 
-    Bounds given once count for all; `fields` are further ones of the program.
+    Parameters
+    ----------
+    pose : callable
+        Function ``x -> (objective, rows)`` on CasADi symbols.
+    guess : array_like, shape (columns,)
+        Initial point.
+    row_lower, row_upper, lower, upper : array_like
+        Bounds of rows and columns; a scalar applies to all.
+    **fields
+        Further fields of the program.
     """
     import casadi
 
@@ -54,5 +63,15 @@ def known(
     duals: tuple[float, ...] | None = None,
     slack: float = 1e-6,
 ) -> Expectation:
-    """Return what is expected where one local optimum is known, the best there is."""
+    """Return the expectation for a known optimum that a local search must find.
+
+    Parameters
+    ----------
+    objective : float
+        Optimal objective.
+    point, duals : tuple of float, optional
+        Optimal point and multipliers, if they are unique.
+    slack : float
+        Relative slack of comparisons with `objective`.
+    """
     return Expectation(ENDS, objective, point=point, duals=duals, slack=slack)

@@ -1,4 +1,4 @@
-"""Conformance cases: convex quadratic programs with known value, primal and dual."""
+"""Conformance cases: convex quadratic programs with known optimum, point and multipliers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,21 @@ def quadratic(
     upper: ArrayLike = INF,
     offset: float = 0.0,
 ) -> QuadraticProgram:
-    """Return a program from dense data; bounds given once count for all, a vector Hessian is diagonal."""
+    """Return a program from dense data, with scalar bounds broadcast.
+
+    Parameters
+    ----------
+    hessian : array_like
+        Hessian; a vector is its diagonal.
+    cost : sequence of float
+        Linear objective coefficients.
+    matrix : array_like
+        Row coefficients.
+    row_lower, row_upper, lower, upper : array_like
+        Bounds of rows and columns; a scalar applies to all.
+    offset : float
+        Constant of the objective.
+    """
     costs = np.asarray(cost, float)
     size = costs.size
     curved = np.asarray(hessian, float)
@@ -49,7 +63,7 @@ def quadratic(
 
 
 def quadratic_cases() -> tuple[Case, ...]:
-    """Return the cases; the duals of each that has an optimum are judged as well."""
+    """Return the cases. The multipliers of solvable programs are judged as well."""
     primal = {**_small(), **_delicate(), **_larger()}
     return (*tabled("quadratic: ", primal, duals=True), *_unsolvable(), *_asked_for())
 
@@ -76,7 +90,7 @@ def _small() -> Table:
             quadratic([1, 1], [-6, 0], [[1, 1], [1, -1]], [-1, -2], [4, 2]),
             optimum(-13, (3, 1), (-1, -2)),
         ),
-        # (x + y)^2 / 2 - x: flat along (1, -1), where the cost runs into the bound.
+        # (x + y)^2 / 2 - x: flat along (1, -1); the cost decreases until the bound.
         "semidefinite Hessian": (
             quadratic([[1, 1], [1, 1]], [-1, 0], upper=[2, INF]),
             optimum(-2, (2, -2), ()),
@@ -189,16 +203,16 @@ def _unsolvable() -> list[Case]:
 
 def _asked_for() -> list[Case]:
     rows = quadratic([3, 7], [0, 0], [[1, 1]], 1)
-    at = (0.7, 0.3)
+    point = (0.7, 0.3)
     requests: dict[str, dict[str, Any]] = {
         ": a small gap": {"gap": 1e-10},
         ": tight tolerance": {"tolerance": 1e-9},
-        ": warm start at the optimum": {"warm_start": np.array(at)},
+        ": warm start at the optimum": {"warm_start": np.array(point)},
         ": warm start elsewhere": {"warm_start": np.array([5.0, -4.0])},
         ", cutoff: at the optimum": {"cutoff": 1.05},
     }
-    nothing = {", cutoff: nothing below": {"cutoff": 1.0}}
+    below_optimum = {", cutoff: nothing below": {"cutoff": 1.0}}
     return [
-        *asked_for("quadratic", rows, optimum(1.05, at), requests),
-        *asked_for("quadratic", rows, Expectation((Termination.NO_SOLUTION,), 1.05), nothing),
+        *asked_for("quadratic", rows, optimum(1.05, point), requests),
+        *asked_for("quadratic", rows, Expectation((Termination.NO_SOLUTION,), 1.05), below_optimum),
     ]

@@ -1,4 +1,4 @@
-"""The suite in workers: a backend that crashes or hangs fails its case and no other."""
+"""Runner of the suite in worker processes: a crash or a hang fails its own case only."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .suite import CaseResult, Matrix, Status, cases_for, run_case
 
 __all__ = ["run_suite"]
 
-#: Seconds for a case: those of its own limit, and those for loading the solver's library.
+#: Seconds per case, for its own limit and for loading the solver's library.
 _DEADLINE = 90.0
 
 
@@ -23,30 +23,30 @@ def run_suite(
     options: Mapping[str, Mapping[str, Any]] | None = None,
     expected: Sequence[str] = (),
 ) -> Matrix:
-    """Run every case of every backend, each backend in a worker of its own.
+    """Run every case of every backend, each backend in a worker process.
 
     Parameters
     ----------
     backends : sequence of str or Backend
-        What is tried.
+        The backends.
     options : mapping of str to mapping, optional
-        Own options by the backend's name.
+        Options by name of the backend.
     expected : sequence of str
         Names of backends that must be installed.
 
     Returns
     -------
     Matrix
-        Printed, a table; its ``failures`` say what failed and why. A backend that is not
-        installed has no row.
+        Results; printed as a table. Its ``failures`` hold the failures with their reasons. Backends
+        that are not installed are omitted.
 
     Raises
     ------
     BackendMissing
         A backend of `expected` is not among `backends`, or not installed.
     """
-    found = [find_backend(backend) for backend in backends]
-    present = [backend for backend in found if not backend.missing()]
+    candidates = [find_backend(backend) for backend in backends]
+    present = [backend for backend in candidates if not backend.missing()]
     for name in expected:
         if name not in {backend.name for backend in present}:
             raise BackendMissing(

@@ -1,4 +1,4 @@
-"""Running the conformance cases: one backend, one case at a time, and the matrix of both."""
+"""Run of a conformance case on a backend, and the matrix of results."""
 
 from __future__ import annotations
 
@@ -29,28 +29,28 @@ __all__ = ["CaseResult", "Matrix", "Status", "all_cases", "cases_for", "run_case
 
 
 class Status(StrEnum):
-    """How a backend fared in a case."""
+    """Result of a backend in a case."""
 
-    #: It answered as it must.
+    #: The answer is correct.
     PASS = "pass"
-    #: It answered otherwise, or failed.
+    #: The answer is wrong, or the backend raised an error.
     FAIL = "fail"
-    #: It declares that it does not take what the case asks for.
+    #: The backend does not declare a feature that the case needs, so that nothing is tested.
     UNSUPPORTED = "unsupported"
 
 
 @dataclass(frozen=True)
 class CaseResult:
-    """How one backend fared in one case.
+    """Result of one backend in one case.
 
     Parameters
     ----------
     backend, case : str
-        Their names.
+        Names of the backend and the case.
     status : Status
-        ``UNSUPPORTED`` where the backend declares that the case is not for it: never a pass.
+        ``UNSUPPORTED`` if the case does not apply to the backend, which is not a pass.
     reason : str
-        Why it failed, or what it does not support.
+        Reason of a failure, or the missing feature.
     seconds : float
         Wall-clock time of the run.
     """
@@ -67,12 +67,12 @@ class CaseResult:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> CaseResult:
-        """Return the result that :meth:`to_dict` wrote."""
+        """Return the result written by :meth:`to_dict`."""
         return cls(**{**data, "status": Status(data["status"])})
 
 
 def all_cases() -> Mapping[str, Case]:
-    """Return all cases by name; those of nonlinear programs only where CasADi is installed."""
+    """Return all cases by name; those of nonlinear programs only if CasADi is installed."""
     return {**_row_cases(), **_nonlinear_cases()}
 
 
@@ -92,14 +92,20 @@ def _row_cases() -> Mapping[str, Case]:
 
 @functools.cache
 def _nonlinear_cases() -> Mapping[str, Case]:
-    """Return what only CasADi can state: apart, so that nothing else has to load it."""
+    """Return the cases that require CasADi, apart so that the others do not load it."""
     if importlib.util.find_spec("casadi") is None:
         return {}
     return {case.name: case for case in nonlinear_cases()}
 
 
 def cases_for(backend: Backend) -> tuple[str, ...]:
-    """Return the names of the cases that a backend must run: those of the programs it accepts."""
+    """Return the names of the cases for a backend: those with a program that it accepts.
+
+    Parameters
+    ----------
+    backend : Backend
+        The backend.
+    """
     known = dict(_row_cases())
     if issubclass(NonlinearProgram, backend.accepts):
         known.update(_nonlinear_cases())
@@ -112,42 +118,42 @@ def run_case(backend: Backend, case: str, options: Mapping[str, Any] | None = No
     Parameters
     ----------
     backend : Backend
-        What is tried; :meth:`Backend.run` is called in this process.
+        The backend. :meth:`Backend.run` is called in this process.
     case : str
-        One of :func:`cases_for`.
+        A name from :func:`cases_for`.
     options : mapping, optional
-        The backend's own options.
+        Options of the backend.
 
     Returns
     -------
     CaseResult
-        An exception of the backend's is a failure and its reason, so that the suite goes on.
+        An exception of the backend is a failure with its text as the reason.
 
     Raises
     ------
     UnknownName
-        No case bears the name.
+        No case has the name.
     """
-    asked = _row_cases().get(case) or _nonlinear_cases().get(case)
-    if asked is None:
+    declared = _row_cases().get(case) or _nonlinear_cases().get(case)
+    if declared is None:
         raise UnknownName("conformance case", case, all_cases())
-    lacking = asked.needs - backend.features
-    if lacking:
+    missing = declared.needs - backend.features
+    if missing:
         return CaseResult(
-            backend.name, case, Status.UNSUPPORTED, f"declares no {', '.join(sorted(lacking))}"
+            backend.name, case, Status.UNSUPPORTED, f"declares no {', '.join(sorted(missing))}"
         )
     started = time.perf_counter()
     try:
-        # As in a run that is dispatched, what the solver prints is nobody's answer.
+        # As in a dispatched run, the output of the solver is captured.
         with captured(False, quiet=is_plain(backend)) as printed, printed.by_this_thread():
-            run = _run(backend, asked, options or {})
+            run = _run(backend, declared, options or {})
     except (UnsupportedFormulation, UnsupportedOption) as error:
         status, reason = Status.UNSUPPORTED, str(error)
-    except Exception as error:  # whatever a backend raises is its failure, not the suite's
+    except Exception as error:  # any exception of a backend is a failure of the case
         status, reason = Status.FAIL, f"{type(error).__name__}: {error}"
     else:
-        found = asked.judge(run)
-        status, reason = (Status.PASS, "") if found is None else (Status.FAIL, found)
+        fault = declared.judge(run)
+        status, reason = (Status.PASS, "") if fault is None else (Status.FAIL, fault)
     return CaseResult(backend.name, case, status, reason, time.perf_counter() - started)
 
 
@@ -185,26 +191,32 @@ def _run(backend: Backend, case: Case, options: Mapping[str, Any]) -> Run:
 def _request(backend: Backend, case: Case, options: Mapping[str, Any]) -> Request:
     arguments = {"time_limit": 30.0, **case.arguments}
     if case.others and Feature.THREADS in backend.features:
-        # Only on one thread does a seed decide everything.
+        # A seed determines the run on a single thread only.
         arguments["threads"] = 1
     return Request(options=backend.checked_options(options), control=Control(), **arguments)
 
 
 @dataclass(frozen=True)
 class Matrix:
-    """Results of several backends in several cases.
+    """Results of several backends in several cases. Printing it shows a table.
 
     Parameters
     ----------
     results : tuple of CaseResult
-        At most one for each backend and case.
+        At most one per backend and case.
     """
 
     results: tuple[CaseResult, ...]
 
     @classmethod
     def of(cls, results: Iterable[CaseResult]) -> Matrix:
-        """Return the matrix of `results`."""
+        """Return the matrix of `results`.
+
+        Parameters
+        ----------
+        results : iterable of CaseResult
+            At most one per backend and case.
+        """
         return cls(tuple(results))
 
     @property
@@ -219,17 +231,17 @@ class Matrix:
 
     @property
     def failures(self) -> tuple[CaseResult, ...]:
-        """The results that are failures."""
+        """Results with status ``FAIL``."""
         return tuple(result for result in self.results if result.status is Status.FAIL)
 
     def __str__(self) -> str:
         marks = {Status.PASS: "pass", Status.FAIL: "FAIL", Status.UNSUPPORTED: "-"}
-        found = {(r.case, r.backend): marks[r.status] for r in self.results}
+        texts = {(r.case, r.backend): marks[r.status] for r in self.results}
         width = max((len(case) for case in self.cases), default=4)
         columns = [(name, max(len(name), 4)) for name in self.backends]
         lines = [" ".join(["case".ljust(width), *(name.rjust(size) for name, size in columns)])]
         for case in self.cases:
-            row = (found.get((case, name), "").rjust(size) for name, size in columns)
+            row = (texts.get((case, name), "").rjust(size) for name, size in columns)
             lines.append(" ".join([case.ljust(width), *row]))
         passed = sum(result.status is Status.PASS for result in self.results)
         unsupported = len(self.results) - passed - len(self.failures)

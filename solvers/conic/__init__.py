@@ -1,5 +1,5 @@
-"""Backends for conic programs: what they share beyond the quadratic ones, and ECOS.
+"""Backends for conic programs: their common base, proofs, and ECOS.
 
-:mod:`.base` settles what an answer proves, :mod:`.proofs` computes proofs. Clarabel, SCS and CVXPY
-solve quadratic programs too and stand in :mod:`..qp` and :mod:`..mip`.
+:mod:`.base` recomputes the claims of a solver, and :mod:`.proofs` computes proofs. Clarabel, SCS and
+CVXPY also solve quadratic programs; their modules are in :mod:`..qp` and :mod:`..mip`.
 """

@@ -1,4 +1,4 @@
-"""What every backend for programs with cones shares: claims are recomputed as quadratic ones are."""
+"""Base of the backends for conic programs, which recomputes claims as for quadratic programs."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ __all__ = ["ConicRun", "ConvexBackend"]
 
 Vector = NDArray[np.float64]
 
-#: How much larger than the constants of a program the terms of its rows may be before an answer is
-#: asked for again: what runs off to infinity as the tolerance shrinks is no solution. With ``x y >= 1``
-#: and ``x = 0``, terms of 1 / e leave e in one of the two; from 1e8 on rounding hides it. The first
-#: figure is for points that hold but for rounding, the second for those that need the tolerance; beyond
-#: the last no point counts.
+#: Largest terms of the rows, relative to the constants of the program, before the answer is computed
+#: again with a tighter tolerance: a point that diverges as the tolerance decreases is not a solution.
+#: With ``x y >= 1`` and ``x = 0``, terms of 1 / e leave a residual e in one of the two, which rounding
+#: hides from 1e8 on. The first value is for points without violations beyond rounding, the second for
+#: points that need the tolerance. Points beyond the third are rejected.
 LARGE, LARGE_AND_OFF, TOO_LARGE = 1e4, 1e2, 1e7
-#: How much tighter it is asked for, and must hold.
+#: Factor of the tighter tolerance.
 TIGHTER = 1e-2
 
 
 class ConvexBackend(QuadraticBackend):
-    """Base of the backends that take quadratic and conic programs alike."""
+    """Base of the backends that solve quadratic and conic programs."""
 
     accepts: ClassVar[type[Model[Any]] | tuple[type[Model[Any]], ...]] = (
         QuadraticProgram,
@@ -43,7 +43,7 @@ class ConvexBackend(QuadraticBackend):
     )
 
     def run(self, problem: Any, request: Request) -> Answer:
-        """Solve `problem`, of either kind, as `request` asks."""
+        """Solve a quadratic or conic program, see :meth:`Backend.run`."""
         if isinstance(problem, ConicProgram):
             if problem.cones:
                 return answered(self, problem, request, self.attempt, ConicRun)
@@ -53,7 +53,7 @@ class ConvexBackend(QuadraticBackend):
 
 @dataclass(frozen=True, eq=False)
 class ConicRun(Run):
-    """One run on a program with cones."""
+    """Run on a program with cones."""
 
     problem: Any
     attempt: Any
@@ -61,7 +61,7 @@ class ConicRun(Run):
     def answer(self) -> Answer:
         if self.problem.size:
             return super().answer()
-        # Constants alone: the rows and cones hold, or multipliers prove that they do not.
+        # Without columns, either the constants satisfy the constraints or multipliers disprove it.
         ending = self.tried(self.core(), self.request)
         best = self.judged(ending)
         if best is not None and self.accepts(best):
@@ -69,22 +69,23 @@ class ConicRun(Run):
         return self.unsolved(ending, best)
 
     def judged(self, ending: Ending) -> Quality | None:
-        """Return the quality of the point; None without one, or where it runs off to infinity.
+        """Return the quality of the point; None without a point, or if it diverges.
 
-        A point with terms of unusual size must hold once more, and much better.
+        A point with unusually large terms is computed again with a tighter tolerance, which it must
+        satisfy.
         """
-        found = self.quality(ending)
-        if found is None or self.over():
-            return found
-        usual = LARGE if found.violation <= ROUNDING else LARGE_AND_OFF
-        if _measured(self.problem, found.point)[0] <= usual:
-            return found
+        result = self.quality(ending)
+        if result is None or self.limit_reached():
+            return result
+        usual = LARGE if result.violation <= ROUNDING else LARGE_AND_OFF
+        if _measured(self.problem, result.point)[0] <= usual:
+            return result
         tighter = replace(self.request, tolerance=self.request.tolerance * TIGHTER)
-        again = self.quality(self.tried(self.core(), tighter))
-        if again is None:
+        tighter_result = self.quality(self.tried(self.core(), tighter))
+        if tighter_result is None:
             return None
-        share, off = _measured(self.problem, again.point)
-        return again if share <= TOO_LARGE and off <= tighter.tolerance else None
+        share, off = _measured(self.problem, tighter_result.point)
+        return tighter_result if share <= TOO_LARGE and off <= tighter.tolerance else None
 
     def quality(self, ending: Ending) -> Quality | None:
         if ending.point is None or ending.ended in (Ended.INFEASIBLE, Ended.UNBOUNDED):
@@ -100,26 +101,26 @@ class ConicRun(Run):
         answer = super().unsolved(ending, best, findings)
         if answer.termination is Termination.FAILED and ending.ended is Ended.PROVEN:
             if best is None:
-                words = (
-                    "the solver's point runs off to infinity as the tolerance shrinks: the program "
-                    "may have none (weakly infeasible), or no best one"
+                remark = (
+                    "the solver's point diverges as the tolerance decreases: the program may be weakly "
+                    "infeasible, or may not attain its optimum"
                 )
-                return replace(answer, message="; ".join(filter(None, [answer.message, words])))
+                return replace(answer, message="; ".join(filter(None, [answer.message, remark])))
         return answer
 
     def findings(self, ending: Ending, feasible: Quality | None) -> Findings:
         ray = ending.duals if ending.ended is Ended.INFEASIBLE else None
         direction = ending.point if ending.ended is Ended.UNBOUNDED else None
         if ray is None and (self.problem.column_lower == self.problem.column_upper).all():
-            # All is constant: what separates the constants from the cones is a proof.
+            # Without free columns, the multipliers that separate constants and cones are a proof.
             rows = self.problem.cone_rows(self.problem.column_lower)
             ray = np.concatenate([np.zeros(self.problem.row_count), -rows])
 
         def solve(program: ConicProgram) -> Ending:
-            asked = replace(self.request, warm_start=None, time_limit=self.clock.left())
-            return replace(self, problem=program, request=asked).tried(Core.of(program), asked)
+            request = replace(self.request, warm_start=None, time_limit=self.clock.left())
+            return replace(self, problem=program, request=request).tried(Core.of(program), request)
 
-        found = examined(
+        proof = examined(
             self.problem,
             solve,
             ray=ray,
@@ -127,13 +128,13 @@ class ConicRun(Run):
             point=None if feasible is None else feasible.point,
         )
         self.clock.lap("proof")
-        return found
+        return proof
 
 
 def _measured(program: ConicProgram, point: Vector) -> tuple[float, float]:
-    """Return the largest term of the rows, and the largest violation, over the largest constant.
+    """Return the largest term of the rows and the largest violation, relative to the largest constant.
 
-    Verification allows a violation in proportion to the terms; this is the stricter measure.
+    Verification accepts violations in proportion to the terms; this measure is stricter.
     """
     bounds = (program.row_lower, program.row_upper, program.column_lower, program.column_upper)
     constants = np.abs(np.concatenate([*bounds, program.cone_offset]))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...models.model import Model
 from ...models.programs.cones import ConeBlock, ConeKind
 from ...models.programs.conic import ConicProgram
-from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from ..qp.base import COMMON
 from ..qp.forms import ConicForm
@@ -22,7 +22,7 @@ __all__ = ["Ecos"]
 
 
 class Ecos(ConvexBackend):
-    """ECOS (Domahidi, Chu and Boyd 2013), without semidefinite cones and quadratic objectives."""
+    """Backend for ECOS (Domahidi, Chu and Boyd 2013), without semidefinite cones and quadratic objectives."""
 
     name = "ecos"
     accepts = ConicProgram
@@ -30,7 +30,7 @@ class Ecos(ConvexBackend):
     requires = ("ecos",)
     extra = "ecos"
     options: ClassVar[Mapping[str, Option]] = {
-        "max_iters": Option(200, "Interior-point iterations at most.", int, lower=1)
+        "max_iters": Option(200, "Limit on interior-point iterations.", int, lower=1)
     }
     deterministic = True
     summary = "ECOS: interior point for second-order and exponential cones, small programs"
@@ -39,15 +39,15 @@ class Ecos(ConvexBackend):
         return {}
 
     def refuses(self, problem: ConicProgram) -> str:
-        """Return which part of `problem` ECOS does not take."""
+        """Return the part of `problem` that ECOS does not support."""
         if problem.hessian.nnz:
-            return "ECOS takes no quadratic objective; state it as a second-order cone"
+            return "ECOS has no quadratic objectives; state it as a second-order cone"
         if any(block.kind is ConeKind.SEMIDEFINITE for block in problem.cones):
-            return "ECOS takes no semidefinite cones"
+            return "ECOS has no semidefinite cones"
         return ""
 
     def attempt(self, program: Any, request: Request, clock: Clock) -> Ending:
-        """Solve with ECOS."""
+        """Solve the program with ECOS."""
         import ecos  # type: ignore[import-untyped]
 
         form = ConicForm.of(program, (ConeKind.SECOND_ORDER, ConeKind.EXPONENTIAL), _order)
@@ -63,7 +63,7 @@ class Ecos(ConvexBackend):
         }
         tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-8)
         clock.lap("build")
-        found = ecos.solve(
+        result = ecos.solve(
             program.cost.copy(),
             sp.csc_matrix(form.matrix[count:]),
             form.right[count:],
@@ -73,11 +73,11 @@ class Ecos(ConvexBackend):
             feastol=tolerance,
             abstol=tolerance,
             reltol=tolerance,
-            **own_options(request),
+            **solver_options(request),
         )
         clock.lap("solve")
-        status = int(found["info"]["exitFlag"])
-        # ECOS 2.0, include/ecos.h: a status plus 10 is one that it reached with less precision.
+        status = int(result["info"]["exitFlag"])
+        # ECOS 2.0, include/ecos.h: a status plus 10 was reached with reduced precision.
         meanings: dict[int, Meaning] = {
             0: Ended.PROVEN,
             1: Ended.INFEASIBLE,
@@ -91,15 +91,15 @@ class Ecos(ConvexBackend):
             "ECOS",
             status,
             meanings,
-            found["info"]["infostring"],
-            point=np.array(found["x"], float),
-            duals=form.duals(np.concatenate([found["y"], found["z"]]), program.row_count),
-            statistics={"iterations": int(found["info"]["iter"])},
+            result["info"]["infostring"],
+            point=np.array(result["x"], float),
+            duals=form.duals(np.concatenate([result["y"], result["z"]]), program.row_count),
+            statistics={"iterations": int(result["info"]["iter"])},
         )
 
 
 def _order(block: ConeBlock) -> NDArray[np.intp]:
-    """Return the rows of a cone in the order of ECOS, which wants ``exp(x / z) <= y / z``."""
+    """Return the rows of a cone in the order of ECOS, which requires ``exp(x / z) <= y / z``."""
     if block.kind is ConeKind.EXPONENTIAL:
         return np.array([0, 2, 1])
     return np.arange(block.dimension)

@@ -1,9 +1,9 @@
-"""Proofs that a program with cones has no solution, recomputed from its arrays.
+"""Proofs that a conic program has no solution, recomputed from its arrays.
 
-A weakly infeasible program (its rows and its cones do not meet, but come as near as one likes) has
-no proof; yet rays that nearly cancel look like one. With ``x y >= 1`` and ``x = 0``, an error of e
-in the sum that shall cancel buys an excess of ``sqrt(e)``. So a ray is first moved until its sum
-cancels to the last digits, and then its excess must be far above the root of those.
+A weakly infeasible program (rows and cones with distance 0 but no common point) has no proof, yet rays
+that nearly cancel look like one. With ``x y >= 1`` and ``x = 0``, an error of e in the sum that must
+cancel yields an excess of ``sqrt(e)``. Therefore a ray is first moved until its sum cancels up to
+rounding, and then its excess must be far above the root of the remainder.
 """
 
 from __future__ import annotations
@@ -26,63 +26,71 @@ __all__ = ["examined", "excludes", "recedes"]
 Vector = NDArray[np.float64]
 Solve = Callable[[ConicProgram], Ending]
 
-#: Share of the terms of a sum that may be left where they should cancel.
+#: Relative remainder of a sum whose terms must cancel.
 CANCELLED = 1e-12
-#: Least excess of a proof, and least fall of a direction, in their natural units: 14 times the
-#: ``2 sqrt(2 CANCELLED)`` that the hyperbola above gives.
+#: Smallest excess of a proof, and smallest decrease along a direction, in their natural units: 14 times
+#: the ``2 sqrt(2 CANCELLED)`` of the hyperbola above.
 MARGIN = 4e-5
-#: Alternating projections at most. Where the intersection has an inside a few do; where it has
-#: none, hundreds would not.
+#: Largest number of alternating projections. A few suffice if the intersection has an interior;
+#: otherwise hundreds do not.
 ROUNDS = 50
 
 
 def excludes(program: ConicProgram, ray: Vector, center: Vector | None = None) -> bool:
-    """Return whether the multipliers `ray` prove that no point satisfies rows, bounds and cones.
+    """Return True if the multipliers `ray` prove that no point satisfies rows, bounds and cones.
 
     Parameters
     ----------
     program : ConicProgram
-        What is infeasible.
-    ray : ndarray
+        The program claimed infeasible.
+    ray : ndarray, shape (rows + cone rows,)
         Multipliers of rows and cone rows.
-    center : ndarray, optional
-        A point from which distances are counted, such as the least infeasible one; else 0.
+    center : ndarray, shape (columns,), optional
+        Origin of distances, such as the least infeasible point. Default: 0.
     """
     flat = _flat(program)
-    y = _mended_ray(program, flat, ray)
+    y = _cancelled_ray(program, flat, ray)
     pull, terms = flat.matrix.T @ y, abs(flat.matrix).T @ np.abs(y)
     if not terms.max(initial=0.0) > 0:
-        # No column enters: constants alone lie outside of the cones, or do not.
+        # Only constants remain, which may or may not lie outside of the cones.
         terms = np.full(1, np.abs(y).max(initial=0.0))
-    endless = without_bound(flat, pull)
-    if (np.abs(pull) > CANCELLED * terms)[endless].any():
+    unbounded = without_bound(flat, pull)
+    if (np.abs(pull) > CANCELLED * terms)[unbounded].any():
         return False
-    pull[endless] = 0.0
-    at = np.zeros(program.size) if center is None else center
-    away = np.where(pull > 0, flat.column_upper, flat.column_lower) - at
-    given = pull * np.where(pull != 0, away, 0.0)
-    bound = np.where(y > 0, flat.row_lower, flat.row_upper) - flat.matrix @ at
+    pull[unbounded] = 0.0
+    origin = np.zeros(program.size) if center is None else center
+    away = np.where(pull > 0, flat.column_upper, flat.column_lower) - origin
+    available = pull * np.where(pull != 0, away, 0.0)
+    bound = np.where(y > 0, flat.row_lower, flat.row_upper) - flat.matrix @ origin
     bound = np.where(y != 0, bound, 0.0)
     demanded = y * bound
-    # Bounds in units of the columns: each over the largest coefficient of its row, or of its cone.
+    # Bounds in units of the columns: divided by the largest coefficient of the row, or of its cone.
     largest = abs(flat.matrix).max(axis=1).toarray().ravel() if flat.matrix.nnz else 0.0 * y
     for block in program.cones:
         part = slice(program.row_count + block.start, program.row_count + block.start + block.size)
         largest[part] = np.repeat(block.of(largest[program.row_count :]).max(1), block.dimension)
     distance = np.abs(bound / np.where(largest > 0, largest, 1.0)).max(initial=0.0)
-    noise = 1e-9 * float(np.abs(demanded).sum() + np.abs(given).sum())
-    excess = float(demanded.sum() - given.sum())
+    noise = 1e-9 * float(np.abs(demanded).sum() + np.abs(available).sum())
+    excess = float(demanded.sum() - available.sum())
     return excess > max(noise, MARGIN * float(terms.max()) * float(distance))
 
 
 def recedes(program: ConicProgram, direction: Vector) -> bool:
-    """Return whether the objective falls forever along `direction` from any feasible point."""
+    """Return True if the objective decreases without bound along `direction` from any feasible point.
+
+    Parameters
+    ----------
+    program : ConicProgram
+        The program claimed unbounded.
+    direction : ndarray, shape (columns,)
+        Direction of recession.
+    """
     d = unit(direction)
     parts = [program.hessian, program.matrix, sp.eye_array(program.size), program.cone_matrix]
     stack = sp.vstack(parts, format="csr")
     noise = CANCELLED * abs(stack).sum(axis=1)
     for block in program.cones:
-        # A row of constants, which no direction moves, has none of its own.
+        # Rows of constants have no noise of their own; the largest of the cone applies to all.
         rows = block.of(noise[noise.size - program.cone_offset.size :])
         rows[:] = rows.max(axis=1, keepdims=True)
     for _ in range(ROUNDS):
@@ -105,30 +113,30 @@ def examined(
     direction: Vector | None = None,
     point: Vector | None = None,
 ) -> Findings:
-    """Return what can be proven of `program`, which a solver found no optimum of.
+    """Prove what can be proven about a program for which a solver found no optimum.
 
     Parameters
     ----------
     program : ConicProgram
-        What is examined.
+        The program.
     solve : callable
-        Solves a conic program; an elastic one and a recession program of our own are tried.
+        Function that solves a conic program. It is used for an elastic and a recession program.
     ray, direction : ndarray, optional
-        What the solver offers as proof.
+        Certificates that the solver returned.
     point : ndarray, optional
-        A point that is known to be feasible.
+        A feasible point, if one is known.
     """
     if point is None and ray is not None and excludes(program, ray):
         return Findings(infeasible=True, source="the solver's ray")
     violation = None
     if point is None:
-        found = solve(elastic(program))
-        if found.point is not None and np.isfinite(found.point).all():
-            near = np.clip(found.point[:-1], program.column_lower, program.column_upper)
-            violation = float(found.point[-1])
+        elastic_ending = solve(elastic(program))
+        if elastic_ending.point is not None and np.isfinite(elastic_ending.point).all():
+            near = np.clip(elastic_ending.point[:-1], program.column_lower, program.column_upper)
+            violation = float(elastic_ending.point[-1])
             if program.verify(near, tolerance=1e-7).ok:
                 point = near
-            for candidate in (_unfolded(program, found.duals), ray):
+            for candidate in (_unfolded(program, elastic_ending.duals), ray):
                 if point is None and candidate is not None and excludes(program, candidate, near):
                     return Findings(infeasible=True, source="a phase 1 of our own")
     if point is None:
@@ -143,9 +151,14 @@ def examined(
 
 
 def elastic(program: ConicProgram) -> ConicProgram:
-    """Return the program that finds the least t by which all rows and cones are relaxed.
+    """Return the program of the smallest relaxation t of all rows and cones.
 
-    Its last column is t, its rows are those from below and then those from above.
+    Its last column is t. Its rows are those with lower bounds, then those with upper bounds.
+
+    Parameters
+    ----------
+    program : ConicProgram
+        The program to relax.
     """
     low, high = np.isfinite(program.row_lower), np.isfinite(program.row_upper)
     below, above = program.matrix[np.flatnonzero(low)], program.matrix[np.flatnonzero(high)]
@@ -166,19 +179,19 @@ def elastic(program: ConicProgram) -> ConicProgram:
 
 
 def _unfolded(program: ConicProgram, duals: Vector | None) -> Vector | None:
-    """Return the multipliers of `program` from those of its elastic one."""
+    """Return the multipliers of `program` from those of its elastic program."""
     if duals is None:
         return None
     low = np.flatnonzero(np.isfinite(program.row_lower))
     high = np.flatnonzero(np.isfinite(program.row_upper))
-    found = np.zeros(program.row_count)
-    found[low] += duals[: low.size]
-    found[high] += duals[low.size : low.size + high.size]
-    return np.concatenate([found, duals[low.size + high.size :]])
+    multipliers = np.zeros(program.row_count)
+    multipliers[low] += duals[: low.size]
+    multipliers[high] += duals[low.size : low.size + high.size]
+    return np.concatenate([multipliers, duals[low.size + high.size :]])
 
 
 def _receding(program: ConicProgram) -> ConicProgram:
-    """Return the program whose optimum is the steepest direction, within a box, that stays inside."""
+    """Return the program of the steepest direction of recession within a box."""
     rows = sp.vstack([program.hessian, program.matrix], format="csr")
     flat = np.zeros(program.size)
 
@@ -196,21 +209,21 @@ def _receding(program: ConicProgram) -> ConicProgram:
 
 
 def _interior(block: ConeBlock) -> Vector:
-    """Return a point well within each cone of `block`."""
-    one = np.zeros(block.dimension)
+    """Return an interior point of each cone of `block`."""
+    point = np.zeros(block.dimension)
     if block.kind is ConeKind.SECOND_ORDER:
-        one[0] = 1.0
+        point[0] = 1.0
     elif block.kind is ConeKind.EXPONENTIAL:
-        one[:] = -1.0, 1.0, 1.0
+        point[:] = -1.0, 1.0, 1.0
     else:
-        one = triangle(np.eye(order(block.dimension))[None])[0]
-    return np.tile(one, block.count)
+        point = triangle(np.eye(order(block.dimension))[None])[0]
+    return np.tile(point, block.count)
 
 
 def _flat(program: ConicProgram) -> QuadraticProgram:
-    """Return the program whose rows are those of `program` and its cone rows, equal to 0.
+    """Return a program with the rows of `program` and its cone rows, each of them equal to 0.
 
-    With multipliers in the dual cones, cone rows demand at least what they would if they were 0.
+    With multipliers in the dual cones, this is the weaker demand: cone rows contribute at least 0.
     """
     quadratic = program.quadratic
     return replace(
@@ -222,25 +235,27 @@ def _flat(program: ConicProgram) -> QuadraticProgram:
     )
 
 
-def _mended_ray(program: ConicProgram, flat: QuadraticProgram, ray: Vector) -> Vector:
-    """Return `ray` in the dual cones, and such that its sum cancels on columns without bounds."""
+def _cancelled_ray(program: ConicProgram, flat: QuadraticProgram, ray: Vector) -> Vector:
+    """Return `ray` moved into the dual cones such that it cancels on columns without bounds."""
     y = program.signed(unit(ray))
     for _ in range(ROUNDS):
         pull, terms = flat.matrix.T @ y, abs(flat.matrix).T @ np.abs(y)
-        endless = without_bound(flat, pull)
-        if not (np.abs(pull) > CANCELLED * terms)[endless].any():
+        unbounded = without_bound(flat, pull)
+        if not (np.abs(pull) > CANCELLED * terms)[unbounded].any():
             break
-        block = flat.matrix[:, np.flatnonzero(endless)].T
-        y = program.signed(y - least(block, pull[endless]))
+        block = flat.matrix[:, np.flatnonzero(unbounded)].T
+        y = program.signed(y - least(block, pull[unbounded]))
     return y
 
 
 def _recession(program: ConicProgram, move: Vector) -> Vector:
-    """Return what is nearest to `move`, in those rows, among what no constraint forbids forever."""
+    """Return the projection of `move` onto the recession cone, in terms of the stacked rows."""
     lower = np.concatenate([program.row_lower, program.column_lower])
     upper = np.concatenate([program.row_upper, program.column_upper])
     bounded, size = lower.size, program.size
-    held = np.clip(move[size : size + bounded], receding(lower, -np.inf), receding(upper, np.inf))
+    clipped = np.clip(
+        move[size : size + bounded], receding(lower, -np.inf), receding(upper, np.inf)
+    )
     cones = move[size + bounded :]
-    moved = [inside(block.kind, block.of(cones)).ravel() for block in program.cones]
-    return np.concatenate([np.zeros(size), held, *moved])
+    projected = [inside(block.kind, block.of(cones)).ravel() for block in program.cones]
+    return np.concatenate([np.zeros(size), clipped, *projected])

@@ -1,1 +1,1 @@
-"""Backends for mixed-integer programs: one file a solver, each imported only when it runs."""
+"""Backends for mixed-integer programs: one file per solver, imported only when it runs."""

@@ -1,8 +1,8 @@
-"""What every mixed-integer backend shares: the clock, the stop, and what a solver's end means.
+"""Base of the backends for mixed-integer programs: clock, stop requests, and conclusions.
 
-A backend here only translates: :meth:`ProgramBackend.attempt` hands the program to its solver and
-reports how the solver ended. What that proves (an infeasible run below a cutoff proves a bound, an
-unbounded relaxation does not prove an unbounded program) is decided once, in this file.
+A backend only translates: :meth:`ProgramBackend.attempt` passes the program to its solver and reports
+the ending. This module decides what the ending proves. An infeasible run below a cutoff proves a bound,
+and an unbounded relaxation does not prove an unbounded program.
 """
 
 from __future__ import annotations
@@ -17,7 +17,17 @@ from numpy.typing import NDArray
 
 from ...models.model import Model
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending, above_cutoff, allowed, holds, limited, obvious, stopped
+from ..attempts import (
+    Clock,
+    Ended,
+    Ending,
+    above_cutoff,
+    ending_if_stopped,
+    is_satisfied,
+    loosened_cutoff,
+    stop_reason,
+    trivial_ending,
+)
 from ..backend import Answer, Backend, Control, Feature, Guarantee, Limit, Request, Termination
 from ..scaling import Scaling
 
@@ -32,11 +42,10 @@ __all__ = [
 
 Vector = NDArray[np.float64]
 
-#: Seconds that a solver may take to stop which reports its points on the way, and one which does
-#: not: presolve, building and linear programs at the root look at no clock, and were seen to go on
-#: for 10.
+#: Seconds that a solver may take to stop, if it reports incumbents and if it does not. Presolve,
+#: building and linear programs at the root do not check the clock, and continued for up to 10 s.
 REPORTED, SILENT = 0.8, 3.0
-#: What the solvers understand that take starts and call back while they search.
+#: Features of the solvers that accept a warm start and call back during the search.
 CALLED_BACK = frozenset(
     {
         Feature.GAP,
@@ -52,7 +61,15 @@ CALLED_BACK = frozenset(
 
 
 class Incumbents:
-    """Passes a solver's better points and bounds on; those that better nothing are dropped."""
+    """Reporter of a solver's improved points and bounds; others are dropped.
+
+    Parameters
+    ----------
+    program : MixedIntegerProgram
+        The program.
+    request : Request
+        Request with the control that receives the reports.
+    """
 
     def __init__(self, program: MixedIntegerProgram, request: Request) -> None:
         self._program = program
@@ -61,22 +78,29 @@ class Incumbents:
         self._best = np.inf
 
     def report(self, point: Vector) -> None:
-        """Report `point`, whose objective is computed anew, if it is better than all before."""
+        """Report `point` if its recomputed objective is better than that of all points before."""
         objective = self._program.objective(point)
         if objective < self._best:
             self._best = objective
             self._control.incumbent(objective, point)
 
     def prove(self, bound: float) -> None:
-        """Report the solver's lower bound."""
+        """Report a lower bound of the solver."""
         self._control.prove(proven_bound(self._program, self._request, bound))
 
 
 def with_cutoff_row(program: MixedIntegerProgram, cutoff: float | None) -> MixedIntegerProgram:
-    """Return `program` with a last row that keeps the objective at or below the cutoff.
+    """Return `program` with a last row that limits the objective to the cutoff.
 
-    For solvers without a cutoff of their own. A linear program is left as it is: the row would
-    take a share of the duals, and its optimum can be held against the cutoff afterwards.
+    For solvers without a cutoff. A linear program is returned unchanged, because the row would change
+    the duals, and its optimum can be compared with the cutoff afterwards.
+
+    Parameters
+    ----------
+    program : MixedIntegerProgram
+        The program.
+    cutoff : float, optional
+        Limit on the objective; None returns `program`.
     """
     if cutoff is None or program.continuous:
         return program
@@ -84,7 +108,7 @@ def with_cutoff_row(program: MixedIntegerProgram, cutoff: float | None) -> Mixed
         program,
         matrix=sp.csr_array(sp.vstack([program.matrix, sp.csr_array(program.cost[None, :])])),
         row_lower=np.append(program.row_lower, -np.inf),
-        row_upper=np.append(program.row_upper, allowed(cutoff) - program.offset),
+        row_upper=np.append(program.row_upper, loosened_cutoff(cutoff) - program.offset),
         rows=(),
     )
 
@@ -92,15 +116,20 @@ def with_cutoff_row(program: MixedIntegerProgram, cutoff: float | None) -> Mixed
 def with_offset_column(program: MixedIntegerProgram) -> MixedIntegerProgram:
     """Return `program` with its offset as a last column fixed at 1.
 
-    For solvers that know no offset, and would measure their relative gap without it.
+    For solvers without an offset, which would compute the relative gap without it.
+
+    Parameters
+    ----------
+    program : MixedIntegerProgram
+        The program.
     """
     if not program.offset:
         return program
-    nothing = sp.csr_array((program.row_count, 1))
+    empty = sp.csr_array((program.row_count, 1))
     return replace(
         program,
         cost=np.append(program.cost, program.offset),
-        matrix=sp.csr_array(sp.hstack([program.matrix, nothing])),
+        matrix=sp.csr_array(sp.hstack([program.matrix, empty])),
         column_lower=np.append(program.column_lower, 1.0),
         column_upper=np.append(program.column_upper, 1.0),
         integral=np.append(program.integral, False),
@@ -110,26 +139,33 @@ def with_offset_column(program: MixedIntegerProgram) -> MixedIntegerProgram:
 
 
 class ProgramBackend(Backend):
-    """Base of the backends that solve a :class:`MixedIntegerProgram` to proven optimality."""
+    """Base of the backends that solve mixed-integer programs to proven optimality."""
 
     accepts: ClassVar[type[Model[Any]] | tuple[type[Model[Any]], ...]] = MixedIntegerProgram
     guarantee = Guarantee.EXACT
 
     @abstractmethod
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
-        """Hand `program` to the solver once and report how it ended.
+        """Solve `program` once and report the ending.
 
-        Laps of `clock` are called ``"build"`` (until the solver starts) and ``"solve"``.
+        Parameters
+        ----------
+        program : MixedIntegerProgram
+            The program.
+        request : Request
+            Options of the run.
+        clock : Clock
+            Clock of the run; counts ``"build"`` until the solver starts, then ``"solve"``.
         """
 
     def patience(self, kind: type[Model[Any]]) -> float:
-        """Return fewer seconds where points are reported as they are found: nothing is to come."""
+        """Return fewer seconds for solvers that report incumbents, because no point is lost."""
         if not issubclass(kind, MixedIntegerProgram):
             return super().patience(kind)
         return REPORTED if Feature.INCUMBENTS in self.features else SILENT
 
     def run(self, problem: MixedIntegerProgram, request: Request) -> Answer:
-        """Solve `problem` as `request` asks."""
+        """Solve `problem`, see :meth:`Backend.run`."""
         self.require()
         request = replace(request, options=self.checked_options(request.options))
         scaling = Scaling.of(problem)
@@ -139,7 +175,7 @@ class ProgramBackend(Backend):
 
     def _run(self, problem: MixedIntegerProgram, request: Request) -> Answer:
         clock = Clock(request.time_limit)
-        ending = obvious(problem, request) or stopped(request, clock)
+        ending = trivial_ending(problem, request) or ending_if_stopped(request, clock)
         if ending is None:
             ending = self.attempt(problem, request, clock)
             if ending.ended is Ended.UNCLEAR or (
@@ -151,47 +187,46 @@ class ProgramBackend(Backend):
     def _resolve(
         self, program: MixedIntegerProgram, request: Request, clock: Clock, first: Ending
     ) -> Ending:
-        """Tell an unbounded program from an infeasible one by asking for any feasible point.
+        """Distinguish an unbounded from an infeasible program by searching any feasible point.
 
-        Presolve stops at "infeasible or unbounded", and an unbounded relaxation says nothing of
-        whole points. With rational data, a feasible program whose relaxation is unbounded is
-        unbounded itself.
+        Presolve stops at "infeasible or unbounded", and an unbounded relaxation does not decide about
+        integer points. With rational data, a feasible program with an unbounded relaxation is unbounded.
         """
-        over = stopped(request, clock)
-        if over is not None:
-            return over
-        # The cutoff stays, as a row: it may be what makes the program infeasible.
+        ending = ending_if_stopped(request, clock)
+        if ending is not None:
+            return ending
+        # The cutoff stays as a row, because it may be what makes the program infeasible.
         posed = with_cutoff_row(program, request.cutoff)
         question = replace(posed, cost=np.zeros(program.size), offset=0.0)
         silent = Control()
-        # The same flag stops it, but its points are no incumbents of the program asked.
+        # The run's flag stops the search, but its points are not incumbents of the program.
         silent.flag = request.control.flag
         probe = self.attempt(question, replace(request, cutoff=None, control=silent), clock)
         if probe.ended is Ended.PROVEN or probe.point is not None:
             return replace(first, ended=Ended.UNBOUNDED, point=probe.point, bound=None, duals=None)
         if probe.ended is Ended.STOPPED:
-            return replace(probe, limit=limited(request.control, probe.limit or Limit.TIME))
+            return replace(probe, limit=stop_reason(request.control, probe.limit or Limit.TIME))
         return replace(probe, bound=None, duals=None)
 
 
-def _tidied(program: MixedIntegerProgram, point: Vector, tolerance: float) -> Vector:
-    """Return `point` on its bounds and whole where it must be, if the rows allow it as well."""
-    tidy = np.clip(point, program.column_lower, program.column_upper)
-    tidy[program.integral] = np.round(tidy[program.integral])
-    if np.array_equal(tidy, point):
-        return tidy
-    return tidy if holds(program, tidy, tolerance) else point
+def _rounded(program: MixedIntegerProgram, point: Vector, tolerance: float) -> Vector:
+    """Return `point` clipped to its bounds and rounded in integer columns, if the rows permit it."""
+    exact = np.clip(point, program.column_lower, program.column_upper)
+    exact[program.integral] = np.round(exact[program.integral])
+    if np.array_equal(exact, point):
+        return exact
+    return exact if is_satisfied(program, exact, tolerance) else point
 
 
 def _conclude(
     program: MixedIntegerProgram, request: Request, clock: Clock, ending: Ending
 ) -> Answer:
-    """Say what `ending` proves."""
+    """Return the answer that `ending` proves."""
     point, objective = None, None
     if ending.point is not None and ending.ended is not Ended.UNBOUNDED:
-        point = _tidied(program, np.array(ending.point, float), request.tolerance)
-        if ending.ended is Ended.STOPPED and not holds(program, point, request.tolerance):
-            # A stopped solver may hand back whatever it held, a simplex vertex on its way say.
+        point = _rounded(program, np.array(ending.point, float), request.tolerance)
+        if ending.ended is Ended.STOPPED and not is_satisfied(program, point, request.tolerance):
+            # A stopped solver may return an infeasible point, such as a vertex of the simplex path.
             point = None
         else:
             objective = program.objective(point)
@@ -208,7 +243,7 @@ def _conclude(
     match ending.ended:
         case Ended.PROVEN:
             if request.cutoff is not None and (
-                objective is None or objective > allowed(request.cutoff)
+                objective is None or objective > loosened_cutoff(request.cutoff)
             ):
                 return above_cutoff(answer, request.cutoff)
             return replace(answer, termination=Termination.OPTIMAL)
@@ -231,12 +266,24 @@ def proven_bound(
     bound: float | None,
     objective: float | None = None,
 ) -> float | None:
-    """Return what a solver's lower `bound` proves, None where it is nothing."""
+    """Return the part of a solver's lower bound that is proven; None if nothing is.
+
+    Parameters
+    ----------
+    program : MixedIntegerProgram
+        The program.
+    request : Request
+        Request with the cutoff of the search.
+    bound : float, optional
+        Lower bound that the solver reports.
+    objective : float, optional
+        Objective of the best point. A bound that exceeds it by rounding is lowered to it.
+    """
     if bound is None or not np.isfinite(bound) or abs(bound) >= 1e20:
         return None
     if request.cutoff is not None and not program.continuous:
-        # What lies above a cutoff is pruned, so the search knows nothing of plans there: HiGHS
-        # was seen to report a bound far above the optimum it was forbidden to find.
+        # The search prunes plans above the cutoff, so nothing is proven there: HiGHS reported a bound
+        # far above the optimum that it must not find.
         bound = min(bound, request.cutoff)
     if objective is not None and objective < bound <= objective + 1e-6 * max(1.0, abs(objective)):
         return float(objective)

@@ -1,4 +1,4 @@
-"""OR-Tools' CP-SAT, for programs of bounded whole columns and whole coefficients."""
+"""OR-Tools' CP-SAT, for programs with bounded integer columns and integer coefficients."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ import numpy as np
 
 from ...errors import UnsupportedFormulation
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending, allowed, limited, watched
+from ..attempts import Clock, Ended, Ending, forward_stop, loosened_cutoff, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from .base import CALLED_BACK, Incumbents, ProgramBackend
 
 __all__ = ["CpSat"]
 
-#: Sums must stay within what CP-SAT's 64-bit arithmetic holds without overflow.
+#: Limit on sums, which must not overflow the 64-bit arithmetic of CP-SAT.
 LARGEST = 2**61
-#: A scaled bound this close to a whole number, relatively, is that number written with rounding.
+#: Relative distance from an integer within which a scaled bound is that integer.
 ROUNDING = 1e-9
 
 
 class CpSat(ProgramBackend):
-    """CP-SAT, called directly: exact integer arithmetic, clause learning, many searches at once.
+    """Backend for CP-SAT: exact integer arithmetic, clause learning, parallel searches.
 
-    Only programs whose columns are all whole and bounded are taken, with rows and costs that some
-    power of ten (or another whole factor) makes whole; a coefficient counts as the decimal number
-    that it is written as, so 0.1 is a tenth.
+    All columns must be integer and bounded. Rows and costs must become integer by scaling with a
+    power of ten or another integer. A coefficient is read as the decimal number that prints it, so 0.1
+    is one tenth.
     """
 
     name = "cp-sat"
@@ -40,32 +40,32 @@ class CpSat(ProgramBackend):
     conflict_group = "highs"
     natives = ("ortools.math_opt.core.python.solver", "ortools.sat.python.cp_model_helper")
     options: ClassVar[Mapping[str, Option]] = {
-        "linearization_level": Option(1, "How much linear relaxation is used.", int, (0, 1, 2))
+        "linearization_level": Option(1, "Extent of the linear relaxation.", int, (0, 1, 2))
     }
     summary = "OR-Tools CP-SAT: exact, for all-integer programs"
 
     def refuses(self, problem: MixedIntegerProgram) -> str:
-        """Name a continuous column, where there is one."""
+        """Return a message with a continuous column, empty if all columns are integer."""
         fractional = np.flatnonzero(~problem.integral)
         if not fractional.size:
             return ""
         name = problem.column_name(int(fractional[0]))
-        return f"backend 'cp-sat' takes whole columns only: {name} is continuous"
+        return f"backend 'cp-sat' accepts integer columns only: {name} is continuous"
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with CP-SAT."""
+        """Solve the program with CP-SAT."""
         reason = self.refuses(program)
         if reason:
             raise UnsupportedFormulation(reason)
-        whole = _whole(program)
-        empty = np.flatnonzero(whole.lower > whole.upper)
+        integral = _to_integers(program)
+        empty = np.flatnonzero(integral.lower > integral.upper)
         if empty.size:
             name = program.column_name(int(empty[0]))
-            message = f"{name}: no whole number lies within the bounds"
+            message = f"{name}: no integer is within the bounds"
             return Ending(Ended.INFEASIBLE, message=message, absolute=True)
         from ortools.sat.python import cp_model
 
-        model, columns = _model(cp_model, whole, request)
+        model, columns = _model(cp_model, integral, request)
         solver = cp_model.CpSolver()
         _configure(solver, request)
         incumbents = Incumbents(program, request)
@@ -75,22 +75,22 @@ class CpSat(ProgramBackend):
                 incumbents.report(np.array([self.value(column) for column in columns], float))
 
         def prove(bound: float) -> None:
-            incumbents.prove(bound / whole.scale)
+            incumbents.prove(bound / integral.scale)
 
         solver.best_bound_callback = prove
         clock.lap("build")
         left = clock.left()
         if left is not None:
             solver.parameters.max_time_in_seconds = left
-        with watched(request.control, solver.stop_search):
+        with forward_stop(request.control, solver.stop_search):
             status = solver.solve(model, Listener())
         clock.lap("solve")
-        return _ending(cp_model, solver, status, columns, whole, model, request)
+        return _ending(cp_model, solver, status, columns, integral, model, request)
 
 
 @dataclass(frozen=True)
-class _Whole:
-    """The program in whole numbers: the objective is ``(cost @ x + offset) / scale``."""
+class _Integral:
+    """Program with integer coefficients: the objective is ``(cost @ x + offset) / scale``."""
 
     cost: list[int]
     offset: float
@@ -100,15 +100,15 @@ class _Whole:
     upper: np.ndarray[Any, np.dtype[np.int64]]
 
 
-def _whole(program: MixedIntegerProgram) -> _Whole:
-    """Return `program`, whose columns are whole, in whole numbers; else ``UnsupportedFormulation``."""
+def _to_integers(program: MixedIntegerProgram) -> _Integral:
+    """Return a program of integer columns with integer coefficients, or raise an error."""
     size = np.maximum(np.abs(program.column_lower), np.abs(program.column_upper))
     unbounded = np.flatnonzero(size >= 2**53)
     if unbounded.size:
-        at = int(unbounded[0])
+        index_of_column = int(unbounded[0])
         raise UnsupportedFormulation(
-            f"backend 'cp-sat' needs bounds on every column: {program.column_name(at)} lies in "
-            f"[{program.column_lower[at]:g}, {program.column_upper[at]:g}]"
+            f"backend 'cp-sat' needs bounds on every column: {program.column_name(index_of_column)} lies in "
+            f"[{program.column_lower[index_of_column]:g}, {program.column_upper[index_of_column]:g}]"
         )
     reach = [int(value) for value in np.ceil(size)]
     cost, scale = _scaled(program.cost.tolist(), reach, "the objective")
@@ -119,12 +119,14 @@ def _whole(program: MixedIntegerProgram) -> _Whole:
         zip(program.row_lower.tolist(), program.row_upper.tolist(), strict=True)
     ):
         part = slice(start[row], start[row + 1])
-        factors, by = _scaled(
+        factors, factor = _scaled(
             value[part], [reach[c] for c in index[part]], lambda row=row: program.row_name(row)
         )
-        most = sum(abs(f) * reach[c] for f, c in zip(factors, index[part], strict=True))
-        rows.append((index[part], factors, _up(low, by, -most), -_up(-high, by, -most)))
-    return _Whole(
+        largest = sum(abs(f) * reach[c] for f, c in zip(factors, index[part], strict=True))
+        rows.append(
+            (index[part], factors, _up(low, factor, -largest), -_up(-high, factor, -largest))
+        )
+    return _Integral(
         cost,
         program.offset * scale,
         scale,
@@ -135,30 +137,30 @@ def _whole(program: MixedIntegerProgram) -> _Whole:
 
 
 def _scaled(values: list[float], reach: Iterable[int], what: Any) -> tuple[list[int], int]:
-    """Return `values` times the least factor that makes them whole, and the factor."""
+    """Return `values` multiplied by the smallest factor that makes them integer, and the factor."""
     if all(value.is_integer() for value in values):
-        whole, by = [int(value) for value in values], 1
+        integers, factor = [int(value) for value in values], 1
     else:
         exact = [Fraction(repr(value)) for value in values]
-        by = math.lcm(*(value.denominator for value in exact))
-        whole = [int(value * by) for value in exact]
-    most = sum(abs(value) * size for value, size in zip(whole, reach, strict=True))
-    if max(most, by) >= LARGEST:
+        factor = math.lcm(*(value.denominator for value in exact))
+        integers = [int(value * factor) for value in exact]
+    largest = sum(abs(value) * size for value, size in zip(integers, reach, strict=True))
+    if max(largest, factor) >= LARGEST:
         raise UnsupportedFormulation(
-            "backend 'cp-sat' takes coefficients that scale to whole 64-bit numbers: "
+            "backend 'cp-sat' accepts coefficients that scale to 64-bit integers: "
             f"those of {what() if callable(what) else what} do not"
         )
-    return whole, by
+    return integers, factor
 
 
-def _up(bound: float, by: int, least: int) -> int:
-    """Return the least whole number that a scaled lower bound admits, not below `least` - 1.
+def _up(bound: float, factor: int, least: int) -> int:
+    """Return the smallest integer that a scaled lower bound admits, at least `least` - 1.
 
-    With the signs of bound, least and result turned, the greatest that an upper one admits.
+    With the signs of bound, `least` and result changed, this is the largest integer of an upper bound.
     """
     if bound == -math.inf:
         return least - 1
-    exact = Fraction(repr(bound)) * by
+    exact = Fraction(repr(bound)) * factor
     return max(math.ceil(exact - _rounding(exact)), least - 1)
 
 
@@ -166,31 +168,31 @@ def _rounding(value: Fraction) -> Fraction:
     return Fraction(ROUNDING) * max(Fraction(1), abs(value))
 
 
-def _model(cp_model: Any, whole: _Whole, request: Request) -> tuple[Any, list[Any]]:
+def _model(cp_model: Any, integral: _Integral, request: Request) -> tuple[Any, list[Any]]:
     model = cp_model.CpModel()
     columns = [
         model.new_int_var(low, high, "")
-        for low, high in zip(whole.lower.tolist(), whole.upper.tolist(), strict=True)
+        for low, high in zip(integral.lower.tolist(), integral.upper.tolist(), strict=True)
     ]
 
     def total(index: Iterable[int], factors: Iterable[int]) -> Any:
         return cp_model.LinearExpr.weighted_sum([columns[c] for c in index], list(factors))
 
-    for index, factors, low, high in whole.rows:
+    for index, factors, low, high in integral.rows:
         if low > high:
-            # The row leaves no whole value; no column can be blamed, so a false row says it.
+            # No integer satisfies the row, so a false clause makes the model infeasible.
             model.add_bool_or([])
         elif index:
             model.add_linear_constraint(total(index, factors), low, high)
-    used = [c for c, factor in enumerate(whole.cost) if factor]
-    objective = total(used, [whole.cost[c] for c in used])
+    used = [c for c, factor in enumerate(integral.cost) if factor]
+    objective = total(used, [integral.cost[c] for c in used])
     if used:
         model.minimize(objective)
-        model.proto.objective.offset = whole.offset
+        model.proto.objective.offset = integral.offset
     if request.cutoff is not None and used:
-        most = math.floor(allowed(request.cutoff) * whole.scale - whole.offset)
-        least = -LARGEST
-        model.add_linear_constraint(objective, least, max(most, least))
+        largest = math.floor(loosened_cutoff(request.cutoff) * integral.scale - integral.offset)
+        smallest = -LARGEST
+        model.add_linear_constraint(objective, smallest, max(largest, smallest))
     if request.warm_start is not None:
         values = np.round(np.asarray(request.warm_start, float)).astype(np.int64).tolist()
         for column, value in zip(columns, values, strict=True):
@@ -200,7 +202,7 @@ def _model(cp_model: Any, whole: _Whole, request: Request) -> tuple[Any, list[An
 
 def _configure(solver: Any, request: Request) -> None:
     parameters = solver.parameters
-    # Counted in whole units, so the bound that CP-SAT puts under the gap's denominator is no loss.
+    # In scaled units, where the lower bound of 1 on the gap's denominator in CP-SAT has no effect.
     parameters.relative_gap_limit = request.gap
     parameters.absolute_gap_limit = 0.0
     parameters.catch_sigint_signal = False
@@ -217,7 +219,7 @@ def _ending(
     solver: Any,
     status: Any,
     columns: list[Any],
-    whole: _Whole,
+    integral: _Integral,
     model: Any,
     request: Request,
 ) -> Ending:
@@ -233,14 +235,14 @@ def _ending(
     message = ""
     if ended is Ended.FAILED:
         message = f"CP-SAT: {solver.status_name(status)} {model.validate()}".rstrip()
-    bound = whole.offset / whole.scale
-    if any(whole.cost):
-        bound = solver.best_objective_bound / whole.scale
+    bound = integral.offset / integral.scale
+    if any(integral.cost):
+        bound = solver.best_objective_bound / integral.scale
     return Ending(
         ended,
         point,
         bound if ended in (Ended.PROVEN, Ended.STOPPED) else None,
-        limit=limited(request.control, Limit.TIME) if ended is Ended.STOPPED else None,
+        limit=stop_reason(request.control, Limit.TIME) if ended is Ended.STOPPED else None,
         statistics={"branches": int(solver.num_branches), "conflicts": int(solver.num_conflicts)},
         message=message,
     )

@@ -1,4 +1,4 @@
-"""CVXPY's own modelling layer: HiGHS or SCIP on mixed-integer programs, more on quadratic ones."""
+"""CVXPY's modelling layer: mixed-integer, quadratic and conic programs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...models.model import Model
 from ...models.programs.base import RowProgram
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
-from ..attempts import Clock, Ended, Ending, solver_tolerance, stopped
+from ..attempts import Clock, Ended, Ending, ending_if_stopped, solver_tolerance
 from ..backend import Answer, Feature, Option, Request
 from ..conic.base import ConicRun
 from ..cvxpy_library import Solved, chosen, found, solve_by_cvxpy
@@ -27,10 +27,10 @@ __all__ = ["CvxpyMip"]
 
 
 class CvxpyMip(ProgramBackend):
-    """CVXPY: the program is posed as a ``cvxpy.Problem`` and canonicalised by CVXPY.
+    """Backend for CVXPY: the program is posed as a ``cvxpy.Problem`` and canonicalised by CVXPY.
 
-    That is a way of its own from the program to the solver, worth a cross-check of the others. Its
-    features are those with HiGHS; what another solver cannot take from CVXPY raises.
+    Its translation is independent of the other backends, which is useful for a cross-check. The
+    declared features are those with HiGHS; options that another solver does not support raise.
     """
 
     name = "cvxpy"
@@ -48,30 +48,30 @@ class CvxpyMip(ProgramBackend):
         }
     )
     requires = ("cvxpy",)
-    # CVXPY probes its solvers as it is imported and so loads highspy: see Highs.
+    # CVXPY probes its solvers on import and so loads highspy; see Highs.
     conflict_group = "highs"
     natives = ("highspy._core",)
     options: ClassVar[Mapping[str, Option]] = {
         "solver": Option(
             None,
-            "CVXPY's name of any solver that it finds and that takes the program; HIGHS for "
-            "mixed-integer programs and CLARABEL for quadratic ones by default.",
+            "Name in CVXPY of an installed solver that supports the program. Default: HIGHS for "
+            "mixed-integer programs, CLARABEL for quadratic and conic ones.",
             str,
         ),
         "polish": POLISH,
     }
-    summary = "CVXPY: HiGHS, SCIP, Clarabel, OSQP … behind a modelling layer of its own"
+    summary = "CVXPY: HiGHS, SCIP, Clarabel, OSQP and others behind its modelling layer"
 
     @staticmethod
     def found() -> dict[str, tuple[str, ...]]:
-        """Return the values of ``solver`` to be had here, by kind of program; CVXPY is imported."""
+        """Return the available values of ``solver`` by kind of program. CVXPY is imported."""
         return {kind: found(kind) for kind in ("mixed-integer", "quadratic")}
 
     def comparison_options(self, kind: type[Model[Any]]) -> Mapping[str, Any]:
         return {} if issubclass(kind, MixedIntegerProgram) else UNPOLISHED
 
     def run(self, problem: RowProgram, request: Request) -> Answer:
-        """Solve `problem`, of either kind, as `request` asks."""
+        """Solve a mixed-integer, quadratic or conic program, see :meth:`Backend.run`."""
         self.require()
         if isinstance(problem, ConicProgram) and not problem.cones:
             problem = problem.quadratic
@@ -85,20 +85,20 @@ class CvxpyMip(ProgramBackend):
         return super().run(problem, request)
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
-        """Solve through CVXPY."""
+        """Solve the program through CVXPY."""
         solver = str(request.options["solver"])
         if solver == "HIGHS" and not program.continuous:
             return _called_back(program, request, clock)
         if request.target is not None:
             raise UnsupportedOption(
-                f"backend 'cvxpy': solver={solver!r} reports no incumbents, and so stops at no target"
+                f"backend 'cvxpy': solver={solver!r} reports no incumbents, so it cannot stop at a target"
             )
         posed = with_offset_column(with_cutoff_row(program, request.cutoff))
-        # CVXPY's interface to SCIP fails on rows without entries, which are known to hold by now.
+        # CVXPY's interface to SCIP fails on rows without entries, which are satisfied at this point.
         rows = np.flatnonzero(np.diff(posed.matrix.indptr))
         posed = posed.only_rows(rows)
         names = _NAMES.get(solver, {})
-        options = _told(solver, names, program, request)
+        options = _solver_options(solver, names, program, request)
         try:
             if solver == "HIGHS" and request.threads is not None:
                 _fresh_scheduler()
@@ -108,22 +108,22 @@ class CvxpyMip(ProgramBackend):
         finally:
             if solver == "HIGHS" and request.threads is not None:
                 _fresh_scheduler()
-        found = _ending(solver, solved, program)
-        # CVXPY's own tests doubt the duals it reads from SCIP, which lacks those of one-column rows.
-        if found.ended is Ended.PROVEN and program.continuous and solver != "SCIP":
+        result = _ending(solver, solved, program)
+        # CVXPY's duals from SCIP are unreliable: they omit those of rows with one column.
+        if result.ended is Ended.PROVEN and program.continuous and solver != "SCIP":
             duals = np.zeros(program.row_count)
             duals[rows] = solved.row_duals()
-            found = replace(found, duals=duals)
-        return found
+            result = replace(result, duals=duals)
+        return result
 
 
 def _called_back(program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
-    """Solve what CVXPY makes of `program` with HiGHS, which is called here.
+    """Solve CVXPY's canonical form of `program` with HiGHS, which is called directly.
 
-    Where CVXPY calls it, it takes no stop, and what it has found is lost with its process.
+    Within CVXPY, HiGHS cannot be stopped, and its incumbents are lost with its process.
     """
     problem, columns = with_offset_column(program).to_cvxpy()
-    late = stopped(request, clock)
+    late = ending_if_stopped(request, clock)
     if late is not None:
         return late
     data = problem.get_problem_data("HIGHS")[0]
@@ -138,39 +138,39 @@ def _called_back(program: MixedIntegerProgram, request: Request, clock: Clock) -
         integral=np.isin(np.arange(size), data["int_vars_idx"]),
     )
     first = data["param_prob"].var_id_to_col[columns.id]
-    own = slice(first, first + program.size)
+    columns_of_program = slice(first, first + program.size)
 
     def report(objective: float, point: Any) -> None:
-        request.control.incumbent(objective, point[own])
+        request.control.incumbent(objective, point[columns_of_program])
 
     with request.control.stage(None, report, request.control.prove) as control:
-        asked = replace(request, control=control)
-        found = ending(search(posed, asked, clock), posed, asked)
+        stage_request = replace(request, control=control)
+        result = ending(search(posed, stage_request, clock), posed, stage_request)
     return replace(
-        found,
-        point=None if found.point is None else found.point[own],
-        statistics={"solver": "HIGHS", **found.statistics},
+        result,
+        point=None if result.point is None else result.point[columns_of_program],
+        statistics={"solver": "HIGHS", **result.statistics},
     )
 
 
 def _fresh_scheduler() -> None:
-    """Let HiGHS start threads anew: its scheduler keeps the number it was first given."""
+    """Reset the scheduler of HiGHS, which otherwise keeps its first number of threads."""
     import highspy
 
     highspy.Highs.resetGlobalScheduler(True)
 
 
-def _told(
+def _solver_options(
     solver: str,
     names: Mapping[str, tuple[str, ...]],
     program: MixedIntegerProgram,
     request: Request,
 ) -> dict[str, Any]:
-    """Return the common request in the solver's own words, or raise where it has none.
+    """Return the common options under the solver's names, or raise if it does not support them.
 
-    What decides no plan, the gap and the tolerance, is left as it is for a solver without `names`.
+    Gap and tolerance, which do not decide about the plan, are omitted for a solver without `names`.
     """
-    asked = {
+    values = {
         "gap": None if program.continuous else request.gap,
         "absolute gap": None if program.continuous else 0.0,
         "seed": None if request.seed is None else request.seed % (2**31),
@@ -178,12 +178,12 @@ def _told(
         "tolerance": solver_tolerance(request.tolerance, 1e-9),
     }
     options: dict[str, Any] = {}
-    for what, value in asked.items():
+    for option, value in values.items():
         if value is None:
             continue
-        if what not in names and what in ("seed", "threads"):
-            raise UnsupportedOption(f"backend 'cvxpy': solver={solver!r} takes no {what}")
-        options.update(dict.fromkeys(names.get(what, ()), value))
+        if option not in names and option in ("seed", "threads"):
+            raise UnsupportedOption(f"backend 'cvxpy': solver={solver!r} takes no {option}")
+        options.update(dict.fromkeys(names.get(option, ()), value))
     return options
 
 
@@ -219,7 +219,7 @@ def _ending(solver: str, solved: Solved, program: MixedIntegerProgram) -> Ending
     if program.continuous:
         bound = float(solved.problem.value) if ended is Ended.PROVEN else None
     elif ended is Ended.PROVEN and bound is None:
-        # Optimal within a gap of the solver's own, which nobody passes on.
+        # Optimal within the solver's own gap, which CVXPY does not report.
         ended = Ended.STOPPED
     point = solved.point(ended)
     return Ending(

@@ -10,18 +10,27 @@ import numpy as np
 
 from ...errors import BackendBroken
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending, Meaning, allowed, limited, solver_tolerance, watched
+from ..attempts import (
+    Clock,
+    Ended,
+    Ending,
+    Meaning,
+    forward_stop,
+    loosened_cutoff,
+    solver_tolerance,
+    stop_reason,
+)
 from ..backend import Feature, Limit, Option, Request
 from .base import CALLED_BACK, Incumbents, ProgramBackend
 
 __all__ = ["Gurobi"]
 
-#: Gurobi's own numbers for a licence that is missing, unreachable, or too small for the program.
+#: Gurobi's error numbers for a missing licence, and for a program that exceeds the licence.
 NO_LICENCE, SIZE_LIMITED = 10009, 10010
 
 
 class Gurobi(ProgramBackend):
-    """Gurobi; the licence that its package brings takes 2000 rows and 2000 columns at most."""
+    """Backend for Gurobi. The licence in its package permits at most 2000 rows and 2000 columns."""
 
     name = "gurobi"
     features = CALLED_BACK | {Feature.THREADS, Feature.DUALS}
@@ -33,7 +42,7 @@ class Gurobi(ProgramBackend):
     summary = "Gurobi: commercial; without a licence only small programs"
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with Gurobi."""
+        """Solve the program with Gurobi."""
         import gurobipy
 
         try:
@@ -46,9 +55,8 @@ class Gurobi(ProgramBackend):
             if error.errno == SIZE_LIMITED:
                 raise BackendBroken(
                     f"backend 'gurobi': the program has {program.row_count} rows and "
-                    f"{program.size} columns, the licence that comes with gurobipy allows 2000 of "
-                    "each: install a licence of your own, or solve with another backend, "
-                    "such as 'highs'"
+                    f"{program.size} columns, but the licence in gurobipy permits 2000 of each: "
+                    "install a licence, or solve with another backend, such as 'highs'"
                 ) from error
             if error.errno == NO_LICENCE:
                 raise BackendBroken(f"backend 'gurobi': no valid licence: {error}") from error
@@ -71,7 +79,7 @@ def _parameters(program: MixedIntegerProgram, request: Request) -> dict[str, Any
     if request.threads is not None:
         parameters["Threads"] = request.threads
     if request.cutoff is not None and not program.continuous:
-        parameters["Cutoff"] = allowed(request.cutoff)
+        parameters["Cutoff"] = loosened_cutoff(request.cutoff)
     return parameters
 
 
@@ -92,7 +100,7 @@ def _solve(
         columns.Start = np.asarray(request.warm_start, float)
     incumbents = Incumbents(program, request)
 
-    def heard(model: Any, where: int) -> None:
+    def report(model: Any, where: int) -> None:
         if where == grb.Callback.MIPSOL:
             incumbents.report(np.array(model.cbGetSolution(columns), float))
         elif where == grb.Callback.MIP:
@@ -102,16 +110,16 @@ def _solve(
     left = clock.left()
     if left is not None:
         model.Params.TimeLimit = left
-    with watched(request.control, model.terminate):
-        model.optimize(heard)
+    with forward_stop(request.control, model.terminate):
+        model.optimize(report)
     clock.lap("solve")
     return _ending(grb, model, program, request, columns, rows)
 
 
 def _add_rows(model: Any, program: MixedIntegerProgram, columns: Any) -> list[tuple[Any, Any]]:
-    """Add the rows and return, for each kind, which they are and Gurobi's constraints.
+    """Add the rows and return, for each sense, their indices and Gurobi's constraints.
 
-    Gurobi has no two-sided rows: such a row becomes two, whose duals are added.
+    A two-sided row becomes two constraints, because Gurobi has none; their duals are added.
     """
     return [
         (which, model.addMConstr(program.matrix[which], columns, sense, bound))
@@ -140,20 +148,20 @@ def _ending(
         grb.NODE_LIMIT: exhausted,
         grb.SOLUTION_LIMIT: exhausted,
         grb.WORK_LIMIT: exhausted,
-        # All nodes are done, yet the optimum is not within the tolerances.
+        # All nodes are processed, but the optimum is not within the tolerances.
         grb.SUBOPTIMAL: Ended.STOPPED,
-        grb.INTERRUPTED: (Ended.STOPPED, limited(request.control)),
+        grb.INTERRUPTED: (Ended.STOPPED, stop_reason(request.control)),
     }
-    found = Ending.read("Gurobi", model.Status, meanings, f"status {model.Status}")
+    ending = Ending.read("Gurobi", model.Status, meanings, f"status {model.Status}")
     point, duals, bound = None, None, None
-    if model.SolCount and found.ended is not Ended.UNBOUNDED:
+    if model.SolCount and ending.ended is not Ended.UNBOUNDED:
         point = np.array(columns.X, float)
     if not program.continuous:
         bound = float(model.ObjBound)
-    elif found.ended is Ended.PROVEN:
+    elif ending.ended is Ended.PROVEN:
         bound = float(model.ObjVal)
         duals = np.zeros(program.row_count)
         for which, constraints in rows:
             duals[which] += np.asarray(constraints.Pi)
     counts = {"nodes": int(model.NodeCount), "simplex iterations": int(model.IterCount)}
-    return replace(found, point=point, bound=bound, duals=duals, statistics=counts)
+    return replace(ending, point=point, bound=bound, duals=duals, statistics=counts)

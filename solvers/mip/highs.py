@@ -12,7 +12,7 @@ from ...errors import UnsupportedOption
 from ...models.model import Model
 from ...models.programs.base import RowProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
-from ..attempts import Clock, Ended, Ending, allowed, own_options, solver_tolerance
+from ..attempts import Clock, Ended, Ending, loosened_cutoff, solver_options, solver_tolerance
 from ..backend import Answer, Feature, Option, Request
 from ..highs_library import meanings, run_highs
 from ..qp.base import POLISH, UNPOLISHED, answered
@@ -23,14 +23,14 @@ __all__ = ["Highs", "ending", "search"]
 
 
 class Highs(ProgramBackend):
-    """HiGHS, called in this process with the program's own arrays."""
+    """Backend for HiGHS, called in this process with the arrays of the program."""
 
     name = "highs"
     accepts = (MixedIntegerProgram, QuadraticProgram)
     features = CALLED_BACK | {Feature.THREADS, Feature.DUALS}
     requires = ("highspy",)
-    # highspy and ortools each bring a libhighs.so.1, of different versions: whichever is loaded
-    # first serves both, and the other one fails to import for want of a symbol.
+    # highspy and ortools each contain a libhighs.so.1 of another version. The one loaded first serves
+    # both, and the other package fails to import because of a missing symbol.
     conflict_group = "highs"
     natives = ("highspy._core",)
     options: ClassVar[Mapping[str, Option]] = {
@@ -43,14 +43,14 @@ class Highs(ProgramBackend):
     summary = "HiGHS: branch and cut, simplex, interior point, quadratic active set; the default"
 
     def interrupts(self, kind: type[Model[Any]]) -> bool:
-        """Its solver for quadratic programs takes no stop."""
+        """Return False for quadratic programs, whose solver in HiGHS cannot be stopped."""
         return not issubclass(kind, QuadraticProgram)
 
     def comparison_options(self, kind: type[Model[Any]]) -> Mapping[str, Any]:
         return {} if issubclass(kind, MixedIntegerProgram) else UNPOLISHED
 
     def run(self, problem: RowProgram, request: Request) -> Answer:
-        """Solve `problem`, of either kind, as `request` asks."""
+        """Solve a mixed-integer or quadratic program, see :meth:`Backend.run`."""
         if isinstance(problem, QuadraticProgram):
             name = "mip_heuristic_effort"
             if request.options.get(name, self.options[name].default) != self.options[name].default:
@@ -62,12 +62,22 @@ class Highs(ProgramBackend):
         return super().run(problem, request)
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with HiGHS."""
+        """Solve the program with HiGHS."""
         return ending(search(program, request, clock), program, request)
 
 
 def search(program: MixedIntegerProgram, request: Request, clock: Clock) -> Any:
-    """Return the ``highspy.Highs`` that has solved `program` as `request` asks."""
+    """Solve a program and return the ``highspy.Highs`` object.
+
+    Parameters
+    ----------
+    program : MixedIntegerProgram
+        The program.
+    request : Request
+        Options of the run.
+    clock : Clock
+        Clock of the run.
+    """
     tolerance = solver_tolerance(request.tolerance, 1e-10)
     options: dict[str, Any] = {
         "mip_rel_gap": request.gap,
@@ -75,10 +85,10 @@ def search(program: MixedIntegerProgram, request: Request, clock: Clock) -> Any:
         "primal_feasibility_tolerance": tolerance,
         "dual_feasibility_tolerance": tolerance,
         "mip_feasibility_tolerance": tolerance,
-        **own_options(request, "solver"),
+        **solver_options(request, "solver"),
     }
     if request.cutoff is not None and not program.continuous:
-        options["objective_bound"] = allowed(request.cutoff)
+        options["objective_bound"] = loosened_cutoff(request.cutoff)
 
     def prepare(highs: Any) -> None:
         if request.warm_start is not None:
@@ -113,22 +123,32 @@ def _listen(highs: Any, program: MixedIntegerProgram, request: Request) -> None:
 
 
 def ending(highs: Any, program: MixedIntegerProgram, request: Request) -> Ending:
-    """Return how the search for `program` ended."""
+    """Return the ending of a search.
+
+    Parameters
+    ----------
+    highs : highspy.Highs
+        Result of :func:`search`.
+    program : MixedIntegerProgram
+        The program.
+    request : Request
+        Options of the run.
+    """
     import highspy
 
     status, info, solution = highs.getModelStatus(), highs.getInfo(), highs.getSolution()
-    found = Ending.read("HiGHS", status, meanings(request), highs.modelStatusToString(status))
+    result = Ending.read("HiGHS", status, meanings(request), highs.modelStatusToString(status))
     feasible = int(highspy.SolutionStatus.kSolutionStatusFeasible)
     bound = info.mip_dual_bound
     if program.continuous:
-        bound = info.objective_function_value if found.ended is Ended.PROVEN else None
-    dual = program.continuous and solution.dual_valid
-    whole = solution.value_valid and info.primal_solution_status == feasible
+        bound = info.objective_function_value if result.ended is Ended.PROVEN else None
+    has_duals = program.continuous and solution.dual_valid
+    has_point = solution.value_valid and info.primal_solution_status == feasible
     return replace(
-        found,
-        point=np.array(solution.col_value, float) if whole else None,
+        result,
+        point=np.array(solution.col_value, float) if has_point else None,
         bound=bound,
-        duals=np.array(solution.row_dual, float) if dual else None,
+        duals=np.array(solution.row_dual, float) if has_duals else None,
         statistics={
             "nodes": max(int(info.mip_node_count), 0),
             "simplex iterations": max(int(info.simplex_iteration_count), 0),

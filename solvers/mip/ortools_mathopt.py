@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending, Meaning, limited, solver_tolerance, watched
+from ..attempts import Clock, Ended, Ending, Meaning, forward_stop, solver_tolerance, stop_reason
 from ..backend import Feature, Limit, Request
 from .base import CALLED_BACK, Incumbents, ProgramBackend, with_cutoff_row
 
@@ -16,11 +16,11 @@ __all__ = ["MathOpt"]
 
 
 class MathOpt(ProgramBackend):
-    """OR-Tools' MathOpt: its own build of SCIP, and GLOP for linear programs.
+    """Backend for OR-Tools' MathOpt: its own build of SCIP, and GLOP for linear programs.
 
-    MathOpt's HiGHS is left out: version 9.15 can neither interrupt it nor limit its threads.
-    Listening to SCIP makes that version write two lines on the standard error, a complaint of
-    ``SCIPcatchEvent`` about one of several kinds of event; incumbents and stops come all the same.
+    MathOpt's HiGHS is not offered, because version 9.15 can neither interrupt it nor limit its threads.
+    With callbacks to SCIP, that version writes two lines to standard error, an error of
+    ``SCIPcatchEvent`` about one of several event types. Incumbents and stop requests work anyway.
     """
 
     name = "ortools"
@@ -28,13 +28,13 @@ class MathOpt(ProgramBackend):
     single_threaded = True
     requires = ("ortools",)
     extra = "ortools"
-    # See Highs: the two packages' libhighs.so.1 exclude one another.
+    # See Highs: the libhighs.so.1 of the two packages conflict.
     conflict_group = "highs"
     natives = ("ortools.math_opt.core.python.solver", "ortools.sat.python.cp_model_helper")
     summary = "OR-Tools MathOpt: SCIP for mixed-integer, GLOP for linear programs"
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with MathOpt."""
+        """Solve the program with MathOpt."""
         from ortools.math_opt.python import mathopt
         from ortools.util.python.solve_interrupter import SolveInterrupter
 
@@ -46,7 +46,7 @@ class MathOpt(ProgramBackend):
         parameters = _parameters(mathopt, kind, request)
         more: dict[str, Any] = {}
         if kind is types.GSCIP:
-            more = _listening(mathopt, program, request)
+            more = _callbacks(mathopt, program, request)
         if request.warm_start is not None and kind is types.GSCIP:
             values = np.asarray(request.warm_start, float).tolist()
             hint = mathopt.SolutionHint(variable_values=dict(zip(columns, values, strict=True)))
@@ -57,19 +57,19 @@ class MathOpt(ProgramBackend):
         if left is not None:
             parameters.time_limit = datetime.timedelta(seconds=left)
         try:
-            with watched(request.control, interrupter.interrupt):
+            with forward_stop(request.control, interrupter.interrupt):
                 result = mathopt.solve(
                     model, kind, params=parameters, interrupter=interrupter, **more
                 )
         except (AttributeError, RuntimeError) as error:
-            return _refused(error)
+            return _ending_of_error(error)
         finally:
             clock.lap("solve")
         return _ending(mathopt, result, program, request)
 
 
 def _model(mathopt: Any, program: MixedIntegerProgram) -> Any:
-    """Return the model, made from arrays: adding rows one by one takes ten times as long."""
+    """Return the model, built from arrays because adding rows one by one takes ten times as long."""
     from ortools.math_opt import model_pb2, sparse_containers_pb2
 
     costs = np.flatnonzero(program.cost)
@@ -106,7 +106,7 @@ def _parameters(mathopt: Any, kind: Any, request: Request) -> Any:
     parameters = mathopt.SolveParameters(enable_output=request.verbose)
     if request.seed is not None:
         parameters.random_seed = request.seed % (2**31)
-    # SCIP knows no tolerance below its epsilon, 1e-9.
+    # The smallest tolerance of SCIP is its epsilon, 1e-9.
     tolerance = solver_tolerance(request.tolerance, 1e-9)
     if kind is mathopt.SolverType.GLOP:
         parameters.glop.primal_feasibility_tolerance = tolerance
@@ -120,12 +120,12 @@ def _parameters(mathopt: Any, kind: Any, request: Request) -> Any:
     return parameters
 
 
-def _listening(mathopt: Any, program: MixedIntegerProgram, request: Request) -> dict[str, Any]:
+def _callbacks(mathopt: Any, program: MixedIntegerProgram, request: Request) -> dict[str, Any]:
     incumbents = Incumbents(program, request)
 
     event = mathopt.Event
 
-    def heard(data: Any) -> Any:
+    def report(data: Any) -> Any:
         if data.mip_stats.dual_bound is not None:
             incumbents.prove(data.mip_stats.dual_bound)
         if data.event is not event.MIP_SOLUTION:
@@ -136,19 +136,19 @@ def _listening(mathopt: Any, program: MixedIntegerProgram, request: Request) -> 
         incumbents.report(point)
         return mathopt.CallbackResult()
 
-    heeded = mathopt.CallbackRegistration(
+    registration = mathopt.CallbackRegistration(
         events={event.MIP_SOLUTION, event.MIP_NODE},
-        mip_node_filter=mathopt.VariableFilter(filtered_items=()),  # a node's point is not wanted
+        mip_node_filter=mathopt.VariableFilter(filtered_items=()),  # points of nodes are not needed
     )
-    return {"cb": heard, "callback_reg": heeded}
+    return {"cb": report, "callback_reg": registration}
 
 
-def _refused(error: Exception) -> Ending:
-    """Read an error of MathOpt's.
+def _ending_of_error(error: Exception) -> Ending:
+    """Return the ending for an exception of MathOpt.
 
-    Version 9.15 fails with an ``AttributeError`` as it turns its solver's error into an exception,
-    so the error itself is the context. One of them is no failure: for an unbounded program SCIP
-    hands over a point of objective -inf, which MathOpt refuses to pass on.
+    Version 9.15 raises an ``AttributeError`` while converting its solver's error, which is then the
+    context of the exception. One of the errors is not a failure: for an unbounded program, SCIP
+    returns a point with objective -inf, which MathOpt rejects.
     """
     cause = error
     if isinstance(error, AttributeError):
@@ -167,7 +167,7 @@ def _ending(mathopt: Any, result: Any, program: MixedIntegerProgram, request: Re
     stopped = {
         limits.TIME: Limit.TIME,
         limits.MEMORY: Limit.MEMORY,
-        limits.INTERRUPTED: limited(request.control),
+        limits.INTERRUPTED: stop_reason(request.control),
     }.get(termination.limit, Limit.ITERATIONS)
     meanings: dict[Any, Meaning] = {
         reason.OPTIMAL: Ended.PROVEN,

@@ -15,24 +15,24 @@ from ..attempts import (
     Ended,
     Ending,
     Meaning,
-    allowed,
-    limited,
-    over,
+    ending_if_stopped,
+    forward_stop,
+    limit_reached,
+    loosened_cutoff,
     solver_tolerance,
-    stopped,
-    watched,
+    stop_reason,
 )
 from ..backend import Feature, Limit, Option, Request
 from .base import CALLED_BACK, Incumbents, ProgramBackend
 
 __all__ = ["Scip"]
 
-#: Rows or columns between two looks at the clock while the program is built, 1e5 rows a second.
+#: Rows or columns between two checks of the clock while the program is built at 1e5 rows per second.
 LOOK = 1000
 
 
 class Scip(ProgramBackend):
-    """SCIP: branch, cut and price, on one thread."""
+    """Backend for SCIP: branch, cut and price on one thread."""
 
     name = "scip"
     features = CALLED_BACK | {Feature.DUALS}
@@ -42,7 +42,7 @@ class Scip(ProgramBackend):
     options: ClassVar[Mapping[str, Option]] = {
         "emphasis": Option(
             "default",
-            "What the search favours.",
+            "Emphasis of the search.",
             str,
             ("default", "optimality", "feasibility", "easycip", "hardlp", "numerics"),
         ),
@@ -53,13 +53,13 @@ class Scip(ProgramBackend):
     summary = "SCIP: branch and cut with constraint propagation"
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with SCIP."""
+        """Solve the program with SCIP."""
         import pyscipopt
 
         model = pyscipopt.Model()
         _configure(pyscipopt, model, program, request)
         columns, rows = _build(model, program, request, clock)
-        late = stopped(request, clock)
+        late = ending_if_stopped(request, clock)
         if late is not None:
             clock.lap("build")
             return late
@@ -69,16 +69,16 @@ class Scip(ProgramBackend):
             for column, value in zip(columns, values, strict=True):
                 model.setSolVal(start, column, value)
             model.addSol(start)
-        hears = _listen(pyscipopt, model, program, request, columns)
+        active_events = _listen(pyscipopt, model, program, request, columns)
         clock.lap("build")
         left = clock.left()
         if left is not None:
             model.setParam("limits/time", left)
-        with watched(request.control, model.interruptSolve):
+        with forward_stop(request.control, model.interruptSolve):
             model.optimizeNogil()
         clock.lap("solve")
-        # Freeing the tree lifts its bound to the incumbent, and tells of it.
-        hears.clear()
+        # Freeing the tree raises its bound to the incumbent, and reports it.
+        active_events.clear()
         ending = _ending(model, program, request, columns, rows)
         model.freeProb()
         return ending
@@ -93,7 +93,7 @@ def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request
     tolerance = solver_tolerance(request.tolerance, 1e-9)
     model.setParams(
         {
-            # SCIP's own Ctrl-C handler would swallow the signal that the caller waits for.
+            # SCIP's Ctrl-C handler would hide the signal from the caller.
             "misc/catchctrlc": False,
             "limits/gap": request.gap,
             "limits/absgap": 0.0,
@@ -104,7 +104,7 @@ def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request
     if request.seed is not None:
         model.setParam("randomization/randomseedshift", request.seed % (2**31))
     if request.cutoff is not None and not program.continuous:
-        model.setObjlimit(allowed(request.cutoff))
+        model.setObjlimit(loosened_cutoff(request.cutoff))
     memory = request.options["memory_limit"]
     if memory is not None:
         warnings.warn(
@@ -114,7 +114,7 @@ def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request
         )
         model.setParam("limits/memory", memory)
     if program.continuous:
-        # Duals are those of the rows given only if nothing has changed or removed them.
+        # Duals belong to the given rows only if presolve and cuts do not change these.
         model.setPresolve(pyscipopt.SCIP_PARAMSETTING.OFF)
         model.setHeuristics(pyscipopt.SCIP_PARAMSETTING.OFF)
         model.setSeparating(pyscipopt.SCIP_PARAMSETTING.OFF)
@@ -124,28 +124,28 @@ def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request
 def _build(
     model: Any, program: MixedIntegerProgram, request: Request, clock: Clock
 ) -> tuple[list[Any], list[Any]]:
-    """Add columns and rows, until the run is to stop.
+    """Add columns and rows until the run must stop.
 
-    Expressions are made from dictionaries at once: summing them term by term is quadratic, and
-    reading the program's MPS text takes a third longer and loses empty rows.
+    Expressions are built from dictionaries, because summing terms has quadratic cost. Reading the
+    program as MPS text takes a third longer and loses empty rows.
     """
     from pyscipopt.scip import Expr, ExprCons, Term
 
     def until_stopped(items: Iterable[Any]) -> Iterator[Any]:
         for count, item in enumerate(items):
-            if count % LOOK == 0 and over(request, clock) is not None:
+            if count % LOOK == 0 and limit_reached(request, clock) is not None:
                 return
             yield item
 
     columns = [
         model.addVar(
             "",
-            vtype="I" if whole else "C",
+            vtype="I" if is_integer else "C",
             lb=None if low == -np.inf else low,
             ub=None if high == np.inf else high,
             obj=cost,
         )
-        for whole, low, high, cost in until_stopped(
+        for is_integer, low, high, cost in until_stopped(
             zip(
                 program.integral.tolist(),
                 program.column_lower.tolist(),
@@ -179,11 +179,11 @@ def _build(
 def _listen(
     pyscipopt: Any, model: Any, program: MixedIntegerProgram, request: Request, columns: list[Any]
 ) -> set[int]:
-    """Report better points and bounds as long as the set that is returned is not empty."""
+    """Report improved points and bounds as long as the returned set is not empty."""
     incumbents = Incumbents(program, request)
     kinds = pyscipopt.SCIP_EVENTTYPE
     best, bound = kinds.BESTSOLFOUND, kinds.DUALBOUNDIMPROVED
-    hears = {best, bound}
+    active_events = {best, bound}
 
     class Listener(pyscipopt.Eventhdlr):  # type: ignore[misc]
         def eventinit(self) -> None:
@@ -195,14 +195,14 @@ def _listen(
             self.model.dropEvent(bound, self)
 
         def eventexec(self, event: Any) -> None:
-            if not hears:
+            if not active_events:
                 return
             if event.getType() == best:
                 incumbents.report(_values(self.model, self.model.getBestSol(), columns))
             incumbents.prove(float(self.model.getDualbound()))
 
     model.includeEventhdlr(Listener(), "crosstrack incumbents", "reports better solutions")
-    return hears
+    return active_events
 
 
 def _values(model: Any, solution: Any, columns: list[Any]) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -212,7 +212,7 @@ def _values(model: Any, solution: Any, columns: list[Any]) -> np.ndarray[Any, np
 def _ending(
     model: Any, program: MixedIntegerProgram, request: Request, columns: list[Any], rows: list[Any]
 ) -> Ending:
-    interrupted = Ended.STOPPED, limited(request.control)
+    interrupted = Ended.STOPPED, stop_reason(request.control)
     exhausted = Ended.STOPPED, Limit.ITERATIONS
     meanings: dict[str, Meaning] = {
         "optimal": Ended.PROVEN,
@@ -231,16 +231,16 @@ def _ending(
         "sollimit": exhausted,
         "bestsollimit": exhausted,
     }
-    found = Ending.read("SCIP", model.getStatus(), meanings)
+    ending = Ending.read("SCIP", model.getStatus(), meanings)
     point, duals = None, None
-    if model.getNSols() and found.ended is not Ended.UNBOUNDED:
+    if model.getNSols() and ending.ended is not Ended.UNBOUNDED:
         point = _values(model, model.getBestSol(), columns)
-    if program.continuous and found.ended is Ended.PROVEN:
+    if program.continuous and ending.ended is Ended.PROVEN:
         duals = np.array([0.0 if row is None else model.getDualsolLinear(row) for row in rows])
     return replace(
-        found,
+        ending,
         point=point,
-        bound=None if found.ended is Ended.UNBOUNDED else float(model.getDualbound()),
+        bound=None if ending.ended is Ended.UNBOUNDED else float(model.getDualbound()),
         duals=duals,
         statistics={
             "nodes": int(model.getNTotalNodes()), "LP iterations": int(model.getNLPIterations())

@@ -1,4 +1,4 @@
-"""HiGHS through ``scipy.optimize.milp``: always there, and apart from highspy's own build."""
+"""HiGHS through ``scipy.optimize.milp``: always installed, and independent of highspy."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .base import ProgramBackend, with_cutoff_row, with_offset_column
 
 __all__ = ["ScipyMilp"]
 
-#: The tolerance of HiGHS's own, which SciPy offers no way to change.
+#: Tolerance of HiGHS, which SciPy does not let users change.
 TOLERANCE = 1e-6
 
 
 class ScipyMilp(ProgramBackend):
-    """``scipy.optimize.milp``, which runs a HiGHS of SciPy's own in this process.
+    """Backend for ``scipy.optimize.milp``, which runs SciPy's own HiGHS in this process.
 
-    It has no way to stop early but the time limit, and reports nothing before it is done.
+    Only the time limit can stop it, and it reports nothing before the end.
     """
 
     name = "scipy"
@@ -35,7 +35,7 @@ class ScipyMilp(ProgramBackend):
     summary = "scipy.optimize.milp: the HiGHS inside SciPy"
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with SciPy's HiGHS."""
+        """Solve the program with SciPy's HiGHS."""
         from scipy import optimize
 
         if request.tolerance < TOLERANCE:
@@ -72,7 +72,7 @@ def _ending(program: MixedIntegerProgram, result: Any) -> Ending:
         1: Ended.STOPPED,
         2: Ended.INFEASIBLE,
         3: Ended.UNBOUNDED,
-        # SciPy has no status of its own for HiGHS's "infeasible or unbounded".
+        # SciPy has no separate status for HiGHS's "infeasible or unbounded".
         4: Ended.UNCLEAR if "infeasible or unbounded" in result.message.lower() else Ended.FAILED,
     }[result.status]
     bound = result.get("mip_dual_bound")

@@ -1,1 +1,1 @@
-"""Backends for nonlinear programs: one file a solver; the plugins of ``casadi.nlpsol`` share one."""
+"""Backends for nonlinear programs: one file per solver, and a base for plugins of ``casadi.nlpsol``."""

@@ -1,9 +1,8 @@
-"""What every nonlinear backend shares: a solver's claim is recomputed before it is an answer.
+"""Base of the backends for nonlinear programs: a solver's claim is recomputed before it is an answer.
 
-A backend here only translates: its ``attempt`` hands the program and a point to start from to its
-solver and reports where and how the solver ended. A local optimum is one when its point verifies and
-multipliers explain the gradient there; what falls short is called what it is. None of these solvers
-proves that nothing better exists, or that a program has no solution.
+A backend only translates: its ``attempt`` passes the program and a start to its solver and reports the
+ending. A local optimum must verify, and multipliers must explain its gradient; otherwise the claim is
+weakened. These solvers cannot prove that no better plan exists or that a program is infeasible.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...models.model import Model
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, limited, over, stopped
+from ..attempts import Clock, Ended, Ending, ending_if_stopped, limit_reached, stop_reason
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 from .curvature import descent_by_curvature
 from .quality import Quality, measured, worst_blocks
@@ -27,40 +26,46 @@ __all__ = ["COMMON", "HESSIAN", "NonlinearBackend", "most_iterations"]
 
 Vector = NDArray[np.float64]
 
-#: Stationarity, relative to the objective's gradient, up to which a solver's optimum is one.
+#: Largest stationarity, relative to the gradient of the objective, of a claimed optimum.
 STATIONARY = 1e-3
-#: The same where the solver itself does not call its point an optimum.
+#: The same for a point that the solver does not call an optimum.
 CLEARLY_STATIONARY = 1e-6
 
-#: How far from a point that is no minimum the search goes on, in terms of the columns' sizes, and from
-#: how many such points; the share of the objective by which it must have fallen.
+#: Distance of a new start from a saddle point, in column sizes; largest number of saddle points left;
+#: required relative decrease of the objective.
 AWAY, SADDLES, LESS = 0.1, 3, 1e-9
 
-#: What every nonlinear backend declares: all of them search from a point.
+#: Features of every nonlinear backend, all of which search from a point.
 COMMON = frozenset({Feature.SEED, Feature.WARM_START, Feature.DUALS, Feature.LOG})
 
-#: The option of solvers that can do without the Hessian.
+#: Option of solvers that can work without the Hessian.
 HESSIAN = Option(
     "exact",
-    "The exact Hessian, or an approximation from gradients.",
+    "Exact Hessian, or an approximation from gradients.",
     str,
     ("exact", "limited-memory"),
 )
 
 
 def most_iterations(default: int) -> Option:
-    """Return the option ``max_iter``, which all of these solvers have."""
-    return Option(default, "Iterations at most.", int, lower=1)
+    """Return the option ``max_iter`` of these solvers.
+
+    Parameters
+    ----------
+    default : int
+        Default limit on iterations.
+    """
+    return Option(default, "Limit on iterations.", int, lower=1)
 
 
 class NonlinearBackend(Backend):
-    """Base of the backends that search a local optimum of a :class:`NonlinearProgram`.
+    """Base of the backends that search a local optimum of a nonlinear program.
 
     Attributes
     ----------
     prompt : bool
-        Whether one iteration is short on large programs too. A solver that hears of a stop only
-        between iterations that may take minutes runs in a process of its own.
+        Whether an iteration is short even for large programs. A solver that checks for stop
+        requests only between long iterations runs in a worker process.
     """
 
     accepts = NonlinearProgram
@@ -69,23 +74,35 @@ class NonlinearBackend(Backend):
     prompt: ClassVar[bool] = True
 
     def interrupts(self, kind: type[Model[Any]]) -> bool:
-        """Return whether a stop is heard soon enough for a run in the caller's process."""
+        """Return True if a run in the caller's process can be stopped soon enough."""
         return self.prompt and super().interrupts(kind)
 
     @abstractmethod
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
     ) -> Ending:
-        """Let the solver search from `start` once and report where and how it ended.
+        """Run the solver once from `start` and report the ending.
 
-        ``INFEASIBLE`` says that no way leads from there to a feasible point, ``UNBOUNDED`` that its
-        iterates run away.
+        Parameters
+        ----------
+        program : NonlinearProgram
+            The program.
+        request : Request
+            Options of the run.
+        clock : Clock
+            Clock of the run; counts ``"build"`` until the solver starts, then ``"solve"``.
+        start : ndarray, shape (columns,)
+            Initial point.
 
-        Laps of `clock` are called ``"build"`` (until the solver starts) and ``"solve"``.
+        Returns
+        -------
+        Ending
+            ``INFEASIBLE`` means that the search found no feasible point from `start`, ``UNBOUNDED`` that
+            the iterates diverge.
         """
 
     def run(self, problem: NonlinearProgram, request: Request) -> Answer:
-        """Search `problem` as `request` asks: from the warm start, else from the seed's point."""
+        """Search `problem` from the warm start, else from the point of the seed; see :meth:`Backend.run`."""
         self.require()
         reason = self.refuses(problem)
         if reason:
@@ -96,12 +113,12 @@ class NonlinearBackend(Backend):
 
 def _counted(answer: Answer, more: Answer) -> dict[str, float | int | str]:
     """Return the statistics of `answer` with the iterations of another search added."""
-    spent = sum(int(one.statistics.get("iterations", 0)) for one in (answer, more))
+    spent = sum(int(part.statistics.get("iterations", 0)) for part in (answer, more))
     return {**answer.statistics, "iterations": spent}
 
 
 def _is_less(one: Answer, other: Answer) -> bool:
-    """Return whether `one` has a plan that is better by more than what solvers leave."""
+    """Return True if `one` has a point that is better by more than solver errors."""
     if one.primal_bound is None or other.primal_bound is None or one.point is None:
         return False
     return one.primal_bound < other.primal_bound - LESS * abs(other.primal_bound)
@@ -115,30 +132,30 @@ class _Run:
     clock: Clock
 
     def answer(self) -> Answer:
-        known = stopped(self.request, self.clock)
-        if known is not None:
-            return self.judged(known)
+        ending = ending_if_stopped(self.request, self.clock)
+        if ending is not None:
+            return self.judged(ending)
         start = self.start()
         if not (self.problem.column_lower < self.problem.column_upper).any():
-            # No column is free, or there is none: nothing to search, and solvers refuse that.
-            there = self.problem.verify(start, tolerance=self.request.tolerance).ok
-            ended = Ended.PROVEN if there else Ended.INFEASIBLE
+            # Without free columns there is nothing to search, and solvers reject the program.
+            is_feasible = self.problem.verify(start, tolerance=self.request.tolerance).ok
+            ended = Ended.PROVEN if is_feasible else Ended.INFEASIBLE
             return self.judged(Ending(ended, start, statistics={"iterations": 0}))
-        found = self.attempted(start, self.request)
-        # What was left on a first mesh is not come back to on a finer one, where the look costs more
-        # than the search.
-        return self.off_saddles(found) if self.request.warm_start is None else found
+        answer = self.attempted(start, self.request)
+        # Saddle points are left on the first mesh only. On finer meshes, which start warm, the test
+        # costs more than the search.
+        return self.off_saddles(answer) if self.request.warm_start is None else answer
 
     def attempted(self, start: Vector, request: Request) -> Answer:
-        """Return the answer of one search from `start`."""
+        """Run one search from `start` and return its answer."""
         if request.time_limit is not None:
             request = replace(request, time_limit=self.clock.left())
         return self.judged(self.backend.attempt(self.problem, request, self.clock, start))
 
     def off_saddles(self, answer: Answer) -> Answer:
-        """Return `answer`, or a better one where its point is stationary and no minimum.
+        """Return `answer`, or a better one if its point is stationary but not a minimum.
 
-        From there the search goes on to both sides of a direction along which the objective falls.
+        The search then continues from both sides along a direction in which the objective decreases.
         """
         left = 0
         while answer.termination is Termination.LOCALLY_OPTIMAL:
@@ -162,24 +179,24 @@ class _Run:
         return answer
 
     def searched_along(self, away: Vector, answer: Answer) -> tuple[Answer, bool]:
-        """Return an answer from either side of the point of `answer`, and whether it is better.
+        """Return a better answer from either side of the point of `answer`, and whether there is one.
 
-        Without a better one it is `answer` itself; either way the searches are counted.
+        Without a better one, `answer` is returned. The iterations of all searches are counted.
         """
         assert answer.point is not None
         low, high = self.problem.column_lower, self.problem.column_upper
         for side in (AWAY, -AWAY):
-            if over(self.request, self.clock) is not None:
+            if limit_reached(self.request, self.clock) is not None:
                 break
             start = np.clip(answer.point + side * away, low, high)
-            found = self.attempted(start, replace(self.request, warm_start=None))
-            answer = replace(answer, statistics=_counted(answer, found))
-            if _is_less(found, answer):
-                return replace(found, statistics=answer.statistics), True
+            other = self.attempted(start, replace(self.request, warm_start=None))
+            answer = replace(answer, statistics=_counted(answer, other))
+            if _is_less(other, answer):
+                return replace(other, statistics=answer.statistics), True
         return answer, False
 
     def start(self) -> Vector:
-        """Return where the search begins."""
+        """Return the initial point of the search."""
         if self.request.warm_start is None:
             return self.problem.start(self.request.seed)
         given = np.asarray(self.request.warm_start, float)
@@ -187,79 +204,83 @@ class _Run:
         return start
 
     def judged(self, ending: Ending) -> Answer:
-        """Return the answer that `ending` earns."""
-        found = measured(
+        """Return the answer that `ending` proves."""
+        quality = measured(
             self.problem, ending.point, ending.duals, self.request.tolerance, STATIONARY
         )
         self.clock.lap("judge")
         if ending.ended is Ended.UNBOUNDED:
-            return self.without(ending, found, Termination.NO_SOLUTION, "its iterates run away")
-        if found is None or not found.feasible:
-            return self.kept(ending, found) or self.infeasible(ending, found)
-        own = ending.limit is Limit.ITERATIONS and not self.request.control.stopped
-        if ending.ended is Ended.STOPPED and not (own and found.stationarity <= CLEARLY_STATIONARY):
-            return self.having(ending, found, Termination.FEASIBLE)
-        if ending.ended is Ended.PROVEN and found.stationarity <= STATIONARY:
-            return self.having(replace(ending, message=""), found, Termination.LOCALLY_OPTIMAL)
-        if found.stationarity <= CLEARLY_STATIONARY:
-            words = "yet its point is a local optimum"
-            return self.having(ending, found, Termination.LOCALLY_OPTIMAL, words)
-        words = f"its point is feasible, with a stationarity of {found.stationarity:.2g}"
-        return self.having(ending, found, Termination.FEASIBLE, words)
+            return self.without(ending, quality, Termination.NO_SOLUTION, "its iterates diverge")
+        if quality is None or not quality.feasible:
+            return self.kept(ending, quality) or self.infeasible(ending, quality)
+        is_iteration_limit = ending.limit is Limit.ITERATIONS and not self.request.control.stopped
+        if ending.ended is Ended.STOPPED and not (
+            is_iteration_limit and quality.stationarity <= CLEARLY_STATIONARY
+        ):
+            return self.having(ending, quality, Termination.FEASIBLE)
+        if ending.ended is Ended.PROVEN and quality.stationarity <= STATIONARY:
+            return self.having(replace(ending, message=""), quality, Termination.LOCALLY_OPTIMAL)
+        if quality.stationarity <= CLEARLY_STATIONARY:
+            remark = "yet its point is a local optimum"
+            return self.having(ending, quality, Termination.LOCALLY_OPTIMAL, remark)
+        remark = f"its point is feasible, with a stationarity of {quality.stationarity:.2g}"
+        return self.having(ending, quality, Termination.FEASIBLE, remark)
 
-    def infeasible(self, ending: Ending, found: Quality | None) -> Answer:
-        """Return the answer where the solver ended outside, or nowhere."""
-        words = ""
-        if found is not None:
-            worst = worst_blocks(self.problem, found.point)
-            words = f"violated most: {worst}" if worst else "violated: a column's bound"
+    def infeasible(self, ending: Ending, quality: Quality | None) -> Answer:
+        """Return the answer for an infeasible or missing point."""
+        remark = ""
+        if quality is not None:
+            worst = worst_blocks(self.problem, quality.point)
+            remark = f"violated most: {worst}" if worst else "violated: a column's bound"
         if ending.ended is Ended.INFEASIBLE and not self.request.control.stopped:
-            where = "no feasible point near where the search ended"
+            text = "no feasible point near where the search ended"
             return self.without(
-                ending, found, Termination.LOCALLY_INFEASIBLE, f"{where}; {words}".rstrip("; ")
+                ending, quality, Termination.LOCALLY_INFEASIBLE, f"{text}; {remark}".rstrip("; ")
             )
         if self.limit(ending) is not None:
-            return self.without(ending, found, Termination.NO_SOLUTION, words)
+            return self.without(ending, quality, Termination.NO_SOLUTION, remark)
         if ending.ended is Ended.PROVEN:
-            words = f"the solver calls its point an optimum; {words}".rstrip("; ")
-        return self.without(ending, found, Termination.FAILED, words)
+            remark = f"the solver calls its point an optimum; {remark}".rstrip("; ")
+        return self.without(ending, quality, Termination.FAILED, remark)
 
-    def kept(self, ending: Ending, found: Quality | None) -> Answer | None:
-        """Return the warm start where it is feasible and the search lost it, else None."""
+    def kept(self, ending: Ending, quality: Quality | None) -> Answer | None:
+        """Return the warm start if it is feasible and the search lost it, else None."""
         if self.request.warm_start is None:
             return None
         first = measured(self.problem, self.start(), None, self.request.tolerance, STATIONARY)
         if first is None or not first.feasible:
             return None
-        words = "the warm start is all there is"
+        words = "the warm start is the only feasible point"
         return self.having(ending, first, Termination.FEASIBLE, words)
 
     def limit(self, ending: Ending) -> Limit | None:
-        """Return the limit that ended the run: a stop asked for goes before the solver's word."""
+        """Return the limit that ended the run. A stop request takes precedence over the solver's status."""
         if ending.ended is Ended.STOPPED or self.request.control.stopped:
-            return limited(self.request.control, ending.limit or Limit.INTERRUPTED)
+            return stop_reason(self.request.control, ending.limit or Limit.INTERRUPTED)
         return None
 
-    def having(self, ending: Ending, found: Quality, kind: Termination, words: str = "") -> Answer:
+    def having(
+        self, ending: Ending, quality: Quality, kind: Termination, words: str = ""
+    ) -> Answer:
         """Return an answer with a point."""
         optimal = kind is Termination.LOCALLY_OPTIMAL
         return replace(
-            self.without(ending, found, kind, words),
+            self.without(ending, quality, kind, words),
             limit=None if optimal else self.limit(ending),
-            point=found.point,
-            primal_bound=found.objective,
-            duals=found.duals,
+            point=quality.point,
+            primal_bound=quality.objective,
+            duals=quality.duals,
         )
 
     def without(
-        self, ending: Ending, found: Quality | None, kind: Termination, words: str
+        self, ending: Ending, quality: Quality | None, kind: Termination, words: str
     ) -> Answer:
         """Return an answer without a point."""
         counts: dict[str, float | int | str] = dict(ending.statistics)
-        if found is not None:
-            counts["infeasibility"] = found.infeasibility
-            if np.isfinite(found.stationarity):
-                counts["stationarity"] = found.stationarity
+        if quality is not None:
+            counts["infeasibility"] = quality.infeasibility
+            if np.isfinite(quality.stationarity):
+                counts["stationarity"] = quality.stationarity
         return Answer(
             kind,
             self.limit(ending) if kind is Termination.NO_SOLUTION else None,

@@ -1,4 +1,4 @@
-"""The threads of the linear algebra that CasADi's wheel brings."""
+"""Number of threads of the linear algebra library in CasADi's wheel."""
 
 from __future__ import annotations
 
@@ -15,25 +15,30 @@ log = logging.getLogger("crosstrack")
 
 @cache
 def _library() -> Any:
-    """Return CasADi's OpenBLAS, None where the wheel has none under its usual name."""
+    """Return CasADi's OpenBLAS library; None if the wheel has none under its usual name."""
     import casadi
 
     for file in sorted(Path(casadi.__file__).parent.glob("libcasadi-tp-openblas.so*")):
         try:
-            found = ctypes.CDLL(str(file))
-            found.openblas_set_num_threads.argtypes = [ctypes.c_int]
+            library = ctypes.CDLL(str(file))
+            library.openblas_set_num_threads.argtypes = [ctypes.c_int]
         except (OSError, AttributeError) as error:
             log.debug("threads of %s cannot be set: %s", file.name, error)
             continue
-        return found
+        return library
     return None
 
 
 def use_threads(count: int) -> None:
-    """Let the linear algebra of this process's CasADi use `count` threads.
+    """Set the number of threads of CasADi's linear algebra in this process.
 
-    On fronts as small as those of a transcribed problem, more than one thread was measured to take
-    twice as long: OpenBLAS's threads wait for one another by spinning.
+    For the small fronts of a transcribed problem, several threads took twice as long as one, because
+    the threads of OpenBLAS wait actively for each other.
+
+    Parameters
+    ----------
+    count : int
+        Number of threads.
     """
     library = _library()
     if library is not None:

@@ -15,10 +15,10 @@ __all__ = ["BlockSqp"]
 
 
 class BlockSqp(CasadiNlp):
-    """blockSQP with the dense variant of qpOASES, for the sparse one needs a library of its own.
+    """Backend for blockSQP with the dense qpOASES, because the sparse one needs another library.
 
-    Without it only BFGS updates are to be had. It hears of no stop and greets past Python, so that its
-    runs move to a process of their own.
+    Without it only BFGS updates are available. The solver cannot be stopped and prints past Python, so
+    it runs in a worker process.
     """
 
     name = "blocksqp"
@@ -30,7 +30,7 @@ class BlockSqp(CasadiNlp):
     summary = "blockSQP: dense quasi-Newton SQP, by CasADi"
 
     def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
-        """Return the plugin's options."""
+        """Return the options of the plugin."""
         return {
             "schur": False,
             "print_header": request.verbose,

@@ -1,4 +1,4 @@
-"""Bonmin: branch and bound over Ipopt, which a program without integers leaves at its root."""
+"""Bonmin: branch and bound with Ipopt. Without integer columns, it ends at the root node."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["Bonmin"]
 
 
 class Bonmin(CasadiNlp):
-    """Bonmin, whose multipliers CasADi does not read: they are estimated from its point.
+    """Backend for Bonmin. Its multipliers are estimated from its point, as CasADi does not read them.
 
-    It hears of no stop, so that its runs move to a process of their own.
+    It cannot be stopped, so it runs in a worker process.
     """
 
     name = "bonmin"
@@ -30,8 +30,8 @@ class Bonmin(CasadiNlp):
     summary = "Bonmin: branch and bound over Ipopt, by CasADi"
 
     def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
-        """Return the plugin's options."""
+        """Return the options of the plugin."""
         quiet = ("print_level", "bb_log_level", "nlp_log_level", "lp_log_level", "nlp_log_at_root")
-        own = {"sb": "yes", "tol": 1e-8, "max_iter": request.options["max_iter"]}
-        told = {} if request.verbose else dict.fromkeys(quiet, 0)
-        return {"bonmin": {**told, **own}}
+        options = {"sb": "yes", "tol": 1e-8, "max_iter": request.options["max_iter"]}
+        silent = {} if request.verbose else dict.fromkeys(quiet, 0)
+        return {"bonmin": {**silent, **options}}

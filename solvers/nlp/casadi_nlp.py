@@ -1,4 +1,4 @@
-"""The solvers behind CasADi's ``nlpsol``: how a plugin is posed a program, watched and read."""
+"""Base of the solvers of CasADi's ``nlpsol``: translation, monitoring and results of a plugin."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import BackendBroken
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, over
+from ..attempts import Clock, Ended, Ending, limit_reached
 from ..backend import Feature, Limit, Request
 from ..casadi_plugins import ended_by_words, last_line, load_plugin, status_of, vector
 from .base import COMMON, NonlinearBackend
@@ -21,27 +21,27 @@ __all__ = ["DERIVATIVES", "CasadiNlp"]
 
 Vector = NDArray[np.float64]
 
-#: What Ipopt and its kin can be given.
+#: Derivatives that Ipopt and related solvers accept.
 DERIVATIVES: Mapping[str, str] = {"grad_f": "gradient", "jac_g": "jacobian", "hess_lag": "hessian"}
 
 
 class CasadiNlp(NonlinearBackend):
-    """Base of the backends over a plugin of ``casadi.nlpsol``.
+    """Base of the backends for plugins of ``casadi.nlpsol``.
 
-    A plugin that does not load raises :class:`BackendBroken` with CasADi's own words. One that calls
-    back at each iteration and stops when told to has the feature ``INTERRUPT``.
+    A plugin that does not load raises :class:`BackendBroken` with CasADi's message. A plugin that
+    calls back in each iteration and can stop there has the feature ``INTERRUPT``.
 
     Attributes
     ----------
     plugin : str
-        CasADi's name of it.
+        Name of the plugin in CasADi.
     limit_option : str
-        What it calls its time limit; empty where it knows none.
+        Option for the time limit; empty if there is none.
     given : mapping of str to str
-        Which of the program's own derivatives it can be given: CasADi's option, and the name in
-        :class:`~.scaled.Scaled`. The others it has differentiated automatically.
+        Derivatives of the program that the plugin accepts: CasADi's option, and the name in
+        :class:`~.scaled.Scaled`. CasADi differentiates the others automatically.
     brings_highs : bool
-        Whether CasADi's own HiGHS comes with it.
+        Whether the plugin loads CasADi's own HiGHS library.
     """
 
     requires = ("casadi",)
@@ -52,21 +52,21 @@ class CasadiNlp(NonlinearBackend):
     brings_highs: ClassVar[bool] = False
 
     def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
-        """Return the plugin's options for a run: quiet, and precise enough."""
+        """Return the options of the plugin: no output, sufficient precision."""
         return {}
 
     def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
-        """Return how the plugin ended, by what it says of itself."""
+        """Return the ending and limit from the plugin's statistics."""
         return ended_by_words(stats)
 
     def load(self, request: Request) -> None:
-        """Load the plugin and whatever it needs."""
+        """Load the plugin and the libraries it needs."""
         load_plugin(self.name, "nlpsol", self.plugin, brings_highs=self.brings_highs)
 
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
     ) -> Ending:
-        """Pose the program to the plugin, with a watcher where it takes one."""
+        """Pass the program to the plugin, with a callback if it supports one."""
         import casadi
 
         self.load(request)
@@ -79,8 +79,8 @@ class CasadiNlp(NonlinearBackend):
         }
         watcher = None
         if Feature.INTERRUPT in self.features:
-            # CasADi keeps no reference of its own: the watcher must outlive the call.
-            watcher = _watcher(program, lambda: over(request, clock))
+            # CasADi keeps no reference to the callback, so it must outlive the call.
+            watcher = _watcher(program, lambda: limit_reached(request, clock))
             options["iteration_callback"] = watcher
         options.update(self.settings(program, request))
         left = clock.left()
@@ -96,19 +96,19 @@ class CasadiNlp(NonlinearBackend):
         clock.lap("build")
         first = {} if request.warm_start is None else self.first(scaled, start)
         try:
-            found = solver(x0=scaled.start(start), **scaled.bounds, **first)
+            result = solver(x0=scaled.start(start), **scaled.bounds, **first)
         except RuntimeError as error:
             clock.lap("solve")
-            return self.stumbled(error, scaled, request, clock, watcher)
+            return self.ending_of_error(error, scaled, request, clock, watcher)
         clock.lap("solve")
         try:
             stats = solver.stats()
         except RuntimeError:
-            stats = {}  # one that failed early has none
-        return self.ending(stats, found, scaled, request, clock)
+            stats = {}  # missing after an early failure
+        return self.ending(stats, result, scaled, request, clock)
 
     def first(self, scaled: Scaled, start: Vector) -> dict[str, Any]:
-        """Return what else a warm start gives: the multipliers that fit it, by CasADi's names."""
+        """Return the multipliers of a warm start, by CasADi's names; empty if they cannot be estimated."""
         duals = estimated_duals(scaled.program, start)
         if duals is None:
             return {}
@@ -117,10 +117,10 @@ class CasadiNlp(NonlinearBackend):
     def ending(
         self, stats: Mapping[str, Any], found: Any, scaled: Scaled, request: Request, clock: Clock
     ) -> Ending:
-        """Return what the plugin's results say in the program's own units."""
+        """Return the ending of the plugin in the units of the program."""
         point, duals = scaled.point(vector(found["x"])), scaled.duals(vector(found["lam_g"]))
         ended, limit = self.ended(stats)
-        late = over(request, clock)
+        late = limit_reached(request, clock)
         if ended is not Ended.PROVEN and late is not None:
             ended, limit = Ended.STOPPED, late
         message = "" if ended is Ended.PROVEN else f"{self.name}: {status_of(stats)}"
@@ -134,11 +134,11 @@ class CasadiNlp(NonlinearBackend):
             message=message,
         )
 
-    def stumbled(
+    def ending_of_error(
         self, error: RuntimeError, scaled: Scaled, request: Request, clock: Clock, watcher: Any
     ) -> Ending:
-        """Return the ending of a run that CasADi ended with an exception: some end a stop so."""
-        late = over(request, clock)
+        """Return the ending of a run that raised an exception, as some plugins do when stopped."""
+        late = limit_reached(request, clock)
         point = duals = None
         if watcher is not None and watcher.last is not None:
             point, duals = scaled.point(watcher.last[0]), scaled.duals(watcher.last[1])
@@ -151,8 +151,8 @@ class CasadiNlp(NonlinearBackend):
         )
 
 
-def _watcher(program: NonlinearProgram, over: Callable[[], Limit | None]) -> Any:
-    """Return a CasADi callback that stops the plugin once `over` names a limit."""
+def _watcher(program: NonlinearProgram, limit_reached: Callable[[], Limit | None]) -> Any:
+    """Return a CasADi callback that stops the plugin once `limit_reached` returns a limit."""
     import casadi
 
     sizes = {"f": 1, "x": program.size, "lam_x": program.size}
@@ -160,7 +160,7 @@ def _watcher(program: NonlinearProgram, over: Callable[[], Limit | None]) -> Any
     places = {casadi.nlpsol_out(index): index for index in range(casadi.nlpsol_n_out())}
 
     class Watcher(casadi.Callback):
-        """Looks at the clock and at stop requests at every iteration."""
+        """Callback that checks the clock and stop requests in every iteration."""
 
         def __init__(self) -> None:
             casadi.Callback.__init__(self)
@@ -177,7 +177,7 @@ def _watcher(program: NonlinearProgram, over: Callable[[], Limit | None]) -> Any
             return casadi.Sparsity.dense(sizes.get(casadi.nlpsol_out(index), 0), 1)
 
         def eval(self, arg: Any) -> list[int]:
-            if over() is None:
+            if limit_reached() is None:
                 return [0]
             self.last = vector(arg[places["x"]]), vector(arg[places["lam_g"]])
             return [1]

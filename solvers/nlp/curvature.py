@@ -1,4 +1,4 @@
-"""Whether a stationary point is a minimum: the curvature along what its constraints leave free."""
+"""Second-order test of a stationary point: curvature along the directions that constraints permit."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ __all__ = ["descent_by_curvature"]
 
 Vector = NDArray[np.float64]
 
-#: How near a bound, in terms of its size, counts as at it: what binds, however weakly, is held.
+#: Relative distance from a bound below which it binds, even weakly.
 REACH = 1e-5
-#: Steps of Lanczos' method. Its least value is never below the least eigenvalue: a negative one proves
-#: a direction of descent, after however many steps.
+#: Number of Lanczos steps. The smallest Ritz value is never below the smallest eigenvalue, so that a
+#: negative one proves a direction of descent after any number of steps.
 STEPS = 60
-#: Share of the largest entry of the Hessian from which negative curvature counts.
+#: Smallest magnitude of a negative curvature, relative to the largest entry of the Hessian.
 NEGATIVE = 1e-4
-#: Length of a new direction, in terms of the curvatures, at which all directions have been tried.
+#: Length of a new direction, relative to the curvatures, below which the space is exhausted.
 EXHAUSTED = 1e-7
-#: Weight that makes the projection solvable where rows depend on one another.
+#: Weight that makes the projection solvable if rows are linearly dependent.
 DAMPING = 1e-11
 
 
 def descent_by_curvature(program: NonlinearProgram, point: Vector, duals: Vector) -> Vector | None:
-    """Return a direction along which the objective falls to both sides, None where none is found.
+    """Return a direction along which the objective decreases on both sides; None if none is found.
 
-    The Hessian of the Lagrangian is projected onto the directions that rows and bounds which bind at
-    the point leave free, and its least eigenvalue approached by Lanczos' method with full
-    orthogonalisation (Golub and Van Loan, "Matrix Computations", section 10.1).
+    The Hessian of the Lagrangian is projected onto the directions that the binding rows and bounds
+    permit. Its smallest eigenvalue is approximated by Lanczos' method with full orthogonalisation
+    (Golub and Van Loan, "Matrix Computations", section 10.1).
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ def descent_by_curvature(program: NonlinearProgram, point: Vector, duals: Vector
     point : ndarray, shape (n,)
         A stationary point.
     duals : ndarray, shape (m,)
-        Its row multipliers.
+        Row multipliers of the point.
 
     Returns
     -------
     ndarray, shape (n,), or None
-        In terms of the columns; its largest entry is 1 in terms of their sizes.
+        Direction in terms of the columns, scaled to a largest entry of 1 in column sizes.
     """
     from scipy.sparse.linalg import splu
 
@@ -69,45 +69,45 @@ def descent_by_curvature(program: NonlinearProgram, point: Vector, duals: Vector
     blocks = [[sp.eye_array(size), table.T], [table, -DAMPING * sp.eye_array(binding.size)]]
     try:
         factors = splu(sp.block_array(blocks, format="csc"))
-    except RuntimeError:  # singular after all
+    except RuntimeError:  # singular in spite of the damping
         return None
     below = np.zeros(binding.size)
 
     def project(v: Vector) -> Vector:
-        found: Vector = factors.solve(np.append(v, below))[:size]
-        return found
+        projected: Vector = factors.solve(np.append(v, below))[:size]
+        return projected
 
-    found, bent = _least(lambda v: project(curved @ v), project, size)
-    if found is None or not bent < -NEGATIVE * np.abs(curved.data).max(initial=0.0):
+    vector, curvature = _least_curvature(lambda v: project(curved @ v), project, size)
+    if vector is None or not curvature < -NEGATIVE * np.abs(curved.data).max(initial=0.0):
         return None
     direction = np.zeros(program.size)
-    direction[free] = found * scale[free]
+    direction[free] = vector * scale[free]
     result: Vector = direction / np.abs(direction / scale).max()
     return result
 
 
-def _least(
+def _least_curvature(
     apply: Callable[[Vector], Vector], project: Callable[[Vector], Vector], size: int
 ) -> tuple[Vector | None, float]:
-    """Return a vector of the least curvature in the range of `project`, and that; None without any."""
+    """Return a vector of smallest curvature in the range of `project`, and its curvature."""
     basis = np.empty((min(STEPS, size), size))
     v = project(np.random.default_rng(0).normal(size=size))
     diagonal: list[float] = []
-    beside: list[float] = []
+    off_diagonal: list[float] = []
     for k in range(len(basis)):
         length = float(np.linalg.norm(v))
         if not length > EXHAUSTED * (max(map(abs, diagonal)) if k else np.sqrt(size)):
             break
-        beside.append(length)
+        off_diagonal.append(length)
         basis[k] = v / length
         v = apply(basis[k])
         diagonal.append(float(v @ basis[k]))
         for _ in range(2):
-            # Divided by small lengths, what rounding leaves outside the range would grow.
+            # The projection is repeated, because division by a small length amplifies rounding errors.
             v = project(v - basis[: k + 1].T @ (basis[: k + 1] @ v))
     if not diagonal:
         return None, 0.0
-    vectors = scipy.linalg.eigh_tridiagonal(diagonal, beside[1:])[1]
-    found = project(basis[: len(diagonal)].T @ vectors[:, 0])
-    # What rounding made of it counts, not what it should be.
-    return found, float(found @ apply(found)) / float(found @ found)
+    vectors = scipy.linalg.eigh_tridiagonal(diagonal, off_diagonal[1:])[1]
+    vector = project(basis[: len(diagonal)].T @ vectors[:, 0])
+    # The curvature of the computed vector, not the Ritz value.
+    return vector, float(vector @ apply(vector)) / float(vector @ vector)

@@ -15,9 +15,9 @@ __all__ = ["Fatrop"]
 
 
 class Fatrop(CasadiNlp):
-    """Fatrop, on the program as one stage, hence dense: its stages are no part of a program here.
+    """Backend for Fatrop, with the program as one dense stage, because programs have no stages here.
 
-    It hears of no stop and knows no time limit, so that its runs move to a process of their own.
+    It has no time limit and cannot be stopped, so it runs in a worker process.
     """
 
     name = "fatrop"
@@ -29,13 +29,13 @@ class Fatrop(CasadiNlp):
     summary = "Fatrop: interior point for optimal control, by CasADi"
 
     def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
-        """Return the plugin's options."""
+        """Return the options of the plugin."""
         return {
             "structure_detection": "none",
             "fatrop": {
                 "print_level": 5 if request.verbose else 0,
                 "tol": solver_tolerance(request.tolerance * 1e-1, 1e-11, 1e-8),
-                # It measures without scaling, and was seen to leave an optimum to which 1e-6 lacked.
+                # Fatrop measures without scaling, and rejected an optimum with an error of 1e-6.
                 "tol_acceptable": 1e-5,
                 "max_iter": request.options["max_iter"],
             },

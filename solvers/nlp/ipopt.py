@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...errors import BackendBroken
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, over, solver_tolerance
+from ..attempts import Clock, Ended, Ending, limit_reached, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from ..casadi_plugins import ended_by_words, status_of
 from .base import COMMON, HESSIAN, most_iterations
@@ -25,7 +25,7 @@ Vector = NDArray[np.float64]
 
 
 class Ipopt(CasadiNlp):
-    """Ipopt with the linear solver that CasADi's wheel brings, MUMPS."""
+    """Backend for Ipopt with MUMPS, the linear solver in CasADi's wheel."""
 
     name = "ipopt"
     plugin = "ipopt"
@@ -36,86 +36,86 @@ class Ipopt(CasadiNlp):
     options: ClassVar[Mapping[str, Option]] = {
         "max_iter": most_iterations(3000),
         "hessian": HESSIAN,
-        "linear_solver": Option("mumps", "Ipopt's name of a linear solver it can load.", str),
+        "linear_solver": Option("mumps", "Name in Ipopt of an installed linear solver.", str),
         "mu_strategy": Option(
-            "adaptive", "How the barrier parameter falls.", str, ("monotone", "adaptive")
+            "adaptive", "Update strategy of the barrier parameter.", str, ("monotone", "adaptive")
         ),
-        "mu_init": Option(None, "Barrier parameter to start with.", lower=0.0),
+        "mu_init": Option(None, "Initial barrier parameter.", lower=0.0),
     }
     summary = "Ipopt: interior point for large sparse programs, by CasADi"
 
     def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
-        """Return Ipopt's options."""
-        own = request.options
-        # In Ipopt's own scaling; what is asked of equations (1e-8, say) must hold after it.
-        tight = solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-9)
+        """Return the options of Ipopt."""
+        given = request.options
+        # Measured in Ipopt's scaling; tolerances of equations, such as 1e-8, must hold without it.
+        constraint_tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-9)
         options: dict[str, Any] = {
             "print_level": 5 if request.verbose else 0,
             "sb": "yes",
             "tol": solver_tolerance(request.tolerance * 1e-1, 1e-12, 1e-8),
-            "constr_viol_tol": tight,
+            "constr_viol_tol": constraint_tolerance,
             "compl_inf_tol": 1e-8,
             "dual_inf_tol": 1e-5,
-            "max_iter": own["max_iter"],
-            "mu_strategy": own["mu_strategy"],
-            "hessian_approximation": own["hessian"],
-            "linear_solver": own["linear_solver"],
-            # Bounds are not widened: a state at its bound is not beyond it.
+            "max_iter": given["max_iter"],
+            "mu_strategy": given["mu_strategy"],
+            "hessian_approximation": given["hessian"],
+            "linear_solver": given["linear_solver"],
+            # Bounds are not relaxed, so that a state does not exceed its bound.
             "bound_relax_factor": 0.0,
         }
-        if self._mumps(request) and not own.get(_CAREFUL):
+        if self._mumps(request) and not given.get(_CAREFUL):
             options.update(_MUMPS)
         if request.warm_start is not None:
             options.update(
                 mu_init=NEAR, bound_mult_init_method="mu-based", **dict.fromkeys(_PUSHES, NEAR)
             )
-        if own["mu_init"] is not None:
-            options["mu_init"] = own["mu_init"]
+        if given["mu_init"] is not None:
+            options["mu_init"] = given["mu_init"]
         return {"ipopt": options}
 
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
     ) -> Ending:
-        """Solve the program; once more with MUMPS as it is by default where that fails.
+        """Solve the program, and if that fails once more with the default ordering of MUMPS.
 
-        Rows that depend on one another were seen to make it diverge with the faster ordering.
+        With linearly dependent rows, Ipopt diverged with the faster ordering.
         """
         program = _slackened(program)
-        found = super().attempt(program, request, clock, start)
-        lost = found.ended in (Ended.FAILED, Ended.UNBOUNDED, Ended.INFEASIBLE)
-        if not lost or not self._mumps(request) or over(request, clock) is not None:
-            return found
+        ending = super().attempt(program, request, clock, start)
+        has_failed = ending.ended in (Ended.FAILED, Ended.UNBOUNDED, Ended.INFEASIBLE)
+        if not has_failed or not self._mumps(request) or limit_reached(request, clock) is not None:
+            return ending
         careful = replace(request, options={**request.options, _CAREFUL: True})
-        again = super().attempt(program, careful, clock, start)
-        spent = sum(int(one.statistics.get("iterations", 0)) for one in (found, again))
-        return replace(again, statistics={"iterations": spent})
+        second = super().attempt(program, careful, clock, start)
+        spent = sum(int(part.statistics.get("iterations", 0)) for part in (ending, second))
+        return replace(second, statistics={"iterations": spent})
 
     @staticmethod
     def _mumps(request: Request) -> bool:
         return bool(request.options["linear_solver"] == "mumps")
 
     def load(self, request: Request) -> None:
-        """Load the plugin, and let its linear algebra have the threads asked for, else one."""
+        """Load the plugin, and set the threads of its linear algebra, by default one."""
         super().load(request)
         use_threads(request.threads or 1)
 
     def first(self, scaled: Scaled, start: Vector) -> dict[str, Any]:
-        """Return nothing: Ipopt's own estimate of the multipliers fits its barrier better."""
+        """Return nothing, because Ipopt's own estimate of the multipliers fits its barrier better."""
         return {}
 
     def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
-        """Return how Ipopt ended; an option that it refuses is a library that is not there."""
+        """Return the ending of Ipopt. A rejected option means that a library is missing."""
         if status_of(stats) == "Invalid_Option":
             raise BackendBroken(
-                "backend 'ipopt' refuses its options; is the linear solver asked for installed?"
+                "backend 'ipopt' rejects its options; is the selected linear solver installed?"
             )
         return ended_by_words(stats)
 
 
 def _slackened(program: NonlinearProgram) -> NonlinearProgram:
-    """Return `program`; with equations as narrow ranges where there are more than free columns.
+    """Return `program`, with equations as narrow ranges if they outnumber the free columns.
 
-    Ipopt takes no more equations than columns, and was seen to crash on them; ranges it takes.
+    Ipopt rejects more equations than columns, and crashed on them; it accepts ranges.
     """
     free = int((program.column_lower < program.column_upper).sum())
     equal = program.row_lower == program.row_upper
@@ -127,14 +127,14 @@ def _slackened(program: NonlinearProgram) -> NonlinearProgram:
     )
 
 
-#: Half the width of an equation that is written as a range, in terms of the row's size.
+#: Half the width of an equation as a range, relative to the size of the row.
 NARROW = 1e-9
-#: MUMPS orders by METIS and leaves the rows where they are: its default, a maximum transversal, was
-#: measured to make the factors of a transcribed optimal control problem ten times as slow.
+#: MUMPS orders with METIS and does not permute rows. Its default, a maximum transversal, made the
+#: factorisation of a transcribed optimal control problem ten times as slow.
 _MUMPS = {"mumps_pivot_order": 5, "mumps_permuting_scaling": 0}
-#: Marks a second attempt in the options.
+#: Option that marks a second attempt.
 _CAREFUL = "careful"
-#: Barrier parameter at a warm start, and how far it is moved off its bounds: an optimum on a coarser
-#: mesh was measured to take a third of the iterations that it takes from the default, 0.1.
+#: Barrier parameter of a warm start, and its distance from bounds. From an optimum on a coarser mesh,
+#: Ipopt takes a third of the iterations of the default, 0.1.
 NEAR = 1e-5
 _PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")

@@ -1,4 +1,4 @@
-"""What a point of a nonlinear program is worth: computed again from the program, not believed."""
+"""Quality of a point of a nonlinear program, recomputed from the program."""
 
 from __future__ import annotations
 
@@ -16,34 +16,35 @@ __all__ = ["Quality", "estimated_duals", "explained_duals", "measured", "worst_b
 
 Vector = NDArray[np.float64]
 
-#: How near a bound counts as at it, relative to the bound and to the typical size.
+#: Distance from a bound below which it binds, relative to the bound and the typical size.
 REACH = 1e-6
-#: Product of multiplier and slack, relative to the objective, that an interior point leaves.
+#: Product of multiplier and slack, relative to the objective, that interior-point methods leave.
 COMPLEMENTARITY = 1e-6
-#: Weight that makes the least squares for multipliers solvable where rows depend on one another.
+#: Weight that makes the least-squares problem solvable if rows are linearly dependent.
 DAMPING = 1e-10
-#: How often wrongly signed multipliers are taken out of the least squares.
+#: Largest number of rounds that remove multipliers of the wrong sign.
 ROUNDS = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Quality:
-    """A point with what the program says of it.
+    """Measured quality of a point.
 
     Parameters
     ----------
     point : ndarray, shape (n,)
-        Within the column bounds.
+        The point, within the column bounds.
     objective : float
-        Its objective.
+        Objective of the point.
     feasible : bool
-        Whether it satisfies rows and columns within the tolerance.
+        Whether the point satisfies rows and columns within the tolerance.
     infeasibility : float
         Largest violation of a row, in units of its typical size.
     duals : ndarray, shape (m,)
-        Row multipliers of the right sign that binding rows explain.
+        Row multipliers of binding rows, with the correct signs.
     stationarity : float
-        Largest reduced cost that no bound explains, relative to 1 and to the objective's gradient.
+        Largest reduced cost that no bound explains, relative to 1 and to the gradient of the
+        objective.
     """
 
     point: Vector
@@ -61,46 +62,61 @@ def measured(
     tolerance: float,
     enough: float,
 ) -> Quality | None:
-    """Return the quality of `point`, moved into the column bounds; None where it is no point.
+    """Return the quality of `point`, clipped to the column bounds; None if it cannot be evaluated.
 
-    Multipliers are estimated by least squares where none are given, or where those given leave a
-    stationarity above `enough`.
+    Parameters
+    ----------
+    program : NonlinearProgram
+        The program.
+    point : ndarray, shape (n,), optional
+        The point.
+    duals : ndarray, shape (m,), optional
+        Row multipliers.
+    tolerance : float
+        Tolerance of the verification.
+    enough : float
+        Largest acceptable stationarity. Multipliers that are missing or leave more are replaced by a
+        least-squares estimate.
     """
     if point is None:
         return None
     x = np.clip(np.asarray(point, float), program.column_lower, program.column_upper)
     try:
-        found = program.verify(x, tolerance=tolerance)
+        verification = program.verify(x, tolerance=tolerance)
         violation = float(program.violations(x).max(initial=0.0))
     except (InvalidData, RuntimeError):
         return None
-    objective = found.objective
-    feasible = found.ok and objective is not None
-    none = np.zeros(program.row_count)
+    objective = verification.objective
+    feasible = verification.ok and objective is not None
+    no_duals = np.zeros(program.row_count)
     if not feasible or objective is None:
         value = np.nan if objective is None else objective
-        return Quality(x, value, False, violation, none, np.inf)
-    best, least = none, np.inf
-    given = duals is not None and duals.shape == none.shape and bool(np.isfinite(duals).all())
+        return Quality(x, value, False, violation, no_duals, np.inf)
+    best, smallest = no_duals, np.inf
+    given = duals is not None and duals.shape == no_duals.shape and bool(np.isfinite(duals).all())
     if given and duals is not None:
         best = explained_duals(program, x, duals, objective)
-        least = _stationarity(program, x, best, objective)
-    if not least <= enough:
-        guess = estimated_duals(program, x)
-        left = np.inf if guess is None else _stationarity(program, x, guess, objective)
-        if guess is not None and (left < least or not np.isfinite(least)):
-            best, least = guess, left
-    return Quality(x, objective, True, violation, best, least)
+        smallest = _stationarity(program, x, best, objective)
+    if not smallest <= enough:
+        estimate = estimated_duals(program, x)
+        estimated_stationarity = (
+            np.inf if estimate is None else _stationarity(program, x, estimate, objective)
+        )
+        if estimate is not None and (
+            estimated_stationarity < smallest or not np.isfinite(smallest)
+        ):
+            best, smallest = estimate, estimated_stationarity
+    return Quality(x, objective, True, violation, best, smallest)
 
 
 def _stationarity(
     program: NonlinearProgram, point: Vector, duals: Vector, objective: float
 ) -> float:
-    """Return the program's own measure, made relative, with what an interior point leaves explained.
+    """Return the relative stationarity, without the reduced costs that an interior point leaves.
 
-    Such a point keeps a distance from the bounds that bind, and the product with the reduced cost is
-    all that can be asked of it. Rounding counts against the point: of rows that depend on one another,
-    multipliers of 1e14 that cancel were seen to explain whatever they were asked to.
+    Such a point keeps a distance from binding bounds, so only its product with the reduced cost must
+    be small. Rounding errors of the multipliers are added: with linearly dependent rows, cancelling
+    multipliers of 1e14 explained any gradient.
     """
     gradient = program.gradient(point) * program.column_scale / program.objective_scale
     reduced = program.reduced_costs(point, duals)
@@ -108,13 +124,15 @@ def _stationarity(
         return float("inf")
     slack = np.where(reduced > 0, point - program.column_lower, program.column_upper - point)
     with np.errstate(invalid="ignore"):
-        loose = ~(np.abs(reduced) * slack <= _idle(program, objective))
-    left = np.abs(reduced) * program.column_scale / program.objective_scale
-    whole = min(program.stationarity(point, duals), float(left[loose].max(initial=0.0)))
+        unexplained = ~(np.abs(reduced) * slack <= _idle(program, objective))
+    remaining = np.abs(reduced) * program.column_scale / program.objective_scale
+    largest = min(
+        program.stationarity(point, duals), float(remaining[unexplained].max(initial=0.0))
+    )
     rounded = np.abs(program.jacobian(point)).T @ np.abs(duals) * np.finfo(float).eps
     rounded *= program.column_scale / program.objective_scale
-    whole += float(rounded.max(initial=0.0))
-    return whole / max(1.0, float(np.abs(gradient).max(initial=0.0)))
+    largest += float(rounded.max(initial=0.0))
+    return largest / max(1.0, float(np.abs(gradient).max(initial=0.0)))
 
 
 def _idle(program: NonlinearProgram, objective: float) -> float:
@@ -122,7 +140,7 @@ def _idle(program: NonlinearProgram, objective: float) -> float:
 
 
 def _near(program: NonlinearProgram, rows: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return the slack of each row above and below, and what counts as none."""
+    """Return the slack of each row to its lower and upper bound, and the largest slack of a binding row."""
     reach = REACH * np.maximum(program.row_scale, np.abs(rows))
     return rows - program.row_lower, program.row_upper - rows, reach
 
@@ -130,19 +148,38 @@ def _near(program: NonlinearProgram, rows: Vector) -> tuple[Vector, Vector, Vect
 def explained_duals(
     program: NonlinearProgram, point: Vector, duals: Vector, objective: float
 ) -> Vector:
-    """Return `duals` without those that no binding row explains, by sign or by slack."""
+    """Return `duals` with 0 for multipliers that no binding row explains, by sign or by slack.
+
+    Parameters
+    ----------
+    program : NonlinearProgram
+        The program.
+    point : ndarray, shape (n,)
+        The point.
+    duals : ndarray, shape (m,)
+        Row multipliers.
+    objective : float
+        Objective of the point.
+    """
     above, below, reach = _near(program, program.values(point)[1])
     slack = np.where(duals > 0, above, below)
     with np.errstate(invalid="ignore"):
         small = np.abs(duals) * slack <= _idle(program, objective)
-    kept: Vector = np.where((slack <= reach) | small, duals, 0.0)
-    return kept
+    result: Vector = np.where((slack <= reach) | small, duals, 0.0)
+    return result
 
 
 def estimated_duals(program: NonlinearProgram, point: Vector) -> Vector | None:
-    """Return the multipliers that leave the least sum of squared reduced costs, None where none do.
+    """Return the multipliers with the smallest sum of squared reduced costs; None if there are none.
 
-    Rows that do not bind have none, and what comes out with the wrong sign is taken out.
+    Multipliers of rows that do not bind are 0, and those of the wrong sign are removed.
+
+    Parameters
+    ----------
+    program : NonlinearProgram
+        The program.
+    point : ndarray, shape (n,)
+        The point.
     """
     scale, weight = program.column_scale, program.objective_scale
     gradient = program.gradient(point) * scale / weight
@@ -178,7 +215,7 @@ def estimated_duals(program: NonlinearProgram, point: Vector) -> Vector | None:
 
 
 def _least_squares(matrix: sp.csc_array, right: Vector) -> Vector | None:
-    """Return y of the least ``|right - matrix.T @ y|``, by the sparse augmented system."""
+    """Return the y that minimises ``|right - matrix.T @ y|``, by the sparse augmented system."""
     from scipy.sparse.linalg import splu
 
     rows, columns = matrix.shape
@@ -186,21 +223,30 @@ def _least_squares(matrix: sp.csc_array, right: Vector) -> Vector | None:
         [[sp.eye_array(columns), matrix.T], [matrix, -DAMPING * sp.eye_array(rows)]], format="csc"
     )
     try:
-        solved = splu(system).solve(np.concatenate([right, np.zeros(rows)]))
-    except RuntimeError:  # singular after all
+        stacked = splu(system).solve(np.concatenate([right, np.zeros(rows)]))
+    except RuntimeError:  # singular in spite of the damping
         return None
-    found: Vector = solved[columns:]
-    return found if np.isfinite(found).all() else None
+    solution: Vector = stacked[columns:]
+    return solution if np.isfinite(solution).all() else None
 
 
 def worst_blocks(program: NonlinearProgram, point: Vector, count: int = 4) -> str:
-    """Return the row blocks most violated at `point`, in the paper's words.
+    """Return the row blocks with the largest violations at `point`, as text with the paper's terms.
 
-    Sorted by the violation in units of the typical size; the number is the violation itself:
-    ``"eq. 9, torque limit, 3.2 at node 4 of interval 2"``.
+    They are sorted by the violation in units of the typical size. The number is the violation itself,
+    such as ``"eq. 9, torque limit, 3.2 at node 4 of interval 2"``.
+
+    Parameters
+    ----------
+    program : NonlinearProgram
+        The program.
+    point : ndarray, shape (n,)
+        The point.
+    count : int
+        Largest number of blocks.
     """
     scaled = program.violations(point)
-    found = []
+    entries = []
     for block in program.rows or (Block("row", "", 0, program.row_count),):
         if block.size:
             entry = int(scaled[block.slice].argmax())
@@ -208,6 +254,6 @@ def worst_blocks(program: NonlinearProgram, point: Vector, count: int = 4) -> st
             if worst > 0:
                 off = worst * float(program.row_scale[block.start + entry])
                 words = [f"{off:.3g}", block.unit, block.place(entry)]
-                found.append((worst, f"{block.title}, {' '.join(w for w in words if w)}"))
-    found.sort(key=lambda one: -one[0])
-    return "; ".join(text for _, text in found[:count])
+                entries.append((worst, f"{block.title}, {' '.join(w for w in words if w)}"))
+    entries.sort(key=lambda entry: -entry[0])
+    return "; ".join(text for _, text in entries[:count])

@@ -1,4 +1,4 @@
-"""A nonlinear program in the units its solvers work in: columns, rows and objective of size 1."""
+"""Nonlinear program in the units of its solvers, with columns, rows and objective of size 1."""
 
 from __future__ import annotations
 
@@ -20,11 +20,15 @@ Vector = NDArray[np.float64]
 
 
 class Scaled:
-    """`program` in ``z = x / column_scale``, rows ``g / row_scale``, objective ``f / objective_scale``.
+    """Program in ``z = x / column_scale``, rows ``g / row_scale``, objective ``f / objective_scale``.
 
-    Its functions take ``(x, p)``, as CasADi names them, with x standing for z and no parameters p, so
-    that ``nlpsol`` can have them for its own. A scale of 1 costs nothing, any other one product a
-    nonzero.
+    Its functions take ``(x, p)`` in CasADi's names, with z as x and no parameters p, so that
+    ``nlpsol`` can use them. Scales of 1 are free; others cost one product per nonzero.
+
+    Parameters
+    ----------
+    program : NonlinearProgram
+        The program.
     """
 
     def __init__(self, program: NonlinearProgram) -> None:
@@ -44,7 +48,7 @@ class Scaled:
         return z if self._columns is None else z * self._columns
 
     def duals(self, multipliers: Vector) -> Vector:
-        """Return CasADi's multipliers of the scaled rows as the program signs and measures them."""
+        """Return the program's multipliers from CasADi's multipliers of the scaled rows."""
         return -multipliers * self._objective / self.program.row_scale
 
     def multipliers(self, point: Vector, duals: Vector) -> dict[str, Vector]:
@@ -72,7 +76,7 @@ class Scaled:
 
     @cached_property
     def objective_only(self) -> Any:
-        """``(x) -> (f)``, unscaled; apart, because line searches want one without the other."""
+        """``(x) -> (f)``, unscaled; separate because line searches evaluate it alone."""
         return _part(self.program.function, ["x"], "f")
 
     @cached_property
@@ -81,7 +85,7 @@ class Scaled:
         return _part(self.program.function, ["x"], "g")
 
     def problem(self) -> dict[str, Any]:
-        """Return the program as ``nlpsol`` takes it: ``{"x", "f", "g"}``."""
+        """Return the program in the format of ``nlpsol``: ``{"x", "f", "g"}``."""
         z = self._symbol()
         x = self._unscaled(z)
         return {"x": z, "f": self._f(x), "g": self._g(x)}
@@ -102,7 +106,7 @@ class Scaled:
 
     @cached_property
     def first_order(self) -> casadi.Function:
-        """``(x, p) -> (f, grad_f_x, g, jac_g_x)``, for solvers that want all at once."""
+        """``(x, p) -> (f, grad_f_x, g, jac_g_x)``, for solvers that evaluate all at once."""
 
         def parts(x: Any) -> dict[str, Any]:
             f, g = self.program.function(x)
@@ -131,12 +135,12 @@ class Scaled:
     # -- parts -----------------------------------------------------------------------------------
 
     def _posed(self, name: str, parts: Callable[[Any], dict[str, Any]]) -> casadi.Function:
-        """Return a function of ``(x, p)`` with the results that `parts` gives of unscaled columns."""
+        """Return a function of ``(x, p)`` with the results that `parts` computes from unscaled columns."""
         import casadi
 
         z = self._symbol()
-        found = parts(self._unscaled(z))
-        return casadi.Function(name, [z, _none()], [*found.values()], ["x", "p"], [*found])
+        results = parts(self._unscaled(z))
+        return casadi.Function(name, [z, _none()], [*results.values()], ["x", "p"], [*results])
 
     def _hessian(self, result: str, shape: Callable[[Any], Any]) -> casadi.Function:
         import casadi
@@ -147,8 +151,8 @@ class Scaled:
             self._unscaled(z), weight / self._objective, self._scaled_rows(duals)
         )
         if self._columns is not None:
-            at, by = _places(hess)
-            hess = hess * casadi.DM(hess.sparsity(), self._columns[at] * self._columns[by])
+            row, column = _places(hess)
+            hess = hess * casadi.DM(hess.sparsity(), self._columns[row] * self._columns[column])
         return casadi.Function(
             "nlp_hess_l",
             [z, _none(), weight, duals],
@@ -191,10 +195,10 @@ class Scaled:
 
         if self._columns is None and self._rows is None:
             return jac
-        at, by = _places(jac)
-        factor = np.ones(at.size) if self._columns is None else self._columns[by]
+        row, column = _places(jac)
+        factor = np.ones(row.size) if self._columns is None else self._columns[column]
         if self._rows is not None:
-            factor = factor / self._rows[at]
+            factor = factor / self._rows[row]
         return jac * casadi.DM(jac.sparsity(), factor)
 
 
@@ -203,7 +207,7 @@ def _unless_one(scale: Vector) -> Vector | None:
 
 
 def _none() -> Any:
-    """Return the parameters, of which there are none."""
+    """Return an empty symbol for the parameters."""
     import casadi
 
     return casadi.MX.sym("p", 0)
@@ -215,9 +219,9 @@ def _places(matrix: Any) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _part(function: Any, arguments: list[str], result: str) -> Any:
-    """Return `function` with one of its results only, freed from what the others need.
+    """Return `function` with one of its results only, without the computations of the others.
 
-    A function that is no expression (a stranger's callback) stays whole.
+    A function that is not an expression, such as a user's callback, is kept whole.
     """
     import casadi
 
@@ -225,5 +229,5 @@ def _part(function: Any, arguments: list[str], result: str) -> Any:
         return function.factory(f"only_{result}", arguments, [result])
     except RuntimeError:
         x = casadi.MX.sym("x", *function.size_in(0))
-        at = function.name_out().index(result)
-        return casadi.Function(f"only_{result}", [x], [function(x)[at]], arguments, [result])
+        index = function.name_out().index(result)
+        return casadi.Function(f"only_{result}", [x], [function(x)[index]], arguments, [result])

@@ -1,4 +1,4 @@
-"""What SciPy's two methods for constraints share: the program as functions of arrays."""
+"""Base of SciPy's two methods for constrained programs: the program as functions of arrays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, limited, over
+from ..attempts import Clock, Ended, Ending, limit_reached, stop_reason
 from ..backend import Feature, Limit, Request
 from ..casadi_plugins import last_line, vector
 from .base import COMMON, NonlinearBackend
@@ -24,28 +24,35 @@ Vector = NDArray[np.float64]
 
 
 class _Stopped(Exception):
-    """Raised within SciPy's search, which has no other way out that all its parts respect."""
+    """Exception that ends SciPy's search, which has no other reliable way to stop."""
 
 
 class Posed:
-    """A scaled program as functions of arrays, which remember their last values.
+    """Scaled program as functions of arrays that cache their last values.
 
-    Every evaluation looks at the clock and at stop requests.
+    Every evaluation checks the clock and stop requests.
+
+    Parameters
+    ----------
+    program : NonlinearProgram
+        The program.
+    limit_reached : callable
+        Function that returns True if the run must stop.
     """
 
-    def __init__(self, program: NonlinearProgram, over: Callable[[], bool]) -> None:
+    def __init__(self, program: NonlinearProgram, limit_reached: Callable[[], bool]) -> None:
         self.scaled = Scaled(program)
         self.size, self.row_count = program.size, program.row_count
-        self._over = over
+        self._over = limit_reached
         self._kept: dict[str, tuple[bytes, Any]] = {}
         self.last: Vector | None = None
         self.count = 0
 
     def _value(self, name: str, make: Callable[[], Any], z: Vector) -> Any:
         key = z.tobytes()
-        kept = self._kept.get(name)
-        if kept is not None and kept[0] == key:
-            return kept[1]
+        cached = self._kept.get(name)
+        if cached is not None and cached[0] == key:
+            return cached[1]
         if self._over():
             raise _Stopped
         value = make()
@@ -53,37 +60,37 @@ class Posed:
         return value
 
     def objective(self, z: Vector) -> float:
-        """Return the objective."""
+        """Return the scaled objective."""
         f, _ = self._value("f", lambda: self.scaled.gradient(z, []), z)
         return float(f)
 
     def gradient(self, z: Vector) -> Vector:
-        """Return the gradient of the objective, (n,)."""
+        """Return the gradient of the objective, shape (n,)."""
         _, gradient = self._value("f", lambda: self.scaled.gradient(z, []), z)
         return vector(gradient)
 
     def rows(self, z: Vector) -> Vector:
-        """Return the rows, (m,)."""
+        """Return the rows, shape (m,)."""
         rows, _ = self._value("g", lambda: self.scaled.jacobian(z, []), z)
         return vector(rows)
 
     def jacobian(self, z: Vector) -> sp.csc_array:
-        """Return the Jacobian of the rows, (m, n)."""
+        """Return the Jacobian of the rows, shape (m, n)."""
         _, jacobian = self._value("g", lambda: self.scaled.jacobian(z, []), z)
         return sp.csc_array(jacobian.sparse())
 
     def hessian(self, z: Vector, weight: float, duals: Vector) -> sp.csc_array:
-        """Return the Hessian of ``weight f + duals·g``, both triangles, (n, n)."""
+        """Return the Hessian of ``weight f + duals·g``, both triangles, shape (n, n)."""
         upper = sp.csc_array(self.scaled.hessian(z, [], weight, duals).sparse())
         return sp.csc_array(upper + sp.triu(upper, 1).T)
 
     def seen(self, z: Vector) -> None:
-        """Remember `z` as the point of an iteration."""
+        """Store `z` as the point of an iteration."""
         self.last, self.count = np.array(z, float), self.count + 1
 
 
 class ScipyNlp(NonlinearBackend):
-    """Base of the backends over ``scipy.optimize.minimize``."""
+    """Base of the backends for ``scipy.optimize.minimize``."""
 
     requires = ("casadi",)
     distribution = "scipy"
@@ -94,13 +101,13 @@ class ScipyNlp(NonlinearBackend):
     def search(
         self, posed: Posed, bounds: Mapping[str, Vector], request: Request, start: Vector
     ) -> Ending:
-        """Let SciPy search in scaled columns; the point and duals of the ending are scaled too."""
+        """Run SciPy's search in scaled columns; point and duals of the ending are scaled, too."""
 
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
     ) -> Ending:
-        """Pose the program to SciPy; a stop comes back with the point of the last iteration."""
-        posed = Posed(program, lambda: over(request, clock) is not None)
+        """Pass the program to SciPy. A stopped run returns the point of its last iteration."""
+        posed = Posed(program, lambda: limit_reached(request, clock) is not None)
         scaled = posed.scaled
         z = scaled.start(start)
         posed.last = z
@@ -109,7 +116,7 @@ class ScipyNlp(NonlinearBackend):
             with np.errstate(all="ignore"):
                 ending = self.search(posed, scaled.bounds, request, z)
         except _Stopped:
-            limit = limited(request.control, Limit.TIME)
+            limit = stop_reason(request.control, Limit.TIME)
             counts = {"iterations": posed.count}
             ending = Ending(Ended.STOPPED, posed.last, limit=limit, statistics=counts)
         except (RuntimeError, ValueError, np.linalg.LinAlgError) as error:

@@ -1,4 +1,4 @@
-"""SLEQP: active sets from linear programs, steps from equations, through CasADi."""
+"""SLEQP: active sets from linear programs and equality-constrained steps, through CasADi."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Sleqp"]
 
 
 class Sleqp(CasadiNlp):
-    """SLEQP with CasADi's HiGHS for its linear programs, which clashes with highspy and ortools."""
+    """Backend for SLEQP with CasADi's HiGHS, which conflicts with highspy and ortools."""
 
     name = "sleqp"
     plugin = "sleqp"
@@ -31,9 +31,9 @@ class Sleqp(CasadiNlp):
     summary = "SLEQP: linear programs choose the active set, by CasADi"
 
     def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
-        """Return the plugin's options."""
+        """Return the options of the plugin."""
         return {"max_iter": request.options["max_iter"], "print_level": 3 if request.verbose else 0}
 
     def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
-        """Return how the plugin ended: it calls every end a success."""
+        """Return the ending of the plugin, which reports success in every case."""
         return ended_by_words({**stats, "success": status_of(stats) == "optimal"})

@@ -19,12 +19,12 @@ __all__ = ["Slsqp"]
 
 Vector = NDArray[np.float64]
 
-#: Gigabytes of the dense Jacobian above which a program is refused.
+#: Largest dense Jacobian in gigabytes.
 MEMORY = 1.0
 
 
 class Slsqp(ScipyNlp):
-    """SciPy's ``minimize(method="SLSQP")``; its multipliers are estimated from its point."""
+    """Backend for SciPy's ``minimize(method="SLSQP")``; multipliers are estimated from its point."""
 
     name = "slsqp"
     prompt = False
@@ -34,7 +34,7 @@ class Slsqp(ScipyNlp):
     summary = "SciPy's SLSQP: dense, for small programs"
 
     def refuses(self, problem: NonlinearProgram) -> str:
-        """Return why the program is too large."""
+        """Return the reason why the program is too large, empty if it is not."""
         size = 8.0 * problem.size * (problem.size + problem.row_count) / 1e9
         if size <= MEMORY:
             return ""
@@ -46,7 +46,7 @@ class Slsqp(ScipyNlp):
     def search(
         self, posed: Posed, bounds: Mapping[str, Vector], request: Request, start: Vector
     ) -> Ending:
-        """Run SLSQP on rows split into equations and inequalities."""
+        """Run SLSQP with the rows split into equations and inequalities."""
         from scipy.optimize import minimize
 
         low, high = bounds["lbg"], bounds["ubg"]
@@ -74,7 +74,7 @@ class Slsqp(ScipyNlp):
                 return whole
 
             constraints.append({"type": "ineq", "fun": slack, "jac": slopes})
-        found = minimize(
+        result = minimize(
             posed.objective,
             start,
             jac=posed.gradient,
@@ -86,7 +86,7 @@ class Slsqp(ScipyNlp):
                 "maxiter": request.options["max_iter"],
                 "disp": request.verbose,
                 "iprint": 2,
-                # Of the objective: what it lacks is about the square of what the point lacks.
+                # Applies to the objective, whose error is about the square of the point's error.
                 "ftol": max(min(1e-11, request.tolerance * 1e-5), 1e-15),
             },
         )
@@ -97,10 +97,10 @@ class Slsqp(ScipyNlp):
         }
         ending = Ending.read(
             "slsqp",
-            int(found.status),
+            int(result.status),
             meanings,
-            point=np.array(found.x, float),
-            statistics={"iterations": int(found.nit)},
+            point=np.array(result.x, float),
+            statistics={"iterations": int(result.nit)},
         )
         proven = ending.ended is Ended.PROVEN
-        return replace(ending, message="" if proven else f"slsqp: {found.message}")
+        return replace(ending, message="" if proven else f"slsqp: {result.message}")

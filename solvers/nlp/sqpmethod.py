@@ -1,4 +1,4 @@
-"""CasADi's own sequential quadratic programming, on any of its quadratic solvers."""
+"""CasADi's sequential quadratic programming with any of its quadratic solvers."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ __all__ = ["SqpMethod"]
 
 Vector = NDArray[np.float64]
 
-#: Columns of a block of the Hessian above which its eigenvalues are left alone.
+#: Largest block of the Hessian, in columns, whose eigenvalues are computed.
 LARGE = 50
-#: What keeps each quadratic solver quiet.
+#: Options that silence each quadratic solver.
 _QUIET: Mapping[str, Mapping[str, Any]] = {
     "qrqp": {"print_iter": False, "print_header": False, "print_info": False},
     "qpoases": {"printLevel": "none"},
@@ -32,10 +32,10 @@ _QUIET: Mapping[str, Mapping[str, Any]] = {
 
 
 class SqpMethod(CasadiNlp):
-    """CasADi's ``sqpmethod``: a line search on a merit function, with the quadratic solver named.
+    """Backend for CasADi's ``sqpmethod``, a line search on a merit function.
 
-    Left out are those that made it give up where these do not (HiGHS, ipqp, ProxQP), and PIQP, which
-    writes of rows without bounds to the error output.
+    Quadratic solvers with which it fails more often (HiGHS, ipqp, ProxQP) are not offered, nor is
+    PIQP, which writes messages about rows without bounds to standard error.
     """
 
     name = "sqpmethod"
@@ -43,18 +43,18 @@ class SqpMethod(CasadiNlp):
     prompt = False
     given = {"jac_fg": "first_order", "hess_lag": "whole_hessian"}
     options: ClassVar[Mapping[str, Option]] = {
-        "qp": Option("qrqp", "CasADi's name of the quadratic solver.", str, tuple(_QUIET)),
+        "qp": Option("qrqp", "Name of the quadratic solver in CasADi.", str, tuple(_QUIET)),
         "max_iter": most_iterations(500),
         "hessian": HESSIAN,
         "convexify": Option(
             "auto",
-            "What makes the Hessian convex: a multiple of the identity, or its eigenvalues, block "
-            "by block; auto takes the eigenvalues where no block is large.",
+            "Method that makes the Hessian convex: a multiple of the identity, or its eigenvalues, block "
+            "by block; auto uses the eigenvalues if no block is large.",
             str,
             ("auto", "regularize", "eigen-reflect", "eigen-clip"),
         ),
     }
-    summary = "CasADi's SQP method on qrqp, qpOASES, OSQP … by option"
+    summary = "CasADi's SQP method on qrqp, qpOASES, OSQP or DAQP, by option"
 
     def load(self, request: Request) -> None:
         """Load the plugin and its quadratic solver."""
@@ -63,54 +63,54 @@ class SqpMethod(CasadiNlp):
         load_plugin(self.name, "conic", qp)
 
     def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
-        """Return the plugin's options."""
-        own = request.options
-        qp = str(own["qp"])
-        exact = own["hessian"]
+        """Return the options of the plugin."""
+        given = request.options
+        qp = str(given["qp"])
+        exact = given["hessian"]
         options: dict[str, Any] = {
             "qpsol": qp,
             "qpsol_options": {"error_on_fail": False, **_QUIET[qp]},
             "print_header": request.verbose,
             "print_iteration": request.verbose,
             "print_status": request.verbose,
-            "max_iter": own["max_iter"],
+            "max_iter": given["max_iter"],
             "tol_pr": solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-9),
             "tol_du": solver_tolerance(request.tolerance, 1e-11, 1e-7),
             "hessian_approximation": exact,
         }
         if exact == "exact":
-            how = str(own["convexify"])
-            options["convexify_strategy"] = _strategy(program) if how == "auto" else how
+            strategy = str(given["convexify"])
+            options["convexify_strategy"] = _strategy(program) if strategy == "auto" else strategy
         return options
 
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
     ) -> Ending:
-        """Search; where the quadratic programs fail, once more with a multiple of the identity.
+        """Search; if the quadratic programs fail, search again with a multiple of the identity.
 
-        Reflected eigenvalues leave a Hessian singular that is, and solvers were seen to fail on it.
-        With multipliers of 0 that of a linear objective is 0 altogether, so they are estimated.
+        Reflected eigenvalues leave a singular Hessian singular, and quadratic solvers failed on it. With
+        zero multipliers, the Hessian for a linear objective is zero, so the multipliers are estimated.
         """
-        found = super().attempt(program, request, clock, start)
-        chosen = request.options["convexify"] != "auto"
-        if found.ended is not Ended.FAILED or chosen or request.control.stopped:
-            return found
+        first = super().attempt(program, request, clock, start)
+        is_fixed = request.options["convexify"] != "auto"
+        if first.ended is not Ended.FAILED or is_fixed or request.control.stopped:
+            return first
         options = {**request.options, "convexify": "regularize"}
         safer = replace(request, options=options, warm_start=start)
-        again = super().attempt(program, safer, clock, start)
-        return again if again.ended is Ended.PROVEN else found
+        second = super().attempt(program, safer, clock, start)
+        return second if second.ended is Ended.PROVEN else first
 
     def ended(self, stats: Mapping[str, Any]) -> tuple[Ended, Limit | None]:
-        """Return how the plugin ended."""
+        """Return the ending of the plugin."""
         if status_of(stats) == "Search_Direction_Becomes_Too_Small":
             return Ended.FAILED, None
         return ended_by_words(stats)
 
 
 def _strategy(program: NonlinearProgram) -> str:
-    """Return the convexification: eigenvalues, unless columns hang together in a large block.
+    """Return the convexification: eigenvalues, unless the columns form a large block.
 
-    CasADi's eigenvalues take long where a block has more columns, and then fail to converge.
+    CasADi's eigenvalue method is slow for larger blocks, and then fails to converge.
     """
     import scipy.sparse as sp
     from scipy.sparse.csgraph import connected_components

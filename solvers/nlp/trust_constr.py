@@ -17,12 +17,12 @@ __all__ = ["TrustConstr"]
 
 Vector = NDArray[np.float64]
 
-#: Barrier parameter at which the search is through.
+#: Barrier parameter at which the search ends.
 BARRIER = 1e-9
 
 
 class TrustConstr(ScipyNlp):
-    """SciPy's ``minimize(method="trust-constr")`` with exact sparse Jacobian and Hessian."""
+    """Backend for SciPy's ``minimize(method="trust-constr")`` with exact sparse derivatives."""
 
     name = "trust-constr"
     options: ClassVar[Mapping[str, Option]] = {
@@ -65,11 +65,11 @@ class TrustConstr(ScipyNlp):
         limits = None
         if np.isfinite(bounds["lbx"]).any() or np.isfinite(bounds["ubx"]).any():
             limits = Bounds(bounds["lbx"], bounds["ubx"])
-        most, barrier = request.options["max_iter"], 0.1
+        iteration_limit, barrier = request.options["max_iter"], 0.1
         while True:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                found = minimize(
+                result = minimize(
                     posed.objective,
                     start,
                     jac=posed.gradient,
@@ -79,7 +79,7 @@ class TrustConstr(ScipyNlp):
                     constraints=constraints,
                     callback=look,
                     options={
-                        "maxiter": max(most - posed.count, 1),
+                        "maxiter": max(iteration_limit - posed.count, 1),
                         "verbose": 3 if request.verbose else 0,
                         "gtol": 1e-8 if barrier == 0.1 else 1e-13,
                         "xtol": 1e-12,
@@ -88,20 +88,20 @@ class TrustConstr(ScipyNlp):
                         "barrier_tol": BARRIER,
                     },
                 )
-            start, done = np.array(found.x, float), found.status in (1, 2)
-            last = float(found.get("barrier_parameter", 0.0))
-            if not done or last <= BARRIER or posed.count >= most:
+            start, is_finished = np.array(result.x, float), result.status in (1, 2)
+            last = float(result.get("barrier_parameter", 0.0))
+            if not is_finished or last <= BARRIER or posed.count >= iteration_limit:
                 break
-            # SciPy stops as soon as the problem with this barrier is solved, however high it is.
+            # SciPy stops when the problem with this barrier is solved, however large the barrier is.
             barrier = max(min(last, barrier) * 0.01, BARRIER)
         duals = np.zeros(posed.row_count)
-        if constraints and found.get("v"):
-            duals[bound] = np.asarray(found.v[0], float)
+        if constraints and result.get("v"):
+            duals[bound] = np.asarray(result.v[0], float)
         return Ending(
-            Ended.PROVEN if done else Ended.STOPPED,
+            Ended.PROVEN if is_finished else Ended.STOPPED,
             start,
             duals=duals,
-            limit=None if done else Limit.ITERATIONS,
+            limit=None if is_finished else Limit.ITERATIONS,
             statistics={"iterations": posed.count},
-            message="" if done else f"trust-constr: {found.message}",
+            message="" if is_finished else f"trust-constr: {result.message}",
         )

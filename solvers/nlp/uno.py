@@ -1,4 +1,4 @@
-"""Uno: a solver put together from the parts of many, through CasADi."""
+"""Uno: a solver composed of exchangeable parts, through CasADi."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["Uno"]
 
 
 class Uno(CasadiNlp):
-    """Uno as one of its presets; those left out are unknown to CasADi's build or gave up too often.
+    """Backend for Uno with one of its presets; others are missing in CasADi's build or fail often.
 
-    On 4000 columns a step of its dense quadratic solver took longer than anybody waits, and words of
-    Fortran appeared on the standard output: it runs in a process of its own.
+    With 4000 columns, a step of its dense quadratic solver takes very long, and Fortran code prints to
+    standard output, so it runs in a worker process.
     """
 
     name = "uno"
@@ -29,15 +29,15 @@ class Uno(CasadiNlp):
         "max_iter": most_iterations(2000),
         "preset": Option(
             "filtersqp",
-            "Whose strategy is followed.",
+            "Strategy of the preset.",
             str,
             ("filtersqp", "funnelsqp", "ipopt"),
         ),
     }
-    summary = "Uno: filterSQP, Ipopt's or another strategy from one kit, by CasADi"
+    summary = "Uno: filterSQP, Ipopt's or another strategy, by CasADi"
 
     def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
-        """Return the plugin's options."""
+        """Return the options of the plugin."""
         tolerance = solver_tolerance(request.tolerance * 1e-1, 1e-11, 1e-8)
         options = {
             "logger": "INFO" if request.verbose else "SILENT",

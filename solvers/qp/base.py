@@ -1,10 +1,10 @@
-"""What every quadratic backend shares: a solver's claim is recomputed before it is an answer.
+"""Base of the backends for quadratic programs: a solver's claim is recomputed before it is an answer.
 
-A backend here only translates: its ``attempt`` hands the program to its solver and reports how the
-solver ended. An optimum is one when its point verifies and its multipliers prove the gap; an infeasible
-or unbounded program is one when a ray proves it. What falls short is polished, then asked for once
-more, and at last called what it is. A near miss is asked for with a tighter tolerance; what failed is
-made strictly convex by a proximal term, for it is on flat objectives that solvers stumble.
+A backend only translates: its ``attempt`` passes the program to its solver and reports the ending. An
+optimum must verify, and its multipliers must prove the gap. Infeasible and unbounded programs need a
+ray as a proof. An answer that falls short is polished, then computed again. A near miss is computed
+with a tighter tolerance. After a failure, a proximal term makes the program strictly convex, because
+solvers fail mostly on flat objectives. If nothing helps, the answer is weakened.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from ..attempts import (
     Ended,
     Ending,
     above_cutoff,
-    allowed,
-    holds,
-    limited,
-    obvious,
-    over,
+    ending_if_stopped,
+    is_satisfied,
+    limit_reached,
+    loosened_cutoff,
     solver_tolerance,
-    stopped,
+    stop_reason,
+    trivial_ending,
 )
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 from ..job import UNPOLISHED
@@ -60,54 +60,54 @@ __all__ = [
 
 Vector = NDArray[np.float64]
 
-#: How much tighter a second attempt is asked to be.
+#: Factor of the tolerance of a second attempt.
 TIGHTER = 1e-3
-#: Weights of the proximal terms that a second and third attempt add, relative to the curvature.
+#: Weights of the proximal terms of a second and third attempt, relative to the curvature.
 PROXIMAL = (1e-2, 1e-1)
-#: Merit above which an answer is no near miss, and violation above which a claimed optimum looks
-#: like the least evil of an infeasible program.
+#: Largest merit of a near miss, and largest violation of a claimed optimum before the program is
+#: examined for infeasibility.
 GROSS = 1e-3
 
-#: What every quadratic backend that proves its optima declares.
+#: Features of every quadratic backend that proves its optima.
 COMMON = frozenset({Feature.GAP, Feature.DUAL_BOUND, Feature.DUALS})
 
-#: The option that every quadratic backend has, and what a comparison makes of it.
+#: Option of every quadratic backend, which comparisons set to False.
 POLISH = Option(
     True,
-    "Whether to make the answer to a quadratic program exact by solving the equations of what "
-    "binds; off shows the solver's own precision, and is what comparisons set.",
+    "Whether to make the answer to a quadratic program exact by solving the equations of the "
+    "binding rows; off shows the solver's own precision, and is the default of comparisons.",
     bool,
 )
-#: The option of first-order methods.
+#: Option of first-order methods.
 EPS = Option(
     None,
-    "Absolute and relative precision; by default a tenth of the tolerance, which the polish does "
-    "the rest for, or a thousandth without it.",
+    "Absolute and relative precision. Default: a tenth of the tolerance, which polishing improves, "
+    "or a thousandth without polishing.",
     float,
     lower=1e-15,
     upper=1.0,
 )
-#: The option of solvers that have both kinds of factors.
+#: Option of solvers with dense and sparse factors.
 LINEAR_ALGEBRA = Option(
     "choose",
-    "Dense or sparse factors; by the share of entries by default.",
+    "Dense or sparse factors. Default: by the share of nonzero entries.",
     str,
     ("choose", "dense", "sparse"),
 )
-#: Share of entries that are not zero, above which dense factors are faster.
+#: Share of nonzero entries above which dense factors are faster.
 DENSE = 0.1
-#: Gigabytes of dense data above which a dense solver is refused.
+#: Largest dense data in gigabytes that a dense solver accepts.
 MEMORY = 2.0
-#: Entries of the matrices times iterations between two looks at the stop flag, about 0.3 s.
+#: Entries of the matrices times iterations between two polls of the stop flag, about 0.3 s.
 SLICE = 3e7
 #: Seconds for solvers that need a number if the run has no time limit.
 UNLIMITED = 1e9
-#: Least and largest number of iterations between two looks; OSQP adapts its weights every 50.
+#: Smallest and largest number of iterations between two polls. OSQP adapts its weights every 50.
 FEWEST, MOST = 50, 20_000
 
 _EPS = ("eps_abs", "eps_rel")
-#: How the libraries over many solvers tell each its time limit and its tolerances; one that is not
-#: among these, or has no time limit, runs as it is by default and is stopped with its process.
+#: Names of the time limit and the tolerances of each solver in libraries over many solvers. A solver
+#: that is missing, or has no time limit, runs with its defaults and is stopped with its process.
 _TOLD: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "clarabel": ("time_limit", ("tol_feas", "tol_gap_abs", "tol_gap_rel")),
     "daqp": ("", ("primal_tol", "dual_tol")),
@@ -118,7 +118,7 @@ _TOLD: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "proxqp": ("", _EPS),
     "scs": ("time_limit_secs", _EPS),
 }
-#: First-order methods need more iterations than their defaults allow.
+#: Iteration limits of first-order methods, which need more than their defaults.
 _MORE: Mapping[str, Mapping[str, Any]] = {
     "osqp": {"max_iter": 200_000},
     "scs": {"max_iters": 200_000},
@@ -128,7 +128,7 @@ Attempt = Callable[[QuadraticProgram, Request, Clock], Ending]
 
 
 class QuadraticBackend(Backend):
-    """Base of the backends that solve a convex :class:`QuadraticProgram` to proven optimality."""
+    """Base of the backends that solve convex quadratic programs to proven optimality."""
 
     accepts: ClassVar[type[Model[Any]] | tuple[type[Model[Any]], ...]] = QuadraticProgram
     guarantee = Guarantee.EXACT
@@ -141,21 +141,32 @@ class QuadraticBackend(Backend):
 
     @abstractmethod
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
-        """Hand `program` to the solver once and report how it ended.
+        """Solve `program` once and report the ending.
 
-        The program has columns that are not fixed, and only rows with entries and a bound. Laps
-        of `clock` are called ``"build"`` (until the solver starts) and ``"solve"``.
+        Parameters
+        ----------
+        program : QuadraticProgram
+            A program without fixed columns, in which every row has entries and a finite bound.
+        request : Request
+            Options of the run.
+        clock : Clock
+            Clock of the run; counts ``"build"`` until the solver starts, then ``"solve"``.
+
+        Returns
+        -------
+        Ending
+            The ending as the solver reports it, which is recomputed afterwards.
         """
 
     def run(self, problem: QuadraticProgram, request: Request) -> Answer:
-        """Solve `problem` as `request` asks."""
+        """Solve `problem`, see :meth:`Backend.run`."""
         return answered(self, problem, request, self.attempt)
 
 
 def first_order_precision(request: Request) -> float:
-    """Return the precision to ask of a first-order method: its option, else by the tolerance.
+    """Return the precision for a first-order method: its option, else from the tolerance.
 
-    Its last digits take most of its iterations, and the polish finds them in one system.
+    The last digits take most of its iterations, and polishing finds them with one linear system.
     """
     share = 1.0 if request.options["polish"] else 1e-2
     return request.options.get("eps") or solver_tolerance(request.tolerance * share, 1e-11, 1e-6)
@@ -188,10 +199,10 @@ def time_left(clock: Clock) -> float:
 
 
 def prefers_dense(program: QuadraticProgram, request: Request, largest: int) -> bool:
-    """Return whether dense factors are asked for, or are faster up to `largest` rows and columns."""
-    asked = request.options["linear_algebra"]
-    if asked != "choose":
-        return bool(asked == "dense")
+    """Return True if dense factors are requested, or faster up to `largest` rows and columns."""
+    choice = request.options["linear_algebra"]
+    if choice != "choose":
+        return bool(choice == "dense")
     size, total = program.size, program.size + program.row_count
     filled = program.hessian.nnz + program.matrix.nnz
     return total <= largest and (total <= 50 or filled > DENSE * size * total)
@@ -200,7 +211,26 @@ def prefers_dense(program: QuadraticProgram, request: Request, largest: int) -> 
 def answered(
     backend: Backend, problem: Any, request: Request, attempt: Any, run: type[Run] | None = None
 ) -> Answer:
-    """Return the answer that `attempt` earns `backend` by a `run`: recomputed, polished, proven."""
+    """Run `attempt` for `backend` and return the answer: recomputed, polished and proven.
+
+    Parameters
+    ----------
+    backend : Backend
+        The backend.
+    problem : QuadraticProgram or ConicProgram
+        The program.
+    request : Request
+        Options of the run.
+    attempt : callable
+        Function ``(program, request, clock) -> Ending``.
+    run : type of Run, optional
+        Class of the run. Default: :class:`Run`.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The backend rejects the program.
+    """
     backend.require()
     reason = backend.refuses(problem)
     if reason:
@@ -208,16 +238,30 @@ def answered(
     request = replace(request, options=backend.checked_options(request.options))
     kind = run or Run
 
-    def solved(posed: QuadraticProgram, asked: Request) -> Answer:
-        return kind(posed, asked, attempt, Clock(asked.time_limit)).answer()
+    def solve_posed(posed: QuadraticProgram, posed_request: Request) -> Answer:
+        return kind(posed, posed_request, attempt, Clock(posed_request.time_limit)).answer()
 
     scaling = Scaling.of(problem) if type(problem) is QuadraticProgram else None
-    return solved(problem, request) if scaling is None else scaling.answered(request, solved)
+    return (
+        solve_posed(problem, request) if scaling is None else scaling.answered(request, solve_posed)
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One run: attempts, and what their answers prove."""
+    """Run of a backend: its attempts, and the proofs of their answers.
+
+    Parameters
+    ----------
+    problem : QuadraticProgram
+        The program.
+    request : Request
+        Options of the run.
+    attempt : callable
+        Function ``(program, request, clock) -> Ending``.
+    clock : Clock
+        Clock of the run.
+    """
 
     problem: QuadraticProgram
     request: Request
@@ -225,7 +269,9 @@ class Run:
     clock: Clock
 
     def answer(self) -> Answer:
-        known = obvious(self.problem, self.request) or stopped(self.request, self.clock)
+        known = trivial_ending(self.problem, self.request) or ending_if_stopped(
+            self.request, self.clock
+        )
         if known is not None:
             if known.ended is Ended.PROVEN:
                 best = measured(self.problem, np.zeros(0), known.duals)
@@ -239,13 +285,13 @@ class Run:
             return self.optimal(ending, best)
         findings = Findings()
         if ending.ended is not Ended.STOPPED or ending.limit is Limit.ITERATIONS:
-            if not self.over() and (best is None or best.violation > GROSS):
-                # So far off, or called unsolvable: a proof settles it, and where there is none
-                # the claim was wrong.
+            if not self.limit_reached() and (best is None or best.violation > GROSS):
+                # A point this far off, or a claim of no solution, needs a proof. Without one, the
+                # claim was wrong.
                 findings = self.findings(ending, None)
             if not (findings.infeasible or findings.unbounded):
                 for posed, request in self.further(core, best, findings):
-                    if self.over():
+                    if self.limit_reached():
                         break
                     again = self.tried(posed, request)
                     ending = _summed(ending, again)
@@ -257,40 +303,42 @@ class Run:
         return self.unsolved(ending, best, findings)
 
     def core(self) -> Core:
-        """Return what of the program the solver gets."""
+        """Return the part of the program that the solver receives."""
         return Core.of(self.problem)
 
     def tried(self, core: Core, request: Request) -> Ending:
-        """Return what the solver says of the whole program, given its core."""
+        """Run the solver on a core and return its ending in terms of the whole program."""
         if not core.program.size:
-            # Every column is fixed: what rows say of them is left to the verification.
+            # Every column is fixed; verification checks the rows.
             return Ending(Ended.PROVEN, core.point(np.zeros(0)), duals=core.duals(np.zeros(0)))
         if request.warm_start is not None:
             start = np.asarray(request.warm_start, float)[core.columns]
             request = replace(request, warm_start=start)
         if request.time_limit is not None:
             request = replace(request, time_limit=self.clock.left())
-        found = self.attempt(core.program, request, self.clock)
-        point = core.direction if found.ended is Ended.UNBOUNDED else core.point
-        return replace(found, point=point(found.point), bound=None, duals=core.duals(found.duals))
+        ending = self.attempt(core.program, request, self.clock)
+        point = core.direction if ending.ended is Ended.UNBOUNDED else core.point
+        return replace(
+            ending, point=point(ending.point), bound=None, duals=core.duals(ending.duals)
+        )
 
     def judged(self, ending: Ending) -> Quality | None:
-        """Return the quality of the point, polished where that is due; None without a point."""
+        """Return the quality of the point, polished if necessary; None without a point."""
         if ending.point is None or ending.ended in (Ended.INFEASIBLE, Ended.UNBOUNDED):
             return None
-        found = measured(self.problem, ending.point, ending.duals)
-        if found is None or found.clean or not self.request.options["polish"]:
-            return found
-        # Through, and its point is an optimum by its own word, or nearly one.
-        through = ending.ended is not Ended.STOPPED or ending.limit is Limit.ITERATIONS
-        if through and ending.ended is not Ended.UNCLEAR and not self.over():
-            found = polished(self.problem, found, self.over)
+        quality = measured(self.problem, ending.point, ending.duals)
+        if quality is None or quality.clean or not self.request.options["polish"]:
+            return quality
+        # The solver has finished, or nearly, so that its point is close to an optimum.
+        is_finished = ending.ended is not Ended.STOPPED or ending.limit is Limit.ITERATIONS
+        if is_finished and ending.ended is not Ended.UNCLEAR and not self.limit_reached():
+            quality = polished(self.problem, quality, self.limit_reached)
             self.clock.lap("polish")
-        return found
+        return quality
 
-    def over(self) -> bool:
-        """Whether the run may not go on."""
-        return over(self.request, self.clock) is not None
+    def limit_reached(self) -> bool:
+        """Return True if the run must stop."""
+        return limit_reached(self.request, self.clock) is not None
 
     def accepts(self, quality: Quality) -> bool:
         return quality.proves(self.request.gap, self.request.tolerance)
@@ -298,7 +346,7 @@ class Run:
     def further(
         self, core: Core, best: Quality | None, findings: Findings
     ) -> Iterator[tuple[Core, Request]]:
-        """Yield what to try after a first attempt that was not good enough."""
+        """Yield cores and requests for further attempts after an insufficient answer."""
         if best is not None and best.merit <= GROSS:
             tolerance = self.request.tolerance * TIGHTER
             yield core, replace(self.request, tolerance=tolerance, warm_start=best.point)
@@ -307,27 +355,27 @@ class Run:
         yield core.proximal(None if best is None else best.point, PROXIMAL[1]), self.request
 
     def optimal(self, ending: Ending, best: Quality) -> Answer:
-        """Return the optimum, held against the cutoff."""
+        """Return the optimum, or the dual bound if it is worse than the cutoff."""
         objective = best.objective
         if ending.ended is not Ended.PROVEN and ending.message:
             ending = replace(ending, message=f"{ending.message}; yet its point proved optimal")
-        # Rounding may leave the bound just above.
+        # Rounding may put the bound slightly above the objective.
         answer = self.basic(ending, best, Termination.OPTIMAL, min(best.bound, objective))
         cutoff = self.request.cutoff
-        if cutoff is not None and objective > allowed(cutoff):
+        if cutoff is not None and objective > loosened_cutoff(cutoff):
             return above_cutoff(answer, cutoff)
         return answer
 
     def unsolved(
         self, ending: Ending, best: Quality | None, findings: Findings | None = None
     ) -> Answer:
-        """Return what is known where no optimum is proven."""
+        """Return what is known if no optimum is proven."""
         if ending.ended is Ended.INFEASIBLE and ending.absolute:
             return self.basic(ending, None, Termination.INFEASIBLE)
         feasible = best is not None and best.violation <= self.request.tolerance
         interrupted = ending.ended is Ended.STOPPED and ending.limit is not Limit.ITERATIONS
         findings = findings or Findings()
-        if not (findings.source or findings.examined or interrupted or self.over()):
+        if not (findings.source or findings.examined or interrupted or self.limit_reached()):
             findings = self.findings(ending, best if feasible else None)
         if findings.infeasible or findings.unbounded:
             kind = Termination.INFEASIBLE if findings.infeasible else Termination.UNBOUNDED
@@ -336,8 +384,8 @@ class Run:
         best = self.kept(best if feasible else None) or best
         feasible = best is not None and best.violation <= self.request.tolerance
         limit = ending.limit
-        if limit in (None, Limit.ITERATIONS) and self.over():
-            limit = limited(self.request.control, Limit.TIME)
+        if limit in (None, Limit.ITERATIONS) and self.limit_reached():
+            limit = stop_reason(self.request.control, Limit.TIME)
         if best is not None and feasible:
             bound = min(best.bound, best.objective)
             answer = self.basic(ending, best, Termination.FEASIBLE, bound)
@@ -360,7 +408,7 @@ class Run:
     def kept(self, best: Quality | None) -> Quality | None:
         """Return the better of `best` and the warm start, which must not be lost."""
         start = self.request.warm_start
-        if start is None or not holds(
+        if start is None or not is_satisfied(
             self.problem, np.asarray(start, float), self.request.tolerance
         ):
             return best
@@ -402,7 +450,7 @@ def _joined(
 
 
 def _summed(first: Ending, second: Ending) -> Ending:
-    """Return `second` with the counts of all attempts."""
+    """Return `second` with the counts of all attempts added."""
     counts: dict[str, float | int | str] = dict(second.statistics)
     for name, value in first.statistics.items():
         other = counts.get(name, 0)
@@ -415,15 +463,33 @@ def _summed(first: Ending, second: Ending) -> Ending:
 
 
 def told(solver: str, request: Request) -> tuple[str, dict[str, Any]]:
-    """Return what `solver` calls its time limit, empty for none, and its options for `request`."""
+    """Return the name of a solver's time limit, empty without one, and its options for a request.
+
+    Parameters
+    ----------
+    solver : str
+        Name of the solver, in lower case.
+    request : Request
+        Options of the run.
+    """
     time_name, tolerances = _TOLD.get(solver, ("", ()))
     tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-10, 1e-8)
     return time_name, {**dict.fromkeys(tolerances, tolerance), **_MORE.get(solver, {})}
 
 
 def too_large(owner: str, program: QuadraticProgram, rows: int | None = None) -> str:
-    """Return why `owner`, which makes dense copies of `rows` rows, does not take `program`, else ``""``."""
-    # The Hessian and the rows, twice each.
+    """Return the reason why a program is too large for dense copies, empty if it is not.
+
+    Parameters
+    ----------
+    owner : str
+        Name of the backend, for the message.
+    program : QuadraticProgram
+        The program.
+    rows : int, optional
+        Number of dense rows. Default: the rows of the program.
+    """
+    # Hessian and rows, two copies of each.
     count = program.row_count if rows is None else rows
     needed = 16.0 * program.size * (program.size + count) / 1e9
     if needed <= MEMORY:

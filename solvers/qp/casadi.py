@@ -1,4 +1,4 @@
-"""The quadratic solvers behind CasADi's ``conic``: one interface, a plugin a solver."""
+"""Quadratic solvers of CasADi's ``conic``, one plugin per solver."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import BackendBroken, UnsupportedFormulation, WorkerFailure
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, limited, over, solver_tolerance
+from ..attempts import Clock, Ended, Ending, limit_reached, solver_tolerance, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from ..casadi_plugins import HIGHS_MARK, ended_by_words, last_line, load_plugin, status_of, vector
 from .base import COMMON, POLISH, QuadraticBackend, too_large
@@ -21,20 +21,21 @@ __all__ = ["CasadiConic", "plugins"]
 
 @dataclass(frozen=True)
 class _Plugin:
-    """How one plugin is told what every solver is told.
+    """Translation of a request to the options of a plugin.
 
     Parameters
     ----------
     own : callable
-        Gives its options from the program, the tolerance, the iterations of a call and the seconds left.
+        Function of the program, the tolerance, the iterations per call and the seconds left that
+        returns the options of the plugin.
     dense : bool
         Whether it makes dense copies.
     independent : bool
-        Whether it fails where equal rows depend on one another.
+        Whether it fails on linearly dependent equality rows.
     piece : int
-        Iterations of one call, for those without a time limit that go on where they ended; 0 for one call.
+        Iterations per call, for plugins without a time limit that can continue; 0 for a single call.
     most : int
-        Iterations at most, where nothing else is asked.
+        Default limit on iterations.
     """
 
     own: Callable[[QuadraticProgram, float, int, float | None], dict[str, Any]]
@@ -61,12 +62,12 @@ def _quiet(program: QuadraticProgram, tol: float, most: int, left: float | None)
 
 def _daqp(program: QuadraticProgram, tol: float, most: int, left: float | None) -> dict[str, Any]:
     values = np.linalg.eigvalsh(program.hessian.toarray())
-    # Without definiteness the plugin gives up, unless it is asked for proximal steps.
+    # The plugin fails on semidefinite Hessians without proximal steps.
     proximal = {} if values[0] > 1e-9 * values[-1] else {"eps_prox": 1e-6}
     return {"daqp": {"primal_tol": tol, "dual_tol": tol, "iter_limit": most, **proximal}}
 
 
-#: What switches the logs of the plugins on.
+#: Options that switch on the logs of the plugins.
 _LOUD: Mapping[str, Any] = {
     "print_iter": True,
     "print_header": True,
@@ -78,7 +79,7 @@ _LOUD: Mapping[str, Any] = {
 
 
 def _loud(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a plugin's options with its log switched on."""
+    """Return the options of a plugin with its log switched on."""
     return {
         name: _loud(value) if isinstance(value, dict) else _LOUD.get(name, value)
         for name, value in options.items()
@@ -132,7 +133,7 @@ _PLUGINS: Mapping[str, _Plugin] = {
         },
     ),
     "hpipm": _Plugin(
-        # One stage, whose state is all columns: nothing of the structure that HPIPM is made for.
+        # One stage with all columns as its state, without the structure that HPIPM exploits.
         lambda program, tol, most, left: {
             "N": 0,
             "nx": [program.size],
@@ -148,29 +149,30 @@ _PLUGINS: Mapping[str, _Plugin] = {
 
 
 class CasadiConic(QuadraticBackend):
-    """CasADi's ``conic`` with the plugin that is named.
+    """Backend for the plugins of CasADi's ``conic``.
 
-    Which plugins load depends on the wheel: a file that is there may want a library that is not. One that
-    does not load raises :class:`BackendBroken` with CasADi's own words; :func:`plugins` tries them all.
+    The plugins that load depend on the wheel, because a plugin may need a library that is missing. A
+    plugin that does not load raises :class:`BackendBroken` with CasADi's message. :func:`plugins`
+    tests all of them.
     """
 
     name = "casadi"
     features = COMMON | {Feature.LOG}
     requires = ("casadi",)
-    # CasADi brings a HiGHS that breaks those of highspy and ortools in a process, and is broken
-    # by them. The other plugins keep to themselves, hence the mark.
+    # CasADi's HiGHS conflicts with those of highspy and ortools in one process. The other plugins
+    # do not, so the mark is a separate module.
     conflict_group = "highs"
     natives = (HIGHS_MARK,)
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
-        "plugin": Option("qrqp", "CasADi's name of the solver.", str, tuple(_PLUGINS)),
-        "max_iter": Option(None, "Iterations at most; the plugin's own default.", int, lower=1),
+        "plugin": Option("qrqp", "Name of the solver in CasADi.", str, tuple(_PLUGINS)),
+        "max_iter": Option(None, "Limit on iterations. Default: that of the plugin.", int, lower=1),
     }
     deterministic = True
     summary = "CasADi's conic solvers: qrqp, qpOASES, OSQP, ProxQP, PIQP … by option"
 
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with the plugin asked for."""
+        """Solve the program with the selected plugin."""
         import casadi
 
         from ...models.programs.triplets import dm
@@ -182,9 +184,11 @@ class CasadiConic(QuadraticBackend):
         if reason:
             raise UnsupportedFormulation(reason)
         posed, rows = independent_rows(program) if plugin.independent else (program, None)
-        most = int(request.options["max_iter"] or plugin.most)
+        iteration_limit = int(request.options["max_iter"] or plugin.most)
         tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-11, 1e-8)
-        options = plugin.own(posed, tolerance, min(plugin.piece or most, most), clock.left())
+        options = plugin.own(
+            posed, tolerance, min(plugin.piece or iteration_limit, iteration_limit), clock.left()
+        )
         if request.verbose:
             options = _loud(options)
         hessian, matrix = dm(posed.hessian), dm(posed.matrix)
@@ -213,27 +217,31 @@ class CasadiConic(QuadraticBackend):
         message, done, late = "", 0, False
         try:
             while True:
-                found = solver(**data)
+                result = solver(**data)
                 stats = solver.stats()
                 done += plugin.piece
-                if not plugin.piece or done >= most or _ended(stats)[1] is not Limit.ITERATIONS:
+                if (
+                    not plugin.piece
+                    or done >= iteration_limit
+                    or _ended(stats)[1] is not Limit.ITERATIONS
+                ):
                     break
-                late = over(request, clock) is not None
+                late = limit_reached(request, clock) is not None
                 if late:
                     break
-                data.update(x0=found["x"], lam_x0=found["lam_x"], lam_a0=found["lam_a"])
+                data.update(x0=result["x"], lam_x0=result["lam_x"], lam_a0=result["lam_a"])
         except RuntimeError as error:
             clock.lap("solve")
             return Ending(Ended.FAILED, message=f"CasADi {name}: {last_line(error)}")
         clock.lap("solve")
-        point, duals = vector(found["x"]), -vector(found["lam_a"])
+        point, duals = vector(result["x"]), -vector(result["lam_a"])
         if rows is not None:
             full = np.zeros(program.row_count)
             full[rows] = duals
             duals = full
         ended, limit = _ended(stats)
         if late:
-            limit = limited(request.control, Limit.TIME)
+            limit = stop_reason(request.control, Limit.TIME)
         if ended is not Ended.PROVEN:
             message = f"CasADi {name}: {status_of(stats)}"
         counts: dict[str, float | int | str] = {"plugin": name}
@@ -251,20 +259,20 @@ class CasadiConic(QuadraticBackend):
 
 
 def plugins() -> dict[str, str]:
-    """Return for each plugin why it does not load, ``""`` where it does; each is tried in a worker.
+    """Return the reason why each plugin does not load, empty if it does.
 
-    A worker of its own, because a plugin may break what is loaded beside it, or crash.
+    Each plugin is tried in a worker process, because it may crash or conflict with others.
     """
     from ..isolation import Worker
 
-    found: dict[str, str] = {}
+    reasons: dict[str, str] = {}
     for name in _PLUGINS:
         with Worker() as worker:
             try:
-                found[name] = str(worker.call(_why_not, name, deadline=60.0))
+                reasons[name] = str(worker.call(_why_not, name, deadline=60.0))
             except WorkerFailure as error:
-                found[name] = str(error)
-    return found
+                reasons[name] = str(error)
+    return reasons
 
 
 def _why_not(name: str) -> str:

@@ -1,5 +1,5 @@
-"""A mark: importing this module means that CasADi's own HiGHS is loaded into this process.
+"""Marker module: it is imported when CasADi's own HiGHS is loaded into this process.
 
-``casadi`` in ``sys.modules`` does not say so, for CasADi loads its solvers when they are asked for, and
-only this one clashes with highspy and ortools.
+``casadi`` in ``sys.modules`` is not sufficient, because CasADi loads its solvers on demand, and only
+HiGHS conflicts with highspy and ortools.
 """

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.cones import ConeKind, order
-from ..attempts import Clock, Ended, Ending, Meaning, limited, own_options, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
 from .base import COMMON, POLISH
@@ -19,24 +19,24 @@ __all__ = ["Clarabel"]
 
 
 class Clarabel(ConvexBackend):
-    """Clarabel (Goulart and Chen 2024), a homogeneous embedding, called with the program's arrays."""
+    """Backend for Clarabel (Goulart and Chen 2024), an interior-point method on a homogeneous embedding."""
 
     name = "clarabel"
     features = COMMON | {Feature.INTERRUPT, Feature.LOG}
     requires = ("clarabel",)
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
-        "max_iter": Option(200, "Interior-point iterations at most.", int, lower=1),
+        "max_iter": Option(200, "Limit on interior-point iterations.", int, lower=1),
         "equilibrate_enable": Option(True, "Whether to scale the data first.", bool),
         "direct_solve_method": Option(
-            "qdldl", "How the linear systems are factorised.", str, ("qdldl", "faer")
+            "qdldl", "Factorisation of the linear systems.", str, ("qdldl", "faer")
         ),
     }
     deterministic = True
     summary = "Clarabel: interior point, sparse, finds infeasibility fast"
 
     def attempt(self, program: Convex, request: Request, clock: Clock) -> Ending:
-        """Solve with Clarabel."""
+        """Solve the program with Clarabel."""
         import clarabel  # type: ignore[import-untyped]
 
         form = ConicForm.of(program)
@@ -46,20 +46,20 @@ class Clarabel(ConvexBackend):
         if form.linear > form.zeros:
             cones.append(clarabel.NonnegativeConeT(form.linear - form.zeros))
         for block in form.cones:
-            made = {
+            constructor = {
                 ConeKind.SECOND_ORDER: (clarabel.SecondOrderConeT, block.dimension),
                 ConeKind.EXPONENTIAL: (clarabel.ExponentialConeT,),
                 ConeKind.SEMIDEFINITE: (clarabel.PSDTriangleConeT, order(block.dimension)),
             }[block.kind]
-            cones += [made[0](*made[1:])] * block.count
+            cones += [constructor[0](*constructor[1:])] * block.count
         settings = clarabel.DefaultSettings()
         settings.verbose = request.verbose
-        # One thread whatever is asked: that is what the backend declares.
+        # Always one thread, as the backend declares.
         settings.max_threads = 1
         tolerance = solver_tolerance(request.tolerance * 1e-3, 1e-12, 1e-8)
         for name in ("tol_feas", "tol_gap_abs", "tol_gap_rel"):
             setattr(settings, name, tolerance)
-        for name, value in own_options(request).items():
+        for name, value in solver_options(request).items():
             setattr(settings, name, value)
         solver = clarabel.DefaultSolver(
             sp.csc_matrix(sp.triu(program.hessian)),
@@ -76,7 +76,7 @@ class Clarabel(ConvexBackend):
         if left is not None:
             settings.time_limit = left
             solver.update(settings=settings)
-        found = solver.solve()
+        result = solver.solve()
         clock.lap("solve")
         meanings: dict[str, Meaning] = {
             "Solved": Ended.PROVEN,
@@ -87,13 +87,13 @@ class Clarabel(ConvexBackend):
             "AlmostDualInfeasible": Ended.UNBOUNDED,
             "MaxIterations": (Ended.STOPPED, Limit.ITERATIONS),
             "MaxTime": (Ended.STOPPED, Limit.TIME),
-            "CallbackTerminated": (Ended.STOPPED, limited(control)),
+            "CallbackTerminated": (Ended.STOPPED, stop_reason(control)),
         }
         return Ending.read(
             "Clarabel",
-            str(found.status),
+            str(result.status),
             meanings,
-            point=np.array(found.x, float),
-            duals=form.duals(found.z, program.row_count),
-            statistics={"iterations": int(found.iterations)},
+            point=np.array(result.x, float),
+            duals=form.duals(result.z, program.row_count),
+            statistics={"iterations": int(result.iterations)},
         )

@@ -1,6 +1,6 @@
-"""Quadratic programs through CVXPY's own modelling layer.
+"""Quadratic programs through the modelling layer of CVXPY.
 
-The backend ``cvxpy`` (:class:`crosstrack.solvers.mip.cvxpy_mip.CvxpyMip`) comes here with one.
+Called by the backend ``cvxpy`` (:class:`crosstrack.solvers.mip.cvxpy_mip.CvxpyMip`).
 """
 
 from __future__ import annotations
@@ -16,14 +16,29 @@ from .base import told
 
 __all__ = ["attempt"]
 
-#: Solvers that draw nothing, so that any seed is granted.
+#: Solvers without random numbers, for which any seed is accepted.
 _DRAW_NOTHING = frozenset({"CLARABEL", "DAQP", "ECOS", "OSQP", "PIQP", "PROXQP", "SCS"})
-#: CVXPY's words for what a solver nearly proves: ours to prove.
+#: Statuses of CVXPY that are nearly proven; the claims are recomputed here.
 _NEARLY = {"infeasible_inaccurate": Ended.INFEASIBLE, "unbounded_inaccurate": Ended.UNBOUNDED}
 
 
 def attempt(program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
-    """Solve through CVXPY."""
+    """Solve a quadratic program through CVXPY.
+
+    Parameters
+    ----------
+    program : QuadraticProgram
+        The program.
+    request : Request
+        Options of the run.
+    clock : Clock
+        Clock of the run.
+
+    Raises
+    ------
+    UnsupportedOption, UnsupportedFormulation
+        The selected solver does not support an option or the program.
+    """
     solver = str(request.options["solver"])
     time_name, options = told(solver.lower(), request)
     if solver == "OSQP":

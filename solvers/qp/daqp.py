@@ -8,23 +8,23 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from .base import COMMON, POLISH, QuadraticBackend, too_large
 
 __all__ = ["Daqp"]
 
-#: What DAQP takes for infinite.
+#: Value that DAQP treats as infinite.
 INFINITE = 1e30
-#: What a row is: an inequality, or an equality that never leaves the working set.
+#: Types of a row: an inequality, or an equality that never leaves the working set.
 INEQUALITY, EQUALITY = 0, 5
 
 
 class Daqp(QuadraticBackend):
-    """DAQP (Arnström et al. 2022), called with dense copies of the program's arrays.
+    """Backend for DAQP (Arnström et al. 2022) with dense copies of the program's arrays.
 
-    Reached directly rather than through qpsolvers, which drops how DAQP ended and writes a row with two
-    bounds as two.
+    It is called directly instead of through qpsolvers, which drops the exit flag of DAQP and splits a
+    row with two bounds into two rows.
     """
 
     name = "daqp"
@@ -33,12 +33,12 @@ class Daqp(QuadraticBackend):
     extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
-        "iter_limit": Option(100_000, "Iterations at most.", int, lower=1),
+        "iter_limit": Option(100_000, "Limit on iterations.", int, lower=1),
         "eps_prox": Option(
-            -1.0, "Proximal weight for singular Hessians: negative is automatic, 0 is none.", float
+            -1.0, "Proximal weight for singular Hessians; negative: automatic, 0: none.", float
         ),
         "primal_tol": Option(
-            None, "Largest violation; a thousandth of the tolerance by default.", float,
+            None, "Largest violation. Default: a thousandth of the tolerance.", float,
             lower=1e-14, upper=1e-3,
         ),
     }  # fmt: skip
@@ -46,11 +46,11 @@ class Daqp(QuadraticBackend):
     summary = "DAQP: dual active set, dense; the fastest on small programs"
 
     def refuses(self, problem: Any) -> str:
-        """Return why `problem` is too large for dense arrays, else ``""``."""
+        """Return the reason why `problem` is too large for dense arrays, empty if it is not."""
         return too_large(f"backend {self.name!r}", problem)
 
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with DAQP."""
+        """Solve the program with DAQP."""
         import daqp  # type: ignore[import-not-found]
 
         size, rows = program.size, program.row_count
@@ -66,7 +66,7 @@ class Daqp(QuadraticBackend):
         settings: dict[str, Any] = {
             "primal_tol": tolerance,
             "dual_tol": tolerance,
-            **own_options(request),
+            **solver_options(request),
         }
         hessian, matrix = program.hessian.toarray(), program.matrix.toarray()
         start = request.warm_start
@@ -76,7 +76,7 @@ class Daqp(QuadraticBackend):
             settings["time_limit"] = max(left, 1e-6)
         x, _, flag, info = daqp.solve(
             hessian,
-            program.cost.copy(),  # DAQP wants arrays that it could write to
+            program.cost.copy(),  # DAQP requires writable arrays
             matrix.reshape(rows, size),
             np.clip(high, -INFINITE, INFINITE),
             np.clip(low, -INFINITE, INFINITE),

@@ -1,4 +1,4 @@
-"""A quadratic or conic program in the forms that solvers read, and the way back to its multipliers."""
+"""Forms of quadratic and conic programs that solvers read, and the way back to the multipliers."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ Vector = NDArray[np.float64]
 Places = NDArray[np.intp]
 Convex = QuadraticProgram | ConicProgram
 
-#: Size of a point that no solver was near an optimum with: a proximal term stays away from it.
+#: Largest size of a point at which a proximal term is centred; larger points have diverged.
 FAR = 1e8
 
 
 @dataclass(frozen=True, eq=False)
 class Core:
-    """What is left of a program for a solver: its free columns, and the rows that say something.
+    """Part of a program that a solver receives: its free columns and its effective rows.
 
-    Many solvers stumble over rows without entries or bounds, and interior points over columns that
-    are fixed; the multipliers of such rows are 0, and fixed columns need none. All cones stay.
+    Many solvers fail on rows without entries or bounds, and interior-point methods on fixed columns.
+    Multipliers of such rows are 0. All cones are kept.
 
     Parameters
     ----------
     whole, program : QuadraticProgram or ConicProgram
-        The program asked, and what is left of it.
+        The given program and its core.
     columns, rows : ndarray of int
-        Which of the whole program's are left.
-    base : ndarray
-        The values of the fixed columns, 0 elsewhere.
+        Indices of the core's columns and rows in the given program.
+    base : ndarray, shape (columns,)
+        Values of the fixed columns, 0 elsewhere.
     """
 
     whole: Any
@@ -64,8 +64,8 @@ class Core:
         matrix = sp.csr_array(whole.matrix[:, columns]) if fixed.any() else whole.matrix
         matrix = sp.csr_array(matrix, copy=True)
         matrix.eliminate_zeros()
-        said = np.isfinite(whole.row_lower) | np.isfinite(whole.row_upper)
-        rows = np.flatnonzero(said & (np.diff(matrix.indptr) > 0))
+        bounded = np.isfinite(whole.row_lower) | np.isfinite(whole.row_upper)
+        rows = np.flatnonzero(bounded & (np.diff(matrix.indptr) > 0))
         if columns.size == whole.size and rows.size == whole.row_count:
             return cls(whole, whole, columns, rows, base)
         shift = whole.matrix @ base
@@ -94,8 +94,15 @@ class Core:
     def proximal(self, center: Vector | None, weight: float) -> Core:
         """Return the core with a strictly convex objective, which has the same value at `center`.
 
-        Solvers that fail on flat objectives find an optimum of this one; it binds much the same rows,
-        which is what the polish needs to find that of the program asked.
+        Solvers that fail on flat objectives can solve this program. Mostly the same rows bind at its
+        optimum, from which polishing finds that of the given program.
+
+        Parameters
+        ----------
+        center : ndarray, shape (columns,), optional
+            Centre of the proximal term in terms of the given program. Default: 0.
+        weight : float
+            Weight of the term relative to the largest curvature.
         """
         program = self.program
         around = np.zeros(program.size)
@@ -113,7 +120,7 @@ class Core:
         return replace(self, program=posed)
 
     def point(self, point: Vector | None) -> Vector | None:
-        """Return a column vector of the whole program."""
+        """Return a column vector of the given program; None for None."""
         if point is None:
             return None
         full = self.base.copy()
@@ -121,7 +128,7 @@ class Core:
         return full
 
     def direction(self, direction: Vector | None) -> Vector | None:
-        """Return a direction of the whole program; fixed columns stay."""
+        """Return a direction of the given program, 0 for fixed columns; None for None."""
         if direction is None:
             return None
         full = np.zeros(self.whole.size)
@@ -129,30 +136,30 @@ class Core:
         return full
 
     def duals(self, duals: Vector | None) -> Vector | None:
-        """Return multipliers of the whole program: of its rows, then of its cone rows."""
+        """Return multipliers of the given program: of its rows, then of its cone rows; None for None."""
         if duals is None:
             return None
         count, rows = self.whole.row_count, self.rows.size
         cones = self.whole.cone_offset.size if isinstance(self.whole, ConicProgram) else 0
         full = np.zeros(count + cones)
         full[self.rows] = duals[:rows]
-        # All columns fixed: there is nothing to solve, and nobody gives multipliers to cones.
+        # With all columns fixed, there are no multipliers of cones.
         full[count : count + duals.size - rows] = duals[rows:]
         return full
 
 
 @dataclass(frozen=True, eq=False)
 class SplitForm:
-    """Equal rows ``equal @ x == right`` apart from two-sided ``ranged`` ones.
+    """Equality rows ``equal @ x == right``, separated from two-sided ``ranged`` rows.
 
     Parameters
     ----------
     equal, ranged : sparse array
-        The rows.
+        Row coefficients.
     right, low, high : ndarray
-        Their bounds.
+        Bounds of the rows.
     at_equal, at_ranged : ndarray of int
-        Which rows of the program they are.
+        Indices of the rows in the program.
     """
 
     equal: sp.csc_array
@@ -165,7 +172,7 @@ class SplitForm:
 
     @classmethod
     def of(cls, program: QuadraticProgram) -> SplitForm:
-        """Return the rows of `program` so divided."""
+        """Return the rows of `program` in this form."""
         same = program.row_lower == program.row_upper
         at_equal, at_ranged = np.flatnonzero(same), np.flatnonzero(~same)
         return cls(
@@ -179,32 +186,32 @@ class SplitForm:
         )
 
     def duals(self, equal: Any, ranged: Any) -> Vector:
-        """Return the program's row multipliers from those of both kinds, of the program's sign."""
-        found = np.zeros(self.at_equal.size + self.at_ranged.size)
-        found[self.at_equal] = np.asarray(equal, float)
-        found[self.at_ranged] = np.asarray(ranged, float)
-        return found
+        """Return the program's row multipliers from those of both kinds, with the program's signs."""
+        multipliers = np.zeros(self.at_equal.size + self.at_ranged.size)
+        multipliers[self.at_equal] = np.asarray(equal, float)
+        multipliers[self.at_ranged] = np.asarray(ranged, float)
+        return multipliers
 
 
 @dataclass(frozen=True, eq=False)
 class ConicForm:
-    """``matrix @ x + s == right`` with s zero, then nonnegative, then in the cones.
+    """Conic form ``matrix @ x + s == right`` with s zero, then nonnegative, then in the cones.
 
     Parameters
     ----------
     matrix : sparse matrix
-        Equal rows, rows from above, rows from below (negated), columns from above and from below,
-        cone rows (negated).
+        Equality rows, rows with upper bounds, rows with lower bounds (negated), columns with upper and
+        with lower bounds (negated), cone rows (negated).
     right : ndarray
-        The right-hand side.
+        Right-hand side.
     zeros, linear : int
-        Number of equal rows, and of all rows before the cone rows.
+        Number of equality rows, and of all rows before the cone rows.
     equal, above, below : ndarray of int
-        Which rows of the program the first three kinds are.
+        Indices in the program of the first three kinds of rows.
     cones : tuple of ConeBlock
-        The cones, in the solver's order.
+        Cones in the order of the solver.
     take : ndarray of int
-        Which cone row of the program each of the cone rows is.
+        Indices in the program of the cone rows.
     """
 
     matrix: Any
@@ -224,16 +231,17 @@ class ConicForm:
         kinds: Sequence[ConeKind] = (),
         orders: Callable[[ConeBlock], Places] | None = None,
     ) -> ConicForm:
-        """Return `program`'s constraints in this form.
+        """Return the constraints of `program` in this form.
 
         Parameters
         ----------
         program : QuadraticProgram or ConicProgram
-            What is written.
+            The program.
         kinds : sequence of ConeKind
-            The order in which the solver wants the cones; by default as they come.
+            Order of the cones for the solver. Default: order of the program.
         orders : callable, optional
-            The order in which it wants the rows of a cone of a block, where it is not ours.
+            Function that returns the solver's order of the rows of one cone of a block. Default: that of
+            crosstrack.
         """
         low, high = program.row_lower, program.row_upper
         left, right = program.column_lower, program.column_upper
@@ -253,17 +261,17 @@ class ConicForm:
         sides = [low[equal], high[above], -low[below], right[capped], -left[floored]]
         linear = sum(side.size for side in sides)
         cones: list[ConeBlock] = []
-        taken = [np.empty(0, np.intp)]
+        indices = [np.empty(0, np.intp)]
         if isinstance(program, ConicProgram):
             cones = sorted(program.cones, key=lambda block: kinds.index(block.kind) if kinds else 0)
             for block in cones:
-                own = np.arange(block.dimension) if orders is None else orders(block)
+                row_order = np.arange(block.dimension) if orders is None else orders(block)
                 starts = block.start + block.dimension * np.arange(block.count)
-                taken.append((starts[:, None] + own).ravel())
-            blocks.append(-program.cone_matrix[np.concatenate(taken)])
-            sides.append(program.cone_offset[np.concatenate(taken)])
+                indices.append((starts[:, None] + row_order).ravel())
+            blocks.append(-program.cone_matrix[np.concatenate(indices)])
+            sides.append(program.cone_offset[np.concatenate(indices)])
         return cls(
-            # A matrix, not an array: solvers written before sparse arrays test for it.
+            # A sparse matrix instead of an array, which older solvers require.
             sp.csc_matrix(sp.vstack(blocks)),
             np.concatenate(sides),
             equal.size,
@@ -272,39 +280,45 @@ class ConicForm:
             above,
             below,
             tuple(cones),
-            np.concatenate(taken),
+            np.concatenate(indices),
         )
 
     def duals(self, conic: Any, rows: int) -> Vector:
         """Return the multipliers of `rows` rows and of the cone rows, from those of this form.
 
-        There, ``H x + c + matrix' z = 0``.
+        In this form, ``H x + c + matrix' z = 0``.
         """
         z = np.asarray(conic, float)
-        found = np.zeros(rows + self.take.size)
+        multipliers = np.zeros(rows + self.take.size)
         first, second = self.equal.size, self.equal.size + self.above.size
-        found[self.equal] = -z[:first]
-        found[self.above] -= z[first:second]
-        found[self.below] += z[second : second + self.below.size]
-        found[rows + self.take] = z[self.linear :]
-        return found
+        multipliers[self.equal] = -z[:first]
+        multipliers[self.above] -= z[first:second]
+        multipliers[self.below] += z[second : second + self.below.size]
+        multipliers[rows + self.take] = z[self.linear :]
+        return multipliers
 
     def slack(self, x: Vector) -> Vector:
-        """Return an s for a start from `x`: as near to solving the equations as is easily had."""
+        """Return a slack s for a warm start from `x`, feasible for its cones and nearly for the rows."""
         s: Vector = self.right - self.matrix @ x
         s[: self.zeros] = 0.0
         s[self.zeros : self.linear] = np.maximum(s[self.zeros : self.linear], 0.0)
-        at = self.linear
+        start = self.linear
         for block in self.cones:
-            # Of a triangle in another order this is no projection, and still a start.
-            part = s[at : at + block.size].reshape(block.count, block.dimension)
-            s[at : at + block.size] = inside(block.kind, part).ravel()
-            at += block.size
+            # For a triangle in another order this is not a projection, but an adequate start.
+            part = s[start : start + block.size].reshape(block.count, block.dimension)
+            s[start : start + block.size] = inside(block.kind, part).ravel()
+            start += block.size
         return s
 
 
 def columnwise(block: ConeBlock) -> Places:
-    """Return where each entry of the lower triangle, column by column, stands row by row."""
+    """Return the index, in row order, of each entry of the lower triangle in column order.
+
+    Parameters
+    ----------
+    block : ConeBlock
+        A block of semidefinite cones; others keep their order.
+    """
     if block.kind is not ConeKind.SEMIDEFINITE:
         return np.arange(block.dimension)
     column, row = np.triu_indices(order(block.dimension))
@@ -312,7 +326,13 @@ def columnwise(block: ConeBlock) -> Places:
 
 
 def stacked_rows(program: QuadraticProgram) -> tuple[Any, Vector, Vector]:
-    """Return rows and bounded columns as one ``low <= matrix @ x <= high``, rows first."""
+    """Return rows and bounded columns as ``low <= matrix @ x <= high``, rows first.
+
+    Parameters
+    ----------
+    program : QuadraticProgram
+        The program.
+    """
     bounded = np.flatnonzero(np.isfinite(program.column_lower) | np.isfinite(program.column_upper))
     unit = sp.eye_array(program.size, format="csr")[bounded]
     return (
@@ -323,10 +343,10 @@ def stacked_rows(program: QuadraticProgram) -> tuple[Any, Vector, Vector]:
 
 
 def independent_rows(program: QuadraticProgram) -> tuple[QuadraticProgram, Places]:
-    """Return `program` without equal rows that others span, and which rows are left.
+    """Return `program` without linearly dependent equality rows, and the indices of the other rows.
 
-    For solvers that break on them. What is dropped is either implied, with the multiplier 0, or
-    contradicts the others, which the verification of the point will show.
+    For solvers that fail on such rows. A removed row is either implied, with the multiplier 0, or
+    contradicts the others, which the verification of the point detects.
     """
     from scipy.linalg import qr
 

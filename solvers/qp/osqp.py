@@ -1,4 +1,4 @@
-"""OSQP: operator splitting, which goes on from any point."""
+"""OSQP: an operator-splitting method with warm starts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, Meaning, limited, over, own_options
+from ..attempts import Clock, Ended, Ending, Meaning, limit_reached, solver_options, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from .base import (
     COMMON,
@@ -27,7 +27,7 @@ __all__ = ["Osqp"]
 
 
 class Osqp(QuadraticBackend):
-    """OSQP (Stellato et al. 2020), which goes on from where a slice of time ended."""
+    """Backend for OSQP (Stellato et al. 2020), which is run in slices of time."""
 
     name = "osqp"
     features = COMMON | {Feature.WARM_START, Feature.INTERRUPT, Feature.LOG}
@@ -35,12 +35,12 @@ class Osqp(QuadraticBackend):
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "eps": EPS,
-        "max_iter": Option(200_000, "Iterations at most.", int, lower=1),
+        "max_iter": Option(200_000, "Limit on iterations.", int, lower=1),
         "rho": Option(0.1, "Initial weight of the constraints.", float, lower=1e-6, upper=1e6),
-        "scaling": Option(10, "Rounds of scaling the data; 0 is none.", int, lower=0),
+        "scaling": Option(10, "Rounds of scaling the data; 0: none.", int, lower=0),
         "polishing": Option(
             False,
-            "Whether OSQP polishes its own solution; it prints where that fails.",
+            "Whether OSQP polishes its own solution; it prints a message if that fails.",
             bool,
         ),
     }
@@ -48,13 +48,13 @@ class Osqp(QuadraticBackend):
     summary = "OSQP: operator splitting, sparse, warm starts"
 
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with OSQP."""
+        """Solve the program with OSQP."""
         import osqp  # type: ignore[import-untyped]
 
         matrix, low, high = stacked_rows(program)
-        eps, allowed = first_order_precision(request), request.options["max_iter"]
+        eps, iteration_limit = first_order_precision(request), request.options["max_iter"]
         solver = osqp.OSQP()
-        began = time.perf_counter()
+        start = time.perf_counter()
         solver.setup(
             sp.csc_matrix(sp.triu(program.hessian)),
             program.cost,
@@ -66,10 +66,10 @@ class Osqp(QuadraticBackend):
             eps_rel=eps,
             eps_prim_inf=1e-9,
             eps_dual_inf=1e-9,
-            **own_options(request, "eps"),
+            **solver_options(request, "eps"),
         )
-        # The first solve's time limit counts the set-up as well.
-        setup = time.perf_counter() - began
+        # The time limit of the first solve includes the set-up.
+        setup = time.perf_counter() - start
         if request.warm_start is not None:
             solver.warm_start(x=np.asarray(request.warm_start, float))
         clock.lap("build")
@@ -84,18 +84,18 @@ class Osqp(QuadraticBackend):
         }
         while True:
             solver.update_settings(
-                time_limit=time_left(clock) + setup, max_iter=min(step, allowed - iterations)
+                time_limit=time_left(clock) + setup, max_iter=min(step, iteration_limit - iterations)
             )
             setup = 0.0
-            found = solver.solve(raise_error=False)
-            iterations += int(found.info.iter)
-            value = int(found.info.status_val)
-            # At a pause it may also say what it is close to: solved, or a certificate.
-            paused = value in unfinished and iterations < allowed
-            if not paused or over(request, clock) is not None:
+            result = solver.solve(raise_error=False)
+            iterations += int(result.info.iter)
+            value = int(result.info.status_val)
+            # At a pause the status may also be an inaccurate solution or certificate.
+            paused = value in unfinished and iterations < iteration_limit
+            if not paused or limit_reached(request, clock) is not None:
                 break
         clock.lap("solve")
-        timed = Ended.STOPPED, limited(control, Limit.TIME)
+        timed = Ended.STOPPED, stop_reason(control, Limit.TIME)
         infeasible = {
             int(status.OSQP_PRIMAL_INFEASIBLE),
             int(status.OSQP_PRIMAL_INFEASIBLE_INACCURATE),
@@ -112,13 +112,13 @@ class Osqp(QuadraticBackend):
         }
         if paused:
             meanings[value] = timed
-        ray = found.prim_inf_cert if meanings.get(value) is Ended.INFEASIBLE else found.y
-        point = found.dual_inf_cert if meanings.get(value) is Ended.UNBOUNDED else found.x
+        ray = result.prim_inf_cert if meanings.get(value) is Ended.INFEASIBLE else result.y
+        point = result.dual_inf_cert if meanings.get(value) is Ended.UNBOUNDED else result.x
         return Ending.read(
             "OSQP",
             value,
             meanings,
-            found.info.status,
+            result.info.status,
             point=_taken(point, program.size),
             duals=_taken(ray, program.row_count, -1.0),
             statistics={"iterations": iterations},
@@ -130,5 +130,5 @@ def _taken(
 ) -> np.ndarray[Any, np.dtype[np.float64]] | None:
     if values is None:
         return None
-    found = np.asarray(values, float)[:size]
-    return sign * found if found.size == size and np.isfinite(found).all() else None
+    entries = np.asarray(values, float)[:size]
+    return sign * entries if entries.size == size and np.isfinite(entries).all() else None

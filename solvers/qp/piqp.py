@@ -9,22 +9,22 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, Meaning, own_options, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
 from ..backend import Feature, Limit, Option, Request
 from .base import COMMON, LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
 from .forms import SplitForm
 
 __all__ = ["Piqp"]
 
-#: Columns and rows together, up to which dense factors are tried.
+#: Largest sum of columns and rows for dense factors.
 LARGEST_DENSE = 3000
 
 
 class Piqp(QuadraticBackend):
-    """PIQP (Schwan et al. 2023), called with the program's arrays.
+    """Backend for PIQP (Schwan et al. 2023).
 
-    It knows no time limit and keeps the interpreter's lock while it runs, so that only the process can
-    be stopped: the dispatcher gives it one of its own.
+    It has no time limit and keeps the interpreter's lock, so it runs in a worker process that can be
+    killed.
     """
 
     name = "piqp"
@@ -33,28 +33,28 @@ class Piqp(QuadraticBackend):
     extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
-        "max_iter": Option(250, "Interior-point iterations at most.", int, lower=1),
+        "max_iter": Option(250, "Limit on interior-point iterations.", int, lower=1),
         "linear_algebra": LINEAR_ALGEBRA,
     }
     deterministic = True
     summary = "PIQP: proximal interior point, dense or sparse; robust to dependent rows"
 
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with PIQP."""
+        """Solve the program with PIQP."""
         import piqp  # type: ignore[import-untyped]
 
         split = SplitForm.of(program)
         dense = prefers_dense(program, request, LARGEST_DENSE)
         solver: Any = piqp.DenseSolver() if dense else piqp.SparseSolver()
         settings = solver.settings
-        # Tighter, and its last steps stall on long programs; the polish finds the rest.
+        # With a tighter tolerance its last steps stall on long programs; polishing does the rest.
         tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-9, 1e-8)
         for name in ("eps_abs", "eps_rel", "eps_duality_gap_abs", "eps_duality_gap_rel"):
             setattr(settings, name, tolerance)
         settings.check_duality_gap = True
         settings.num_threads = 1
         settings.verbose = request.verbose
-        for name, value in own_options(request, "linear_algebra").items():
+        for name, value in solver_options(request, "linear_algebra").items():
             setattr(settings, name, value)
 
         def form(matrix: Any) -> Any:

@@ -1,10 +1,10 @@
-"""Making an approximate optimum exact: guess what binds, and solve the equations that then hold.
+"""Polishing of an approximate optimum: guess the active set, and solve its equations.
 
-Interior points and first-order methods end close to an optimum. Close enough to tell which rows
-and bounds bind, and then the optimum solves one symmetric linear system (the idea of the "polish" of
-Stellato et al., "OSQP: an operator splitting solver for quadratic programs", 2020, section 4). A
-wrong guess is mended as in the primal-dual active-set method of Hintermüller, Ito and Kunisch (2002).
-Nothing is believed: the answer is kept only where its recomputed residuals are better.
+Interior-point and first-order methods end close to an optimum. If the point shows which rows and
+bounds bind, the optimum solves one symmetric linear system (the "polish" of Stellato et al., "OSQP: an
+operator splitting solver for quadratic programs", 2020, section 4). A wrong guess is corrected as in
+the primal-dual active-set method of Hintermüller, Ito and Kunisch (2002). The result is kept only if
+its recomputed residuals are smaller.
 """
 
 from __future__ import annotations
@@ -22,43 +22,43 @@ from .quality import Quality, measured
 __all__ = ["polished"]
 
 Vector = NDArray[np.float64]
-#: Which rows and columns bind: -1 at the lower bound, 1 at the upper, 0 at neither. Equal rows and
-#: fixed columns always bind, at 1.
+#: Active set: -1 at the lower bound, 1 at the upper, 0 at neither, for rows and then columns. Equality
+#: rows and fixed columns are always active, with 1.
 Signs = NDArray[np.int8]
 
-#: Merit at which a second guess is not worth its time.
+#: Merit below which no further guess is made.
 ENOUGH = 1e-9
-#: Distance from a bound, relative to the point, that counts as touching it.
+#: Largest distance from a bound, relative to the point, at which the bound is active.
 TOUCHED = 1e-7
-#: Systems solved at most, each with a mended guess.
+#: Largest number of linear systems, each with a corrected guess.
 ROUNDS = 12
-#: Steps of refinement at most for one system.
+#: Largest number of refinement steps per system.
 STEPS = 12
-#: Regularisation of the equilibrated system, which refinement takes out again.
+#: Regularisation of the equilibrated system, which refinement removes.
 REGULARISATION = 1e-8
-#: Entries of the system, above which its factors may need more time than the solver did.
+#: Number of entries above which factorising the system may take longer than the solver did.
 LARGEST = 5_000_000
 
 
 def polished(
     program: QuadraticProgram, start: Quality, over: Callable[[], bool] = lambda: False
 ) -> Quality:
-    """Return what is better: `start`, or the optimum of what seems to bind there.
+    """Return the better of `start` and the optimum of the active set at `start`.
 
     Parameters
     ----------
     program : QuadraticProgram
-        What is asked.
+        The program.
     start : Quality
         An approximate optimum.
     over : callable, optional
-        Asked between two systems whether time is up.
+        Function that returns True if the time is up, called between two systems.
     """
     if 2 * program.matrix.nnz + program.hessian.nnz > LARGEST:
         return start
     best, seen = start, set[bytes]()
-    # Active-set methods that fail leave a good point with bad multipliers: then what is touched
-    # says more.
+    # Active-set methods that fail leave a good point with wrong multipliers. Then the distances
+    # to the bounds are the better guess.
     for first in (_guess, _touched):
         guess = first(program, start)
         for _ in range(ROUNDS):
@@ -66,13 +66,13 @@ def polished(
             if best.clean or key in seen or over():
                 break
             seen.add(key)
-            found = _solve(program, guess, best)
-            quality = None if found is None else measured(program, *found)
-            if found is None or quality is None:
+            solution = _solve(program, guess, best)
+            quality = None if solution is None else measured(program, *solution)
+            if solution is None or quality is None:
                 break
             if quality.merit < best.merit:
                 best = replace(quality, polished=True)
-            guess = _mended(program, guess, *found)
+            guess = _corrected(program, guess, *solution)
         if best.merit <= ENOUGH:
             break
     return best
@@ -80,7 +80,7 @@ def polished(
 
 @dataclass(frozen=True, eq=False)
 class _Stack:
-    """The rows and then the columns at a point: values, bounds, and what pulls at a bound."""
+    """Rows and then columns at a point: values, bounds, and multipliers."""
 
     value: Vector
     low: Vector
@@ -107,9 +107,9 @@ def _units(program: QuadraticProgram, at: Quality) -> tuple[Vector, float]:
 
 
 def _guess(program: QuadraticProgram, at: Quality) -> Signs:
-    """Return what binds where a multiplier outweighs the distance to its bound.
+    """Return the active set of bounds whose multiplier outweighs the distance to them.
 
-    Both are measured in the units of their row and of the whole, for a row may be scaled at will.
+    Both are measured in the units of the row and of the whole, because a row may have any scale.
     """
     unit, reach = _units(program, at)
     force = max(
@@ -127,7 +127,7 @@ def _guess(program: QuadraticProgram, at: Quality) -> Signs:
 
 
 def _touched(program: QuadraticProgram, at: Quality) -> Signs:
-    """Return what the point touches, whatever the multipliers say."""
+    """Return the active set of bounds that the point touches, regardless of the multipliers."""
     unit, reach = _units(program, at)
     stack = _Stack.of(program, at.point, at.duals)
     signs = np.zeros(unit.size, np.int8)
@@ -136,8 +136,8 @@ def _touched(program: QuadraticProgram, at: Quality) -> Signs:
     return signs
 
 
-def _mended(program: QuadraticProgram, signs: Signs, x: Vector, y: Vector) -> Signs:
-    """Return the guess with what is violated, without what pulls the wrong way."""
+def _corrected(program: QuadraticProgram, signs: Signs, x: Vector, y: Vector) -> Signs:
+    """Return the guess plus violated bounds, without bounds whose multiplier has the wrong sign."""
     stack = _Stack.of(program, x, y)
     sizes = [abs(program.matrix) @ np.abs(x), np.full(x.size, np.abs(x).max(initial=0.0))]
     slack = 1e-12 * np.maximum(1.0, np.concatenate(sizes))
@@ -151,12 +151,12 @@ def _mended(program: QuadraticProgram, signs: Signs, x: Vector, y: Vector) -> Si
 
 
 def _solve(program: QuadraticProgram, signs: Signs, start: Quality) -> tuple[Vector, Vector] | None:
-    """Return the point and multipliers at which binds what `signs` say, the nearest to `start`."""
-    of_rows, held = np.split(signs, [program.row_count])
-    free, rows = np.flatnonzero(held == 0), np.flatnonzero(of_rows)
+    """Return the point and multipliers that solve the equations of `signs`, nearest to `start`."""
+    of_rows, of_columns = np.split(signs, [program.row_count])
+    free, rows = np.flatnonzero(of_columns == 0), np.flatnonzero(of_rows)
     x, y = start.point.copy(), np.zeros(program.row_count)
-    x[held < 0] = program.column_lower[held < 0]
-    x[held > 0] = program.column_upper[held > 0]
+    x[of_columns < 0] = program.column_lower[of_columns < 0]
+    x[of_columns > 0] = program.column_upper[of_columns > 0]
     y[rows] = start.duals[rows]
     size = free.size + rows.size
     if not size:
@@ -169,8 +169,8 @@ def _solve(program: QuadraticProgram, signs: Signs, start: Quality) -> tuple[Vec
         if rows.size
         else hessian[:, free]
     )
-    # What is solved for are steps, (x, -y), from where we stand: a singular system then takes
-    # the nearest of its solutions, and rounding in large known parts does no harm.
+    # The unknowns are steps (x, -y) from the current point. Then a singular system has its nearest
+    # solution, and rounding of large known parts does no harm.
     scale = _equilibrated(system)
     sides = np.concatenate([np.full(free.size, 1.0), np.full(rows.size, -1.0)])
     regular = sp.csc_array(
@@ -180,7 +180,7 @@ def _solve(program: QuadraticProgram, signs: Signs, start: Quality) -> tuple[Vec
     from scipy.sparse.linalg import splu
 
     try:
-        # A quasidefinite matrix needs no pivoting but for size, so that order may follow sparsity.
+        # A quasidefinite matrix needs little pivoting, so that the order can follow the sparsity.
         factors = splu(
             regular,
             permc_spec="MMD_AT_PLUS_A",
@@ -189,7 +189,7 @@ def _solve(program: QuadraticProgram, signs: Signs, start: Quality) -> tuple[Vec
         )
     except RuntimeError:  # exactly singular
         return None
-    best, least = None, np.inf
+    best, smallest = None, np.inf
     for _ in range(STEPS):
         residual = np.concatenate(
             [
@@ -199,11 +199,11 @@ def _solve(program: QuadraticProgram, signs: Signs, start: Quality) -> tuple[Vec
         )
         scaled = residual * scale
         worst = float(np.abs(scaled).max())
-        if not worst < least * 0.9:
-            if worst < least:
+        if not worst < smallest * 0.9:
+            if worst < smallest:
                 best = x.copy(), y.copy()
             break
-        best, least = (x.copy(), y.copy()), worst
+        best, smallest = (x.copy(), y.copy()), worst
         if worst == 0.0:
             break
         step = scale * factors.solve(scaled)
@@ -213,7 +213,7 @@ def _solve(program: QuadraticProgram, signs: Signs, start: Quality) -> tuple[Vec
 
 
 def _equilibrated(system: sp.csc_array) -> Vector:
-    """Return the scaling of rows and columns alike that makes their largest entries about 1."""
+    """Return the symmetric scaling of rows and columns that makes their largest entries about 1."""
     magnitude = abs(sp.csr_array(system))
     scale: Vector = np.ones(system.shape[0])
     for _ in range(6):

@@ -1,9 +1,9 @@
-"""Proofs that a program has no solution: Farkas rays and recession directions, recomputed.
+"""Proofs that a program has no solution: Farkas rays and directions of recession, recomputed.
 
-A solver that calls a program infeasible or unbounded may be wrong, and one that returns a point for an
-infeasible program is. What it hands over as a ray is tried; where there is none or it does not hold,
-a linear program of our own (the elastic phase 1, and the steepest recession direction) finds one.
-Either way the proof is recomputed from the program's arrays.
+A solver's claim that a program is infeasible or unbounded may be wrong, as may a point for an
+infeasible program. The ray of the solver is tried first. If it is missing or wrong, a linear program
+(the elastic phase 1, and the steepest direction of recession) yields one. In both cases the proof is
+recomputed from the arrays of the program.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ __all__ = [
 
 Vector = NDArray[np.float64]
 
-#: Share of the terms of a sum that may be left where they should cancel.
+#: Relative remainder of a sum whose terms must cancel.
 CANCELLED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What is proven of a program without solution, or of one that only looked like it.
+    """Proofs about a program without a known optimum.
 
     Parameters
     ----------
     infeasible, unbounded : bool
-        What is proven.
+        Whether this is proven.
     source : str
-        Whose ray proves it.
+        Origin of the ray.
     point : ndarray, optional
-        A feasible point that was met on the way.
-    violation : float
-        The least sum of violations, each in units of its row, where phase 1 was solved.
+        A feasible point that was found.
+    violation : float, optional
+        Smallest sum of violations, each in units of its row, if phase 1 was solved.
     examined : bool
-        Whether everything was tried.
+        Whether all methods were tried.
     """
 
     infeasible: bool = False
@@ -61,54 +61,54 @@ class Findings:
 
 
 def unit(vector: Vector) -> Vector:
-    """Return `vector` with a largest entry of 1, and 0 for what is no number."""
+    """Return `vector` scaled to a largest entry of 1, with 0 for entries that are not finite."""
     v = np.where(np.isfinite(vector), vector, 0.0)
     scaled: Vector = v / max(np.abs(v).max(initial=0.0), 1e-300)
     return scaled
 
 
 def least(matrix: sp.csr_array, right: Vector) -> Vector:
-    """Return the shortest least-squares solution."""
+    """Return the shortest least-squares solution of ``matrix @ x = right``."""
     from scipy.sparse.linalg import lsqr
 
-    found: Vector = lsqr(matrix, right, atol=1e-15, btol=1e-15, conlim=0.0)[0]
-    return found
+    solution: Vector = lsqr(matrix, right, atol=1e-15, btol=1e-15, conlim=0.0)[0]
+    return solution
 
 
 def without_bound(program: QuadraticProgram, pull: Vector) -> NDArray[np.bool_]:
-    """Return the columns that have no bound where `pull` pulls them to."""
+    """Return a mask of the columns without a bound in the direction of `pull`."""
     return np.where(
         pull > 0, ~np.isfinite(program.column_upper), ~np.isfinite(program.column_lower)
     )
 
 
 def receding(bound: Vector, without: float) -> Vector:
-    """Return the bounds of directions: 0 where a point has one, and `without` where it has none."""
+    """Return bounds of directions: 0 for a finite bound of points, and `without` for an infinite one."""
     return np.where(np.isfinite(bound), 0.0, without)
 
 
 def contradiction(program: QuadraticProgram, ray: Vector) -> bool:
-    """Return whether the row multipliers `ray` prove that no point satisfies all rows.
+    """Return True if the row multipliers `ray` prove that no point satisfies all rows.
 
-    Weighted with them, the rows demand more than any point within the column bounds can give. On a
-    column without the bound it needs, the weights must cancel but for rounding.
+    The weighted rows then demand more than any point within the column bounds can give. On columns
+    without the necessary bound, the weights must cancel up to rounding.
     """
     y = program.signed(unit(ray))
     pull, terms = program.matrix.T @ y, abs(program.matrix).T @ np.abs(y)
-    endless = without_bound(program, pull)
-    if (np.abs(pull) > CANCELLED * terms)[endless].any():
+    unbounded = without_bound(program, pull)
+    if (np.abs(pull) > CANCELLED * terms)[unbounded].any():
         return False
-    pull[endless] = 0.0
+    pull[unbounded] = 0.0
     side = np.where(pull > 0, program.column_upper, program.column_lower)
-    given = pull * np.where(pull != 0, side, 0.0)
+    available = pull * np.where(pull != 0, side, 0.0)
     demanded = np.where(y > 0, program.row_lower, program.row_upper)
     demanded = y * np.where(y != 0, demanded, 0.0)
-    excess = float(demanded.sum() - given.sum())
-    return excess > CANCELLED * float(np.abs(demanded).sum() + np.abs(given).sum())
+    excess = float(demanded.sum() - available.sum())
+    return excess > CANCELLED * float(np.abs(demanded).sum() + np.abs(available).sum())
 
 
 def recedes(program: QuadraticProgram, direction: Vector) -> bool:
-    """Return whether the objective falls forever along `direction` from any feasible point."""
+    """Return True if the objective decreases without bound along `direction` from any feasible point."""
     d = unit(direction)
     size = np.abs(d)
     falls = program.cost @ d < -CANCELLED * float(np.abs(program.cost) @ size)
@@ -129,18 +129,18 @@ def examined(
     point: Vector | None = None,
     left: Callable[[], float | None] = lambda: None,
 ) -> Findings:
-    """Return what can be proven of `program`.
+    """Prove what can be proven about a program for which a solver found no optimum.
 
     Parameters
     ----------
     program : QuadraticProgram
-        What a solver found no optimum of.
+        The program.
     ray, direction : ndarray, optional
-        What it offers as proof.
+        Certificates that the solver returned.
     point : ndarray, optional
-        A point that is known to be feasible.
+        A feasible point, if one is known.
     left : callable, optional
-        The seconds left, None without a limit.
+        Function that returns the seconds left; None without a limit.
     """
     if point is None and ray is not None:
         for candidate in (ray, _cancelled(program, ray)):
@@ -148,8 +148,8 @@ def examined(
                 return Findings(infeasible=True, source="the solver's ray")
     violation = None
     if point is None:
-        point, found, violation = _phase_one(program, left())
-        if found is not None and contradiction(program, found):
+        point, farkas_ray, violation = _phase_one(program, left())
+        if farkas_ray is not None and contradiction(program, farkas_ray):
             return Findings(infeasible=True, source="a phase 1 of our own", violation=violation)
     if direction is not None:
         for candidate in (direction, _tidy(program, direction)):
@@ -165,19 +165,21 @@ def examined(
 
 
 def _cancelled(program: QuadraticProgram, ray: Vector) -> Vector:
-    """Return `ray` moved, on its support, so that it cancels on columns without bounds."""
+    """Return `ray` moved, on its support, such that it cancels on columns without bounds."""
     y = program.signed(unit(ray))
     y = np.where(np.abs(y) > 1e-6, y, 0.0)
     support = np.flatnonzero(y)
     pull = program.matrix.T @ y
-    endless = without_bound(program, pull)
-    if support.size and endless.any():
-        y[support] -= least(program.matrix[support][:, np.flatnonzero(endless)].T, pull[endless])
+    unbounded = without_bound(program, pull)
+    if support.size and unbounded.any():
+        y[support] -= least(
+            program.matrix[support][:, np.flatnonzero(unbounded)].T, pull[unbounded]
+        )
     return y
 
 
 def _tidy(program: QuadraticProgram, direction: Vector) -> Vector:
-    """Return `direction` without its small entries, and inside the cone of the column bounds."""
+    """Return `direction` without its small entries, clipped to the cone of the column bounds."""
     d = unit(direction)
     d = np.where(np.abs(d) > 1e-6, d, 0.0)
     return np.clip(
@@ -188,10 +190,10 @@ def _tidy(program: QuadraticProgram, direction: Vector) -> Vector:
 def _phase_one(
     program: QuadraticProgram, seconds: float | None
 ) -> tuple[Vector | None, Vector | None, float | None]:
-    """Return a feasible point or a ray, and the least sum of violations in units of the rows.
+    """Return a feasible point or a ray, and the smallest sum of violations in units of the rows.
 
-    A column of its own holds each row's value, within the row's bounds: the multipliers of the
-    equal rows are then those of the program's rows.
+    An additional column per row holds its value, within the row's bounds. The multipliers of the
+    equality rows are then those of the program's rows.
     """
     rows, size = program.row_count, program.size
     largest = abs(program.matrix).max(axis=1).toarray().ravel() if rows else np.zeros(0)
@@ -215,7 +217,7 @@ def _phase_one(
 
 
 def _steepest(program: QuadraticProgram, seconds: float | None) -> Vector | None:
-    """Return the direction, within a box, in which the objective falls fastest without curvature."""
+    """Return the direction without curvature, within a box, in which the objective decreases fastest."""
     curved = np.flatnonzero(np.diff(program.hessian.indptr))
     stacked = sp.vstack([program.hessian[curved], program.matrix], format="csr")
     largest = (
@@ -250,7 +252,7 @@ def _linear(
     upper: Vector,
     seconds: float | None,
 ) -> tuple[Vector, Vector, float] | None:
-    """Solve a linear program by SciPy's HiGHS simplex, whose vertices are exact but for rounding."""
+    """Solve a linear program with SciPy's HiGHS simplex, whose vertices are exact up to rounding."""
     from scipy.optimize import linprog
 
     options: dict[str, float | bool] = {
@@ -259,7 +261,7 @@ def _linear(
     }
     if seconds is not None:
         options["time_limit"] = max(seconds, 1e-3)
-    found = linprog(
+    result = linprog(
         cost,
         A_eq=sp.csc_array(matrix) if right.size else None,
         b_eq=right if right.size else None,
@@ -267,7 +269,7 @@ def _linear(
         method="highs-ds",
         options=options,
     )
-    if found.status != 0:
+    if result.status != 0:
         return None
-    duals = found.eqlin.marginals if right.size else np.zeros(0)
-    return np.asarray(found.x, float), np.asarray(duals, float), float(found.fun)
+    duals = result.eqlin.marginals if right.size else np.zeros(0)
+    return np.asarray(result.x, float), np.asarray(duals, float), float(result.fun)

@@ -10,25 +10,25 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, Meaning, limited, over, solver_tolerance
+from ..attempts import Clock, Ended, Ending, Meaning, limit_reached, solver_tolerance, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from .base import COMMON, LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
 from .forms import SplitForm
 
 __all__ = ["Proxqp"]
 
-#: Columns and rows together, up to which dense factors are tried.
+#: Largest sum of columns and rows for dense factors.
 LARGEST_DENSE = 2000
-#: Outer iterations until the first look at the clock: ProxQP has neither a time limit nor a callback.
+#: Outer iterations before the first check of the clock; ProxQP has no time limit and no callback.
 SLICE = 20
-#: Seconds below which the next slice is longer, for going on loses some of what was learnt.
+#: Seconds of a slice below which the next one is longer, because continuing loses some progress.
 SHORT = 0.3
-#: What ProxQP takes for infinite.
+#: Value that ProxQP treats as infinite.
 INFINITE = 1e20
 
 
 class Proxqp(QuadraticBackend):
-    """ProxQP (Bambade et al. 2022), which goes on from where a few iterations ended."""
+    """Backend for ProxQP (Bambade et al. 2022), which is run in slices of iterations."""
 
     name = "proxqp"
     features = COMMON | {Feature.WARM_START, Feature.INTERRUPT, Feature.LOG}
@@ -36,9 +36,9 @@ class Proxqp(QuadraticBackend):
     extra = "qp"
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
-        "max_iter": Option(400, "Outer iterations at most.", int, lower=1),
+        "max_iter": Option(400, "Limit on outer iterations.", int, lower=1),
         "eps_abs": Option(
-            None, "Absolute precision; a thousandth of the tolerance by default.",
+            None, "Absolute precision. Default: a thousandth of the tolerance.",
             float, lower=1e-15, upper=1.0,
         ),
         "linear_algebra": LINEAR_ALGEBRA,
@@ -47,7 +47,7 @@ class Proxqp(QuadraticBackend):
     summary = "ProxQP: proximal augmented Lagrangian, dense or sparse, warm starts"
 
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with ProxQP."""
+        """Solve the program with ProxQP."""
         from proxsuite import proxqp  # type: ignore[import-untyped]
 
         split = SplitForm.of(program)
@@ -55,8 +55,8 @@ class Proxqp(QuadraticBackend):
         bounded = np.flatnonzero(
             np.isfinite(program.column_lower) | np.isfinite(program.column_upper)
         )
-        # The columns' bounds are rows like others: the dense solver's own box was seen to lose
-        # precision, and the sparse one has none.
+        # Column bounds are passed as rows: the dense solver lost precision with its own bounds, and
+        # the sparse one has none.
         unit = sp.eye_array(program.size, format="csr")[bounded]
         rows = sp.vstack([split.ranged, unit], format="csc")
         low = np.concatenate([split.low, program.column_lower[bounded]])
@@ -74,7 +74,7 @@ class Proxqp(QuadraticBackend):
         settings.check_duality_gap = True
         settings.eps_duality_gap_abs = eps
         settings.eps_duality_gap_rel = eps
-        # Its defaults of 1e-4 were seen to call feasible programs infeasible, and bounded ones not.
+        # With its defaults of 1e-4, ProxQP claimed feasible programs infeasible and bounded ones not.
         settings.eps_primal_inf = settings.eps_dual_inf = 1e-10
         settings.verbose = request.verbose
         piece = settings.max_iter = SLICE
@@ -92,10 +92,10 @@ class Proxqp(QuadraticBackend):
         if start is not None:
             settings.initial_guess = proxqp.InitialGuess.WARM_START
         clock.lap("build")
-        allowed = request.options["max_iter"]
+        iteration_limit = request.options["max_iter"]
         states, iterations, outer = proxqp.QPSolverOutput, 0, 0
         while True:
-            began = time.perf_counter()
+            slice_start = time.perf_counter()
             if start is not None:
                 solver.solve(
                     np.asarray(start, float), np.zeros(split.right.size), np.zeros(low.size)
@@ -105,12 +105,12 @@ class Proxqp(QuadraticBackend):
                 solver.solve()
             info = solver.results.info
             outer, iterations = outer + piece, iterations + int(info.iter)
-            if info.status != states.PROXQP_MAX_ITER_REACHED or outer >= allowed:
+            if info.status != states.PROXQP_MAX_ITER_REACHED or outer >= iteration_limit:
                 break
-            if over(request, clock) is not None:
+            if limit_reached(request, clock) is not None:
                 break
-            if time.perf_counter() - began < SHORT:
-                piece = settings.max_iter = min(4 * piece, allowed)
+            if time.perf_counter() - slice_start < SHORT:
+                piece = settings.max_iter = min(4 * piece, iteration_limit)
             settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         clock.lap("solve")
         meanings: dict[Any, Meaning] = {
@@ -119,7 +119,9 @@ class Proxqp(QuadraticBackend):
             states.PROXQP_DUAL_INFEASIBLE: Ended.UNBOUNDED,
             states.PROXQP_MAX_ITER_REACHED: (
                 Ended.STOPPED,
-                Limit.ITERATIONS if outer >= allowed else limited(request.control, Limit.TIME),
+                Limit.ITERATIONS
+                if outer >= iteration_limit
+                else stop_reason(request.control, Limit.TIME),
             ),
         }
         result = solver.results

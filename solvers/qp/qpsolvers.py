@@ -1,4 +1,4 @@
-"""Every solver that the package qpsolvers finds, through its one interface."""
+"""Solvers of the package qpsolvers, through its common interface."""
 
 from __future__ import annotations
 
@@ -18,49 +18,49 @@ from .forms import ConicForm
 
 __all__ = ["EXCLUDED", "Qpsolvers"]
 
-#: Solvers that are not to be had through qpsolvers, with the reason.
+#: Solvers of qpsolvers that are not offered, with the reason.
 EXCLUDED: Mapping[str, str] = {
     "gurobi": "qpsolvers lets it print its licence on the standard output",
 }
 
 
 class Qpsolvers(QuadraticBackend):
-    """qpsolvers (Caron et al.) with the solver named: a way of its own to each of them.
+    """Backend for the solvers of qpsolvers (Caron et al.).
 
-    It says whether a solver found an optimum, not how it ended otherwise: that a program has none is
-    then proven here. Beside it most of its solvers are backends of their own, which know more.
+    qpsolvers reports whether a solver found an optimum, but no other ending, so infeasibility is proven
+    here. Most of its solvers also have backends of their own, which use more of their features.
     """
 
     name = "qpsolvers"
     features = COMMON | {Feature.LOG}
     requires = ("qpsolvers",)
-    # It imports every solver that it finds, highspy too: see Highs.
+    # qpsolvers imports every installed solver, including highspy; see Highs.
     conflict_group = "highs"
     natives = ("highspy._core",)
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
-        "solver": Option("clarabel", "Any solver that qpsolvers finds, by its name there.", str),
+        "solver": Option("clarabel", "Name of a solver in qpsolvers.", str),
     }
     deterministic = True
-    summary = "qpsolvers: Clarabel, HiGHS, OSQP, ProxQP … whatever it finds, by option"
+    summary = "qpsolvers: Clarabel, HiGHS, OSQP, ProxQP and other installed solvers, by option"
 
     @staticmethod
     def found() -> tuple[str, ...]:
-        """Return the values of ``solver`` to be had here; qpsolvers and its solvers are imported."""
+        """Return the available values of ``solver``. qpsolvers and its solvers are imported."""
         import qpsolvers
 
         return tuple(name for name in qpsolvers.available_solvers if name not in EXCLUDED)
 
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
-        """Solve through qpsolvers."""
+        """Solve the program through qpsolvers."""
         import qpsolvers
 
         solver = str(request.options["solver"])
         if solver not in self.found():
             why = EXCLUDED.get(solver, "qpsolvers does not find it")
             raise UnsupportedOption(
-                f"backend 'qpsolvers': solver={solver!r} is not to be had: {why}; "
-                f"those that are: {', '.join(self.found())}"
+                f"backend 'qpsolvers': solver={solver!r} is not available: {why}; "
+                f"available: {', '.join(self.found())}"
             )
         form = ConicForm.of(program)
         dense = solver not in qpsolvers.sparse_solvers
@@ -73,10 +73,10 @@ class Qpsolvers(QuadraticBackend):
         left = clock.left()
         if left is not None and time_name:
             options[time_name] = max(left, 1e-3)
-        with warnings.catch_warnings(record=True) as heard:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
-                found = qpsolvers.solve_problem(
+                result = qpsolvers.solve_problem(
                     problem, solver=solver, verbose=request.verbose, **options
                 )
             except qpsolvers.exceptions.ProblemError as error:
@@ -89,21 +89,21 @@ class Qpsolvers(QuadraticBackend):
                 return Ending(Ended.FAILED, message=f"qpsolvers with {solver}: {error}")
             finally:
                 clock.lap("solve")
-        words = "; ".join([*(str(one.message) for one in heard), "no optimum was found"])
-        posed = form.right.size > 0  # else the row is not the program's
-        known = [np.ravel(part) for part in (found.y, found.z) if posed and part is not None]
+        words = "; ".join([*(str(warning.message) for warning in caught), "no optimum was found"])
+        posed = form.right.size > 0  # otherwise the row was added
+        known = [np.ravel(part) for part in (result.y, result.z) if posed and part is not None]
         duals = np.concatenate([np.zeros(0), *known])
         return Ending(
-            Ended.PROVEN if found.found else Ended.FAILED,
-            None if found.x is None else np.array(found.x, float),
+            Ended.PROVEN if result.found else Ended.FAILED,
+            None if result.x is None else np.array(result.x, float),
             duals=form.duals(duals, program.row_count) if duals.size == form.right.size else None,
             statistics={"solver": solver},
-            message="" if found.found else f"qpsolvers with {solver}: {words}",
+            message="" if result.found else f"qpsolvers with {solver}: {words}",
         )
 
 
 def _posed(qpsolvers: Any, program: QuadraticProgram, form: ConicForm, dense: bool) -> Any:
-    """Return the ``qpsolvers.Problem``, its bounds written as rows: some solvers fail on infinite ones."""
+    """Return the ``qpsolvers.Problem`` with bounds as rows, because some solvers fail on infinite ones."""
     matrix, hessian = form.matrix.tocsr(), program.hessian.tocsc()
 
     def rows(part: slice) -> tuple[Any, Any]:
@@ -113,7 +113,7 @@ def _posed(qpsolvers: Any, program: QuadraticProgram, form: ConicForm, dense: bo
 
     equal, above = rows(slice(0, form.zeros)), rows(slice(form.zeros, None))
     if not form.right.size:
-        # qpsolvers would not call the solver, but SciPy's LSQR, and call what that leaves unbounded.
+        # Without rows, qpsolvers calls SciPy's LSQR instead of the solver.
         nothing = np.zeros((1, program.size))
         above = (nothing if dense else sp.csc_array(nothing), np.zeros(1))
     return qpsolvers.Problem(

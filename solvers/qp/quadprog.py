@@ -15,15 +15,15 @@ from .forms import ConicForm, independent_rows
 
 __all__ = ["Quadprog"]
 
-#: Smallest eigenvalue, relative to the largest, with which the Cholesky factors are of use.
+#: Smallest eigenvalue, relative to the largest, for which the Cholesky factors are accurate.
 DEFINITE = 1e-13
 
 
 class Quadprog(QuadraticBackend):
-    """quadprog (Goldfarb and Idnani 1983) with dense arrays.
+    """Backend for quadprog (Goldfarb and Idnani 1983) with dense arrays.
 
-    The method starts at the unconstrained minimum, so the Hessian must be positive definite: a linear
-    program, or one with a flat direction, is refused in words.
+    The method starts at the unconstrained minimum, so the Hessian must be positive definite. Linear
+    programs, and programs with a flat direction, are rejected.
     """
 
     name = "quadprog"
@@ -33,11 +33,11 @@ class Quadprog(QuadraticBackend):
     summary = "quadprog: Goldfarb and Idnani's dual method, dense, strictly convex programs only"
 
     def refuses(self, problem: Any) -> str:
-        """Return why `problem` is too large for dense arrays or plainly not definite, else ``""``."""
+        """Return the reason why `problem` is too large or clearly not definite, empty if it is neither."""
         reason = too_large(f"backend {self.name!r}", problem, problem.row_count + 2 * problem.size)
         if reason:
             return reason
-        # Fixed columns are taken out before the solver sees the Hessian.
+        # Fixed columns are removed before the solver receives the Hessian.
         free = problem.column_lower != problem.column_upper
         flat = np.flatnonzero(free & (problem.hessian.diagonal() == 0))
         if flat.size:
@@ -48,7 +48,7 @@ class Quadprog(QuadraticBackend):
         return ""
 
     def attempt(self, program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
-        """Solve with quadprog."""
+        """Solve the program with quadprog."""
         import quadprog  # type: ignore[import-not-found]
 
         hessian = program.hessian.toarray()

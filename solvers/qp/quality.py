@@ -1,4 +1,4 @@
-"""How good a claimed optimum is: its residuals and its gap, computed from the program alone."""
+"""Quality of a claimed optimum: residuals and gap, computed from the program alone."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ __all__ = ["Quality", "measured"]
 
 Vector = NDArray[np.float64]
 
-#: Relative difference of two sums of the objective's terms that rounding explains.
+#: Relative difference between two sums of the objective's terms that is due to rounding.
 NOISE = 1e-9
-#: The same of sums that were computed exactly but for the last digits.
+#: The same for sums that are exact up to the last digits.
 EXACT = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
 class Quality:
-    """A point with row multipliers, measured.
+    """Measured quality of a point with row multipliers.
 
     Parameters
     ----------
     point, duals : ndarray
-        What is measured.
+        The point and its multipliers.
     objective, bound : float
-        The objective of the point and the lower bound that both prove.
+        Objective of the point, and the lower bound that both prove.
     violation : float
-        Largest violation, in the units of the tolerance that verification allows.
+        Largest violation, in the units of the verification's tolerance.
     stationarity : float
         Largest reduced cost that no bound of its column explains.
     terms : float
-        Sum of the magnitudes of the objective's terms, against which rounding is measured.
+        Sum of the magnitudes of the objective's terms, the scale of rounding errors.
     polished : bool
-        Whether the point is not the solver's own, but that of :mod:`.polishing`.
+        Whether the point comes from :mod:`.polishing` instead of the solver.
     """
 
     point: Vector
@@ -51,32 +51,33 @@ class Quality:
 
     @property
     def apart(self) -> float:
-        """Distance of both bounds, either way: a bound above the objective is wrong as well."""
+        """Distance between objective and bound, in both directions: a bound above is wrong, too."""
         distance = abs(self.objective - self.bound)
         return distance if np.isfinite(distance) else np.inf
 
     @property
     def merit(self) -> float:
-        """What a better answer has less of."""
+        """Largest violation or relative distance; lower is better."""
         worst = max(self.violation, self.apart / max(1.0, abs(self.objective)))
         return worst if np.isfinite(worst) else np.inf
 
     @property
     def clean(self) -> bool:
-        """Whether nothing is off by more than rounding.
+        """Whether all errors are due to rounding.
 
-        A flat objective hides large errors of the point in small ones of the value.
+        The limit is strict because a flat objective turns large errors of the point into small ones
+        of its value.
         """
         return self.violation <= ROUNDING and self.apart <= EXACT * max(1e-3, self.terms)
 
     def proves(self, gap: float, tolerance: float) -> bool:
-        """Return whether this is an optimum within `gap`, and verifies at `tolerance`."""
+        """Return True if this is an optimum within `gap` that verifies at `tolerance`."""
         size = max(abs(self.objective), abs(self.bound))
         slack = NOISE * max(1.0, self.terms)
         return self.violation <= tolerance and self.apart <= gap * size + slack
 
     def describe(self) -> str:
-        """Return the figures in words."""
+        """Return the residuals, the objective and the bound as text."""
         return (
             f"primal residual {self.violation:.2g}, dual residual {self.stationarity:.2g}, "
             f"objective {self.objective:.9g} above the bound {self.bound:.9g}"
@@ -84,9 +85,9 @@ class Quality:
 
 
 def measured(program: QuadraticProgram, point: Vector, duals: Vector | None) -> Quality | None:
-    """Return the quality of `point`, put on its column bounds; None where it is no number.
+    """Return the quality of `point`, clipped to its column bounds; None if it is not finite.
 
-    Missing multipliers count as 0.
+    Missing multipliers are 0.
     """
     if not np.isfinite(point).all():
         return None
@@ -95,8 +96,8 @@ def measured(program: QuadraticProgram, point: Vector, duals: Vector | None) -> 
     if duals is not None and np.isfinite(duals).all():
         y = program.signed(duals)
     with np.errstate(over="ignore", invalid="ignore"):
-        found = program.verify(x)
-        violation = max((check.worst / check.scale for check in found.checks), default=0.0)
+        verification = program.verify(x)
+        violation = max((check.worst / check.scale for check in verification.checks), default=0.0)
         objective = program.objective(x)
         linear = float(program.cost @ x)
         terms = (

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.cones import ConeKind, order
-from ..attempts import Clock, Ended, Ending, Meaning, limited, over, own_options
+from ..attempts import Clock, Ended, Ending, Meaning, limit_reached, solver_options, stop_reason
 from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
 from .base import COMMON, EPS, POLISH, first_order_precision, slice_iterations, time_left
@@ -18,12 +18,12 @@ from .forms import ConicForm, Convex, columnwise
 
 __all__ = ["Scs"]
 
-#: What SCS calls the cones, in the order in which it wants them.
+#: Names of the cones in SCS, in its order.
 _NAMES = {ConeKind.SECOND_ORDER: "q", ConeKind.SEMIDEFINITE: "s", ConeKind.EXPONENTIAL: "ep"}
 
 
 class Scs(ConvexBackend):
-    """SCS (O'Donoghue 2021), which goes on from where a slice of time ended."""
+    """Backend for SCS (O'Donoghue 2021), which is run in slices of time."""
 
     name = "scs"
     features = COMMON | {Feature.WARM_START, Feature.INTERRUPT, Feature.LOG}
@@ -32,28 +32,28 @@ class Scs(ConvexBackend):
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "eps": EPS,
-        "max_iters": Option(200_000, "Iterations at most.", int, lower=1),
+        "max_iters": Option(200_000, "Limit on iterations.", int, lower=1),
         "scale": Option(0.1, "Initial weight of the constraints.", float, lower=1e-6, upper=1e6),
-        "acceleration_lookback": Option(10, "Memory of the acceleration; 0 is none.", int, lower=0),
+        "acceleration_lookback": Option(10, "Memory of the acceleration; 0: none.", int, lower=0),
     }
     deterministic = True
     summary = "SCS: first-order, sparse, warm starts; many iterations for high precision"
 
     def attempt(self, program: Convex, request: Request, clock: Clock) -> Ending:
-        """Solve with SCS."""
+        """Solve the program with SCS."""
         import scs  # type: ignore[import-untyped]
 
         form = ConicForm.of(program, tuple(_NAMES), columnwise)
         eps = first_order_precision(request)
         if not form.right.size:
-            # SCS needs a row: one that every point satisfies.
+            # SCS needs a row, so one is added that every point satisfies.
             form = _with_a_row(form, program.size)
         settings: dict[str, Any] = {
             "verbose": request.verbose,
             "eps_abs": eps,
             "eps_rel": eps,
             "eps_infeas": 1e-9,
-            **own_options(request, "eps"),
+            **solver_options(request, "eps"),
         }
         cone: dict[str, Any] = {"z": form.zeros, "l": form.linear - form.zeros}
         for kind, name in _NAMES.items():
@@ -66,27 +66,26 @@ class Scs(ConvexBackend):
             "b": form.right,
             "c": program.cost,
         }
-        control, allowed = request.control, settings["max_iters"]
+        control, iteration_limit = request.control, settings["max_iters"]
         start: dict[str, Any] = {"warm_start": False}
         if request.warm_start is not None:
             x = np.asarray(request.warm_start, float)
             slack = form.slack(x)
             start = {"warm_start": True, "x": x, "y": np.zeros(slack.size), "s": slack}
         # The limits are settings of the workspace, which therefore is made for a slice.
-        settings["max_iters"] = min(allowed, slice_iterations(data["P"], form.matrix))
+        settings["max_iters"] = min(iteration_limit, slice_iterations(data["P"], form.matrix))
         solver = scs.SCS(data, cone, time_limit_secs=time_left(clock), **settings)
         clock.lap("build")
         iterations = 0
         while True:
-            found = solver.solve(**start)
-            info = found["info"]
+            result = solver.solve(**start)
+            info = result["info"]
             iterations += int(info["iter"])
-            timed = "time_limit" in info["status"]
-            paused = "max_iters" in info["status"] and iterations < allowed
-            more = timed or paused
-            if not paused or over(request, clock) is not None:
+            is_late = "time_limit" in info["status"]
+            is_paused = "max_iters" in info["status"] and iterations < iteration_limit
+            if not is_paused or limit_reached(request, clock) is not None:
                 break
-            start = {"warm_start": True, "x": found["x"], "y": found["y"], "s": found["s"]}
+            start = {"warm_start": True, "x": result["x"], "y": result["y"], "s": result["s"]}
         clock.lap("solve")
         meanings: dict[int, Meaning] = {
             scs.SOLVED: Ended.PROVEN,
@@ -101,17 +100,17 @@ class Scs(ConvexBackend):
             int(info["status_val"]),
             meanings,
             info["status"],
-            point=np.array(found["x"], float),
-            duals=form.duals(found["y"], program.row_count),
+            point=np.array(result["x"], float),
+            duals=form.duals(result["y"], program.row_count),
             statistics={"iterations": iterations},
         )
-        if more:
-            return replace(ending, ended=Ended.STOPPED, limit=limited(control, Limit.TIME))
+        if is_late or is_paused:
+            return replace(ending, ended=Ended.STOPPED, limit=stop_reason(control, Limit.TIME))
         return ending
 
 
 def _with_a_row(form: ConicForm, size: int) -> ConicForm:
     row = sp.csc_matrix(([1.0], ([0], [0])), shape=(1, size))
-    # A constant that no solution of moderate size comes near would be a bound; 0 @ x <= 1 is none.
+    # The row 0 @ x <= 1; a nonzero coefficient would be a bound for points of large size.
     row.data[:] = 0.0
     return replace(form, matrix=row, right=np.ones(1), linear=1)

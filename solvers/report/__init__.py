@@ -1,1 +1,1 @@
-"""Answers, verdicts and lists as tables for people."""
+"""Tables of answers, verdicts and lists."""

@@ -1,4 +1,4 @@
-"""A table that fits its terminal: columns fold or go by rank, and a number is never cut."""
+"""Table that fits its terminal: columns are folded or omitted, and numbers are never cut."""
 
 from __future__ import annotations
 
@@ -12,43 +12,49 @@ if TYPE_CHECKING:
 
 __all__ = ["FittedTable", "legible"]
 
-#: Characters that steer a terminal, but for the ends of lines: a stranger's names and messages may hold them.
+#: Control characters of terminals, except line ends, which external names and messages may contain.
 _STEERING = dict.fromkeys(
     [*range(9), *range(11, 32), *range(127, 160)], "\N{REPLACEMENT CHARACTER}"
 )
 
-#: Cells between two columns, and those that the edges take.
+#: Spaces between two columns, and at the edges.
 GAP, EDGES = 3, 2
-#: Width below which a column of words is not folded: as long as other columns can go, and at last.
+#: Smallest width of a folded text column: while columns can be omitted, and in the end.
 COMFORT, WORDS = 30, 14
 
 
 def legible(text: str) -> str:
-    """Return `text` with a sign in the place of each character that would steer a terminal."""
+    """Return `text` with a replacement character for each terminal control character.
+
+    Parameters
+    ----------
+    text : str
+        Text from any source.
+    """
     return text.translate(_STEERING)
 
 
 @dataclass(frozen=True)
 class FittedTable:
-    """A table for :class:`rich.console.Console`.
+    """Table for :class:`rich.console.Console`.
 
-    Where the terminal is too narrow, columns of words are folded, then columns are left out in the
-    order of `drop`; where even that does not do, every row becomes a block of lines.
+    If the terminal is too narrow, text columns are folded, then columns are omitted in the order of
+    `drop`. If the table still does not fit, every row becomes a block of lines.
 
     Parameters
     ----------
     title : str
-        Above the table; empty for none.
+        Title above the table; empty for none.
     columns : sequence of str
         Headers; lines are separated by line feeds.
     rows : sequence of sequence of Text
-        The cells.
+        Cells of each row.
     right : frozenset of int
         Columns that are aligned right.
     whole : frozenset of int
-        Columns that are never folded: numbers and names.
+        Columns that are never folded, such as numbers and names.
     drop : tuple of int
-        Columns that may be left out, the first one first.
+        Columns that may be omitted, in this order.
     """
 
     title: str
@@ -64,37 +70,37 @@ class FittedTable:
         from rich import box
         from rich.table import Table
 
-        found = self._fit(options.max_width)
-        if found is None:
+        layout = self._fit(options.max_width)
+        if layout is None:
             yield from self._blocks()
             return
-        shown, widths = found
-        made = Table(
+        shown, widths = layout
+        content = Table(
             title=self.title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
         )
         for column, width in zip(shown, widths, strict=True):
             justify = "right" if column in self.right else "left"
-            made.add_column(self.columns[column], justify=justify, overflow="fold", width=width)  # type: ignore[arg-type]
+            content.add_column(self.columns[column], justify=justify, overflow="fold", width=width)  # type: ignore[arg-type]
         for row in self.rows:
-            made.add_row(*(row[column] for column in shown))
-        yield made
+            content.add_row(*(row[column] for column in shown))
+        yield content
 
     def _fit(self, width: int) -> tuple[list[int], list[int]] | None:
-        """Return the columns to show and their widths, None where not even the fewest fit."""
-        for least in (COMFORT, WORDS):
+        """Return the columns to show and their widths; None if not even the fewest fit."""
+        for words_width in (COMFORT, WORDS):
             shown = list(range(len(self.columns)))
             for column in (None, *self.drop):
                 if column is not None:
                     shown.remove(column)
-                widths = self._widths(shown, width, least)
+                widths = self._widths(shown, width, words_width)
                 if widths is not None:
                     return shown, widths
         return None
 
     def _widths(self, shown: Sequence[int], width: int, words_least: int) -> list[int] | None:
-        """Return the widths of the columns `shown`, None where they do not fit."""
+        """Return the widths of the columns `shown`; None if they do not fit."""
         room = width - EDGES - GAP * (len(shown) - 1)
-        least, natural = [], []
+        smallest, natural = [], []
         for column in shown:
             cells = [row[column] for row in self.rows]
             head = self.columns[column]
@@ -103,24 +109,24 @@ class FittedTable:
             longest = max(words, default=0)
             header = max([len(line) for line in head.split("\n")])
             if column in self.whole:
-                least.append(max(widest, *map(len, head.split() or [""])))
+                smallest.append(max(widest, *map(len, head.split() or [""])))
                 natural.append(max(widest, header))
             else:
                 natural.append(max(widest, header))
-                least.append(min(natural[-1], max(longest, words_least)))
-        spare = room - sum(least)
+                smallest.append(min(natural[-1], max(longest, words_least)))
+        spare = room - sum(smallest)
         if spare < 0:
             return None
-        found = list(least)
+        widths = list(smallest)
         while spare > 0:
-            short = [k for k in range(len(found)) if found[k] < natural[k]]
+            short = [k for k in range(len(widths)) if widths[k] < natural[k]]
             if not short:
                 break
-            # The narrowest first, so that no column of words starves beside a wide one.
-            k = min(short, key=lambda k: found[k])
-            found[k] += 1
+            # The narrowest first, so that no text column stays narrow beside a wide one.
+            k = min(short, key=lambda k: widths[k])
+            widths[k] += 1
             spare -= 1
-        return found
+        return widths
 
     def _blocks(self) -> Iterator[RenderableType]:
         """Yield every row as lines ``header: cell``."""

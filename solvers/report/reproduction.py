@@ -49,7 +49,7 @@ class Row:
     values : mapping
         Our values by column.
     verdicts : tuple of Verdict
-        On the answers behind the values, one per model.
+        Verdicts on the answers behind the values, one per model.
     """
 
     table: Table
@@ -82,7 +82,7 @@ class Reproduction:
     rows : tuple of Row
         The rows in the paper's order.
     interrupted : bool
-        Whether Ctrl-C ended it.
+        Whether Ctrl-C ended the measurements.
     """
 
     problem: str
@@ -102,7 +102,7 @@ class Reproduction:
             "problem": self.problem,
             "verdict": str(self.comparison.outcome),
             "interrupted": self.interrupted,
-            "note": " ".join(filter(None, (one.note for one in tables.values()))),
+            "note": " ".join(filter(None, (table.note for table in tables.values()))),
             "rows": [row.to_dict() for row in self.rows],
         }
 
@@ -127,31 +127,36 @@ def reproduce(
     tables : sequence of (Table, callable)
         Result tables, each with the function that measures one row.
     rows : set of int, optional
-        Positions of the rows to measure in each table, from 1; all by default.
+        Positions of the rows to measure in each table, from 1. Default: all.
     runs : int
         Number of runs per cell, from different seeds.
     time_limit : float, optional
-        Seconds for each run.
+        Seconds per run.
     seed : int
         The first seed.
     on_solution : callable, optional
-        Called with every answer.
+        Function called with every answer.
     on_row : callable, optional
-        Called with every finished row.
+        Function called with every finished row.
+
+    Returns
+    -------
+    Reproduction
+        The measured rows.
     """
     trials = RecordedTrials(runs, time_limit, seed, on_solution)
-    done: list[Row] = []
+    finished_rows: list[Row] = []
     try:
-        for one, measure in tables:
-            for number, key in enumerate(one.rows, 1):
+        for result_table, measure in tables:
+            for number, key in enumerate(result_table.rows, 1):
                 if rows is None or number in rows:
-                    values = one.check_values(key, measure(key, trials))
-                    done.append(Row(one, number, key, values, trials.verdicts()))
+                    values = result_table.check_values(key, measure(key, trials))
+                    finished_rows.append(Row(result_table, number, key, values, trials.verdicts()))
                     if on_row is not None:
-                        on_row(done[-1])
+                        on_row(finished_rows[-1])
     except KeyboardInterrupt:
-        return Reproduction(problem, tuple(done), interrupted=True)
-    return Reproduction(problem, tuple(done))
+        return Reproduction(problem, tuple(finished_rows), interrupted=True)
+    return Reproduction(problem, tuple(finished_rows))
 
 
 def _text(value: Any, form: str) -> str:
@@ -162,22 +167,30 @@ def _text(value: Any, form: str) -> str:
 
 
 def reproduction_parts(result: Reproduction) -> list[Any]:
-    """Return the parts to print: each table with the paper's cells and ours side by side."""
+    """Return the printable parts: each table with the paper's cells and ours side by side.
+
+    Parameters
+    ----------
+    result : Reproduction
+        The measured rows.
+    """
     parts: list[Any] = []
-    for one in {row.table.name: row.table for row in result.rows}.values():
-        heads = list(one.keys)
-        for name in one.columns:
+    for result_table in {row.table.name: row.table for row in result.rows}.values():
+        heads = list(result_table.keys)
+        for name in result_table.columns:
             heads += [f"{name}\npaper", f"{name}\nours"]
-        heads += [f"{name}\nours" for name in one.ours]
+        heads += [f"{name}\nours" for name in result_table.ours]
         lines = []
-        for row in (row for row in result.rows if row.table is one):
+        for row in (row for row in result.rows if row.table is result_table):
             line = list(row.key)
-            for (name, form), cell in zip(one.columns.items(), one.rows[row.key], strict=True):
+            for (name, form), cell in zip(
+                result_table.columns.items(), result_table.rows[row.key], strict=True
+            ):
                 line += [_text(cell, form), _text(row.values.get(name), form)]
-            line += [_text(row.values.get(name), form) for name, form in one.ours.items()]
+            line += [_text(row.values.get(name), form) for name, form in result_table.ours.items()]
             lines.append(line)
-        parts.append(table(one.title, heads, lines, right=heads[len(one.keys) :]))
-        parts += [one.note] if one.note else []
+        parts.append(table(result_table.title, heads, lines, right=heads[len(result_table.keys) :]))
+        parts += [result_table.note] if result_table.note else []
     verdicts = result.comparison.verdicts
     if verdicts:
         models = "1 model" if len(verdicts) == 1 else f"{len(verdicts)} models"

@@ -1,4 +1,4 @@
-"""Tables of answers and verdicts: text for ``print``, rich tables for a terminal, HTML for notebooks."""
+"""Tables of answers and verdicts: plain text, rich tables for terminals, HTML for notebooks."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ __all__ = [
 
 
 class Answered(Protocol):
-    """What these tables show of a :class:`~crosstrack.solvers.solution.Solution`.
+    """Fields of a :class:`~crosstrack.solvers.solution.Solution` that these tables show.
 
-    A protocol, for a solution draws its own tables: its module imports this one.
+    A protocol avoids a circular import, because the module of Solution imports this one.
     """
 
     @property
@@ -65,7 +65,7 @@ class Answered(Protocol):
     def message(self) -> str: ...
 
 
-#: Seconds of compilation below which nobody would notice it.
+#: Seconds of compilation below which its column is omitted.
 _NOTICEABLE = 0.05
 
 _STYLES = {
@@ -90,17 +90,17 @@ def table(
     Parameters
     ----------
     title : str
-        Above the table; empty for none.
+        Title above the table; empty for none.
     columns : sequence of str
         Headers.
     rows : iterable of sequence
-        The cells: text, or anything that has a ``str``.
+        Cells of each row: text, or objects with a ``str``.
     right : sequence of str
-        Columns of numbers, aligned right and never folded.
+        Numeric columns, aligned right and never folded.
     whole : sequence of str
-        Further columns that are never folded; the first one, which names the row, is one of them.
+        Further columns that are never folded. The first column, which names the row, never is.
     drop : sequence of str
-        Columns that a narrow terminal leaves out, the first one first.
+        Columns that a narrow terminal omits, in this order.
     """
     from rich.text import Text
 
@@ -121,9 +121,16 @@ def table(
 def details_table(
     rows: Sequence[Mapping[str, Any]], title: str = "details", short: Sequence[str] = ()
 ) -> FittedTable:
-    """Return the table of what ``Model.details`` returns, or of a solution's history.
+    """Return a table of the result of ``Model.details``, or of a solution's history.
 
-    Numbers have 7 digits, those of the columns `short` 3.
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Cells by column.
+    title : str
+        Title of the table.
+    short : sequence of str
+        Columns whose numbers have 3 significant digits; others have 7.
     """
 
     def cell(name: str, value: Any) -> str:
@@ -138,7 +145,15 @@ def details_table(
 
 
 def render(*parts: Any, width: int = 120) -> str:
-    """Return rich tables and text as plain text, without colours."""
+    """Return rich tables and text as plain text without colours.
+
+    Parameters
+    ----------
+    *parts : FittedTable or str
+        Parts to print.
+    width : int
+        Characters per line.
+    """
     from rich.console import Console
 
     console = Console(file=io.StringIO(), width=width, color_system=None, legacy_windows=False)
@@ -150,7 +165,13 @@ def render(*parts: Any, width: int = 120) -> str:
 
 
 def markup(*parts: Any) -> str:
-    """Return tables and text as HTML, in which whatever a model or a solver says is text."""
+    """Return tables and text as HTML, with text from models and solvers escaped.
+
+    Parameters
+    ----------
+    *parts : FittedTable or str
+        Parts to print.
+    """
     return "\n".join(
         _table_markup(part)
         if isinstance(part, FittedTable)
@@ -159,22 +180,27 @@ def markup(*parts: Any) -> str:
     )
 
 
-def _table_markup(found: FittedTable) -> str:
+def _table_markup(fitted: FittedTable) -> str:
     def row(tag: str, cells: Iterable[Any]) -> str:
-        sides = ("right" if k in found.right else "left" for k in range(len(found.columns)))
+        sides = ("right" if k in fitted.right else "left" for k in range(len(fitted.columns)))
         return "".join(
             f'<{tag} style="text-align: {side}">{html.escape(str(cell))}</{tag}>'
             for side, cell in zip(sides, cells, strict=True)
         )
 
-    title = f"<caption>{html.escape(found.title)}</caption>" if found.title else ""
-    body = "\n".join(f"<tr>{row('td', cells)}</tr>" for cells in found.rows)
-    head = row("th", found.columns)
+    title = f"<caption>{html.escape(fitted.title)}</caption>" if fitted.title else ""
+    body = "\n".join(f"<tr>{row('td', cells)}</tr>" for cells in fitted.rows)
+    head = row("th", fitted.columns)
     return f"<table>{title}<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>"
 
 
 def frame(solutions: Sequence[Answered]) -> DataFrame:
-    """Return a pandas frame of answers, one a row; seconds stand in columns of their own.
+    """Return a pandas data frame with one row per answer, and seconds in columns of their own.
+
+    Parameters
+    ----------
+    solutions : sequence of Solution
+        The answers.
 
     Raises
     ------
@@ -204,7 +230,10 @@ def frame(solutions: Sequence[Answered]) -> DataFrame:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a bound for people: fixed decimals, six digits at least, an empty cell for None."""
+    """Return a number as text with `digits` decimals and at least six significant digits.
+
+    None gives an empty text.
+    """
     if value is None:
         return ""
     if value and not 1e-3 <= abs(value) < 1e9:
@@ -214,7 +243,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def seconds_text(value: float | None) -> str:
-    """Return seconds with a unit that fits."""
+    """Return seconds as text with a suitable unit; None gives an empty text."""
     if value is None:
         return ""
     for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs")):
@@ -235,13 +264,19 @@ def _ended(solution: Answered) -> Any:
 def solutions_table(solutions: Sequence[Answered], title: str = "") -> FittedTable:
     """Return a table of answers: objective, bound, gap, seconds and verification of each.
 
-    Compilation, which only a first call on a machine pays for, has a column of its own where it
-    took a noticeable time.
+    Compilation, which only the first call on a machine needs, has a column if it was noticeable.
+
+    Parameters
+    ----------
+    solutions : sequence of Solution
+        One per row.
+    title : str
+        Title of the table.
     """
     kind = solutions[0].model if solutions else ""
     unit = model_type(kind).objective_unit if kind in model_types() else ""
     if not isinstance(unit, str):
-        unit = ""  # each problem of the kind has its own
+        unit = ""  # it differs between models of this kind
     objective = f"objective ({unit})" if unit else "objective"
     compiled = any(s.seconds.get("compile", 0.0) > _NOTICEABLE for s in solutions)
     rows = []
@@ -275,7 +310,13 @@ def solutions_table(solutions: Sequence[Answered], title: str = "") -> FittedTab
 
 
 def verification_table(verification: Verification) -> FittedTable:
-    """Return a table of the checks of a plan."""
+    """Return a table of the checks of a plan.
+
+    Parameters
+    ----------
+    verification : Verification
+        The result of the verification.
+    """
     from rich.text import Text
 
     rows = []

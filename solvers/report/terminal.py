@@ -1,4 +1,4 @@
-"""Writing to a terminal or a pipe: tables and JSON to standard output, all else to standard error."""
+"""Output to a terminal or a pipe: tables and JSON to standard output, the rest to standard error."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ __all__ = [
     "write",
 ]
 
-#: Where answers go while a command runs, None while none does.
+#: Stream for answers while a command runs, else None.
 _answers: TextIO | None = None
 
 
 def reserve() -> None:
-    """Turn what native code prints to standard output to standard error, for the whole process."""
+    """Redirect the standard output of native code to standard error, for the whole process."""
     from ..output import Diverted
 
     if sys.stdout is sys.__stdout__:
-        with contextlib.suppress(OSError):  # one of the two is closed: nothing to keep apart
+        with contextlib.suppress(OSError):  # one of the two is closed
             Diverted(2)
 
 
 @contextmanager
 def reserved() -> Iterator[None]:
-    """Keep standard output for answers: whatever else prints meanwhile goes to standard error."""
+    """Reserve standard output for answers; other output within the block goes to standard error."""
     global _answers
     before, _answers = _answers, sys.stdout
     try:
@@ -55,11 +55,11 @@ def reserved() -> Iterator[None]:
 
 @contextmanager
 def _writing() -> Iterator[TextIO]:
-    """Yield where answers go; ``InvalidData`` where that is full, closed, or a broken pipe."""
+    """Yield the stream for answers; raise ``InvalidData`` if it is full, closed or a broken pipe."""
     out = _answers or sys.stdout
     try:
         yield out
-        out.flush()  # what cannot be written must fail here, not when Python ends
+        out.flush()  # a write error must be raised here, not when Python ends
     except OSError as error:
         discard(out)
         raise InvalidData(
@@ -68,14 +68,20 @@ def _writing() -> Iterator[TextIO]:
 
 
 def show(*parts: Any) -> None:
-    """Print tables and text to standard output, with colours on a terminal only."""
+    """Print tables and text to standard output, with colours on a terminal only.
+
+    Parameters
+    ----------
+    *parts : FittedTable or str
+        Parts to print.
+    """
     from rich.console import Console
 
     class Whole(Console):
         def on_broken_pipe(self) -> None:
-            raise  # the error that is being handled; rich would end the process with code 1
+            raise  # the error being handled; rich would end the process with code 1
 
-    # A pipe has no width of its own: tables must not fold at 80 columns there.
+    # A pipe has no width. Without one, rich would fold tables at 80 columns.
     with _writing() as out:
         console = Whole(file=out, width=None if out.isatty() else 160, highlight=False)
         for part in parts:
@@ -88,10 +94,17 @@ def show(*parts: Any) -> None:
 
 
 def fold(text: str, width: int) -> str:
-    """Return `text` in lines of at most `width` characters where its words and numbers allow it.
+    """Return `text` in lines of at most `width` characters, if its words and numbers allow it.
 
-    A line ends at a space, or at the hyphen between two numbers of a route; the terminal itself would
-    end it anywhere.
+    Lines end at a space, or at the hyphen between two numbers of a route, whereas a terminal would
+    break them anywhere.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    width : int
+        Characters per line.
     """
     lines: list[str] = []
     for line in text.split("\n"):
@@ -104,7 +117,7 @@ def fold(text: str, width: int) -> str:
 
 
 def emit(data: Any) -> None:
-    """Print JSON to standard output, with escapes for what its encoding cannot write."""
+    """Print JSON to standard output, with escapes for characters that its encoding lacks."""
     text = json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False)
     try:
         text.encode((_answers or sys.stdout).encoding or "utf-8")
@@ -114,13 +127,13 @@ def emit(data: Any) -> None:
 
 
 def write(text: str) -> None:
-    """Print text to standard output as it is."""
+    """Print text to standard output without changes."""
     with _writing() as out:
         out.write(text)
 
 
 def say(text: str) -> None:
-    """Print a message to standard error; where even that cannot be written, nobody can be told."""
+    """Print a message to standard error; an error of the stream is ignored."""
     try:
         sys.stderr.write(legible(text) + "\n")
         sys.stderr.flush()
@@ -129,11 +142,11 @@ def say(text: str) -> None:
 
 
 def prepare() -> None:
-    """Make the standard streams usable whatever they are: closed, or with an encoding of few letters."""
+    """Make the standard streams usable even if they are closed or have a small character set."""
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
-            # A closed descriptor would be taken by the next file that is opened, into which whatever
-            # prints would write. Standard output must fail when written to, so it is open to read.
+            # The next opened file would get the closed descriptor, and printing would write into it.
+            # Standard output must fail when written to, so it is opened for reading.
             how = os.O_RDONLY if name == "stdout" else os.O_RDWR
             os.set_inheritable(os.open(os.devnull, how), True)
             mode = "r" if name == "stdin" else "w"
@@ -143,14 +156,17 @@ def prepare() -> None:
 
 
 def discard(stream: TextIO) -> None:
-    """Let `stream` lead nowhere, so that Python does not fail at its end on what could not be written."""
+    """Redirect `stream` to the null device, so that Python does not fail at exit on unwritten data."""
     with contextlib.suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 @contextmanager
 def progress(text: str) -> Iterator[Callable[[str], None]]:
-    """Show a spinner on standard error while something runs, on a terminal only."""
+    """Show a spinner on standard error during the block, on a terminal only.
+
+    Yields a function that appends a text to the spinner's line.
+    """
     if not sys.stderr.isatty():
         yield lambda _: None
         return
@@ -159,9 +175,7 @@ def progress(text: str) -> Iterator[Callable[[str], None]]:
     console = Console(stderr=True)
 
     def line(words: str) -> str:
-        return legible(words)[
-            : console.width - 4
-        ]  # beside the spinner; two lines of it would flicker
+        return legible(words)[: console.width - 4]  # a second line would flicker
 
     with console.status(line(text)) as status:
         yield lambda news: status.update(line(f"{text} {news}"))

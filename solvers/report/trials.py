@@ -1,4 +1,4 @@
-"""The runs behind a paper's result tables, kept for the verdict."""
+"""Runs behind a paper's result tables, recorded for the verdict."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ __all__ = ["RecordedTrials"]
 
 @dataclass
 class RecordedTrials:
-    """Run backends for the cells of result tables and record their answers.
+    """Runner of backends for the cells of result tables, which records their answers.
 
-    Each run has a worker process of its own, one after the other, so that seconds compare.
+    Runs use one worker process at a time, so that their seconds are comparable.
 
     Parameters
     ----------
     runs : int
         Number of runs per cell, from different seeds.
     time_limit : float, optional
-        Seconds for each run.
+        Seconds per run.
     seed : int
-        The first seed.
+        First seed.
     on_solution : callable, optional
-        Called with every answer.
+        Function called with every answer.
     """
 
     runs: int = 1
@@ -48,22 +48,27 @@ class RecordedTrials:
         options: Mapping[str, Any] | None = None,
         **limits: Any,
     ) -> list[Solution[Any]]:
-        """Run a backend and return one answer per seed, for one model or for several models in turn.
+        """Run a backend and return one answer per model and seed.
 
         Parameters
         ----------
         model : Model or sequence of Model
             The models to solve. Several models in one call share the start of the worker process.
         backend : str
-            Name of the backend, ``"name:formulation"`` for a certain formulation.
+            Name of the backend, or ``"name:formulation"``.
         runs : int, optional
-            Number of runs instead of `self.runs`; a deterministic backend runs once.
+            Number of runs instead of `self.runs`. A deterministic backend runs once.
         time_limit : float, optional
             Seconds instead of `self.time_limit`.
         options : mapping, optional
             Options of the backend.
         **limits
             Further limits of :func:`~crosstrack.compare`.
+
+        Returns
+        -------
+        list of Solution
+            The answers.
 
         Raises
         ------
@@ -93,6 +98,6 @@ class RecordedTrials:
         """Return the verdict on the answers to each model since the last call."""
         answers, self._answers = self._answers, {}
         return tuple(
-            judge(model.name or digest[:12], found, model)
-            for digest, (model, found) in answers.items()
+            judge(model.name or digest[:12], solutions, model)
+            for digest, (model, solutions) in answers.items()
         )

@@ -168,7 +168,7 @@ def test_other_options_are_another_row_and_other_limits_are_told():
     longer = run("one", "b", 1.0, options={"time_limit": 20.0})
     records = Records((plain, longer, run("two", "b", 1.0)))
     assert records.uneven == ("black-box/one",)
-    assert "not asked for alike" in records.parts()[-1] and "3 answers on 2" in records.parts()[-1]
+    assert "unequal options" in records.parts()[-1] and "3 answers on 2" in records.parts()[-1]
     # Who stays away has not solved: both are ranked on both instances.
     found = {
         one.label: (one.solved, one.instances, one.of) for one in records.standings["black-box"]
@@ -274,7 +274,7 @@ def test_the_page_shows_data_profiles_and_tests(tmp_path):
     ]  # fmt: skip
     text = write_page(Records(tuple(solutions)), tmp_path / "page.html").read_text("utf-8")
     assert 'aria-label="Data profile of black-box"' in text
-    assert "Are the plans of a better, or is it luck?" in text and "Worse than a" in text
+    assert "Are the plans of a better, or is it chance?" in text and "Worse than a" in text
     # Six signs of one kind, and one tie.
     assert '<td>b</td><td>yes</td><td class="n" data-v="0.03125">0.031</td>' in text
 

@@ -332,7 +332,7 @@ def test_repeats_show_quartiles(opened):
 
 def test_conditions_say_what_the_comparison_ran_on(opened):
     text = opened().inner_text("#measured")
-    for word in ("Time limit (s)\t10", "Relative gap asked for\t1e-06", "a-star 1.2", "1 to 2"):
+    for word in ("Time limit (s)\t10", "Requested relative gap\t1e-06", "a-star 1.2", "1 to 2"):
         assert word in text
     assert "Machine\tnot recorded" in text
 
@@ -451,7 +451,7 @@ def test_plan_is_drawn_on_the_instance_of_the_same_digest_only(small, caplog):
     image, what = draw_plan(held, lambda name: small)
     assert image.startswith("data:image/webp;base64,")
     assert what == "The best plan of small, by two-stage"
-    assert draw_plan(held, None)[1].endswith("without a way to load instances.")
+    assert draw_plan(held, None)[1].endswith("without loading instances.")
     assert "no backend found a plan" in draw_plan(None, None)[1]
     assert "cannot be loaded by its name" in draw_plan(held, ct.load)[1]
     other = answer("small", "two-stage", 4.5, 0.1, digest="f" * 64, stored_plan=route)

@@ -262,7 +262,7 @@ os.kill(os.getpid(), 9)
 
 
 def test_a_record_is_a_regular_file(model):
-    with pytest.raises(InvalidData, match="no regular file"):
+    with pytest.raises(InvalidData, match="is not a regular file"):
         ct.compare(model, [Fixed()], record="/dev/null")
 
 

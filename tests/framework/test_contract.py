@@ -453,5 +453,5 @@ def test_a_file_that_the_answer_depends_on_is_recorded(tmp_path):
     found = ct.solve(GUESS, Learned("learned"), **asked)
     assert found.plan == 2.0
     assert found.options["files"] == {"weights": hashlib.sha256(b"2.0").hexdigest()}
-    with pytest.raises(UnsupportedOption, match="there is no file"):
+    with pytest.raises(UnsupportedOption, match="does not exist"):
         ct.solve(GUESS, Learned("learned"), backend_options={"weights": "nowhere"})

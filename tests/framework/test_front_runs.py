@@ -123,7 +123,7 @@ def test_ctrl_c_in_a_run_keeps_its_plan(tmp_path):
     assert values(found) == [pytest.approx(pair, rel=1e-5) for pair in POINTS[:2]]
     assert [point.proven for point in found.points] == [True, False]
     assert found.points[1].solution.limit is Limit.INTERRUPTED
-    assert "interrupted: what is missing was not run" in str(found)
+    assert "interrupted: missing points were not run" in str(found)
     assert found.to_dict()["interrupted"] is True
     # What was cut off is run again.
     assert len(record.read_text().splitlines()) == 1

@@ -210,7 +210,7 @@ def test_a_time_limit_holds_for_what_never_listens(model):
         ({"backend": "gurobbi"}, UnknownName, "did you mean 'gurobi'"),
         ({"backend": "label-setting", "threads": 2}, UnsupportedOption, "threads"),
         ({"backend": "labelling", "gap": 0.1}, UnsupportedOption, "gap"),
-        ({"backend": "label-setting", "formulation": "paper"}, UnsupportedFormulation, "takes model 'error-correction' itself"),
+        ({"backend": "label-setting", "formulation": "paper"}, UnsupportedFormulation, "solves model 'error-correction' itself"),
         ({"backend": "label-setting", "formulation_options": {"big_m": 1}}, UnsupportedOption, "formulation_options"),
         ({"backend": "highs", "formulation": "pape"}, UnknownName, "did you mean 'paper'"),
         ({"backend": "highs", "formulation": "paper", "formulation_options": {"m": 1}}, UnsupportedOption, "no option 'm'"),

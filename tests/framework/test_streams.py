@@ -103,7 +103,7 @@ def test_only_regular_files_are_written(arguments, tmp_path):
     for name in ("device.png", "device.csv"):
         (tmp_path / name).symlink_to(FULL)
     done = run(*arguments, code=2, cwd=tmp_path)
-    assert "is no regular file" in done.stderr
+    assert "regular file" in done.stderr
     assert done.stdout == ""
     assert stat.S_ISCHR(FULL.stat().st_mode)
     with pytest.raises(InvalidData, match="no regular file"):

@@ -26,7 +26,7 @@ from .test_conic_programs import CASES, random_program
 BACKENDS = ("clarabel", "scs", "ecos")
 #: Fewer iterations than by default: the cases without an answer would take all of them, seven times.
 OPTIONS: dict[str, dict[str, Any]] = {"scs": {"max_iters": 5_000}}
-UNSUPPORTED = {"ecos": ("takes no quadratic objective", "takes no semidefinite cones")}
+UNSUPPORTED = {"ecos": ("no quadratic objectives", "no semidefinite cones")}
 #: Where a first-order method does not reach the precision that it is asked for.
 KNOWN = {
     "scs": ("conic: small disc", "conic: badly scaled columns"),

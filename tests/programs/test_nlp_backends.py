@@ -248,7 +248,7 @@ def test_a_plugin_that_does_not_load_is_named(capfd: pytest.CaptureFixture[str])
     assert isinstance(program, NonlinearProgram)
     with pytest.raises(BackendBroken, match="plugin 'worhp' does not load"):
         Absent().run(program, Request())
-    for solver, words in (("nothing", "Invalid options"), ("pardiso", "refuses its options")):
+    for solver, words in (("nothing", "Invalid options"), ("pardiso", "rejects its options")):
         with pytest.raises(BackendBroken, match=words):
             ct.solve(program, "ipopt", isolate=False, backend_options={"linear_solver": solver})
     assert capfd.readouterr().out == ""

@@ -225,9 +225,9 @@ def test_what_each_program_type_may_ask() -> None:
     highs, cvxpy = find_backend("highs"), find_backend("cvxpy")
     with pytest.raises(UnsupportedOption, match="mip_heuristic_effort is for mixed-integer"):
         highs.run(program, Request(options={"mip_heuristic_effort": 0.5}))
-    with pytest.raises(UnsupportedOption, match="'SCIP' takes no quadratic program"):
+    with pytest.raises(UnsupportedOption, match="'SCIP' accepts no quadratic program"):
         cvxpy.run(program, Request(options={"solver": "SCIP"}))
-    with pytest.raises(UnsupportedOption, match="'CLARABEL' takes no mixed-integer program"):
+    with pytest.raises(UnsupportedOption, match="'CLARABEL' accepts no mixed-integer program"):
         cvxpy.run(linear, Request(options={"solver": "CLARABEL"}))
 
 
