@@ -84,7 +84,8 @@ class Osqp(QuadraticBackend):
         }
         while True:
             solver.update_settings(
-                time_limit=time_left(clock) + setup, max_iter=min(step, iteration_limit - iterations)
+                time_limit=time_left(clock) + setup,
+                max_iter=min(step, iteration_limit - iterations),
             )
             setup = 0.0
             result = solver.solve(raise_error=False)
