@@ -195,7 +195,7 @@ def cut(
     points, primitives, number, flown = [], [], 0, 0.0
     for sign, length, towards in path:
         h = h if towards is None else towards
-        # What is left of the primitive keeps the digits that differences of lengths flown lose.
+        # The rest of the primitive keeps the digits that differences of lengths flown lose.
         rest, end = length, flown + length
         while number < len(order) and stops[order[number]] < end:
             step = min(max(stops[order[number]] - flown, 0.0), rest)

@@ -35,11 +35,11 @@ FULL = 2.0 * math.pi
 MARGIN = 1e-10
 #: Least gain of a leg, relative to the tour.
 GAIN = 1e-13
-#: Distance from the rim that counts as contact, as a share of the radius and of the turning radius.
+#: Distance from the rim at contact, as a share of the radius and of the turning radius.
 TOUCH, ROUNDING = 1e-11, 1e-14
 #: Smallest step, as a share of the radius: a disc that dips in by less may be passed over.
 FINEST = 1e-7
-#: Angle in which rounding may put a point on the wrong side of the line ahead, rad.
+#: Largest error of an angle to a point near the line ahead, rad.
 AHEAD = 1e-9
 
 

@@ -26,7 +26,7 @@ __all__ = ["TourSearch"]
 HOT, WARM, COLD = 0.3, 0.02, 1e-3
 #: Steps of one annealing, by the number of vehicles, and the least.
 STEPS, LEAST = 20, 300
-#: Vehicles from which on an annealing from scratch is longer than the flight from rim to rim.
+#: Least number of vehicles for annealing the flight from rim to rim instead of starting from scratch.
 MANY = 150
 #: Tours kept to be annealed again.
 KEPT = 4
