@@ -150,6 +150,23 @@ def test_chaos_needs_an_exponent_above_0(growing, scale):
     assert analysis("noise", scale).verify(noise).ok
 
 
+@pytest.mark.parametrize("theiler", [0, 7])
+def test_correlation_sums_are_shares_of_all_pairs(theiler):
+    states, radii = analysis("chaos", 1.0).states(1, 2), np.array([0.1, 0.4, 2.0])
+    found = checks.Sample(states, theiler, 0).sums(radii)
+    assert found == pytest.approx(plain_sums(states, theiler, radii), rel=1e-12)
+    assert found[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("count", "taken"), [(1500, 1500), (1501, 500), (300_000, 333), (3_000_000, 50)]
+)
+def test_fewer_states_are_taken_of_long_series(count, taken):
+    """All of 1500; else as many as the work allows, from 50 to 500."""
+    found = checks.Sample(np.zeros((count, 1)), 0, 0).taken(count)
+    assert len(np.unique(found)) == taken
+
+
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("ahead", [1, 3])
 def test_the_objective_is_the_error_of_prediction(ahead, scale):

@@ -110,6 +110,29 @@ def test_the_length_is_that_of_the_legs(scale):
     assert found.objective == pytest.approx(70.0, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("theta", "alpha1", "residual", "chances"),
+    [
+        # At B, the horizontal error is 40, or 45 if the correction at 3 failed.
+        (45.0 * (1.0 - 0.5e-9), 65.0, 5.0, (1.0, 1.0, 1.0, 1.0)),
+        (45.0 * (1.0 - 2e-9), 65.0, 5.0, (1.0, 1.0, 1.0, 0.7)),
+        (39.0, 65.0, 5.0, (1.0, 1.0, 1.0, 0.0)),
+        # At 4, the vertical error is 60, or 65 if the correction at 2 failed.
+        (42.0, 62.0, 5.0, (1.0, 1.0, 0.7, 0.7 * 0.7)),
+        # A failed correction leaves an error below the residual as it is: 60 + 40 at B.
+        (105.0, 125.0, 70.0, (1.0, 1.0, 1.0, 1.0)),
+    ],
+)
+def test_the_chance_of_arrival_counts_every_outcome(theta, alpha1, residual, chances):
+    """Corrections at 2, 3 and 4 succeed with 0.7; errors grow by 20 and by 30 on each leg."""
+    model = routing(
+        1.0, limits={"theta": theta, "alpha1": alpha1}, residual=residual, success=0.7,
+        suspect=[False, False, True, True, True, False],
+    )  # fmt: skip
+    found = [stop.chance for stop in model.walk(Route([0, 2, 3, 4, 5]))]
+    assert found == pytest.approx([1.0, *chances], rel=1e-12)
+
+
 def test_every_check_is_tested():
     found = routing(1.0, corrections_limit=4).verify(Route([0, 1, 5]))
     assert_complete({*LIMITS, *FAULTS}, [found], checks)
