@@ -64,7 +64,7 @@ def problem(unit, *, time=None, z_rate=0.0, **options):
     u = phase.control("u", **options.get("u", {}))
     phase.dynamics({x: v, v: u, z: z_rate * length / second})
     phase.path(x + second * v, name="path", **{"upper": 9.0 * length, **options.get("path", {})})
-    phase.invariant("kept", z**2, scale=options.get("kept", 0.1) * length**2)
+    phase.invariant("kept", -(z**2), scale=options.get("kept", 0.1) * length**2)
     ocp.subject_to(phase.final(x), name="end", **{"upper": 9.0 * length, **options.get("end", {})})
     ocp.minimise(phase.final(x), scale=0.1 * length)
     return ocp
