@@ -40,6 +40,12 @@ MODULES: dict[str, tuple[str, ...]] = {
 }
 #: Mutations that change no verdict, as ``file:old source -> new source``: the reason for each.
 EQUIVALENT: dict[str, str] = {
+    "models/messenger/checks.py:np.asarray(angle, float) + np.pi -> (np.asarray(angle, float) - np.pi)": (
+        "both differ by a full turn, which the remainder takes off"
+    ),
+    "models/optimal_control/checks.py:abs(plan.end) -> (plan.end)": (
+        "a phase that ends before 0 starts farther from it"
+    ),
     "models/minimum_snap/time_allocation.py:max(0.0, -float(plan.durations[least])) -> 0.0": (
         "a trajectory refuses durations that are not > 0, so that the violation is always 0"
     ),

@@ -64,7 +64,7 @@ def problem(unit, *, time=None, z_rate=0.0, **options):
     u = phase.control("u", **options.get("u", {}))
     phase.dynamics({x: v, v: u, z: z_rate * length / second})
     phase.path(x + second * v, name="path", **{"upper": 9.0 * length, **options.get("path", {})})
-    phase.invariant("kept", z**2, scale=options.get("kept", 0.1) * length**2)
+    phase.invariant("kept", -(z**2), scale=options.get("kept", 0.1) * length**2)
     ocp.subject_to(phase.final(x), name="end", **{"upper": 9.0 * length, **options.get("end", {})})
     ocp.minimise(phase.final(x), scale=0.1 * length)
     return ocp
@@ -163,6 +163,11 @@ def at_ends(unit):
         yield "times", exact, "end", lambda x, g=sign: (
             problem(unit, time=(0.0, END * second + g * x * exact)), plan(unit)
         )  # fmt: skip
+    early = TOLERANCE * FIXED * 10.0 * second
+    yield "times", early, "start", lambda x: (
+        problem(unit, time=(-10.0 * second, (-9.0 * second, 0.0))),
+        plan(unit, start=-10.0 * second + x * early),
+    )  # fmt: skip
     length_of_it = TOLERANCE * END * second
     for word, time in (
         ("end", lambda x: (0.0, (END * second + x * length_of_it, 9.0 * second))),
@@ -289,6 +294,22 @@ def test_the_phase_nearest_to_its_own_limit_is_reported(unit):
         found = ocp.verify(in_two(unit, shift=far, off=off))
         assert [check.name for check in found.violated] == ["motion"]
         assert found.violated[0].where.endswith(f"of phase '{name}'")
+
+
+def test_an_unstable_phase_leaves_the_objective_unchecked():
+    ocp = OptimalControlProblem("an unstable phase")
+    parts = []
+    for name, rate in (("first", 0.0), ("second", 20.0)):
+        phase = ocp.phase(name, time=(0.0, 2.0))
+        x = phase.state("x")
+        phase.dynamics({x: rate * x})
+        knots = np.array([0.0, 2.0])
+        none = Piecewise(knots, (NODES,), (np.zeros((NODES.size, 0)),))
+        still = Piecewise(knots, (NODES,), (np.zeros((NODES.size, 1)),))
+        parts.append(PhasePlan(name, still, none, ("x",), ()))
+    ocp.minimise(phase.final(x))
+    found = ocp.verify(ControlPlan(tuple(parts)))
+    assert found.ok and names_of(found) == {"motion", "continuity of states", "times"}
 
 
 def test_every_check_has_its_limit():

@@ -15,7 +15,7 @@ USES = [[0.2, 0.0], [0.0, 0.3], [0.1, 0.0]]
 RATE, INITIAL, GAIN, RESET = 2.0, 0.5, 0.1, 0.25
 FUEL_LIMITS, TIME_LIMIT = {"station": 4.0, "end": 5.0}, 20.0
 #: How the legs are given.
-FORMS = ["points", "arcs", "arcs between points"]
+FORMS = ["points", "arcs", "arcs between points", "arcs without uses"]
 COUNTS = [
     "starts at the start",
     "ends at the end",
@@ -37,6 +37,8 @@ def model_for(unit, form="points", legs=(1.0, 1.0, 1.0), begin=0.0, **how):
     given = {"resources": (fuel, clock), "points": along[:, None] * [0.6, 0.8]}
     if form != "points":
         given |= {"arcs": [[0, 1], [1, 2], [2, 3]], "uses": np.array(USES) * unit}
+    if form == "arcs without uses":
+        given["uses"] = None
     if form == "arcs":
         given |= {"points": None, "lengths": np.array(legs) * unit}
     return ResourceRouting(kinds=KINDS, start=0, end=3, **{**given, **how})
@@ -44,7 +46,7 @@ def model_for(unit, form="points", legs=(1.0, 1.0, 1.0), begin=0.0, **how):
 
 def limits(unit, form):
     """Yield the name of each check, its largest accepted violation, and the model for a share of it."""
-    own = np.zeros((3, 2)) if form == "points" else np.array(USES)
+    own = np.array(USES) if form in ("arcs", "arcs between points") else np.zeros((3, 2))
     for stop, word in enumerate(("station", "station", "end")):
         limit = FUEL_LIMITS[word]
         before = INITIAL if stop == 0 else RESET

@@ -57,8 +57,25 @@ def test_the_mean_error_counts_moving_samples_alone(sign, drive):
 def test_the_kinematic_error_is_the_drift_over_a_second(drift, seconds, drive):
     period = min(drive[0], 0.05)
     model = kinematic(n=round(seconds / period) + 1, period=period, speed=drive[1])
-    model = replace(model, truth=None)
     times = model.recording.times
+    # A recording begins at any time.
+    recording = replace(model.recording, times=times + 100.0)
+    model = replace(model, recording=recording, truth=None)
     found = model.verify(estimate(0.02 * np.sin(times) + 0.3 + drift * times))
     # The trapezoidal rule is off by less than a hundredth of it.
     assert found.objective == pytest.approx(math.degrees(0.01 * min(seconds, 1.0)), rel=0.01)
+
+
+@pytest.mark.parametrize("halts", [slice(50, 51), slice(150, 151), slice(3, None, 10)])
+@pytest.mark.parametrize("drift", [0.01, -0.01])
+def test_the_kinematic_error_leaves_out_halts(drift, halts):
+    speed = np.full(201, 20.0)
+    speed[halts] = 0.5
+    model = replace(kinematic(period=0.05, speed=speed), truth=None)
+    times = model.recording.times
+    angles = 0.02 * np.sin(times) + drift * times
+    angles[halts] = 1.0
+    found = model.verify(estimate(angles))
+    # If every second has a halt, neighbouring samples are compared.
+    window = 0.05 if halts.step else 1.0
+    assert found.objective == pytest.approx(math.degrees(0.01 * window), rel=0.02)
