@@ -96,7 +96,9 @@ def test_best_values_are_those_of_the_instance_and_not_of_the_papers_data():
 def asked():
     """Modules, names and classes that the reference documents."""
     pages = [path.read_text("utf-8") for path in sorted((DOCS / "api").glob("*.md"))]
-    return list(crosstrack_api._classes_on(pages + [crosstrack_api.problem_page(p) for p in PROBLEMS]))
+    return list(
+        crosstrack_api._classes_on(pages + [crosstrack_api.problem_page(p) for p in PROBLEMS])
+    )
 
 
 def test_every_extra_says_what_it_brings():
