@@ -310,7 +310,7 @@ class Campaign(Made):
         )
         parts.append(markdown_table(columns, rows))
         if left > 0:
-            parts.append(f"The report also contains {left} backends that solved fewer instances.")
+            parts.append(f"Backends with fewer solved instances, shown in the report only: {left}.")
         return parts
 
 

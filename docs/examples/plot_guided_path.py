@@ -116,8 +116,8 @@ with TemporaryDirectory() as folder:
 # -----------------------------
 # The shortest word that contains each given word as a subsequence is also a tour: one letter is at
 # position 1, the other one at 3, and every chain returns to 2 between its letters. The length of
-# the word is half of the tour length minus 4. The supersequence problem is NP-hard for many words,
-# and so is the tour for many chains.
+# the word is (tour length - 4) / 2. The supersequence problem is NP-hard for many words. The tour
+# is therefore NP-hard for many chains.
 
 words = ["abbab", "babba", "aabab", "bbaab"]
 letters = supersequence_tour(words, name="four words")

@@ -41,7 +41,7 @@ best = ct.solve(model, tolerance=1e-6)
 print(best)
 
 # %%
-# The known optimum is 4 / (9 l) for a wall at l up to 1/6, hence 4 here.
+# The known optimum is 4 / (9 l) for a wall at l up to 1/6, so 4 here.
 
 print(f"off by {best.primal_bound - 4:+.1e}")
 assert abs(best.primal_bound - 4) < 1e-6

@@ -126,7 +126,7 @@ film.save("run.gif", writer="pillow", dpi=60)
 # Evaluate on many scenes
 # -----------------------
 # The catalogue contains sets of random scenes, and the objective is the mean over scenes. The lower
-# panel shows the number of scenes in which the target was reached within a given number of steps.
+# panel shows the number of targets reached within a given number of steps.
 
 scenes = ct.load("unknown-grid/u-traps")
 runs = {name: ct.solve(scenes, name) for name in ("d-star-lite", "current-view", "baseline-1")}

@@ -143,7 +143,7 @@ def test_every_command_works_on_it(installed, place):
     assert [one["model"] for one in both] == ["covering", "error-correction"]
     assert [one["termination"] for one in both] == ["optimal", "optimal"]
     assert data("both")["verdict"] == "AGREED"
-    assert "The paper's machine is another one." in done["reproduce"].stdout
+    assert "The paper used another machine." in done["reproduce"].stdout
     assert "1.5" in done["reproduce"].stdout
     assert "item chosen" in done["check"].stdout or "demand" in done["check"].stdout
     assert (place / "plan.txt").read_text() == "1\n3\n"
