@@ -88,7 +88,7 @@ _READING: list[Callable[..., Any]] = [
     click.option(
         "--folder",
         metavar="FOLDER",
-        help="Folder of the files that INSTANCE refers to (default: the folder of INSTANCE).",
+        help="Folder of files that INSTANCE refers to, in addition to its own folder.",
     ),
 ]
 _COMMON: list[Callable[..., Any]] = [

@@ -19,7 +19,7 @@ __all__ = ["Declared", "Listed", "Nested"]
 class Declared:
     """Base of frozen data classes whose fields are declared with a :class:`Spec`.
 
-    The constructor copies, coerces, checks and freezes the values, as does unpickling.
+    The constructor copies, coerces, checks and freezes the values. Unpickling does the same.
     :meth:`data` writes them as JSON data. Subclasses are frozen dataclasses with ``eq=False``.
     """
 

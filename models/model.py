@@ -355,7 +355,7 @@ class Model(Declared, ABC, Generic[PlanT]):
     # -- formulations ----------------------------------------------------------------------------
 
     def lower(self) -> Model[Any] | None:
-        """Return the more general model of which this is a special case, or None.
+        """Return the more general model that contains this one as a special case, or None.
 
         Plans of the two are interchangeable. A plan found for the general model is verified by this
         model.

@@ -33,8 +33,8 @@ ITEMS = (
         "eq. 1", "distance of two fish", f"{_MOVES}:leaders",
         "Distances are Euclidean in the unit cube, which equals the print if all variables have the same range.",
     ),
-    corrected("eq. 2", "prey: a point within the visual", f"{_SWARMS}:Swarm.around", _RAND),
-    printed("eq. 3", "prey: one step towards a better point", f"{_SWARMS}:Swarm.moved"),
+    corrected("eq. 2", "prey: a point within the visual", f"{_SWARMS}:Swarm.sample_around", _RAND),
+    printed("eq. 3", "prey: one step towards a better point", f"{_SWARMS}:Swarm.move_towards"),
     printed("eq. 4", "centre of the swarm, the mean of all fish", f"{_SWARMS}:Swarm.targets"),
     printed(
         "eq. 5", "swarm: one step towards the centre", f"{_SWARMS}:Swarm.targets",
@@ -70,11 +70,11 @@ ITEMS = (
         "The printed equation multiplies the position by 1 - β, which pulls the fish towards the origin.",
     ),
     corrected(
-        "eq. 16", "new prey: replacement of the position", f"{_SWARMS}:Swarm.sought",
+        "eq. 16", "new prey: replacement of the position", f"{_SWARMS}:Swarm.search_better",
         "Both sides are exchanged in print. The sentence before it states that the new position replaces the old one if it is "
         "better, so X_i(t) becomes X_i(t + 1).",
     ),
-    printed("eq. 17", "new swarm", f"{_SWARMS}:ImprovedSwarm.moved", "The move is undone if it leads to a worse point."),
+    printed("eq. 17", "new swarm", f"{_SWARMS}:ImprovedSwarm.move_towards", "The move is undone if it leads to a worse point."),
     printed(
         "eq. 18", "new follow: towards the best fish of the swarm", f"{_SWARMS}:ImprovedSwarm.targets",
         "The print has no condition. As for eq. 17, the move is undone if it leads to a worse point.",

@@ -1,4 +1,4 @@
-"""Estimation of constants: problems in which a parameter is optimised with the motion."""
+"""Estimation of constants: problems with a parameter that is optimised with the motion."""
 
 from __future__ import annotations
 

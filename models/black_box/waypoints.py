@@ -32,7 +32,7 @@ Truths = NDArray[np.bool_]
 #: Distance from a side of the cells, in cells, below which a point is on the side, as in lines of
 #: sight, and relative precision of coordinates.
 _SLACK, _DIGITS = 2e-9, 1e-13
-#: Distance of a path, in cells, beyond which its entire length counts as blocked.
+#: Distance of a path, in cells, beyond which its entire length is blocked.
 _FAR = 1e9
 
 

@@ -120,7 +120,7 @@ def stretches(course: Course) -> tuple[tuple[Stretch, ...], float]:
     with np.errstate(all="ignore"):
         linear = table.reshape(size, -1, size).transpose(1, 0, 2) * lengths[:, None, None]
         linear *= course.state_scale[None, None, :] / course.state_scale[None, :, None]
-    # The growth is unknown if a derivative does not exist, such as that of sqrt(x) at 0.
+    # The growth is unknown if a derivative does not exist, for example that of sqrt(x) at 0.
     linear = np.where(np.isfinite(linear), linear, 0.0)
     linear = linear.reshape(count, pieces, size, size)
     stiff = np.zeros(count, bool)

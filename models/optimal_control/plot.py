@@ -61,7 +61,7 @@ def draw(
         Problem.
     plan : ControlPlan, optional
         Plan of the problem, valid or not. The worst violation of a limit is ringed in red. None
-        draws the guess from which the search starts.
+        draws the guess, where the search starts.
     only : tuple of str, optional
         Names of the states, controls and path constraints to draw, in this order; all by default.
     paths : bool
@@ -137,7 +137,7 @@ def _columns(columns: Any, panels: int) -> int:
 
 
 def guessed(definition: Definition) -> ControlPlan:
-    """Return the guess from which the search starts as a plan."""
+    """Return the guess, where the search starts, as a plan."""
     phases = []
     for phase in definition.phases:
         guess: Guess = phase.guess

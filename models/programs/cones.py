@@ -137,7 +137,7 @@ def missing(kind: ConeKind, rows: Vector) -> Vector:
 
     The violation of a second-order cone is ``|y| - t``, and that of a semidefinite cone the negated
     smallest eigenvalue. That of an exponential cone is the largest change of an entry to reach a
-    point of the cone. The point is the nearest that differs in one entry or lies on the limit
+    point of the cone. The point is the nearest that differs in one entry or belongs to the limit
     ``y = 0``. A change of `z` alone would be misleading for large ``x / y``.
 
     Parameters

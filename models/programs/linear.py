@@ -101,7 +101,7 @@ class MixedIntegerProgram(RowProgram):
     def dual_bound(self, duals: Vector, point: Vector | None = None) -> float:
         """Return the Lagrangian lower bound that row multipliers prove.
 
-        The bound holds for the linear relaxation, hence for the program. It is -inf if a multiplier
+        The bound holds for the linear relaxation, so it holds for the program. It is -inf if a multiplier
         or a reduced cost belongs to a bound that does not exist.
 
         Parameters

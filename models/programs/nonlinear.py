@@ -217,7 +217,7 @@ class NonlinearProgram(BlockProgram):
         ----------
         seed : int, optional
             None or 0 for the guess, moved into the bounds, and slightly further if a derivative is not
-            finite there, such as that of a square root at 0. Any other seed draws each column uniformly:
+            finite there, for example that of a square root at 0. Any other seed draws each column uniformly:
             between its bounds if it has both, otherwise within its typical size of the guess.
 
         Returns

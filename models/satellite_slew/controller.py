@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 #: Damping of the inverse near a singularity, in units of A_t A_tᵀ.
 DAMPING = 1e-6
-#: Missing torque above which a sample counts as saturated, N m.
+#: Missing torque above which a sample is saturated, N m.
 LOST = 1e-2
 #: Number of evaluations of the Jacobian per sample, each in the middle of the previous motion.
 PASSES = 2

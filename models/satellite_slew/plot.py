@@ -65,7 +65,7 @@ def draw(
         Slew.
     plan : ControlPlan, optional
         Plan of the slew, valid or not. The worst violation of a limit is ringed in red. None draws
-        the guess from which the search starts, or the body axes at both ends.
+        the guess, where the search starts, or the body axes at both ends.
     view : {"time", "axis"}
         Over time: quaternion, body rates, gimbal angles, gimbal rates, singularity measure
         det(A_t A_tᵀ) and control torque, with their limits. Otherwise the paths of the body axes x, y

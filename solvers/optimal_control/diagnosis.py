@@ -23,9 +23,9 @@ Vector = NDArray[np.float64]
 
 #: Largest number of iterations of the first search, and of each search with one relaxed limit.
 MOST, ALONE = 1000, 450
-#: Slack, relative to a limit's typical size, below which the limit counts as satisfied.
+#: Slack, relative to a limit's typical size, below which the limit is satisfied.
 KEPT = 1e-5
-#: Relative violation above which an implied condition counts as violated on the coarse mesh.
+#: Relative violation above which an implied condition is violated on the coarse mesh.
 MISSED = 1e-3
 #: Number of intervals and nodes of the coarse mesh.
 INTERVALS, DEGREE = 12, 5

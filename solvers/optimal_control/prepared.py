@@ -81,8 +81,8 @@ class Step(Point):
     violation : float
         Largest violation of a scaled row of the program.
     warm : bool
-        Whether the point was reached from an earlier step. A failed warm start is repeated from the
-        guess.
+        Whether the point was reached from an earlier step or a plan. A failed warm start is repeated
+        from the guess.
     """
 
     ok: bool

@@ -27,13 +27,13 @@ __all__ = ["Sensitivity", "differentiate"]
 
 Floats = NDArray[np.float64]
 
-#: Scaled slack and multiplier that count as 0 after a Newton step. The error of the step is the square
+#: Scaled slack and multiplier that are treated as 0 after a Newton step. The error of the step is the square
 #: of the error left by a barrier, which is at most 1e-4.
 WEAK = 1e-7
 DEPENDENT = "constraints that hold depend on one another: their multipliers are not unique"
 #: Weights of the constraints for the test of curvature; success with any of them is a proof.
 WEIGHTS = (1e4, 1e6, 1e8)
-#: Smallest pivot that counts as curvature, relative to the largest second derivative.
+#: Smallest pivot that proves curvature, relative to the largest second derivative.
 FLAT = 1e-9
 #: Relative move of the columns for differences of polynomials, on which all but slopes depend linearly.
 MOVE = 1e-5

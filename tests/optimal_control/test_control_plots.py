@@ -141,7 +141,7 @@ def test_without_a_plan_the_guess_is_drawn():
     assert legend(figure) == ["guess", "limit", "forbidden"]
     (line,) = artists(panels(figure)["v"], "curve v")
     assert line.get_ydata()[[0, -1]].tolist() == [1, -1]
-    with pytest.raises(UnsupportedOption, match="there is none"):
+    with pytest.raises(UnsupportedOption, match="need a plan"):
         ct.plot(model, deviation=True)
 
 

@@ -195,16 +195,8 @@ class PhaseBuilder(Guessed):
 
         Parameters
         ----------
-        name : str
-            Name of the control.
-        size : int
-            Number of entries; more than 1 makes a vector.
-        lower, upper : float or array_like, optional
-            Bounds at every instant.
-        scale : float or array_like, optional
-            Typical size; by default the largest of the bounds, or 1.
-        unit : str
-            Unit, for display.
+        name, size, lower, upper, scale, unit
+            See :meth:`state`.
         integer : bool
             Whether the control is integer-valued, with integer bounds. Solvers compute the relaxed
             plan, and :func:`~crosstrack.models.optimal_control.round_controls` rounds it.

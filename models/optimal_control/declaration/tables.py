@@ -43,7 +43,7 @@ class Table:
     ----------
     function : casadi.Function
         Function from scalar arguments to ``value``. Additional results ``lower`` and ``upper`` are
-        the bounds of the arguments, if these are to be enforced.
+        the bounds of the arguments, if these are enforced.
     """
 
     def __init__(self, function: casadi.Function) -> None:

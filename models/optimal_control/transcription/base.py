@@ -38,7 +38,7 @@ Floats = NDArray[np.float64]
 LEFT = 1e-13
 #: Largest relative difference between the objectives of two schemes that agree, in tolerances.
 AGREED = 10.0
-#: Factor by which a finer mesh must at least reduce the residual of an equation implied by others.
+#: Largest ratio of the residuals of an implied equation on a finer and on a coarser mesh.
 SHRINKS = 0.5
 
 

@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Order = list[int]
 
-#: Largest effect, relative to its terms or to the other rows, that counts as none; rounding is less.
+#: Largest effect, relative to its terms or to the other rows, that is treated as 0; rounding is less.
 NONE = 1e-10
 #: Relative change of a converged motion, and share of the last coefficients of a resolved series.
 CONVERGED, RESOLVED = 1e-13, 1e-10
@@ -269,7 +269,7 @@ class _Motion:
                 break
         courses = np.hstack([z[:-1, :nx] / size, adjoint[1:].reshape(len(rates), -1)])
         tail = np.abs(self.series @ courses)
-        # A comparison with NaN is False, so non-finite series count as unresolved.
+        # A comparison with NaN is False, so non-finite series are unresolved.
         resolved = tail[-2:] <= np.maximum(RESOLVED * tail.max(axis=0), ROUNDING * tail.max())
         return (z, slopes, adjoint) if resolved.all() else None
 

@@ -34,7 +34,7 @@ __all__ = ["Finding", "History", "Rules", "denser", "next_meshes", "relative_cha
 
 Floats = NDArray[np.float64]
 
-#: Share of the tolerance by which a converged objective may change from mesh to mesh.
+#: Largest change of a converged objective from mesh to mesh, as a share of the tolerance.
 SETTLED = 0.1
 #: Smallest decay of Legendre coefficients of a smooth interval, in decades per degree.
 SMOOTH = 0.5
@@ -48,7 +48,7 @@ CALM = 6
 #: Shortest interval, relative to the phase.
 SHORTEST = 1e-9
 #: Gain predicted by the Hamiltonian above which a converged objective is examined again, and change of
-#: the objective up to which the prediction counts as wrong, in multiples of the tolerance.
+#: the objective up to which the prediction was wrong, in multiples of the tolerance.
 PROMISED, CONFIRMED = 3.0, 0.3
 #: Predicted gain that releases a calm interval on a mesh that is still too coarse, same unit. On singular
 #: arcs, whose multipliers are noise, 2 to 100 were measured; at jumps of a control, 400 to 2e5.

@@ -39,7 +39,7 @@ FINER = 4
 SATURATED = 0.02
 #: Largest distance of an active constraint from its bound at a node, relative to its typical size.
 BINDING = 1e-4
-#: Smallest step between nodes that counts as chattering, relative to a control's range, and smallest
+#: Smallest step between nodes of a chattering control, relative to a control's range, and smallest
 #: number of changes of its direction.
 STEP, TURNS = 0.15, 2
 
@@ -64,7 +64,7 @@ class Report:
         Pairs of neighbouring nodes, in [-1, 1], between which a constraint becomes active or
         inactive.
     chatters : ndarray of bool, shape (intervals,)
-        Intervals in which a control alternates from node to node.
+        Intervals with a control that alternates from node to node.
     places : ndarray, shape (intervals,)
         Places in [-1, 1] of the largest violation of the dynamics or constraints.
     sizes : PhaseSizes
@@ -254,7 +254,7 @@ def _windows(phase: Phase, group: _Group) -> Iterator[tuple[tuple[float, float],
 
 
 def _chatters(phase: Phase, values: Floats) -> NDArray[np.bool_]:
-    """Return in which intervals a control alternates from node to node."""
+    """Return the intervals with a control that alternates from node to node."""
     low, high = phase.bounds("controls")
     result = np.zeros(len(values), bool)
     for c in np.flatnonzero(np.isfinite(high - low) & (high > low)):
